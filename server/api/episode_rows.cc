@@ -120,6 +120,7 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
   std::vector<scoring::JudgedEpisode> logged;
   std::map<int64_t, const EpisodeRow*> by_index;
   for (size_t i = 0; i < rows.size(); ++i) {
+    if (judged[i].judgement.reason.name() == kPhantom) continue;
     const Json details = Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false);
     summary.Add(details, judged[i].judgement.steps);
     if (!HasLog(rows[i])) continue;

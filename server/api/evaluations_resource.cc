@@ -18,6 +18,7 @@
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
+#include "server/grading/lease_use.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
@@ -41,7 +42,7 @@ void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
   }
 }
 
-Json OutputToJson(const std::vector<LeaseRow>& leases) {
+Json OutputToJson(const std::vector<LeaseRow>& leases, const std::vector<EpisodeRow>& rows) {
   Json list = Json::array();
   for (const LeaseRow& lease : leases) {
     if (lease.output_json.empty()) continue;
@@ -49,6 +50,10 @@ Json OutputToJson(const std::vector<LeaseRow>& leases) {
     output["lease"] = lease.id;
     output["first"] = lease.first;
     output["last"] = lease.last;
+    if (output.value("policy_cpu_s", Json()).is_number()) {
+      output["startup_cpu_s"] =
+          StartUpCpu(output["policy_cpu_s"].get<double>(), rows, lease.first, lease.last);
+    }
     list.push_back(std::move(output));
   }
   return list;
@@ -144,7 +149,7 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
   json["limits"] = LimitsToJson(config);
-  json["output"] = OutputToJson(*leases);
+  json["output"] = OutputToJson(*leases, rows);
   json["not_repeatable"] = Json::array();
   for (const RepeatRow& repeat : *repeats) {
     json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});

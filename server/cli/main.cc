@@ -107,6 +107,8 @@ constexpr Verb kVerbs[] = {
      "myograde new my_policy --lang python --track TRACK", AddNew},
     {"local", "Grade a policy on this host, without a daemon",
      "myograde local ./my_policy --track TRACK --episodes 5", AddLocal},
+    {"try", "Grade a policy on this host for some episodes, and write a report and films of them",
+     "myograde try ./my_policy --track TRACK -o ./try1", AddTry},
     {"runtime", "Make, list and remove the runtimes that policies may ask for",
      "myograde runtime add torch-cpu", AddRuntime},
     {"spec", "Print a track's observations, actions, budgets, rules and scoring",

@@ -1,10 +1,12 @@
 #include <iostream>
+#include <string>
 #include <utility>
 
 #include <CLI/CLI.hpp>
 #include <absl/time/clock.h>
 
 #include "server/artefact/unpack_process.h"
+#include "server/base/harmless.h"
 #include "server/base/log_line.h"
 #include "server/daemon/daemon.h"
 
@@ -33,14 +35,14 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& asked) {  // --help, --version
     return app.exit(asked);
   } catch (const CLI::ParseError& mistake) {
-    std::cerr << "myograded: error: " << mistake.what() << "; see \"myograded --help\"\n";
+    std::cerr << "myograded: error: " << myograde::server::Harmless(mistake.what()) << "; see \"myograded --help\"\n";
     return kWrongUse;
   }
   options = myograde::server::WithDefaults(options);
   absl::StatusOr<myograde::server::DaemonConfigs> configs =
       myograde::server::LoadConfigs(options);
   if (!configs.ok()) {
-    std::cerr << "myograded: error: " << configs.status().message() << "\n";
+    std::cerr << "myograded: error: " << myograde::server::Harmless(std::string(configs.status().message())) << "\n";
     return kWrongUse;
   }
   const absl::Status status = myograde::server::RunDaemon(options, *std::move(configs));
@@ -49,7 +51,7 @@ int main(int argc, char** argv) {
     std::cerr << myograde::server::LogLine(myograde::server::LogFormat::kJson, absl::Now(),
                                            "critical", std::string(status.message()));
   } else {
-    std::cerr << "myograded: error: " << status.message() << "\n";
+    std::cerr << "myograded: error: " << myograde::server::Harmless(std::string(status.message())) << "\n";
   }
   return kTrouble;
 }

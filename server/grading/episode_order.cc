@@ -14,6 +14,7 @@ absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
   std::vector<scoring::BoardEntry> entries;
   std::set<int64_t> unranked;
   for (const scoring::JudgedEpisode& episode : episodes) {
+    if (episode.judgement.reason.name() == kPhantom) continue;
     const auto aggregate = scoring::AggregateEpisodes(scoring.track->metrics, {episode});
     if (!aggregate.ok()) return aggregate.status();
     scoring::BoardEntry entry = scoring::MakeEntry(scoring.track->metrics, *aggregate);

@@ -12,9 +12,13 @@
 
 namespace myograde::server {
 
+// The end of an episode and the reason of its failure, where it is a phantom: a trial that the official
+// code counts and ends at once, because the one before was solved.
+inline constexpr std::string_view kPhantom = "phantom";
+
 // The indices of `episodes`, first place first, as the track's main board would rank evaluations of
-// one episode each; of equal ones the earlier comes first. Those that it would not rank, the faults,
-// come last. InvalidArgumentError if an index occurs twice.
+// one episode each, without phantoms; of equal ones the earlier comes first. Those that it would not
+// rank, the faults, come last. InvalidArgumentError if an index occurs twice.
 absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
     const scoring::TrackScoring& scoring, const std::vector<scoring::JudgedEpisode>& episodes);
 

@@ -22,6 +22,7 @@ constexpr int kPictureNice = 19;
 constexpr int kWidth = 320, kHeight = 180;  // pixels
 constexpr size_t kMostPictureBytes = 1 << 20;
 constexpr absl::Duration kPictureTime = absl::Minutes(10);
+constexpr absl::Duration kTimePerLog = absl::Minutes(1);  // that a picture plays first
 // Of the longest lease whose state carries over, on processors that all grade.
 constexpr absl::Duration kTrajectoryTime = absl::Minutes(30);
 
@@ -95,6 +96,7 @@ absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
 
 absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const MakerOptions& options,
                                         const Stopped& stopped) {
+  const absl::Duration time = kPictureTime + static_cast<double>(episode.logs.size()) * kTimePerLog;
   RenderOrder order;
   order.track = episode.track;
   order.cache_dir = options.cache_dir;
@@ -103,12 +105,12 @@ absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const Ma
   order.width = kWidth;
   order.height = kHeight;
   order.overlay = false;
-  order.deadline_s = absl::ToDoubleSeconds(kPictureTime);
+  order.deadline_s = absl::ToDoubleSeconds(time);
   const absl::StatusOr<ProgramEnd> end = RunProgram({.program = "myograde-render",
                                                      .words = {},
                                                      .input = RenderOrderToJson(order).dump(),
                                                      .most_output = kMostPictureBytes,
-                                                     .deadline = kPictureTime,
+                                                     .deadline = time,
                                                      .nice = kPictureNice},
                                                     stopped);
   if (!end.ok()) return end.status();

@@ -26,6 +26,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/lease.h"
+#include "server/base/harmless.h"
 #include "server/base/paths.h"
 #include "server/base/stop_signals.h"
 #include "server/runner/lease_runner.h"
@@ -90,7 +91,7 @@ int EndAtOnce(const absl::Status& status) {
   LeaseEndRecord end;
   end.detail = std::string(status.message());
   std::printf("%s\n", LeaseRecordToLine(end).c_str());
-  std::fprintf(stderr, "myograde-runner: %s\n", end.detail.c_str());
+  std::fprintf(stderr, "myograde-runner: %s\n", Harmless(end.detail).c_str());
   return kGraderTrouble;
 }
 

@@ -90,6 +90,7 @@ absl::Status LeasePlayer::PlayEpisode(const EpisodeOrder& episode) {
   given_up_ = false;
   episode_wall_start_ = clock_.Monotonic();
   episode_cpu_start_ = session_.has_value() ? session_->cpu_used() : absl::ZeroDuration();
+  startup_wall_ = startup_cpu_ = absl::ZeroDuration();
   BeginLog(episode);
   if (last_fault_.has_value()) return Record(episode, last_fault_);
 
@@ -123,10 +124,14 @@ LeasePlayer::Result LeasePlayer::Run(const EpisodeOrder& episode) {
   environment_.Reset(episode.seed);
   reset_ = true;
   if (!session_.has_value()) {
-    if (Result result = EnsurePolicy(); !result.ok() || result->has_value()) return result;
-    if (Result result = Greet(); !result.ok() || result->has_value()) return result;
+    const absl::Duration before = clock_.Monotonic();
+    Result result = StartPolicy(episode.policy_seed);
+    startup_wall_ = clock_.Monotonic() - before;
+    if (session_.has_value()) startup_cpu_ = session_->cpu_used();
+    if (!result.ok() || result->has_value()) return result;
+  } else if (auto fault = StartEpisode(episode.policy_seed); fault.has_value()) {
+    return fault;
   }
-  if (auto fault = StartEpisode(episode.policy_seed); fault.has_value()) return fault;
   Result result = RunSteps();
   if (!result.ok()) return result;
   if (result->has_value() && (*result)->outcome != Outcome::kUnstable) return result;
@@ -136,6 +141,14 @@ LeasePlayer::Result LeasePlayer::Run(const EpisodeOrder& episode) {
       session_->Tell(messages_.EpisodeEnd(wire_episode_, step_));
   ++wire_episode_;
   return result;
+}
+
+LeasePlayer::Result LeasePlayer::StartPolicy(uint64_t policy_seed) {
+  if (Result result = EnsurePolicy(); !result.ok() || result->has_value()) return result;
+  if (Result result = Greet(); !result.ok() || result->has_value()) return result;
+  std::optional<FaultEvidence> fault = StartEpisode(policy_seed);
+  if (!fault.has_value()) Measure();  // what it used until now is no step's
+  return fault;
 }
 
 LeasePlayer::Result LeasePlayer::EnsurePolicy() {
@@ -310,13 +323,19 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
     return absl::InternalError(
         absl::StrCat("episode ", index_, " was measured with a number that is not finite"));
   }
-  facts.wall_s = absl::ToDoubleSeconds(clock_.Monotonic() - episode_wall_start_);
-  if (session_.has_value()) {
-    facts.policy_cpu_s = absl::ToDoubleSeconds(
-        std::max(session_->cpu_used() - episode_cpu_start_, absl::ZeroDuration()));
-  }
+  TellTimes(facts);
   if (reset_ && finite) facts.details = environment_.details();
   return SendSimMessage(runner_, EpisodeRecordToJson(facts));
+}
+
+void LeasePlayer::TellTimes(EpisodeFacts& facts) {
+  const auto seconds = [](absl::Duration time) {
+    return absl::ToDoubleSeconds(std::max(time, absl::ZeroDuration()));
+  };
+  facts.wall_s = seconds(clock_.Monotonic() - episode_wall_start_ - startup_wall_);
+  if (session_.has_value()) {
+    facts.policy_cpu_s = seconds(session_->cpu_used() - episode_cpu_start_ - startup_cpu_);
+  }
 }
 
 absl::StatusOr<SimMessage> LeasePlayer::AskRunner(const nlohmann::json& question,

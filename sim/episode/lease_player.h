@@ -45,6 +45,7 @@ class LeasePlayer {
   absl::Status PlayEpisode(const EpisodeOrder& episode);
   Result Run(const EpisodeOrder& episode);
   Result RunSteps();
+  Result StartPolicy(uint64_t policy_seed);
   Result EnsurePolicy();
   Result Greet();
   std::optional<FaultEvidence> StartEpisode(uint64_t policy_seed);
@@ -53,6 +54,8 @@ class LeasePlayer {
   void BeginLog(const EpisodeOrder& episode);
   absl::Status EndLog(EpisodeFacts& facts);
   absl::Status Record(const EpisodeOrder& episode, const std::optional<FaultEvidence>& fault);
+  // Without the policy's start, which is no episode's.
+  void TellTimes(EpisodeFacts& facts);
   // Sends `question` and waits for the answer, telling of progress meanwhile.
   absl::StatusOr<SimMessage> AskRunner(const nlohmann::json& question, absl::Duration limit);
   void Progress();
@@ -85,6 +88,8 @@ class LeasePlayer {
   bool given_up_ = false;
   absl::Duration episode_wall_start_;
   absl::Duration episode_cpu_start_;
+  absl::Duration startup_wall_;  // of the policy's start in this episode, if there was one
+  absl::Duration startup_cpu_;
 
   bool refused_ = false;  // the runner gives no policy any more; the evidence is its ruling
 

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -56,23 +57,24 @@ absl::Status Recording::Read(const TrackConfig& track) {
     logs_.push_back(*std::move(log));
   }
   files_.clear();
-  if (log().steps() > 0) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("episode ", log().header.episode,
-                                          " has no step to show: it ended by \"", log().end.end,
-                                          "\" before the first"));
+  return absl::OkStatus();
+}
+
+bool Recording::BeginsWith(const std::vector<std::string>& logs) const {
+  return logs.size() <= names_.size() && std::equal(logs.begin(), logs.end(), names_.begin());
 }
 
 absl::Status Recording::Play(Environment& environment,
-                             const std::function<absl::Status(int64_t)>& on_step) const {
-  for (size_t i = 0; i + 1 < logs_.size(); ++i) {
-    const absl::Status played = CheckPlayed(ReplayLog(logs_[i], environment, [](int64_t) {}));
-    if (!played.ok()) return played;
+                             const std::function<absl::Status(size_t, int64_t)>& on_step) const {
+  for (size_t i = 0; i < logs_.size(); ++i) {
+    absl::Status shown;
+    const auto record = ReplayLog(logs_[i], environment, [&](int64_t step) {
+      if (shown.ok()) shown = on_step(i, step + 1);
+    });
+    if (!shown.ok()) return shown;
+    if (absl::Status played = CheckPlayed(record); !played.ok()) return played;
   }
-  absl::Status shown;
-  const auto record = ReplayLog(log(), environment, [&](int64_t step) {
-    if (shown.ok()) shown = on_step(step + 1);
-  });
-  return shown.ok() ? CheckPlayed(record) : shown;
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::sim

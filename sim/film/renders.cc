@@ -1,6 +1,8 @@
 #include "sim/film/renders.h"
 
 #include <algorithm>
+#include <functional>
+#include <numeric>
 #include <span>
 #include <string>
 #include <string_view>
@@ -33,6 +35,8 @@ absl::Status WritePng(int out, std::span<const uint8_t> rgb, int width, int heig
   return png.ok() ? WriteOut(out, *png) : png.status();
 }
 
+}  // namespace
+
 // Pictures of one size in rows and columns.
 class Sheet {
  public:
@@ -64,31 +68,52 @@ class Sheet {
   std::vector<uint8_t> rgb_;
 };
 
-}  // namespace
-
 absl::StatusOr<Renders> Renders::Prepare(RenderOrder order) {
   const SimulatedTrack& track = SimulatedTrackOf(*order.track.kind);
   Renders renders(std::move(order), track);
   const RenderOrder& wanted = renders.order_;
-  const Quality quality =
-      wanted.form == RenderOrder::Form::kFilm ? Quality::kFast : Quality::kBest;
-  for (const RenderEpisode& episode : wanted.episodes) {
-    auto recording = Recording::Open(episode.logs);
-    if (!recording.ok()) return recording.status();
-    auto environment = MakeEnvironment(wanted.track, wanted.cache_dir);
-    if (!environment.ok()) return environment.status();
-    auto renderer = Renderer::Make((*environment)->model(), wanted.width, wanted.height, quality);
-    if (!renderer.ok()) return renderer.status();
-    renders.stages_.push_back(
-        {*std::move(environment), *std::move(renderer), *std::move(recording)});
+  // The longest first: others may be a part of them.
+  std::vector<size_t> by_length(wanted.episodes.size());
+  std::iota(by_length.begin(), by_length.end(), size_t{0});
+  std::ranges::stable_sort(by_length, std::greater(), [&](size_t episode) {
+    return wanted.episodes[episode].logs.size();
+  });
+  renders.places_.resize(wanted.episodes.size());
+  for (const size_t i : by_length) {
+    absl::Status opened = renders.Open(wanted.episodes[i], renders.places_[i]);
+    if (!opened.ok()) return opened;
   }
   renders.rgb_.resize(static_cast<size_t>(wanted.width) * static_cast<size_t>(wanted.height) * 3);
   return renders;
 }
 
+absl::Status Renders::Open(const RenderEpisode& episode, Place& place) {
+  place.log = episode.logs.size() - 1;
+  for (place.stage = 0; place.stage < stages_.size(); ++place.stage) {
+    if (stages_[place.stage].recording.BeginsWith(episode.logs)) return absl::OkStatus();
+  }
+  const Quality quality =
+      order_.form == RenderOrder::Form::kFilm ? Quality::kFast : Quality::kBest;
+  auto recording = Recording::Open(episode.logs);
+  if (!recording.ok()) return recording.status();
+  auto environment = MakeEnvironment(order_.track, order_.cache_dir);
+  if (!environment.ok()) return environment.status();
+  auto renderer = Renderer::Make((*environment)->model(), order_.width, order_.height, quality);
+  if (!renderer.ok()) return renderer.status();
+  stages_.push_back({*std::move(environment), *std::move(renderer), *std::move(recording)});
+  return absl::OkStatus();
+}
+
 absl::Status Renders::Write(int out) {
   for (Stage& stage : stages_) {
     if (absl::Status status = stage.recording.Read(order_.track); !status.ok()) return status;
+  }
+  for (const Place& place : places_) {
+    const EpisodeLog& log = Shown(place);
+    if (log.steps() > 0) continue;
+    return absl::DataLossError(absl::StrCat("episode ", log.header.episode,
+                                            " has no step to show: it ended by \"", log.end.end,
+                                            "\" before the first"));
   }
   switch (order_.form) {
     case RenderOrder::Form::kFilm: return WriteFilm(out);
@@ -105,13 +130,14 @@ absl::Status Renders::Draw(Stage& stage, const PictureText& text) {
 
 absl::Status Renders::WriteFilm(int out) {
   Stage& stage = stages_.front();
-  const EpisodeLog& log = stage.recording.log();
+  const EpisodeLog& log = Shown(places_.front());
   const double period = track_->kind->control_period_s;
   const int64_t frames = FilmFrames(order_, log.steps(), period);
   int64_t frame = 0;
-  return stage.recording.Play(*stage.environment, [&](int64_t step) {
+  return stage.recording.Play(*stage.environment, [&](size_t played, int64_t step) {
     const auto due = [&] {
-      return frame < frames && StepOfFrame(order_, frame, log.steps(), period) == step;
+      return played == places_.front().log && frame < frames &&
+             StepOfFrame(order_, frame, log.steps(), period) == step;
     };
     if (!due()) return absl::OkStatus();
     absl::Status status = Draw(stage, FilmText(*track_, order_, log, *stage.environment, step));
@@ -123,29 +149,38 @@ absl::Status Renders::WriteFilm(int out) {
 
 absl::Status Renders::WritePicture(int out) {
   Stage& stage = stages_.front();
-  const EpisodeLog& log = stage.recording.log();
+  const EpisodeLog& log = Shown(places_.front());
   const int64_t moment = StepOfMoment(order_, log.steps(), track_->kind->control_period_s);
-  const absl::Status drawn = stage.recording.Play(*stage.environment, [&](int64_t step) {
-    if (step != moment) return absl::OkStatus();
+  const auto on_step = [&](size_t played, int64_t step) {
+    if (played != places_.front().log || step != moment) return absl::OkStatus();
     return Draw(stage, FilmText(*track_, order_, log, *stage.environment, step));
-  });
+  };
+  const absl::Status drawn = stage.recording.Play(*stage.environment, on_step);
   return drawn.ok() ? WritePng(out, rgb_, order_.width, order_.height) : drawn;
 }
 
+absl::Status Renders::DrawRow(size_t row, int64_t step, int& column, Sheet& sheet) {
+  const EpisodeLog& log = Shown(places_[row]);
+  while (column < order_.columns && StepOfColumn(order_, column, log.steps()) == step) {
+    const PictureText text = StripText(order_.episodes[row], log, column, step);
+    if (absl::Status status = Draw(stages_[places_[row].stage], text); !status.ok()) return status;
+    sheet.Put(column++, static_cast<int>(row), rgb_);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Renders::WriteStrip(int out) {
-  Sheet sheet(order_.columns, static_cast<int>(stages_.size()), order_.width, order_.height);
-  for (size_t row = 0; row < stages_.size(); ++row) {
-    Stage& stage = stages_[row];
-    const EpisodeLog& log = stage.recording.log();
-    int column = 0;
-    const absl::Status drawn = stage.recording.Play(*stage.environment, [&](int64_t step) {
-      while (column < order_.columns && StepOfColumn(order_, column, log.steps()) == step) {
-        const PictureText text = StripText(order_.episodes[row], log, column, step);
-        if (absl::Status status = Draw(stage, text); !status.ok()) return status;
-        sheet.Put(column++, static_cast<int>(row), rgb_);
+  Sheet sheet(order_.columns, static_cast<int>(places_.size()), order_.width, order_.height);
+  std::vector<int> columns(places_.size(), 0);  // the next to draw, by row
+  for (size_t s = 0; s < stages_.size(); ++s) {
+    const auto on_step = [&](size_t played, int64_t step) {
+      for (size_t row = 0; row < places_.size(); ++row) {
+        if (places_[row].stage != s || places_[row].log != played) continue;
+        if (absl::Status status = DrawRow(row, step, columns[row], sheet); !status.ok()) return status;
       }
       return absl::OkStatus();
-    });
+    };
+    const absl::Status drawn = stages_[s].recording.Play(*stages_[s].environment, on_step);
     if (!drawn.ok()) return drawn;
   }
   return WritePng(out, sheet.rgb(), sheet.width(), sheet.height());

@@ -1,6 +1,8 @@
 // Carries out orders for pictures.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -15,6 +17,8 @@
 
 namespace myograde::sim {
 
+class Sheet;  // the pictures of a strip
+
 // What an order needs, in two parts, so that a system call filter can be set between them.
 class Renders {
  public:
@@ -27,11 +31,17 @@ class Renders {
   absl::Status Write(int out);
 
  private:
-  // An environment of its own for each episode: state may carry over from one to the next.
+  // State may carry over from one episode to the next, so those that play the same logs first share
+  // an environment, in which these are played once.
   struct Stage {
     std::unique_ptr<Environment> environment;
     std::unique_ptr<Renderer> renderer;
     Recording recording;
+  };
+  // Where an episode of the order is played: the last of its logs is `log` of that stage.
+  struct Place {
+    size_t stage = 0;
+    size_t log = 0;
   };
 
   Renders(RenderOrder order, const SimulatedTrack& track)
@@ -40,10 +50,16 @@ class Renders {
   absl::Status WritePicture(int out);
   absl::Status WriteStrip(int out);
   absl::Status Draw(Stage& stage, const PictureText& text);
+  absl::Status Open(const RenderEpisode& episode, Place& place);
+  const EpisodeLog& Shown(const Place& place) const {
+    return stages_[place.stage].recording.log(place.log);
+  }
+  absl::Status DrawRow(size_t row, int64_t step, int& column, Sheet& sheet);
 
   RenderOrder order_;
   const SimulatedTrack* track_;
   std::vector<Stage> stages_;
+  std::vector<Place> places_;  // by episode of the order
   std::vector<uint8_t> rgb_;  // the last picture
 };
 

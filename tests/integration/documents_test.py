@@ -215,6 +215,8 @@ class Documents(SystemTest):
 
     def test_the_tour_of_the_command_line_can_be_typed(self):
         text = (SOURCE / "README.md").read_text(encoding="utf-8")
+        begin = text.index("## Try a policy\n")
+        self.assertIn("Open try1/", self.bash(blocks(text[begin:], "")[0].replace("PATH", str(POLICIES / "zero"))))
         begin = text.index("## Grade a policy\n")
         script = blocks(text[begin:], "")[0]
         values = {"PATH": POLICIES / "zero", "DIR": self.data, "NAME": "alpha"}

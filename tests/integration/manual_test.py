@@ -52,6 +52,9 @@ class Manual(SystemTest):
         cls.work = cls.root / "work"
         cls.work.mkdir()
         shutil.copytree(cls.daemon.configs, cls.work / "configs")
+        # As in a checkout after ./dev build.
+        (cls.work / "build/release").mkdir(parents=True)
+        (cls.work / "build/release/policies").symlink_to(POLICIES)
         cls.port = str(free_port())
         cls.steps = steps()
         cls.exports = ""
@@ -136,11 +139,7 @@ class Manual(SystemTest):
             time.sleep(0.05)
 
     def start_server(self):
-        self.follow(4, SERVER)
-        deadline = time.monotonic() + START_S
-        while self.on_server("myograde status --json").returncode != 0:
-            self.assertLess(time.monotonic(), deadline, self.log())
-            time.sleep(0.1)
+        self.follow(4, SERVER)  # waits until it is ready
 
     def schedule(self, **times):
         """Moves the final's times and restarts the daemon, as the manual says."""
@@ -188,7 +187,8 @@ class Manual(SystemTest):
         self.follow(5, SERVER)
         self.assertEqual(self.phase(self.ask_server("challenge status"))["state"], "upcoming")
         self.follow(6, SERVER)
-        shutil.copytree(POLICIES / "scripted-elbow", self.work / "policies/scripted-elbow")
+        for team in WALKERS:
+            self.assertEqual((self.work / f"{team}.token").stat().st_mode & 0o777, 0o600)
         self.follow(6, SERVER, 1)
         for team in WALKERS:
             shutil.copy(self.work / "cup/cert.pem", self.home(team))
@@ -250,11 +250,7 @@ class Manual(SystemTest):
         before = self.ask_server("leaderboard --phase final")
         said = self.follow(0, SERVER, 3)
         self.assertIn("2 further episodes of 2 submissions", said)
-        waited = time.monotonic() + 300
-        last = lambda: self.ask_server("rejudge list")["rejudges"][0]
-        while not last()["complete"]:
-            self.assertLess(time.monotonic(), waited, last())
-            time.sleep(0.5)
+        self.assertTrue(self.ask_server("rejudge list")["rejudges"][0]["complete"])
         rows = self.ask_server("leaderboard --phase final --statistics")["rows"]
         self.assertEqual([row["further_episodes"] for row in rows], [2, 2])
         self.assertEqual(self.ask_server("leaderboard --phase final"), before)

@@ -342,7 +342,7 @@ class Processors(SystemTest):
             folder = cls.root / f"logs-{track}"
             row = cls.ask("local", POLICIES / "random", "--track", f"short-{track}",
                           "--episodes", 1, "--logs", folder)["episodes"][0]
-            cls.logs[track] = folder / f"{row['log']['sha256']}.lcmlog.zst"
+            cls.logs[track] = folder / row["log"]["file"]
 
     def replay(self, track, before=(), **environment):
         result = subprocess.run(

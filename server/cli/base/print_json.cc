@@ -1,13 +1,34 @@
 #include "server/cli/base/print_json.h"
 
+#include <cstdint>
 #include <ostream>
 
+#include <absl/strings/str_format.h>
+
+#include "server/base/plain_text.h"
 #include "server/cli/terminal/screen.h"
 
 namespace myograde::server {
 
-void PrintJson(const nlohmann::json& json) {
-  PlainOutput() << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
+std::string ShownJson(const nlohmann::json& json) {
+  const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
+  std::string shown;
+  for (size_t at = 0; at < text.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(text, at);
+    if (c == '\n' || !IsHarmful(c)) {
+      shown.append(text, begin, at - begin);
+    } else if (c < 0x10000) {
+      absl::StrAppendFormat(&shown, "\\u%04x", static_cast<uint32_t>(c));
+    } else {  // as UTF-16, which is how JSON escapes
+      const uint32_t above = static_cast<uint32_t>(c) - 0x10000;
+      absl::StrAppendFormat(&shown, "\\u%04x\\u%04x", 0xd800 + (above >> 10),
+                            0xdc00 + (above & 0x3ff));
+    }
+  }
+  return shown;
 }
+
+void PrintJson(const nlohmann::json& json) { PlainOutput() << ShownJson(json) << std::endl; }
 
 }  // namespace myograde::server

@@ -5,6 +5,7 @@
 #include <map>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 #include <absl/strings/str_join.h>
 
 #include "server/base/counted.h"
@@ -50,10 +51,22 @@ void PrintOutput(const Json& outputs) {
                                      " (episodes ", Cell(output, "first"), " to ",
                                      Cell(output, "last"), ")"))
                 << '\n'
-                << Harmless(text, /*lines=*/true) << (text.ends_with('\n') ? "" : "\n");
+                << Marked(text);
       return;  // one block is enough to see what went wrong; --json has them all
     }
   }
+}
+
+// Under rules that count phantoms, trials that end at once because the one before was solved: the
+// rate without them.
+void PrintPlayed(const Json& aggregate, const Json& reasons) {
+  const int64_t phantoms = reasons.is_object() ? reasons.value("phantom", int64_t{0}) : 0;
+  const int64_t played = aggregate.value("episodes", int64_t{0}) - phantoms;
+  if (phantoms <= 0 || played <= 0) return;
+  const auto successes = aggregate.value("successes", int64_t{0});
+  PrintPair("without phantoms",
+            absl::StrFormat("%d of %s played, %.1f %%", successes, Counted(played, "episode"),
+                            100 * static_cast<double>(successes) / static_cast<double>(played)));
 }
 
 // The parts of an answer that are withheld from its reader.
@@ -126,6 +139,7 @@ void PrintResult(const Json& result, bool full_hashes) {
   } else {
     PrintPair("successes", absl::StrCat(Cell(aggregate, "successes"), " of ",
                                         CountCell(aggregate, "episodes", "episode")));
+    PrintPlayed(aggregate, result.value("reasons", Json()));
     for (const Json& metric : result.value("metrics", Json::array())) {
       const std::string text = ValueText(aggregate, metric);
       if (!text.empty()) PrintPair(Harmless(metric.value("title", "")), text);

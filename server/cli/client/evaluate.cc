@@ -9,8 +9,10 @@
 #include <absl/strings/str_split.h>
 
 #include "server/base/counted.h"
+#include "server/cli/base/exit_status.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/follow.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/text.h"
@@ -26,6 +28,7 @@ struct EvaluateOptions : DaemonOptions {
   int64_t more_seeds = 0;
   std::string places;  // "A..B", or "" for all that are undecided
   std::string reason = "close places";
+  bool wait = false;
 };
 
 absl::StatusOr<Json> PlacesOf(const std::string& text) {
@@ -58,6 +61,19 @@ void PrintFurther(const Json& answer) {
             << Cell(answer, "phase") << " --statistics\" takes them in." << std::endl;
 }
 
+// Until all of them have been played, or were dropped.
+absl::Status AwaitFurther(const Client& client, const Json& answer) {
+  for (const Json& rejudge : answer.value("rejudges", Json::array())) {
+    const std::string id = Cell(rejudge, "rejudge");
+    const absl::StatusOr<Json> played = FollowUntil(
+        client, "/v1/rejudges/" + id, "rejudge " + id, [](const Json& now) {
+          return now.value("complete", false) || now.value("state", "") == "dropped";
+        });
+    if (!played.ok()) return played.status();
+  }
+  return absl::OkStatus();
+}
+
 int Evaluate(const EvaluateOptions& options) {
   Json body = {{"episodes", options.more_seeds},
                {"board", options.board},
@@ -67,10 +83,14 @@ int Evaluate(const EvaluateOptions& options) {
     if (!places.ok()) return ReportError(places.status());
     body["places"] = *std::move(places);
   }
-  return PrintAnswer(options.client().Post(absl::StrCat("/v1/phases/", QueryValue(options.phase),
-                                                        "/more-seeds"),
-                                           body),
-                     options.json, PrintFurther);
+  const Client client = options.client();
+  const absl::StatusOr<Json> asked = client.Post(
+      absl::StrCat("/v1/phases/", QueryValue(options.phase), "/more-seeds"), body);
+  if (asked.ok() && options.wait) {
+    const absl::Status played = AwaitFurther(client, *asked);
+    if (!played.ok()) return ReportError(played);
+  }
+  return PrintAnswer(asked, options.json, PrintFurther);
 }
 
 }  // namespace
@@ -89,6 +109,7 @@ Action AddEvaluate(CLI::App& verb) {
   verb.add_option("--board", options->board, "Name of the board (default: main)");
   verb.add_option("--reason", options->reason,
                   "Why, for the record; up to 200 bytes (default: \"close places\")");
+  verb.add_flag("--wait", options->wait, "Wait until they have been played");
   AddDaemonOptions(verb, "evaluate", *options);
   return [options] { return Evaluate(*options); };
 }

@@ -83,8 +83,8 @@ absl::Status WarnOfHiddenSeeds(const std::string& document) {
   const absl::StatusOr<std::set<std::string>> hidden = HiddenPhasesOf(document);
   if (!hidden.ok()) return hidden.status();
   for (const std::string& phase : *hidden) {
-    std::cerr << "myograde: warning: the export holds the seeds of phase " << Harmless(phase)
-              << ", which are not revealed yet: keep it to yourself" << std::endl;
+    PrintToErrors(absl::StrCat("myograde: warning: the export holds the seeds of phase ", phase,
+                               ", which are not revealed yet: keep it to yourself"));
   }
   return absl::OkStatus();
 }
@@ -114,7 +114,7 @@ int Export(const ExportOptions& options) {
     PrintJson({{"file", options.file}, {"format", options.format}, {"sha256", info->sha256},
                {"schema", info->schema}, {"rows", info->rows}});
   } else {
-    std::cout << "Exported to " << options.file << ": " << RowsText(*info) << ", checksum "
+    std::cout << "Exported to " << Harmless(options.file) << ": " << RowsText(*info) << ", checksum "
               << info->sha256 << std::endl;
   }
   return kDone;
@@ -128,7 +128,7 @@ int Backup(const BackupOptions& options) {
   if (options.json) {
     PrintJson({{"file", options.file}, {"bytes", bytes}, {"sha256", *digest}});
   } else {
-    std::cout << "The store as it is now, " << Counted(bytes, "byte") << ", is in " << options.file
+    std::cout << "The store as it is now, " << Counted(bytes, "byte") << ", is in " << Harmless(options.file)
               << ". It holds the store's secret: keep it as safe as the data folder." << std::endl;
   }
   return kDone;

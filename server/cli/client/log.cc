@@ -58,7 +58,7 @@ int Log(const LogOptions& options) {
                {"steps", log["steps"]},
                {"complete", complete}});
   } else {
-    std::cout << options.file << ": " << CountCell(log, "bytes", "byte") << ", "
+    std::cout << Harmless(options.file) << ": " << CountCell(log, "bytes", "byte") << ", "
               << CountCell(log, "steps", "step")
               << (complete ? "" : " (the rest did not fit into log_bytes)") << ", SHA-256 "
               << log["sha256"].get<std::string>() << std::endl;

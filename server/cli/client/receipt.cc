@@ -12,6 +12,7 @@
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
@@ -40,7 +41,7 @@ int Receipt(const ReceiptOptions& options) {
                {"merkle_root", body["merkle_root"]},
                {"signature", (*receipt)["signature"]["value"]}});
   } else {
-    std::cout << options.file << ": receipt of submission " << options.id << ", Merkle root "
+    std::cout << Harmless(options.file) << ": receipt of submission " << options.id << ", Merkle root "
               << body["merkle_root"].get<std::string>() << std::endl;
   }
   return kDone;
@@ -65,7 +66,7 @@ int Key(const KeyOptions& options) {
   } else if (options.file.empty()) {
     PlainOutput() << pem << std::flush;
   } else {
-    std::cout << options.file << ": the key to publish" << std::endl;
+    std::cout << Harmless(options.file) << ": the key to publish" << std::endl;
   }
   return kDone;
 }

@@ -157,7 +157,7 @@ int ExportRecord(const RecordOptions& options) {
                {"boards", done->boards}});
     return kDone;
   }
-  std::cout << options.file << ": " << Counted(done->size, "entry", "entries") << ", "
+  std::cout << Harmless(options.file) << ": " << Counted(done->size, "entry", "entries") << ", "
             << Counted(done->receipts, "receipt") << " (" << done->withheld << " withheld), "
             << Counted(done->boards, "board") << ", root " << done->root << std::endl;
   return kDone;

@@ -7,13 +7,17 @@
 #include <vector>
 
 #include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+#include <absl/time/time.h>
 
+#include "protocol/base/clock.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/follow.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/table.h"
@@ -23,6 +27,9 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr absl::Duration kStartTime = absl::Minutes(5);  // of a daemon
+constexpr absl::Duration kReadyPoll = absl::Milliseconds(100);
 
 std::string RunningFor(const Json& lease) {
   const Json time = lease.value("running_wall_s", Json());
@@ -213,18 +220,46 @@ int StatusOfAll(const Client& client, bool json) {
   return kDone;
 }
 
-int Status(const SubmissionOptions& options) {
+struct StatusOptions : SubmissionOptions {
+  bool wait = false;
+};
+
+// Until the daemon can take submissions. Its error once it has not been ready for kStartTime.
+absl::Status AwaitReady(const Client& client) {
+  const Clock& clock = SystemClock();
+  const absl::Duration start = clock.Monotonic();
+  for (;;) {
+    const absl::Status ready = client.Get("/v1/ready").status();
+    if (ready.ok() || ready.code() == absl::StatusCode::kInvalidArgument ||
+        clock.Monotonic() - start > kStartTime) {
+      return ready;
+    }
+    absl::SleepFor(kReadyPoll);
+  }
+}
+
+int Status(const StatusOptions& options) {
   const Client client = options.client();
-  if (options.id == 0) return StatusOfAll(client, options.json);
-  return PrintAnswer(client.Get(options.Resource()), options.json, PrintStatus);
+  if (options.id == 0) {
+    const absl::Status ready = options.wait ? AwaitReady(client) : absl::OkStatus();
+    return ready.ok() ? StatusOfAll(client, options.json) : ReportError(ready);
+  }
+  if (!options.wait) return PrintAnswer(client.Get(options.Resource()), options.json, PrintStatus);
+  const absl::StatusOr<Json> ended =
+      Follow(client, options.Resource(), absl::StrCat("submission ", options.id));
+  const int exit = PrintAnswer(ended, options.json, PrintStatus);
+  return ended.ok() ? ExitOfState(ended->value("state", "")) : exit;
 }
 
 }  // namespace
 
 Action AddStatus(CLI::App& verb) {
-  auto options = std::make_shared<SubmissionOptions>();
+  auto options = std::make_shared<StatusOptions>();
   AddSubmissionId(verb, *options, /*required=*/false,
                   "A submission (default: the daemon and its newest 100)");
+  verb.add_flag("--wait", options->wait,
+                "Wait until the daemon is ready for submissions, for 5 minutes at most; with ID until "
+                "that submission has ended");
   AddDaemonOptions(verb, "status", *options);
   return [options] { return Status(*options); };
 }

@@ -63,10 +63,10 @@ int TestWebhook(const WebhookOptions& options) {
   if (options.json) {
     PrintJson(*answer);
   } else if (delivered) {
-    std::cout << "Webhook " << options.name << " took the event \"test\" (status "
+    std::cout << "Webhook " << Harmless(options.name) << " took the event \"test\" (status "
               << Cell(*answer, "status") << ")." << std::endl;
   } else {
-    std::cout << "Webhook " << options.name << " did not take the event \"test\": "
+    std::cout << "Webhook " << Harmless(options.name) << " did not take the event \"test\": "
               << Cell(*answer, "problem") << "." << std::endl;
   }
   return delivered ? kDone : kNoScore;

@@ -42,11 +42,18 @@ absl::Status TakePhase(const Client& client, DryRunOptions& options) {
   }
   if (options.track.empty()) options.track = phase->value("track", "");
   if (options.profile.empty()) options.profile = phase->value("profile", "");
+  options.phase_episodes = phase->value("episodes", int64_t{0});
   return absl::OkStatus();
 }
 
+// What would be played, of which one episode is.
+struct DryOrder {
+  LocalOrder local;
+  int64_t episodes = 0;
+};
+
 // What `local` would need to play one episode of practice.
-absl::StatusOr<LocalOrder> OrderOf(const DryRunOptions& options) {
+absl::StatusOr<DryOrder> OrderOf(const DryRunOptions& options) {
   LocalOptions local;
   local.host = options.host;
   local.path = options.path;
@@ -55,7 +62,11 @@ absl::StatusOr<LocalOrder> OrderOf(const DryRunOptions& options) {
   local.seeds = options.seeds;
   local.slots = 1;
   absl::StatusOr<LocalOrder> order = MakeLocalOrder(local);
-  if (!order.ok()) return order;
+  if (!order.ok()) return order.status();
+  const int64_t listed = std::ssize(order->seeds);  // of the option, or of the track
+  int64_t episodes = listed;
+  if (options.seeds.empty() && options.phase_episodes > 0) episodes = options.phase_episodes;
+  if (options.episodes > 0) episodes = options.episodes;
   if (options.seeds.empty()) {
     const TrackConfig& track = order->track->config;
     order->seeds = track.practice_seeds;
@@ -64,7 +75,7 @@ absl::StatusOr<LocalOrder> OrderOf(const DryRunOptions& options) {
     }
   }
   order->seeds.resize(1);
-  return order;
+  return DryOrder{*std::move(order), episodes};
 }
 
 Finding SubmissionFinding(const absl::Status& status, const LocalOrder& order) {
@@ -112,7 +123,8 @@ void Append(std::vector<Finding>& findings, std::vector<Finding> more) {
 
 // A problem of this host, rather than of the submission, is the error.
 absl::StatusOr<Report> Examine(const DryRunOptions& options, const Client& client,
-                               const std::string& temp, LocalOrder& order) {
+                               const std::string& temp, DryOrder& dry) {
+  LocalOrder& order = dry.local;
   Report report;
   const absl::Status taken = TakeSubmission(options.path, options.name, temp, order);
   if (!taken.ok() && ExitOf(taken) == kTrouble) return taken;
@@ -124,7 +136,7 @@ absl::StatusOr<Report> Examine(const DryRunOptions& options, const Client& clien
   Append(report.findings, std::move(acceptance.findings));
   report.episode.output = Json::array();
   if (playable) {
-    report.episode = PlayDryEpisode(order);
+    report.episode = PlayDryEpisode(order, dry.episodes);
     Append(report.findings, report.episode.findings);
   } else {
     report.findings.push_back({"episode", FindingState::kUnknown,
@@ -165,7 +177,7 @@ void PrintOutput(const Json& output) {
       if (tail.empty()) continue;
       std::cout << Bold(absl::StrCat("The end of the policy's ", key == std::string("stdout_tail")
                                          ? "standard output" : "standard error")) << '\n'
-                << Harmless(tail, /*lines=*/true) << (tail.ends_with('\n') ? "" : "\n");
+                << Marked(tail);
     }
   }
 }
@@ -194,16 +206,16 @@ int DryRun(DryRunOptions options) {
   if (const absl::Status given = CheckPlaceGiven(options); !given.ok()) return ReportError(given);
   const Client client = options.client();
   if (const absl::Status taken = TakePhase(client, options); !taken.ok()) return ReportError(taken);
-  absl::StatusOr<LocalOrder> order = OrderOf(options);
+  absl::StatusOr<DryOrder> order = OrderOf(options);
   if (!order.ok()) return ReportError(order.status());
   const absl::StatusOr<TempFolder> temp = TempFolder::Make("dry-run");
   if (!temp.ok()) return ReportError(temp.status());
   const absl::StatusOr<Report> report = Examine(options, client, temp->path(), *order);
   if (!report.ok()) return ReportError(report.status());
   if (options.json) {
-    PrintJson(ReportJson(options, *order, client, *report));
+    PrintJson(ReportJson(options, order->local, client, *report));
   } else {
-    PrintReport(options, *order, *report);
+    PrintReport(options, order->local, *report);
   }
   return ExitOfReport(*report);
 }

@@ -1,6 +1,8 @@
 // myograde submit --dry-run: what would fail on the server, found before anything is sent.
 #pragma once
 
+#include <cstdint>
+
 #include "server/cli/base/options.h"
 #include "server/cli/client/submit.h"
 
@@ -8,6 +10,7 @@ namespace myograde::server {
 
 struct DryRunOptions : SubmitOptions {
   bool dry_run = false;
+  int64_t phase_episodes = 0;  // of a ranked submission to the phase, as the server says; 0: unknown
   HostOptions host;
 };
 

@@ -8,6 +8,7 @@
 #include <absl/strings/str_format.h>
 
 #include "protocol/base/outcome.h"
+#include "server/base/counted.h"
 #include "server/cli/offline/local.h"
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/terminal/progress.h"
@@ -41,19 +42,21 @@ std::string Seconds(double seconds) {
   return seconds < 100 ? absl::StrFormat("%.3g s", seconds) : absl::StrFormat("%.0f s", seconds);
 }
 
-// CPU time of an average step and of a whole block of episodes like this one.
-Finding TimeFinding(const TrackConfig& track, const Json& row, const Json& usage) {
+// CPU time of an average step and of the longest block of an evaluation of so many `episodes`, all
+// like this one: the policy starts once in a block.
+Finding TimeFinding(const TrackConfig& track, int64_t episodes, const Json& row, const Json& usage) {
   const double episode_s = row.value("policy_cpu_s", 0.0);
   const auto steps = row.value("steps", int64_t{0});
   const double step_s = steps > 0 ? episode_s / static_cast<double>(steps) : 0;
   const double start_s = std::max(0.0, usage.value("policy_cpu_s", 0.0) - episode_s);
-  const double block_s = start_s + episode_s * static_cast<double>(track.episodes_per_lease);
+  const int64_t block = std::min(episodes, track.episodes_per_lease);
+  const double block_s = start_s + episode_s * static_cast<double>(block);
   const Budgets& budgets = track.budgets;
   Finding finding = {"time", FindingState::kOk,
-                     absl::StrCat("a step takes ", Seconds(step_s), " of CPU time on average, of ",
-                                  Seconds(budgets.step_s), "; a block of ", track.episodes_per_lease,
-                                  " such episodes ", Seconds(block_s), " of ",
-                                  Seconds(budgets.lease_cpu_s)),
+                     absl::StrCat("the start takes ", Seconds(start_s), " of CPU time, a step ",
+                                  Seconds(step_s), " on average, of ", Seconds(budgets.step_s),
+                                  "; a block of ", Counted(block, "such episode"), " ",
+                                  Seconds(block_s), " of ", Seconds(budgets.lease_cpu_s)),
                      ""};
   if (block_s > budgets.lease_cpu_s) {
     finding.state = FindingState::kFails;
@@ -95,7 +98,7 @@ Finding OutputFinding(const Budgets& budgets, const Json& output) {
 
 }  // namespace
 
-DryEpisode PlayDryEpisode(const LocalOrder& order) {
+DryEpisode PlayDryEpisode(const LocalOrder& order, int64_t episodes) {
   DryEpisode episode;
   episode.output = Json::array();
   absl::StatusOr<LocalResult> result;
@@ -126,7 +129,7 @@ DryEpisode PlayDryEpisode(const LocalOrder& order) {
   const Json& output = episode.output.front();
   const Json usage = output.value("usage_wall_cpu", Json::object());
   const TrackConfig& track = order.track->config;
-  episode.findings.push_back(TimeFinding(track, episode.row, usage));
+  episode.findings.push_back(TimeFinding(track, episodes, episode.row, usage));
   episode.findings.push_back(MemoryFinding(track.budgets, usage));
   episode.findings.push_back(OutputFinding(track.budgets, output));
   return episode;

@@ -1,6 +1,7 @@
 // One practice episode of a dry run, and what it says about the submission.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -18,7 +19,7 @@ struct DryEpisode {
 };
 
 // Plays the first seed of `order` with every limit of the track, and compares what was used with the
-// budgets. What keeps this host from playing is a finding of the state kUnknown.
-DryEpisode PlayDryEpisode(const LocalOrder& order);
+// budgets, for an evaluation of so many `episodes`. What keeps this host from playing is a finding of the state kUnknown.
+DryEpisode PlayDryEpisode(const LocalOrder& order, int64_t episodes);
 
 }  // namespace myograde::server

@@ -1,5 +1,6 @@
 #include "server/cli/offline/local.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <map>
@@ -21,10 +22,12 @@
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 #include "server/config/server_config.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
+#include "server/runner/log_keeper.h"
 #include "server/runtime/runtimes.h"
 #include "server/sandbox/program.h"
 #include "server/sandbox/sandbox_config.h"
@@ -176,6 +179,29 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
   return order;
 }
 
+// Names the logs in `folder` after their episodes, and says so in `rows`. The runner names them by
+// their hashes.
+absl::Status NameLogs(const std::string& folder, Json& rows) {
+  namespace fs = std::filesystem;
+  if (folder.empty() || rows.empty()) return absl::OkStatus();
+  const size_t width = std::max<size_t>(3, absl::StrCat(rows.back()["index"].get<int64_t>()).size());
+  for (Json& row : rows) {
+    if (!row["log"].is_object() || row["log"].value("sha256", "").empty()) continue;
+    const std::string number = absl::StrCat(row["index"].get<int64_t>());
+    const std::string name =
+        absl::StrCat("episode-", std::string(width - number.size(), '0'), number, ".lcmlog.zst");
+    std::error_code error;
+    fs::rename(fs::path(folder) / LogFileName(row["log"].value("sha256", "")),
+               fs::path(folder) / name, error);
+    if (error) {
+      return absl::InternalError(
+          absl::StrCat(folder, "/", name, ": can't be made: ", error.message()));
+    }
+    row["log"]["file"] = name;
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& result,
                                 absl::Duration wall) {
   const scoring::TrackScoring& scoring = order.track->scoring;
@@ -214,18 +240,20 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
                                        RuntimeDigests(Runtimes(order.config.runtimes,
                                                                order.config.runtimes_dir),
                                                       order.artefact.manifest.runtimes))},
-              {"episodes", rows},
+              {"episode_rows", rows},
               {"output", result.outputs},
               {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};
 }
 
-int Local(const LocalOptions& options) {
+}  // namespace
+
+absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   CatchStopSignals();
   const absl::Duration start = SystemClock().Monotonic();
   absl::StatusOr<TempFolder> temp = TempFolder::Make("local");
-  if (!temp.ok()) return ReportError(temp.status());
+  if (!temp.ok()) return temp.status();
   absl::StatusOr<LocalOrder> order = Prepare(options, temp->path());
-  if (!order.ok()) return ReportError(order.status());
+  if (!order.ok()) return order.status();
   absl::StatusOr<LocalResult> result;
   {
     Progress progress(options.track);
@@ -238,22 +266,41 @@ int Local(const LocalOptions& options) {
                           }});
     result = run.Run();
   }
-  if (!result.ok()) return ReportError(result.status());
-  const absl::StatusOr<Json> json = ResultJson(*order, *result, SystemClock().Monotonic() - start);
-  if (!json.ok()) return ReportError(json.status());
-  const std::string state = (*json)["state"];
-  if (options.json) {
-    PrintJson(*json);
-  } else {
-    std::cout << Bold(absl::StrCat(Cell(*json, "name"), " on ", Cell(*json, "track"),
-                                   ", profile ", Cell(*json, "profile"), ": ", state))
-              << '\n';
-    PrintResult(*json, options.full_hashes);
-    PrintEpisodes((*json)["episodes"], (*json)["metrics"], options.full_hashes);
-    std::cout << "took " << DurationText((*json)["wall"]["wall_s"].get<double>()) << std::endl;
+  if (!result.ok()) return result.status();
+  absl::StatusOr<Json> json = ResultJson(*order, *result, SystemClock().Monotonic() - start);
+  if (!json.ok()) return json.status();
+  if (absl::Status named = NameLogs(order->log_dir, (*json)["episode_rows"]); !named.ok()) {
+    return named;
   }
-  if (result->interrupted) std::cerr << "myograde: interrupted" << std::endl;
-  return state == "done" ? kDone : kNoScore;
+  (*json)["episodes"] = (*json)["episode_rows"];  // as it was called at first
+  return LocalGrade{*std::move(json), std::move(result->rows), order->track, result->interrupted};
+}
+
+void PrintLocalGrade(const Json& json, bool full_hashes) {
+  std::cout << Bold(absl::StrCat(Cell(json, "name"), " on ", Cell(json, "track"), ", profile ",
+                                 Cell(json, "profile"), ": ", Cell(json, "state")))
+            << '\n';
+  PrintResult(json, full_hashes);
+  PrintEpisodes(json["episode_rows"], json["metrics"], full_hashes);
+  std::cout << "took " << DurationText(json["wall"]["wall_s"].get<double>()) << std::endl;
+}
+
+int ExitOfLocalGrade(const LocalGrade& grade) {
+  if (grade.interrupted) PrintToErrors("myograde: interrupted");
+  return grade.json["state"] == "done" ? kDone : kNoScore;
+}
+
+namespace {
+
+int Local(const LocalOptions& options) {
+  const absl::StatusOr<LocalGrade> grade = GradeLocally(options);
+  if (!grade.ok()) return ReportError(grade.status());
+  if (options.json) {
+    PrintJson(grade->json);
+  } else {
+    PrintLocalGrade(grade->json, options.full_hashes);
+  }
+  return ExitOfLocalGrade(*grade);
 }
 
 }  // namespace
@@ -272,7 +319,8 @@ Action AddLocal(CLI::App& verb) {
   verb.add_option("--episodes", options->episodes, "Play only the first N seeds")
       ->check(CLI::Range(1, 10'000));
   verb.add_option("--logs", options->logs,
-                  "Folder for the log of each episode, which \"myograde replay\" plays again");
+                  "Folder for the log of each episode, episode-000.lcmlog.zst and so on, which \"myograde "
+                  "replay\" plays again and \"myograde render\" shows");
   verb.add_option(
           "--slots", options->slots,
           "Blocks of episodes to play at a time (default: as in server.json, one for each "

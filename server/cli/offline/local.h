@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -11,6 +12,7 @@
 
 #include "server/cli/base/options.h"
 #include "server/cli/offline/local_run.h"
+#include "server/grading/tracks.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
@@ -43,6 +45,23 @@ absl::Status TakeRuntimes(LocalOrder& order);
 
 // Whether the submission's command can start here. InvalidArgumentError: it can't.
 absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order);
+
+// What came of a local run.
+struct LocalGrade {
+  nlohmann::json json;           // as `local --json` prints it
+  std::vector<EpisodeRow> rows;  // by index
+  TrackPtr track;
+  bool interrupted = false;
+};
+
+// Plays what the options ask for. Errors as of the steps above and of LocalRun::Run.
+absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options);
+
+// Prints it as text.
+void PrintLocalGrade(const nlohmann::json& json, bool full_hashes);
+
+// The exit status; says on standard error if the run was interrupted.
+int ExitOfLocalGrade(const LocalGrade& grade);
 
 // An episode as `local` prints it.
 nlohmann::json LocalRowJson(const EpisodeRow& row);

@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "server/grading/lease_use.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
 #include "server/sandbox/users.h"
@@ -20,7 +21,8 @@ namespace {
 
 constexpr int kPollMilliseconds = 100;
 
-nlohmann::json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end) {
+nlohmann::json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
+                          const std::vector<EpisodeRow>& rows) {
   return {{"first", first},
           {"last", last},
           {"stdout_tail", end.stdout_tail},
@@ -30,6 +32,7 @@ nlohmann::json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end
           {"usage_wall_cpu",
            {{"policy_cpu_s", end.policy_cpu_s},
             {"wall_s", end.wall_s},
+            {"startup_cpu_s", StartUpCpu(end.policy_cpu_s, rows, first, last)},
             {"peak_memory_bytes", end.peak_memory_bytes}}}};
 }
 
@@ -200,7 +203,7 @@ LocalResult LocalRun::Collect(bool interrupted) const {
   for (const Lease& lease : leases_) {
     for (const auto& [index, row] : lease.rows) result.rows.push_back(row);
     if (lease.report.end().has_value()) {
-      result.outputs.push_back(OutputJson(lease.first, lease.last, *lease.report.end()));
+      result.outputs.push_back(OutputJson(lease.first, lease.last, *lease.report.end(), result.rows));
     }
   }
   return result;

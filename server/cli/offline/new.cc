@@ -41,7 +41,7 @@ void PrintMade(const std::string& folder, const std::vector<std::string>& files,
   std::cout << Bold(Harmless(folder)) << ": a policy that plays as it is, in "
             << absl::StrCat(files.size()) << " files. Go on with\n\n  cd " << Harmless(folder)
             << '\n';
-  for (const std::string& command : commands) std::cout << "  " << command << '\n';
+  for (const std::string& command : commands) std::cout << "  " << Harmless(command) << '\n';
   std::cout << "\nREADME.md there says more." << std::endl;
 }
 

@@ -11,6 +11,7 @@
 
 #include "scoring/groups.h"
 #include "scoring/paired_test.h"
+#include "server/grading/episode_order.h"
 
 namespace myograde::server {
 namespace {
@@ -27,13 +28,18 @@ std::string SeedKey(const Json& row) {
   return "";
 }
 
+// Such a trial was not played, so it says nothing of its seed.
+bool IsPhantom(const Json& row) { return row.value("end", Json()) == Json(kPhantom); }
+
 RowPairs SameSeeds(const Json& a, const Json& b) {
   std::map<int64_t, const Json*> of_a;
-  for (const Json& row : a["episode_rows"]) of_a[row.value("index", int64_t{-1})] = &row;
+  for (const Json& row : a["episode_rows"]) {
+    if (!IsPhantom(row)) of_a[row.value("index", int64_t{-1})] = &row;
+  }
   RowPairs pairs;
   for (const Json& row : b["episode_rows"]) {
     const auto found = of_a.find(row.value("index", int64_t{-1}));
-    if (found == of_a.end()) continue;
+    if (found == of_a.end() || IsPhantom(row)) continue;
     const std::string key = SeedKey(row);
     if (!key.empty() && key == SeedKey(*found->second)) pairs.emplace_back(found->second, &row);
   }

@@ -3,8 +3,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include "server/base/temp_folder.h"
@@ -12,6 +14,7 @@
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/terminal/progress.h"
 #include "server/config/server_config.h"
+#include "server/proof/unpack_log.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {
@@ -37,6 +40,37 @@ std::vector<ReplayBlock> BlocksOf(const std::map<int64_t, ReplayLogFile>& files,
   return blocks;
 }
 
+// The file beside `path` that should be the log of `episode`.
+absl::StatusOr<std::string> SiblingOf(const std::string& path, const LogHeader& header,
+                                      int64_t episode) {
+  const std::filesystem::path file(path);
+  const std::string name = file.filename();
+  constexpr const char* kDigits = "0123456789";
+  for (size_t end = name.rfind(".lcmlog"); end != std::string::npos && end > 0;) {
+    const size_t last = name.find_last_of(kDigits, end - 1);
+    if (last == std::string::npos) break;
+    const size_t before = name.find_last_not_of(kDigits, last);
+    const size_t begin = before == std::string::npos ? 0 : before + 1;
+    const std::string digits = name.substr(begin, last + 1 - begin);
+    int64_t number = -1;
+    if (absl::SimpleAtoi(digits, &number) && number == header.episode) {
+      const auto with = [&](const std::string& text) {
+        return file.parent_path() / absl::StrCat(name.substr(0, begin), text, name.substr(last + 1));
+      };
+      const std::string plain = absl::StrCat(episode);
+      const std::string padded =
+          std::string(digits.size() - std::min(digits.size(), plain.size()), '0') + plain;
+      std::error_code ignored;
+      return (std::filesystem::exists(with(plain), ignored) ? with(plain) : with(padded)).string();
+    }
+    end = begin;
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      path, ": in the profile ", header.track.profile, " state carries over from the episodes before, "
+      "whose logs are looked for beside it by their names; name each after its episode, this one "
+      "episode-", absl::Dec(header.episode, absl::kZeroPad3), ".lcmlog"));
+}
+
 }  // namespace
 
 int64_t FirstOfLease(const TrackConfig& track, int64_t episode) {
@@ -56,6 +90,31 @@ absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_vie
   file.close();
   if (!file) return absl::InternalError(path + ": can't be written; is the disk full?");
   return ReplayLogFile{path, std::move(header)};
+}
+
+absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& path,
+                                                          const LogHeader& header) {
+  const std::string absolute = std::filesystem::absolute(path);
+  std::map<int64_t, ReplayLogFile> files = {{header.episode, {absolute, header}}};
+  if (!CarriesOver(header.track)) return files;
+  const int64_t first = FirstOfLease(header.track, header.episode);
+  for (int64_t episode = first; episode < header.episode; ++episode) {
+    const absl::StatusOr<std::string> sibling = SiblingOf(absolute, header, episode);
+    if (!sibling.ok()) return sibling.status();
+    const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(*sibling));
+    if (absl::IsNotFound(log.status())) {
+      return absl::NotFoundError(absl::StrCat(
+          *sibling, " is missing: in the profile ", header.track.profile, " state carries over, so "
+          "the logs of the episodes ", first, " to ", header.episode - 1, " must be beside ", path));
+    }
+    if (!log.ok()) return log.status();
+    if (log->header.config != header.config || log->header.episode != episode) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          *sibling, ": is not the log of episode ", episode, " under the config of ", path));
+    }
+    files[episode] = {*sibling, log->header};
+  }
+  return files;
 }
 
 void AddSimulatorSlots(CLI::App& verb, int& slots) {

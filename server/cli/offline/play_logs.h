@@ -32,6 +32,13 @@ struct ReplayLogFile {
 absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_view bytes,
                                       LogHeader header);
 
+// The log file at `path`, whose header is `header`, and where state carries over, those of its lease
+// before it, by episode. These stand beside it and are named as it is, but for the episode's number
+// ("episode-012.lcmlog.zst", as `local --logs` names them). InvalidArgumentError: its name has no
+// such number, or one of them is of other episodes; NotFoundError names one that is missing.
+absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& path,
+                                                          const LogHeader& header);
+
 // Adds --slots, the simulators at once; 0: as server.json says.
 void AddSimulatorSlots(CLI::App& verb, int& slots);
 

@@ -45,7 +45,7 @@ int MakeKey(const ReleaseOptions& options) {
   if (options.json) {
     PrintJson({{"algorithm", "ed25519"}, {"key", pem}, {"file", options.output}});
   } else {
-    std::cout << options.output << ": the key to publish; keep " << options.key
+    std::cout << Harmless(options.output) << ": the key to publish; keep " << Harmless(options.key)
               << " to yourself, as whoever has it can sign releases." << std::endl;
   }
   return kDone;
@@ -69,7 +69,7 @@ int Sign(const ReleaseOptions& options) {
                {"signature", signature}});
   } else {
     std::cout << Harmless(options.folder) << ": " << Counted(release->files, "file")
-              << " signed as release " << options.name << std::endl;
+              << " signed as release " << Harmless(options.name) << std::endl;
   }
   return kDone;
 }
@@ -87,7 +87,7 @@ int Verify(const ReleaseOptions& options) {
                {"files", check->files},
                {"wrong", check->wrong}});
   } else if (valid) {
-    std::cout << "Release " << check->name << ": its signature is valid, and "
+    std::cout << "Release " << Harmless(check->name) << ": its signature is valid, and "
               << Counted(check->files, "file") << " and no other are there, as they were signed."
               << std::endl;
   } else {

@@ -36,7 +36,8 @@ using Json = nlohmann::json;
 using Form = RenderOrder::Form;
 
 constexpr int kMostDrawingThreads = 16;
-constexpr double kDeadlineSeconds = 600;   // of a picture, and of what a film has beside pictures
+constexpr double kDeadlineSeconds = 600;   // of loading, and of a picture
+constexpr double kSecondsPerLog = 60;      // of playing it, on processors that all grade
 constexpr double kSecondsPerFrame = 10;
 
 struct RenderOptions : DaemonOptions {
@@ -154,13 +155,17 @@ absl::Status FindOfSubmission(const RenderOptions& options, int64_t id, const st
 }
 
 absl::Status FindOfFile(const RenderOptions& options, Drawing& drawing) {
-  if (options.strip) return WrongOption("--strip: it is for a submission; name one by its number");
   if (options.episode >= 0) {
     return WrongOption("--episode: a log file holds one episode; leave the option out");
   }
   absl::StatusOr<ShownEpisodes> shown = EpisodeOfFile(options.target);
   if (!shown.ok()) return shown.status();
   drawing.shown = *std::move(shown);
+  if (options.strip) {
+    ShownEpisode& episode = drawing.shown.episodes.front();
+    episode.place = "only";
+    episode.order.title = absl::StrCat("episode ", episode.index);
+  }
   return absl::OkStatus();
 }
 
@@ -172,10 +177,11 @@ absl::Status Find(const RenderOptions& options, const std::string& folder, Drawi
   if (!status.ok()) return status;
   RenderOrder& order = drawing.order;
   order.track = drawing.shown.track;
+  order.deadline_s = kDeadlineSeconds;
   for (const ShownEpisode& episode : drawing.shown.episodes) {
     order.episodes.push_back(episode.order);
+    order.deadline_s += kSecondsPerLog * static_cast<double>(episode.order.logs.size());
   }
-  order.deadline_s = kDeadlineSeconds;
   if (drawing.film) {
     drawing.frames = FilmFrames(order, drawing.shown.episodes.front().steps,
                                 order.track.kind->control_period_s);
@@ -224,7 +230,7 @@ Json ToJson(const RenderOptions& options, const Drawing& drawing, const std::str
 }
 
 void PrintDrawn(const Json& json) {
-  std::cout << json["file"].get<std::string>() << ": ";
+  std::cout << Harmless(json["file"].get<std::string>()) << ": ";
   if (json["form"] == "film") {
     std::cout << CountCell(json, "frames", "picture") << ", "
               << absl::StrFormat("%.1f s", json["seconds"].get<double>()) << ", ";
@@ -290,7 +296,8 @@ Action AddRender(CLI::App& verb) {
                   "The file to write: .mp4 or .webm for a film, .png for a picture")
       ->required();
   verb.add_flag("--strip", options->strip,
-                "One picture with a row for each of the best, the median and the worst episode");
+                "One picture with a row for each of the best, the median and the worst episode, or of a "
+                "log's file with one row");
   verb.add_option("--size", options->size,
                   "WIDTHxHEIGHT in pixels (default: 1280x720, and 384x216 for each picture of a "
                   "strip)")

@@ -1,6 +1,5 @@
 // myograde replay
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -137,16 +136,13 @@ int ReplayFile(const ReplayOptions& options) {
   absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
   if (absl::IsNotFound(log.status())) return ReportError(log.status());
   if (!log.ok()) return ReportReplay(options, head, {Unplayable(0, log.status())});
-  if (CarriesOver(log->header.track) && !log->header.first) {
-    return ReportError(absl::InvalidArgumentError(absl::StrCat(
-        options.target, ": in the profile ", log->header.track.profile, " state carries over from "
-        "the episodes before; replay the submission by its number instead")));
-  }
-  const std::string path = std::filesystem::absolute(options.target);
-  absl::StatusOr<std::vector<ReplayRecord>> records =
-      PlayLogs({{log->header.episode, {path, log->header}}}, options.host, options.slots);
+  const absl::StatusOr<std::map<int64_t, ReplayLogFile>> files =
+      LogsUpTo(options.target, log->header);
+  if (!files.ok()) return ReportError(files.status());
+  const absl::StatusOr<std::vector<ReplayRecord>> records =
+      PlayLogs(*files, options.host, options.slots);
   if (!records.ok()) return ReportError(records.status());
-  return ReportReplay(options, head, *records);
+  return ReportReplay(options, head, {records->back()});
 }
 
 int ReplaySubmission(const ReplayOptions& options, int64_t id) {

@@ -25,7 +25,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr absl::Duration kStripTime = absl::Minutes(10);
+constexpr absl::Duration kStripTime = absl::Hours(24);  // "render" has a deadline of its own
 constexpr size_t kMostStripBytes = size_t{32} << 20;
 constexpr size_t kMostPrinted = 1 << 20;
 constexpr int kStripNice = 10;

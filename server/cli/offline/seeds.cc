@@ -103,8 +103,8 @@ int PrintList(const SeedOptions& options, const std::string& secret, bool reveal
   if (reveal) {
     out << "secret        " << json["secret"].get<std::string>() << std::endl;
   } else {
-    std::cout << "Publish these lines when the phase opens, and keep " << options.secret
-              << (options.output.empty() ? "" : " and " + options.output)
+    std::cout << "Publish these lines when the phase opens, and keep " << Harmless(options.secret)
+              << (options.output.empty() ? "" : " and " + Harmless(options.output))
               << " to yourself until it closes." << std::endl;
   }
   return kDone;

@@ -1,6 +1,6 @@
 #include "server/cli/offline/shown_episodes.h"
 
-#include <filesystem>
+#include <map>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -90,7 +90,7 @@ absl::StatusOr<FetchedEpisode> FetchEpisode(const Client& client, const Json& ev
 
 bool CanBeShown(const Json& row) {
   const Json log = row.value("log", Json());
-  return log.is_object() && log.value("steps", int64_t{0}) > 0;
+  return log.is_object() && log.value("steps", int64_t{0}) > 0 && RowText(row, "end") != kPhantom;
 }
 
 // What scoring reads of a row, from what the API shows of it; nullopt if the phase withholds that.
@@ -135,15 +135,12 @@ absl::StatusOr<std::vector<int64_t>> OrderOf(const std::vector<Json>& rows,
 absl::StatusOr<ShownEpisodes> EpisodeOfFile(const std::string& path) {
   absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(path));
   if (!log.ok()) return log.status();
-  if (CarriesOver(log->header.track) && !log->header.first) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        path, ": in the profile ", log->header.track.profile, " state carries over from the "
-        "episodes before; name the submission by its number instead"));
-  }
   if (absl::Status status = CheckHasSteps(*log); !status.ok()) return status;
   ShownEpisode shown = {.index = log->header.episode, .place = "", .order = {},
                         .steps = log->steps()};
-  shown.order.logs = {std::filesystem::absolute(path)};
+  const absl::StatusOr<std::map<int64_t, ReplayLogFile>> files = LogsUpTo(path, log->header);
+  if (!files.ok()) return files.status();
+  for (const auto& [episode, file] : *files) shown.order.logs.push_back(file.path);
   return ShownEpisodes{std::move(log->header.track), {std::move(shown)}};
 }
 

@@ -25,8 +25,8 @@ struct ShownEpisodes {
   std::vector<ShownEpisode> episodes;
 };
 
-// The episode of a log file. InvalidArgumentError if it can't be played without others, DataLossError
-// if it is damaged or has no step, NotFoundError if it can't be opened.
+// The episode of a log file. DataLossError if it is damaged or has no step, NotFoundError if it can't
+// be opened. Other errors as of LogsUpTo.
 absl::StatusOr<ShownEpisodes> EpisodeOfFile(const std::string& path);
 
 // One episode of an evaluation with rows, its logs in `folder`. OutOfRangeError,

@@ -20,6 +20,7 @@ Action AddChallenge(CLI::App& verb);
 Action AddSeeds(CLI::App& verb);
 Action AddRelease(CLI::App& verb);
 Action AddLocal(CLI::App& verb);
+Action AddTry(CLI::App& verb);
 Action AddNew(CLI::App& verb);
 Action AddRuntime(CLI::App& verb);
 Action AddSpec(CLI::App& verb);

@@ -34,7 +34,7 @@ std::string Bytes(int64_t bytes) {
 }  // namespace
 
 Progress::Progress(std::string what, Unit unit)
-    : what_(std::move(what)),
+    : what_(Harmless(what)),
       unit_(unit),
       terminal_(::isatty(STDERR_FILENO) == 1),
       begun_(SystemClock().Monotonic()) {}

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <iostream>
 
+#include "server/base/harmless.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -16,6 +17,8 @@ namespace {
 
 constexpr size_t kUsualColumns = 80;  // of a terminal that does not tell
 constexpr size_t kFewestColumns = 20;
+constexpr std::string_view kBoldOn = "\033[1m";
+constexpr std::string_view kBoldOff = "\033[0m";
 
 // The piece of text at `at`, which goes behind it: a code point or an escape sequence, and
 // the columns that it takes.
@@ -50,6 +53,19 @@ size_t IndentOf(std::string_view line, size_t columns) {
     }
   }
   return begin + 2 <= columns / 2 ? begin + 2 : 0;
+}
+
+// A line to show: harmless but for what Bold (text.h) adds.
+std::string Shown(std::string_view line) {
+  std::string shown;
+  for (;;) {
+    const size_t at = std::min({line.find(kBoldOn), line.find(kBoldOff), line.size()});
+    shown += Harmless(line.substr(0, at), /*tabs=*/true);
+    if (at == line.size()) return shown;
+    const std::string_view code = line.substr(at).starts_with(kBoldOn) ? kBoldOn : kBoldOff;
+    shown += code;
+    line.remove_prefix(at + code.size());
+  }
 }
 
 std::streambuf* g_plain = nullptr;  // below what breaks lines, while there is a StandardOutput
@@ -147,12 +163,14 @@ class StandardOutput::Writer : public std::streambuf {
   std::array<char, 16384> buffer_;
 };
 
-// Keeps a line until its end is there, then hands it on in pieces.
+// Keeps a line until its end is there, then hands it on, made harmless, and on a terminal in pieces
+// that fit.
 class StandardOutput::Fitter : public std::streambuf {
  public:
   explicit Fitter(std::streambuf* below) : below_(below) {}
 
   void EndLine(bool newline) {
+    line_ = Shown(line_);
     const size_t columns = TerminalColumns(STDOUT_FILENO);
     if (columns > 0 && TextWidth(line_) > columns) {
       const std::vector<std::string> pieces = BreakLine(line_, columns, IndentOf(line_, columns));
@@ -177,22 +195,27 @@ class StandardOutput::Fitter : public std::streambuf {
     }
     return c;
   }
-  int sync() override { return below_->pubsync(); }
+  int sync() override {
+    // On a terminal it waits for its end, which decides where it is broken.
+    if (!line_.empty() && TerminalColumns(STDOUT_FILENO) == 0) EndLine(/*newline=*/false);
+    return below_->pubsync();
+  }
 
  private:
   std::streambuf* below_;
   std::string line_;
 };
 
-StandardOutput::StandardOutput() : writer_(std::make_unique<Writer>()), before_(std::cout.rdbuf()) {
+StandardOutput::StandardOutput()
+    : writer_(std::make_unique<Writer>()),
+      fitter_(std::make_unique<Fitter>(writer_.get())),
+      before_(std::cout.rdbuf(fitter_.get())) {
   g_error = 0;
   g_plain = writer_.get();
-  if (TerminalColumns(STDOUT_FILENO) > 0) fitter_ = std::make_unique<Fitter>(writer_.get());
-  std::cout.rdbuf(fitter_ != nullptr ? static_cast<std::streambuf*>(fitter_.get()) : g_plain);
 }
 
 StandardOutput::~StandardOutput() {
-  if (fitter_ != nullptr) fitter_->EndLine(/*newline=*/false);
+  fitter_->EndLine(/*newline=*/false);
   FlushStandardOutput();
   std::cout.rdbuf(before_);
   g_plain = nullptr;
@@ -212,12 +235,13 @@ std::ostream& PlainOutput() {
 }
 
 void PrintToErrors(std::string_view line) {
+  const std::string shown = Harmless(line);
   const size_t columns = TerminalColumns(STDERR_FILENO);
   if (columns == 0) {
-    std::cerr << line << std::endl;
+    std::cerr << shown << std::endl;
     return;
   }
-  for (const std::string& piece : BreakLine(line, columns, 2)) std::cerr << piece << '\n';
+  for (const std::string& piece : BreakLine(shown, columns, 2)) std::cerr << piece << '\n';
   std::cerr.flush();
 }
 

@@ -26,8 +26,8 @@ std::vector<std::string> BreakLine(std::string_view text, size_t columns, size_t
 std::string CutText(std::string_view text, size_t columns);
 
 // Standard output while a verb runs: what std::cout prints is written to descriptor 1, and the first
-// failure is remembered. On a terminal, lines that are longer than it are broken at spaces and go on
-// below the second column of their text. At most one at a time.
+// failure is remembered. Lines are made harmless (server/base/harmless.h). On a terminal, those that are longer
+// than it are broken at spaces and go on below the second column of their text. At most one at a time.
 class StandardOutput {
  public:
   StandardOutput();
@@ -39,7 +39,7 @@ class StandardOutput {
   class Writer;
   class Fitter;
   std::unique_ptr<Writer> writer_;
-  std::unique_ptr<Fitter> fitter_;  // only on a terminal
+  std::unique_ptr<Fitter> fitter_;
   std::streambuf* before_;
 };
 
@@ -47,10 +47,10 @@ class StandardOutput {
 // StandardOutput was made, 0 if all of its bytes were taken.
 int FlushStandardOutput();
 
-// Standard output as it is, for what must not be broken: JSON, keys, documents.
+// Standard output as it is, for what must not be changed: JSON, keys, documents.
 std::ostream& PlainOutput();
 
-// Prints one line on standard error, broken as by StandardOutput.
+// Prints one line on standard error, made harmless, and broken as by StandardOutput.
 void PrintToErrors(std::string_view line);
 
 }  // namespace myograde::server

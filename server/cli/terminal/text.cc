@@ -10,7 +10,6 @@
 #include <absl/strings/str_format.h>
 
 #include "server/base/counted.h"
-#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -22,20 +21,14 @@ bool HasColour() {
 
 }  // namespace
 
-std::string Harmless(std::string_view text, bool lines) {
-  std::string harmless;
+std::string Marked(std::string_view text) {
+  std::string marked;
   for (size_t at = 0; at < text.size();) {
-    const size_t begin = at;
-    const char32_t c = TakeCodePoint(text, at);
-    const bool kept = lines && (c == '\n' || c == '\t');
-    // A terminal that is not UTF-8's may obey a byte of 0x80 to 0x9f that stands alone.
-    if (!kept && (c == kBroken || IsHarmful(c))) {
-      harmless += '?';
-    } else {
-      harmless.append(text, begin, at - begin);
-    }
+    const size_t end = std::min(text.find('\n', at), text.size());
+    absl::StrAppend(&marked, "  | ", Harmless(text.substr(at, end - at), /*tabs=*/true), "\n");
+    at = end + 1;
   }
-  return harmless;
+  return marked;
 }
 
 std::string Bold(const std::string& text) {

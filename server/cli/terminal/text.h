@@ -1,4 +1,4 @@
-// Text for people: what of it is harmless, and how values are written.
+// Text for people: foreign lines, and how values are written.
 #pragma once
 
 #include <cstdint>
@@ -7,11 +7,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "server/base/harmless.h"  // which goes with these
+
 namespace myograde::server {
 
-// `text` without what a terminal would obey, or what would turn or hide the words
-// around it (plain_text.h): that becomes '?'; newlines and tabs stay if `lines`.
-std::string Harmless(std::string_view text, bool lines = false);
+// Lines that somebody else wrote, such as a policy's last output: each is Harmless, indented and marked with a bar, so that none looks like a line of this program. Ends with a newline
+// unless `text` is empty.
+std::string Marked(std::string_view text);
 
 // Bold on a terminal, unless NO_COLOR is set.
 std::string Bold(const std::string& text);

@@ -27,6 +27,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "server/base/harmless.h"
 #include "server/base/paths.h"
 #include "server/base/stop_signals.h"
 #include "server/executor/node/folder_channel.h"
@@ -116,7 +117,7 @@ std::string TakeToken() {
 }
 
 int Trouble(const absl::Status& status) {
-  std::fprintf(stderr, "myograde-node: %s\n", std::string(status.message()).c_str());
+  std::fprintf(stderr, "myograde-node: %s\n", Harmless(std::string(status.message())).c_str());
   return kNodeTrouble;
 }
 

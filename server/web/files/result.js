@@ -21,12 +21,24 @@ function spread(aggregate, metric) {
   return `95 %: ${number(known.low, metric.digits)} to ${number(known.high, metric.digits)}`;
 }
 
+// Trials that the official code counts and ends at once, because the one before was solved.
+const isPlayed = (row) => row.reason !== "phantom";
+
+// The rate without phantoms, where there are any.
+function playedTile(result) {
+  const all = result.aggregate;
+  const played = all.episodes - (result.reasons?.phantom ?? 0);
+  return played < all.episodes && played > 0 && tile("Success without phantoms",
+    percent(all.successes, played), `${whole(all.successes)} of ${whole(played)} played`);
+}
+
 function tiles(result) {
   const all = result.aggregate;
   if (!all) return null;
   return h("dl", {class: "tiles"},
     tile("Success", percent(all.successes, all.episodes),
       `${whole(all.successes)} of ${whole(all.episodes)} episodes`),
+    playedTile(result),
     result.metrics.filter((metric) => typeof all[metric.name] === "number"
       && metric.name !== "success_rate").map((metric) =>
       tile(heading({...metric, unit: ""}), measure(all[metric.name], metric),
@@ -103,7 +115,8 @@ function stream(title, text, truncated) {
 
 function outputOf(lease) {
   return h("details", {class: "card", "data-lease": lease.lease}, h("summary", null,
-    `Episodes ${lease.first} to ${lease.last}: ${number(lease.policy_cpu_s, 1)} s of CPU time, `
+    `Episodes ${lease.first} to ${lease.last}: ${number(lease.policy_cpu_s, 1)} s of CPU time`
+    + `${lease.startup_cpu_s === undefined ? "" : `, ${number(lease.startup_cpu_s, 1)} s of it to start`}, `
     + `${bytes(lease.peak_memory_bytes)} of memory`),
   stream("Standard output", lease.stdout_tail, lease.stdout_truncated),
   stream("Standard error", lease.stderr_tail, lease.stderr_truncated),
@@ -147,8 +160,9 @@ export function drawFigures(box, result) {
 }
 
 export function drawCharts(box, result, rows) {
-  replace(box, [reasons(result, rows), courses(result, rows), endings(result, rows),
-    times(rows, kindOf), distributions(result, rows)].flat().filter((chart) => chart));
+  const played = rows.filter(isPlayed);
+  replace(box, [reasons(result, rows), courses(result, played), endings(result, played),
+    times(played, kindOf), distributions(result, played)].flat().filter((chart) => chart));
 }
 
 // The charts of all episodes together, for a summary that has come.

@@ -109,7 +109,7 @@ VERBS = ("serve", "submit", "status", "cancel", "choose", "leaderboard", "show",
          "team", "token", "hide",
          "unhide", "disqualify", "baseline", "challenge", "phase", "export", "import", "backup",
          "log", "replay", "render", "plot", "report",
-         "receipt", "verify", "key", "seeds", "release", "login", "logout", "whoami", "new", "local", "spec",
+         "receipt", "verify", "key", "seeds", "release", "login", "logout", "whoami", "new", "local", "try", "spec",
          "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}
 STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "phase": None,

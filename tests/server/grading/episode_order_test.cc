@@ -57,6 +57,17 @@ TEST(EpisodeOrder, IsThatOfATieredBoard) {
               ElementsAre(5, 3, 2, 4, 1, 0));
 }
 
+TEST(EpisodeOrder, IsWithoutPhantoms) {
+  const TrackPtr track = Shipped("manipulation");
+  const auto episode = [&](int64_t index, Outcome outcome) {
+    return Episode(*track, index, outcome, {{"time_s", 5}, {"effort", 0.1}});
+  };
+  scoring::JudgedEpisode phantom = episode(2, Outcome::kFailure);
+  phantom.judgement.reason = ParseFailureReason("phantom").value();
+  EXPECT_THAT(OrderOf(*track, {episode(0, Outcome::kFailure), episode(1, Outcome::kSuccess), phantom}),
+              ElementsAre(1, 0));
+}
+
 TEST(EpisodeOrder, IsThatOfADistanceBoard) {
   const TrackPtr track = Shipped("locomotion");
   const auto episode = [&](int64_t index, double distance, double time) {

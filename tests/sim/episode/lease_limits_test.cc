@@ -116,6 +116,24 @@ TEST_F(LeasePlayerTest, TheBankIsFilledForEachEpisode) {
   EXPECT_EQ(result.episodes[1].policy_cpu_s, 50);
 }
 
+TEST_F(LeasePlayerTest, TheStartIsToldApartFromTheFirstEpisode) {
+  const LeaseResult result = Play({[this](Sandbox& sandbox) {
+    cpu_.cpu_ns += 7'000'000'000u;
+    sandbox.Hello();
+    bool ready = false;
+    while (const PublishFrame* question = sandbox.Hear()) {
+      if (question->expect == Expect::kReady) {
+        cpu_.cpu_ns += ready ? 3'000'000'000u : 2'000'000'000u;  // `reset` of the first is the start's
+        ready = true;
+      }
+      sandbox.Answer(*question);
+    }
+  }});
+  ASSERT_GE(result.episodes.size(), 2u);
+  EXPECT_EQ(result.episodes[0].policy_cpu_s, 0);
+  EXPECT_EQ(result.episodes[1].policy_cpu_s, 3);
+}
+
 TEST_F(LeasePlayerTest, TheLeasesCapsEndTheWholeLease) {
   order_.track.budgets.lease_cpu_s = 30;
   const LeaseResult result = Play({[this](Sandbox& sandbox) {

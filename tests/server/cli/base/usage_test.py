@@ -45,6 +45,47 @@ class UsageTest(CliCase):
         self.refused(2, "running", "local", program, "--track", "running")
         self.refused(2, "holiday", "spec", "--track", "manipulation", "--profile", "holiday")
 
+    def test_foreign_text_does_nothing_to_a_terminal(self):
+        tricks = ["\x1b[31mred", "bell\a", "back\r", "c1\x9b31m", "turned\u202e", "isolated\u2066",
+                  "hidden\u200b", "soft\xad", "next\nmyograde: error: forged"]
+        harmful = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\xad\u200b-\u200f\u202a-\u202e\u2060-\u206f]")
+
+        def shown(*words):
+            done = subprocess.run([f"{BIN_DIR}/myograde", *words], capture_output=True, timeout=60, check=False,
+                                  env={**os.environ, "MYOGRADE_CONFIG_DIR": f"{SOURCE_DIR}/configs"})
+            for text in (done.stdout.decode(), done.stderr.decode()):
+                self.assertNotRegex(text, harmful, words)
+                self.assertNotIn("\nmyograde: error: forged", text)
+            return done
+
+        for trick in tricks:
+            missing = self.path(trick)
+            for words in (("local", missing, "--track", "elbow"), ("replay", missing), ("verify", missing),
+                          ("render", missing, "-o", self.path("x.png")), ("render", missing, "-o", trick),
+                          ("challenge", "check", missing), ("import", missing, "--data", self.path("d")),
+                          ("spec", "--track", trick), ("submit", missing, "--track", "elbow", "--team", trick),
+                          ("status", "--socket", missing), (trick,), ("status", f"--{trick}"), ("new", missing),
+                          ("release", "verify", missing, "--key", missing), ("record", "verify", missing)):
+                self.assertNotEqual(shown(*words).returncode, 0, words)
+            # As the policy.json of somebody else: raw where JSON allows it, and escaped.
+            for ascii_only in (True, False):
+                for manifest in ({trick: 1}, {"name": trick, "command": ["./run"]}, {"command": [trick]},
+                                 {"command": ["./run"], "runtimes": [trick]}):
+                    folder = self.path("policy")
+                    os.makedirs(folder, exist_ok=True)
+                    with open(f"{folder}/policy.json", "w", encoding="utf-8") as file:
+                        json.dump(manifest, file, ensure_ascii=ascii_only)
+                    for more in ((), ("--json",)):
+                        self.assertNotEqual(shown("local", folder, "--track", "elbow", "--episodes", "1",
+                                                  *more).returncode, 0)
+        os.unlink(f"{folder}/policy.json")
+        os.rmdir(folder)
+        # Bytes that are no UTF-8.
+        self.assertIn(b"bad?name", shown("local", os.fsencode(self.path("")) + b"/bad\xffname", "--track", "elbow").stderr)
+        # On standard output, of a verb that succeeds.
+        key = shown("release", "key", "--secret", self.path("k\x1b[31m"), "-o", self.path("p\u202e"))
+        self.assertIn(key.returncode, (0, 2))
+
     def test_output_that_cannot_be_written_is_an_error(self):
         for words in (("--version",), ("--help",), ("spec", "--track", "elbow", "--json"), ("submit", "--help"),
                       ("status", "--json", "--socket", self.path("none"))):

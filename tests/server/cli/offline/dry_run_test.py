@@ -103,6 +103,26 @@ class DryRunTest(CliCase):
         self.assertEqual(self.dry(0, "--seeds", self.path("seeds"))["episode"]["state"], "ok")
         self.assertEqual(self.report["episode"]["seed"], 7777)
 
+    def test_the_time_is_of_the_blocks_that_would_be_played(self):
+        # "as-graded" allows blocks of any length, and the whole evaluation is one.
+        config = json.loads(self.myograde("local", self.path("policy"), "--track", TRACK, "--profile", "as-graded",
+                                          "--episodes", "1", "--json").stdout)["hashes"]["config"]
+        profiles = [{"profile": "as-graded", "config": config}]
+        tracks = {"GET /v1/tracks": {"tracks": [{"track": TRACK, "default_profile": "paper",
+                                                 "profiles": profiles}]}}
+        final = {**tracks, "GET /v1/challenges": challenges({**PHASE, "profile": "as-graded", "episodes": 250})}
+        for words, answers, episodes in (((), tracks, 100), (("--episodes", "7"), tracks, 7),
+                                         (("--seeds", self.path("seeds", "1\n2\n3\n")), tracks, 3),
+                                         (("--phase", "final"), final, 250)):
+            place = () if "--phase" in words else ("--profile", "as-graded")
+            time = self.dry(0, *place, *words, answers=answers)["time"]
+            # 0.1 s in all, of which 0.01 s are the episode's.
+            self.assertIn("the start takes 90 ms of CPU time, ", time["found"])
+            block = 0.09 + 0.01 * episodes
+            self.assertIn(f"a block of {episodes} such episodes "
+                          f"{f'{block:.3g} s' if block >= 1 else f'{1000 * block:.3g} ms'} of", time["found"])
+            self.assertEqual(time["state"], "ok")
+
     def test_people_read_what_to_do(self):
         Handler.answers.update({key: (200, value) for key, value in self.answers.items()})
         words = ("submit", self.path("policy"), "--track", TRACK, "--team", "alpha", "--dry-run",

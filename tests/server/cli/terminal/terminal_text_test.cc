@@ -1,12 +1,16 @@
 // Text on terminals: line widths, and shrinking tables.
 #include <clocale>
+#include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
+#include "server/base/plain_text.h"
+#include "server/cli/base/print_json.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
@@ -89,6 +93,55 @@ TEST_F(TerminalText, TablesGiveWayBeforeTheyAreTooWide) {
                                            "distance m  3.0000"));
   for (const size_t columns : {20u, 24u, 30u, 36u, 80u}) {
     for (const std::string& line : table.Lines(columns)) EXPECT_LE(TextWidth(line), columns);
+  }
+}
+
+// What a terminal would obey, or what would turn or hide the text around it.
+const std::string kHarmful[] = {
+    "\033[31m", "\033]0;title\a", "\a", "\r", "\b", "\v", "\x7f", "\n", std::string(1, '\0'),
+    "\x9b" "31m",                                        // C1 as a byte, which is invalid UTF-8
+    "\u0085", "\u009b" "31m",                            // C1
+    "\u202a", "\u202d", "\u202e", "\u2066", "\u2069",    // embeddings, overrides, isolates
+    "\u061c", "\u200e", "\u200f",                        // marks of direction
+    "\u200b", "\u200d", "\u2060", "\ufeff", "\u00ad",    // of no width
+    "\u034f", "\u180e", "\u2028", "\u2029", "\U000e0041", "\U0001d173",
+    "\xff", "\xc3", "\xed\xa0\x80", "\xf4\x90\x80\x80",  // invalid UTF-8
+};
+
+bool HasHarm(const std::string& text) { return !IsUtf8(text) || !FirstHarm(text).empty(); }
+
+TEST_F(TerminalText, ForeignTextIsHarmlessOnALine) {
+  for (const std::string& harm : kHarmful) {
+    const std::string shown = Harmless("a" + harm + "b");
+    EXPECT_FALSE(HasHarm(shown)) << shown;
+    EXPECT_TRUE(shown.starts_with("a?") && shown.ends_with("b")) << shown;
+  }
+  EXPECT_EQ(Harmless("Müßig 東京 e\u0301 🦾"), "Müßig 東京 e\u0301 🦾");
+  EXPECT_EQ(Harmless("a\tb"), "a?b");
+  EXPECT_EQ(Harmless("a\tb", /*tabs=*/true), "a\tb");
+}
+
+TEST_F(TerminalText, ForeignLinesAreMarked) {
+  EXPECT_EQ(Marked(""), "");
+  EXPECT_EQ(Marked("one"), "  | one\n");
+  EXPECT_EQ(Marked("one\nmyograde: error: forged\n\nend\n"),
+            "  | one\n  | myograde: error: forged\n  | \n  | end\n");
+  for (const std::string& harm : kHarmful) {
+    std::string shown = Marked("a" + harm + "b");
+    std::erase(shown, '\n');
+    EXPECT_FALSE(HasHarm(shown)) << shown;
+  }
+}
+
+TEST_F(TerminalText, JsonEscapesWhatIsHarmfulAndStaysTheSame) {
+  for (const std::string& harm : kHarmful) {
+    if (!IsUtf8(harm)) continue;
+    const nlohmann::json json = {{"a" + harm, {harm, "é"}}};
+    std::string shown = ShownJson(json);
+    EXPECT_EQ(nlohmann::json::parse(shown), json);
+    std::erase(shown, '\n');
+    EXPECT_FALSE(HasHarm(shown)) << shown;
+    EXPECT_NE(shown.find("é"), std::string::npos);
   }
 }
 

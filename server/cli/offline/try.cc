@@ -1,0 +1,256 @@
+// myograde try: a policy graded on this host, and a folder with a report and films to look at.
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/strip.h>
+#include <absl/time/time.h>
+
+#include "protocol/tracks/registry.h"
+#include "server/base/child_process.h"
+#include "server/base/program_run.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/new_file.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/offline/draw.h"
+#include "server/cli/offline/local.h"
+#include "server/cli/offline/stop_signal.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/text.h"
+#include "server/grading/episode_order.h"
+#include "server/grading/results.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr mode_t kReportMode = 0644;
+constexpr size_t kMostRenderOutput = size_t{1} << 20;
+constexpr absl::Duration kRenderTime = absl::Hours(24);  // "render" has a deadline of its own
+constexpr int kRenderNice = 10;
+constexpr char kFilmSize[] = "640x360";  // drawn in a quarter of the time that "render" takes as a rule
+
+struct TryOptions : LocalOptions {
+  std::string folder;  // "": after the policy
+};
+
+// The folder, made new and empty.
+absl::StatusOr<std::string> MakeFolder(const TryOptions& options) {
+  fs::path folder = options.folder;
+  if (folder.empty()) {
+    const fs::path policy = fs::absolute(options.path).lexically_normal();
+    const fs::path name = policy.has_filename() ? policy.stem() : policy.parent_path().filename();
+    folder = absl::StrCat("try-", name.string());
+  }
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder.string(), ": can't be made: ", error.message(), "; name another with -o"));
+  }
+  if (!fs::is_empty(folder, error) || error) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder.string(), ": is not empty; remove it, or name another folder with -o"));
+  }
+  return folder.string();
+}
+
+// The best and the worst of the episodes that can be shown, in the board's order.
+absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade) {
+  const scoring::TrackScoring& scoring = grade.track->scoring;
+  std::vector<EpisodeRow> shown;
+  for (const EpisodeRow& row : grade.rows) {
+    const Json log = Json::parse(row.facts_json).value("log", Json());
+    if (log.is_object() && log.value("steps", int64_t{0}) > 0) shown.push_back(row);
+  }
+  const auto judged = JudgedEpisodes(*scoring.track, shown);
+  if (!judged.ok()) return judged.status();
+  const absl::StatusOr<std::vector<int64_t>> order = EpisodesInOrder(scoring, *judged);
+  if (!order.ok()) return order.status();
+  std::vector<PickedEpisode> picked = BestMedianWorst(*order);
+  std::erase_if(picked, [](const PickedEpisode& one) { return one.place == "median"; });
+  return picked;
+}
+
+// The folder's relative name of the log of an episode.
+std::string LogOf(const LocalGrade& grade, int64_t episode) {
+  for (const Json& row : grade.json["episode_rows"]) {
+    if (row["index"] == episode) return absl::StrCat("logs/", row["log"].value("file", ""));
+  }
+  return "";
+}
+
+// "myograde render" of a log into a file. CancelledError after a stop signal.
+absl::Status Render(const TryOptions& options, const std::string& log, const std::string& file) {
+  std::vector<std::string> words = {"render", log, "-o", file, "--cache", options.host.cache_dir()};
+  if (absl::EndsWith(file, ".png")) {
+    words.push_back("--strip");
+  } else {
+    words.insert(words.end(), {"--size", kFilmSize});
+  }
+  const absl::StatusOr<ProgramEnd> run = RunProgram({.program = "myograde",
+                                                     .words = std::move(words),
+                                                     .most_output = kMostRenderOutput,
+                                                     .deadline = kRenderTime,
+                                                     .nice = kRenderNice},
+                                                    StopRequested);
+  if (!run.ok()) return run.status();
+  if (run->exit_status == 0) return absl::OkStatus();
+  const std::string why(absl::StripPrefix(run->LastError(), "myograde: error: "));
+  return absl::InternalError(why.empty() ? run->HowItEnded() : why);
+}
+
+// What the folder holds beside the logs, and what it lacks, each in a sentence.
+struct Contents {
+  std::string report;  // "": none
+  Json films = Json::array();
+  std::vector<std::string> missing;
+};
+
+absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const std::string& folder,
+                      Contents& contents) {
+  const absl::StatusOr<std::vector<PickedEpisode>> picked = BestAndWorst(grade);
+  if (!picked.ok()) return picked.status();
+  if (picked->empty()) contents.missing.push_back("No episode has a step to show.");
+  const bool film = FindProgram("ffmpeg").ok();
+  if (!film && !picked->empty()) {
+    contents.missing.push_back(
+        "There are pictures in place of films, as ffmpeg is not installed (Debian: apt-get install "
+        "ffmpeg).");
+  }
+  for (const PickedEpisode& one : *picked) {
+    if (StopRequested()) return absl::CancelledError("interrupted");
+    const std::string file = absl::StrCat(std::string(one.place), film ? ".mp4" : ".png");
+    const absl::Status drawn = Render(options, absl::StrCat(folder, "/", LogOf(grade, one.index)),
+                                      absl::StrCat(folder, "/", file));
+    if (absl::IsCancelled(drawn)) return drawn;
+    if (!drawn.ok()) {
+      contents.missing.push_back(absl::StrCat("Episode ", one.index, " is not shown: ", drawn.message()));
+      continue;
+    }
+    contents.films.push_back(
+        {{"place", std::string(one.place)}, {"episode", one.index}, {"file", file}});
+  }
+  return absl::OkStatus();
+}
+
+// The report's order wants an evaluation as the API tells of one.
+Json EvaluationOf(const LocalGrade& grade) {
+  Json result = grade.json;
+  result.erase("episodes");
+  for (Json& row : result["episode_rows"]) {
+    if (row["fault"].is_object()) row["fault"].erase("stderr_tail");
+  }
+  result["submission"] = nullptr;
+  result["team"] = "";
+  result["ranked"] = false;
+  return result;
+}
+
+absl::Status AddReportFile(const LocalGrade& grade, const std::string& folder, Contents& contents) {
+  const Json order = {{"make", "report"},
+                      {"format", "html"},
+                      {"version", MYOGRADE_VERSION},
+                      {"result", EvaluationOf(grade)}};
+  const absl::StatusOr<Drawn> drawn = DrawFigure(order);
+  if (absl::IsCancelled(drawn.status())) return drawn.status();
+  if (!drawn.ok()) {
+    contents.missing.push_back(absl::StrCat("There is no report: ", drawn.status().message()));
+    return absl::OkStatus();
+  }
+  const std::string path = folder + "/report.html";
+  NewFile file(path, kReportMode);
+  if (!file.opened() || !file.Write(drawn->file)) return CantWrite(path);
+  if (const auto kept = file.Keep(); !kept.ok()) return kept.status();
+  contents.report = "report.html";
+  return absl::OkStatus();
+}
+
+// What to open first.
+std::string FirstToOpen(const std::string& folder, const Contents& contents) {
+  if (!contents.report.empty()) return absl::StrCat(folder, "/", contents.report);
+  if (contents.films.empty()) return "";
+  return absl::StrCat(folder, "/", contents.films.front().value("file", ""));
+}
+
+void PrintContents(const std::string& folder, const Contents& contents) {
+  std::cout << '\n' << Bold(absl::StrCat("In ", Harmless(folder))) << '\n';
+  if (!contents.report.empty()) std::cout << "  " << contents.report << "  the report\n";
+  for (const Json& film : contents.films) {
+    const std::string place = Cell(film, "place");
+    std::cout << "  " << Cell(film, "file") << "  " << (place == "only" ? "" : "the " + place + ", ")
+              << "episode " << Cell(film, "episode") << '\n';
+  }
+  std::cout << "  logs  of all episodes, for \"myograde replay\" and \"myograde render\"\n";
+  for (const std::string& sentence : contents.missing) std::cout << Harmless(sentence) << '\n';
+  if (const std::string first = FirstToOpen(folder, contents); !first.empty()) {
+    std::cout << "Open " << Harmless(first) << std::endl;
+  }
+}
+
+int Try(TryOptions options) {
+  const absl::StatusOr<std::string> folder = MakeFolder(options);
+  if (!folder.ok()) return ReportError(folder.status());
+  options.logs = *folder + "/logs";
+  const absl::StatusOr<LocalGrade> grade = GradeLocally(options);
+  if (!grade.ok()) {
+    std::error_code ignored;
+    fs::remove_all(options.logs, ignored);
+    fs::remove(*folder, ignored);
+    return ReportError(grade.status());
+  }
+  if (!options.json) PrintLocalGrade(grade->json, options.full_hashes);
+  Contents contents;
+  absl::Status added = grade->interrupted ? absl::CancelledError("interrupted")
+                                          : AddFilms(options, *grade, *folder, contents);
+  if (added.ok()) added = AddReportFile(*grade, *folder, contents);
+  if (!added.ok() && !absl::IsCancelled(added)) return ReportError(added);
+  if (!added.ok()) contents.missing.push_back("It was interrupted.");
+  if (options.json) {
+    const std::string first = FirstToOpen(*folder, contents);
+    PrintJson({{"folder", *folder},
+               {"report", contents.report.empty() ? Json() : Json(contents.report)},
+               {"films", contents.films},
+               {"missing", contents.missing},
+               {"open", first.empty() ? Json() : Json(first)},
+               {"result", grade->json}});
+  } else {
+    PrintContents(*folder, contents);
+  }
+  const int status = ExitOfLocalGrade(*grade);
+  return absl::IsCancelled(added) ? kNoScore : status;
+}
+
+}  // namespace
+
+Action AddTry(CLI::App& verb) {
+  auto options = std::make_shared<TryOptions>();
+  options->track = TrackNames().back();  // the quickest, and the one that newcomers begin with
+  options->episodes = 5;
+  verb.add_option("POLICY", options->path,
+                  "An executable file, a folder with a policy.json, an archive of such a folder, or "
+                  "a container image as podman save writes it")
+      ->required();
+  verb.add_option("--track", options->track,
+                  "Name of the track, as \"myograde spec\" lists them (default: " + options->track + ")");
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--episodes", options->episodes, "Play the first N seeds of the track (default: 5)")
+      ->check(CLI::Range(1, 10'000));
+  verb.add_option("-o,--output", options->folder,
+                  "The folder to write, new or empty (default: try-NAME after the policy's file)");
+  AddFullHashes(verb, options->full_hashes);
+  AddJson(verb, "try", options->json);
+  AddHostOptions(verb, options->host);
+  return [options] { return Try(*options); };
+}
+
+}  // namespace myograde::server
