@@ -158,7 +158,7 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
       artefact->extra_observations, !artefact->adapter.empty(), config);
   submission.request_key = request.key;
   submission.founding = request.founding;
-  if (submission.ranked) allowed = CheckRankedHere();
+  if (submission.ranked) allowed = CheckRankedHere(*config.kind);
   if (!allowed.ok()) return allowed;
   AdmissionRules rules = options_.config.quota.of(config.id);
   if (entry->phase != nullptr) {
@@ -287,10 +287,10 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entr
   return submission;
 }
 
-absl::Status Admission::CheckRankedHere() const {
+absl::Status Admission::CheckRankedHere(const TrackKind& kind) const {
   if (options_.reference == nullptr) return absl::OkStatus();
   const std::optional<std::string> verdict =
-      options_.reference(options_.config.http.request * kReferenceShare);
+      options_.reference(kind.name, options_.config.http.request * kReferenceShare);
   if (verdict.has_value() && verdict->empty()) return absl::OkStatus();
   return WithErrorCode(
       absl::UnavailableError(

@@ -7,6 +7,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -32,7 +33,8 @@ struct AdmissionOptions {
   std::string cache_dir;  // the files that identify the grader's build
   // Whether this host may grade ranked submissions: called and answered as ReferenceCheck::Result.
   // Null: it may.
-  std::function<std::optional<std::string>(absl::Duration timeout)> reference = nullptr;
+  std::function<std::optional<std::string>(std::string_view kind, absl::Duration timeout)> reference =
+      nullptr;
 };
 
 struct UploadRequest {
@@ -117,7 +119,7 @@ class Admission {
   // The artefact's row, if `who` may submit it and the config can be played with it.
   absl::StatusOr<ArtefactRow> CheckedArtefact(const SubmitRequest& request, const std::string& who,
                                               const TrackConfig& config);
-  absl::Status CheckRankedHere() const;
+  absl::Status CheckRankedHere(const TrackKind& kind) const;
   NewSubmission Compose(const SubmitRequest& request, const Entry& entry,
                         const std::vector<uint64_t>& seeds,
                         const ArtefactRow& artefact) const;

@@ -207,6 +207,21 @@ void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
 
 }  // namespace
 
+absl::StatusOr<std::string> AdoptData(const std::string& data_dir) {
+  const std::string path = data_dir + "/store.db";
+  if (access(path.c_str(), F_OK) != 0) {
+    return absl::NotFoundError(
+        absl::StrCat(path, ": there is no store; name a daemon's data folder with --data"));
+  }
+  const absl::StatusOr<DataLock> lock = DataLock::Take(data_dir);
+  if (!lock.ok()) return lock.status();
+  if (absl::Status opened = Store::Open(path, SystemClock()).status(); !opened.ok()) return opened;
+  const absl::StatusOr<HomeFound> found = FindHome(data_dir, /*on_cluster=*/true, /*adopt=*/true);
+  if (!found.ok()) return found.status();
+  return absl::StrCat("The store is at home in ", found->home.place,
+                      " now; start the daemon as usual.");
+}
+
 absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   // With one heap per thread, each heap would keep as much memory as its largest answer took.
   mallopt(M_ARENA_MAX, 4);
@@ -252,8 +267,11 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
   StoreDisk disk(**store, metrics.get());
+  const absl::StatusOr<HomeFound> home =
+      FindHome(options.data_dir, config.on_cluster, /*adopt=*/false);
+  if (!home.ok()) return home.status();
   const absl::StatusOr<LeaseHosts> hosts =
-      MakeLeaseHosts(options, config, (*store)->policy_secret());
+      MakeLeaseHosts(options, config, (*store)->policy_secret(), *home);
   if (!hosts.ok()) return hosts.status();
   Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers,
                 *hosts->executor, clock);
@@ -274,11 +292,18 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
        .work_dir = options.data_dir + "/work/reference",
        .cache_dir = options.cache_dir,
        .uid = geteuid() == 0 ? config.uid_base + kReferenceUsers : -1});
+  for (const auto& [name, entry] : tracks.entries()) {
+    const std::string why = WhyUnreferenced(
+        options.configs_dir + "/reference", entry.profiles.at(entry.default_profile)->config.kind->name);
+    if (!why.empty()) spdlog::warn("the track {} is for practice only: {}", name, why);
+  }
   Admission admission({.config = config,
                        .data_dir = options.data_dir,
                        .cache_dir = options.cache_dir,
                        .reference =
-                           [&](absl::Duration timeout) { return reference.Result(timeout); }},
+                           [&](std::string_view kind, absl::Duration timeout) {
+                             return reference.Result(kind, timeout);
+                           }},
                       tracks, *phases, engine, readers, clock);
   AccessLog access_log(
       [&](AccessLog::Change change) {

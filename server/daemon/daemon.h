@@ -38,6 +38,10 @@ struct DaemonConfigs {
 // Reads everything in options.configs_dir. An error names the file and the key.
 absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options);
 
+// Makes a copy of another daemon's data folder, which must have a store and no running daemon, one of
+// its own, and returns a sentence that says so.
+absl::StatusOr<std::string> AdoptData(const std::string& data_dir);
+
 // Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error says why it could not
 // start or continue.
 absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs);

@@ -20,7 +20,7 @@ constexpr size_t kStoreIdDigits = 12;
 }  // namespace
 
 absl::StatusOr<LeaseHosts> MakeLeaseHosts(const DaemonOptions& options, const ServerConfig& config,
-                                          const std::string& secret) {
+                                          const std::string& secret, const HomeFound& home) {
   const int64_t uid_base = geteuid() == 0 ? config.uid_base : -1;
   if (!config.on_cluster) {
     return LeaseHosts{std::make_unique<LocalExecutor>(
@@ -34,7 +34,9 @@ absl::StatusOr<LeaseHosts> MakeLeaseHosts(const DaemonOptions& options, const Se
   absl::StatusOr<std::unique_ptr<SlurmExecutor>> slurm = SlurmExecutor::Make(
       {.config = config.slurm,
        // Shown in the cluster's queue: tells nothing of the secret.
-       .store_id = Sha256Hex("a store on a cluster\n" + secret).substr(0, kStoreIdDigits),
+       .store_id = Sha256Hex("a store on a cluster\n" + secret + home.home.key)
+                       .substr(0, kStoreIdDigits),
+       .held_back = home.held_back,
        .data_dir = options.data_dir,
        .cache_dir = options.cache_dir,
        .configs_dir = options.configs_dir,

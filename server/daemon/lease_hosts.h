@@ -8,6 +8,7 @@
 
 #include "server/config/server_config.h"
 #include "server/daemon/daemon.h"
+#include "server/daemon/start.h"
 #include "server/executor/executor.h"
 #include "server/executor/lease_door.h"
 
@@ -19,8 +20,9 @@ struct LeaseHosts {
   LeaseDoor* door = nullptr;
 };
 
-// `secret`: the store's policy secret, by which its jobs and its spool are told from another's.
+// `secret`, the store's policy secret, and its home tell its jobs and its spool from another's, copies
+// of the same store included.
 absl::StatusOr<LeaseHosts> MakeLeaseHosts(const DaemonOptions& options, const ServerConfig& config,
-                                          const std::string& secret);
+                                          const std::string& secret, const HomeFound& home);
 
 }  // namespace myograde::server

@@ -29,6 +29,10 @@ int main(int argc, char** argv) {
   app.add_option("--cache", options.cache_dir,
                  "Folder of the models and the physics library (default: MYOGRADE_CACHE, else "
                  "the XDG cache folder if it has models, else /var/cache/myograde)");
+  bool adopt = false;
+  app.add_flag("--adopt", adopt,
+               "Only make a copy of another daemon's data folder this one's own, where leases run on a "
+               "cluster (OPERATIONS.md, 'Copies of a data folder'); with the daemon stopped");
   app.set_version_flag("--version", MYOGRADE_VERSION);
   try {
     app.parse(argc, argv);
@@ -39,6 +43,15 @@ int main(int argc, char** argv) {
     return kWrongUse;
   }
   options = myograde::server::WithDefaults(options);
+  if (adopt) {
+    const absl::StatusOr<std::string> done = myograde::server::AdoptData(options.data_dir);
+    if (done.ok()) {
+      std::cout << *done << "\n";
+      return 0;
+    }
+    std::cerr << "myograded: error: " << done.status().message() << "\n";
+    return kTrouble;
+  }
   absl::StatusOr<myograde::server::DaemonConfigs> configs =
       myograde::server::LoadConfigs(options);
   if (!configs.ok()) {

@@ -16,6 +16,32 @@
 
 namespace myograde::server {
 
+absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
+  const std::string store = data + "/store.db";
+  absl::StatusOr<DataHome> here = HomeOf(data);
+  if (!here.ok()) return here.status();
+  const absl::StatusOr<std::optional<DataHome>> recorded = RecordedHome(store);
+  if (!recorded.ok()) return recorded.status();
+  HomeFound found = {*std::move(here), ""};
+  const bool copied = recorded->has_value() && (*recorded)->key != found.home.key;
+  if (copied && on_cluster && !adopt) {
+    found.held_back = absl::StrCat(
+        found.home.place, " is a copy of the data folder ", (*recorded)->place,
+        ", which may still grade, so this daemon touches no job; if it takes that one's place, stop "
+        "it, run \"myograde serve --data ", data, " --adopt\" once, and start it again");
+    spdlog::error("{}", found.held_back);
+    return found;
+  }
+  if (copied && !adopt) {
+    spdlog::warn("{} is a copy of the data folder {}, and a server of its own from now on",
+                 found.home.place, (*recorded)->place);
+  }
+  if (!recorded->has_value() || copied || (*recorded)->place != found.home.place) {
+    if (absl::Status status = RecordHome(store, found.home); !status.ok()) return status;
+  }
+  return found;
+}
+
 absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
   const auto secret_of = [&](const PhaseConfig& phase) {
     absl::StatusOr<std::string> secret = absl::InternalError("");

@@ -1,6 +1,7 @@
 // What a start of the daemon takes from the store, and tells it.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <absl/status/status.h>
@@ -11,10 +12,20 @@
 #include "server/challenge/phases.h"
 #include "server/daemon/daemon.h"
 #include "server/proof/signing_key.h"
+#include "server/store/home.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
+
+// Finds out whether the data folder `data` is a copy of the one that its store was last used in. Where
+// leases run on this host alone, or with `adopt`, it is then a store of its own; elsewhere `held_back`
+// says why this daemon must not touch the cluster.
+struct HomeFound {
+  DataHome home;
+  std::string held_back;  // "": nothing is
+};
+absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt);
 
 // The secret of a phase is drawn when a daemon first loads it.
 absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store);

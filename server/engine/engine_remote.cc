@@ -37,7 +37,8 @@ void EngineCore::AttendExecutor() {
   if (trouble.empty()) {
     spdlog::info("leases can start again");
   } else {
-    spdlog::error("no lease can start: {}", trouble);
+    // What is no part of a healthy start, the executor has logged as an error.
+    spdlog::info("no lease can start: {}", trouble);
   }
   executor_trouble_ = trouble;
 }

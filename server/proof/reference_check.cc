@@ -36,19 +36,37 @@ absl::StatusOr<ReplayRecord> PlayOne(const fs::path& file, const ReferenceOption
   return records->front();
 }
 
+std::vector<fs::path> LogsIn(const std::string& folder) {
+  std::error_code error;
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().extension() == ".zst") files.push_back(fs::absolute(entry.path()));
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
 }  // namespace
+
+std::string WhyUnreferenced(const std::string& folder, std::string_view kind) {
+  for (const fs::path& file : LogsIn(folder)) {
+    const absl::StatusOr<std::string> bytes = ReadLog(file);
+    if (!bytes.ok()) continue;
+    const absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
+    if (log.ok() && log->header.track.kind->name == kind) return "";
+  }
+  return absl::StrCat("no reference episode in ", folder, " is of the environment ",
+                      absl::string_view(kind.data(), kind.size()), ", so nothing shows that this host "
+                      "computes it as others do; record one (configs/README.md)");
+}
 
 absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
                                           const std::atomic<bool>& stop) {
   std::error_code error;
-  std::vector<fs::path> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(options.folder, error)) {
-    if (entry.path().extension() == ".zst") files.push_back(fs::absolute(entry.path()));
-  }
+  const std::vector<fs::path> files = LogsIn(options.folder);
   if (files.empty()) {
     return absl::NotFoundError(absl::StrCat(options.folder, ": holds no reference episodes"));
   }
-  std::sort(files.begin(), files.end());
   for (const fs::path& file : files) {
     fs::remove_all(options.work_dir, error);
     fs::create_directory(options.work_dir, error);
@@ -86,7 +104,9 @@ ReferenceCheck::~ReferenceCheck() {
   thread_.join();
 }
 
-std::optional<std::string> ReferenceCheck::Result(absl::Duration timeout) const {
+std::optional<std::string> ReferenceCheck::Result(std::string_view kind,
+                                                  absl::Duration timeout) const {
+  if (std::string why = WhyUnreferenced(options_.folder, kind); !why.empty()) return why;
   const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
   const MutexLock lock(mutex_);
   while (!verdict_.has_value() && known_.WaitUntil(mutex_, deadline)) {

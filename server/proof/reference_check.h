@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
 
 #include <absl/status/statusor.h>
@@ -22,6 +23,10 @@ struct ReferenceOptions {
   int64_t uid = -1;        // of the sandbox; -1: the caller's own
 };
 
+// Why ranked submissions of a track's environment (TrackKind::name) are refused whatever the host
+// computes: no log of `folder` is of it. "": there is one.
+std::string WhyUnreferenced(const std::string& folder, std::string_view kind);
+
 // Plays every log of the folder, until `stop`. "" if all matched, else which did not and how. An
 // error says why the check could not be made.
 absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
@@ -34,9 +39,9 @@ class ReferenceCheck {
   ~ReferenceCheck();
 
   // Waits for the verdict: nullopt if it is not known in time; "" if the host may grade ranked
-  // submissions; else why not. A check that could not be made does not block grading: whatever
-  // prevents it prevents leases as well.
-  std::optional<std::string> Result(absl::Duration timeout) const;
+  // submissions of the environment `kind`; else why not. A check that could not be made does not block
+  // grading: whatever prevents it prevents leases as well.
+  std::optional<std::string> Result(std::string_view kind, absl::Duration timeout) const;
 
  private:
   const ReferenceOptions options_;

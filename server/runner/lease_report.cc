@@ -1,5 +1,7 @@
 #include "server/runner/lease_report.h"
 
+#include <sys/wait.h>
+
 #include <variant>
 
 #include <absl/strings/str_cat.h>
@@ -71,8 +73,13 @@ void LeaseReport::Tick(absl::Duration now) {
 void LeaseReport::Conclude(int wait_status, const std::string& last_words) {
   if (faulty()) return;
   if (!end_.has_value()) {
-    Fail(absl::StrCat("the runner ended (wait status ", wait_status,
-                      ") without its last record; its last words: ", LastLineOf(last_words)));
+    const std::string words = LastLineOf(last_words);
+    Fail(absl::StrCat("the runner ended (",
+                      WIFSIGNALED(wait_status)
+                          ? absl::StrCat("signal ", WTERMSIG(wait_status))
+                          : absl::StrCat("exit status ", WEXITSTATUS(wait_status)),
+                      ") without its last record; ",
+                      words.empty() ? "it printed nothing" : "its last words: " + words));
   } else if (!end_->ok) {
     Fail(end_->detail.empty() ? "the runner ended with a fault, and told none" : end_->detail);
   } else if (reported_.size() != ordered_.size()) {

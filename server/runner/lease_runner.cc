@@ -379,12 +379,12 @@ absl::Status LeaseRunner::SimEnded() {
         "the simulator used all of its ", context_.config.sim.memory_bytes,
         " bytes of memory (memory_bytes of sandbox/sim.json) and was stopped: ", words));
   }
-  if (!end.started) {
-    return absl::InternalError(
-        absl::StrCat("the simulator's sandbox could not be built: ", words));
-  }
   std::string how = absl::StrCat("exit status ", end.exit_code);
   if (end.exit_code > 128) how = absl::StrCat("signal ", end.exit_code - 128);
+  if (!end.started) {
+    return absl::InternalError(absl::StrCat("the simulator's sandbox could not be built (", how,
+                                            "): ", words));
+  }
   if (end.exit_code == 128 + SIGSYS) {
     how += " (a system call that allowed_system_calls of sandbox/sim.json does not hold)";
   }

@@ -66,5 +66,47 @@ class Https(slurm_test.OnSlurm):
         self.check_empty()
 
 
+class Untrusted(Https):
+    """Nodes that do not trust the certificate at the daemon's address."""
+
+    @classmethod
+    def before_start(cls):
+        super().before_start()
+        other = cls.root / "other"
+        other.mkdir()
+        cls.wrong, _ = make_certificate(other)
+        # The doctor needs more of Slurm's commands than the daemon.
+        cls.daemon.configure(slurm={"ca_file": str(cls.wrong), "slurm_bin_dir": ""})
+
+    def say(self, *words):
+        return self.daemon.run_verb(*words, text=True).stdout
+
+    test_a_submission_is_played_with_the_same_root_and_its_logs_come_back = None
+    test_a_lease_is_nobody_elses = None
+
+    def test_the_reason_is_named_wherever_people_look(self):
+        self.assertNotIn(" error ", self.daemon.log(), "a start is no error")
+        done = self.daemon.run_verb("doctor", "--cluster", "--json", text=True)
+        self.assertEqual(done.returncode, 4, done.stderr)
+        check = next(c for c in json.loads(done.stdout)["checks"] if c["name"] == "cluster_address")
+        self.assertEqual(check["state"], "missing")
+        self.assertIn("certificate", check["found"])
+        submission = self.submit(POLICIES / "random")
+        why = "does not trust the TLS certificate"
+        self.wait(lambda: self.say("status", submission), lambda text: why in text)
+        # Three bad ends of each of three nodes.
+        self.wait(lambda: self.ask("status"), lambda found: found["daemon"]["status"] == "paused")
+        nodes = self.say("cluster", "nodes")
+        self.assertIn(why, nodes)
+        self.assertIn("all nodes of the cluster are drained", nodes)
+        self.assertIn("all nodes of the cluster are drained", self.say("status"))
+        self.daemon.configure(slurm={"ca_file": str(self.certificate)})
+        self.daemon.stop()
+        self.start_daemon()
+        for node in ("n1", "n2", "n3"):
+            self.ask("cluster", "admit", node)
+        self.check_done(submission, POLICIES / "random")
+
+
 if __name__ == "__main__":
     unittest.main(verbosity=2)

@@ -14,7 +14,6 @@ import unittest
 from support import slurm
 
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
-POLICIES = pathlib.Path(os.environ["MYOGRADE_TEST_POLICIES"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
 MANUAL = SOURCE / "configs/CLUSTER.md"
 FENCE = re.compile(r"^## (\d+)\. |^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -42,7 +41,6 @@ class ClusterManual(unittest.TestCase):
         # Policies run as users of their own, and have to get to the folder.
         self.folder.chmod(0o755)
         shutil.copytree(SOURCE / "configs", self.folder / "configs")
-        shutil.copytree(POLICIES / "scripted-elbow", self.folder / "scripted-elbow")
         self.ports = dict(zip(PORTS, range(slurm.free_ports(len(PORTS)), 65536)))
         self.environment = {key: value for key, value in os.environ.items()
                             if key not in ("MYOGRADE_CONFIG_DIR", "MYOGRADE_DATA", "SLURM_CONF")}
@@ -93,8 +91,12 @@ class ClusterManual(unittest.TestCase):
         said = self.type(steps[4])
         self.assertIn("proved", said, "of myograde cluster nodes")
         self.assertRegex(said, r"node[123]")
+        made = {"site", "cluster", "shared", "node", "data", "my-policy", "daemon.log", "status.txt"}
+        self.assertEqual({path.name for path in self.folder.iterdir()}, made | {"configs", KEPT})
+        for name in made:
+            self.assertIn(f"`{name}`", MANUAL.read_text(encoding="utf-8"), "what the commands make")
         result = self.ask("show 1")
-        local = self.ask("local scripted-elbow --track elbow --slots 2")
+        local = self.ask("local my-policy --track elbow --slots 2")
         self.assertEqual(result["merkle_root"], local["merkle_root"])
         self.type('myograde cluster drain node1 --reason "new disks"\nmyograde cluster admit node1\n')
         self.type(steps[7])

@@ -2,12 +2,14 @@
 host, whatever fails on the way."""
 
 import contextlib
+import json
 import pathlib
+import subprocess
 import unittest
 
 from support import slurm
 from support.waiting import wait_until
-from system import HERE, POLICIES, SystemTest, track_config
+from system import BIN, HERE, POLICIES, SystemTest, track_config
 
 WAIT_S = 240
 # A lease of two episodes of 2 s; with the patient policy it takes about ten.
@@ -81,15 +83,17 @@ class OnSlurm(SystemTest):
                     if state == "RUNNING" and claimed]
         return self.wait(look, bool)[0]
 
-    def check_done(self, submission, policy, returned=None):
+    def check_done(self, submission, policy, returned=None, attempts=None):
         """It is done, with the same root as a local run, and no fault was counted."""
         status = self.wait(lambda: self.ask("status", submission),
                            lambda found: found["state"] not in ("queued", "running"))
         self.assertEqual(status["state"], "done", (status, self.daemon.state()))
         self.assertEqual([lease["faults"] for lease in status["leases"]], [0] * 3)
+        if attempts is not None:
+            self.assertEqual([lease["attempt"] for lease in status["leases"]], [attempts] * 3)
         if returned is not None:
-            attempts = sum(lease["attempt"] for lease in status["leases"]) - 3
-            self.assertGreaterEqual(attempts, returned)
+            more = sum(lease["attempt"] for lease in status["leases"]) - 3
+            self.assertGreaterEqual(more, returned)
         shown = self.ask("show", submission, "--episodes")
         self.assertEqual(shown["merkle_root"], self.local_root(policy))
         self.assertEqual([row["index"] for row in shown["episode_rows"]], list(range(6)))
@@ -109,6 +113,46 @@ class Cluster(OnSlurm):
         self.check_done(submission, policy)
         self.assertTrue(self.ask("replay", submission)["equal"], "its logs came back too")
         self.check_empty()
+
+    def test_a_copy_of_the_data_folder_touches_nothing_until_it_is_adopted(self):
+        policy = self.patient()
+        submission = self.submit(policy)
+        self.running()
+        copy = self.root / "copy"
+        subprocess.run(["cp", "-a", self.data, copy], check=True)
+        for name in ("lock", "myograde.sock"):
+            (copy / name).unlink(missing_ok=True)
+        environment = {**self.environment, "MYOGRADE_DATA": str(copy)}
+
+        def ask_copy(*words):
+            return subprocess.run([BIN / words[0], *words[1:]], env=environment, text=True,
+                                  capture_output=True, timeout=60, check=False)
+
+        def start_copy(what):
+            log = open(self.root / "copy.log", "ab")
+            self.addCleanup(log.close)
+            process = subprocess.Popen([BIN / "myograded"], env=environment, stdout=log, stderr=log)
+            self.addCleanup(process.kill)
+            said = self.wait(lambda: ask_copy("myograde", "status").stdout,
+                             lambda text: what in text, 60)
+            return process, said
+
+        spools = set(self.shared.iterdir())
+        process, said = start_copy("is a copy of the data folder")
+        self.assertIn(str(self.data), said)
+        self.check_done(submission, policy, attempts=1)
+        self.assertIn("another daemon", ask_copy("myograde", "serve", "--adopt").stderr)
+        process.terminate()
+        process.wait(60)
+        self.assertEqual(set(self.shared.iterdir()), spools)
+        self.assertEqual(ask_copy("myograde", "serve", "--adopt").returncode, 0)
+        process, said = start_copy(") is ok")
+        self.wait(lambda: json.loads(ask_copy("myograde", "status", submission, "--json").stdout),
+                  lambda found: found["state"] == "done")
+        self.assertEqual(len(set(self.shared.iterdir()) - spools), 1, "a spool of its own")
+        process.terminate()
+        process.wait(60)
+        self.assertEqual(self.ask("status", submission)["state"], "done")
 
     def test_a_cancelled_submission_leaves_nothing(self):
         submission = self.submit(self.patient())

@@ -82,8 +82,8 @@ std::string EnergyOf(const Json& attempt) {
   return energy.is_number() ? absl::StrCat(std::llround(energy.get<double>()), " J") : "-";
 }
 
-// Where the attempts that have ended were played, and what they used; nothing of attempts on the
-// daemon's host that ended well, which say no more than their lease.
+// Where the attempts that have ended were played, and what they used, and what was last wrong with each
+// block; nothing of attempts on the daemon's host that ended well, which say no more than their lease.
 void PrintAttempts(const Json& leases) {
   Table table({"block", "attempt", "node", "job", "began", "ended", "CPU time", "energy", "how"});
   bool any = false;
@@ -97,9 +97,15 @@ void PrintAttempts(const Json& leases) {
                  Cell(attempt, "how")});
     }
   }
-  if (!any) return;
-  std::cout << "\nAttempts that have ended:\n";
-  table.Print();
+  if (any) {
+    std::cout << "\nAttempts that have ended:\n";
+    table.Print();
+  }
+  for (const Json& lease : leases) {
+    if (Cell(lease, "detail") == "-" || Cell(lease, "state") == "cancelled") continue;
+    std::cout << "Block " << Cell(lease, "lease") << ", what last went wrong: " << Cell(lease, "detail")
+              << '\n';
+  }
 }
 
 void PrintStatus(const Json& status) {

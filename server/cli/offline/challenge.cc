@@ -21,6 +21,7 @@
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/grading/tracks.h"
+#include "server/proof/reference_check.h"
 
 namespace myograde::server {
 namespace {
@@ -129,6 +130,20 @@ int CheckFiles(const CheckOptions& options) {
   if (!options.data.empty()) {
     const absl::Status looked = AddStoreMistakes(options.data, challenges, now, found.mistakes);
     if (!looked.ok()) return ReportError(looked);
+  }
+  // A host with the client alone has no reference episodes.
+  const std::string reference = options.host.configs_dir() + "/reference";
+  std::error_code error;
+  for (const ChallengeConfig& challenge : challenges) {
+    if (!fs::exists(reference, error)) break;
+    for (const PhaseConfig& phase : challenge.phases) {
+      const absl::StatusOr<TrackPtr> track = tracks->Find(phase.track, phase.profile);
+      if (!track.ok()) continue;
+      const std::string why = WhyUnreferenced(reference, (*track)->config.kind->name);
+      if (why.empty()) continue;
+      found.mistakes.push_back(absl::StrCat(challenge.where, ": phase \"", phase.name, "\": nothing of "
+                                            "the track ", phase.track, " can be ranked: ", why));
+    }
   }
   found.mistakes.insert(found.mistakes.begin(), mistakes.begin(), mistakes.end());
   return PrintFindings(options, found, challenges);

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 #include <utility>
 
 #include <absl/strings/ascii.h>
@@ -227,12 +228,15 @@ Check FolderCheck(const SlurmConfig& config, const std::optional<Probe>& probe) 
           absl::StrCat(config.shared_dir, " can be written by this user"), "", ""};
 }
 
-// Prints what a node has, one "KEY=VALUE" a line. $1: programs, $2: cache, $3: the probe, or "".
+// Prints what a node has, one "KEY=VALUE" a line. $1: programs, $2: cache, $3: the probe, or "", $4: the
+// daemon's address, or "", $5: who signs its certificate, or "".
 constexpr char kNodeScript[] =
     "echo \"host=$(uname -n)\"; "
     "[ -x \"$1/myograde-node\" ] && echo program=yes || echo program=no; "
     "[ -r \"$2\" ] && [ -n \"$(ls -A \"$2\" 2>/dev/null)\" ] && echo cache=yes || echo cache=no; "
     "[ -z \"$3\" ] || echo \"probe=$(cat \"$3\" 2>/dev/null)\"; "
+    "[ -z \"$4\" ] || echo \"reach = $(\"$1/myograde-node\" --reach --url \"$4\" ${5:+--ca \"$5\"} 2>&1 "
+    "| tail -n 1)\"; "
     "echo \"time=$(date +%s)\"";
 
 Check ClockCheck(const std::string& node, const std::string& time, double now_s) {
@@ -247,6 +251,22 @@ Check ClockCheck(const std::string& node, const std::string& time, double now_s)
           "run a time service (chrony, systemd-timesyncd) on all nodes"};
 }
 
+// Whether the node opens the address of the leases as a lease does, TLS verified. `pairs`: of the script.
+Check ReachCheck(const std::string& node, const SlurmConfig& config,
+                 const std::map<std::string, std::string>& pairs) {
+  const auto reached = pairs.find("reach");
+  std::string why = reached == pairs.end() ? "the node did not try" : reached->second;
+  if (why.empty()) {
+    return {"cluster_address", CheckState::kOk,
+            absl::StrCat(node, " reaches ", config.url, " and trusts its TLS certificate"), "", ""};
+  }
+  why = std::string(absl::StripPrefix(why, "myograde-node: "));
+  return Missing("cluster_address", absl::StrCat(node, " can't use ", config.url, ": ", why),
+                 "start the daemon; if the certificate is at fault, see that \"ca_file\" is on every "
+                 "node and signs the TLS certificate of \"http.listen\", that it names the host of "
+                 "\"url\", and that the node's clock is right; else, see the node's route and firewall");
+}
+
 // What one node has, whichever Slurm gives; srun waits a while for one.
 std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& subject,
                               const std::optional<Probe>& probe) {
@@ -257,7 +277,8 @@ std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& sub
   words.insert(words.end(),
                {absl::StrCat("--immediate=", kNodeWithinSeconds), "--job-name=myograde-doctor",
                 "/bin/sh", "-c", kNodeScript, "doctor", bin, cache,
-                probe.has_value() ? probe->path() : ""});
+                probe.has_value() ? probe->path() : "",
+                config.shared_dir.empty() ? config.url : "", config.ca_file});
   const absl::StatusOr<ProgramEnd> end = slurm.Run("srun", words, kNodeDeadline);
   const double now = absl::ToDoubleSeconds(SystemClock().Now() - absl::UnixEpoch());
   if (!end.ok()) {
@@ -285,6 +306,9 @@ std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& sub
     checks.push_back(Missing("cluster_node", absl::StrCat(node, " lacks ", absl::StrJoin(lacks, ", ")),
                              "install this version of MyoGrade on all nodes at the same places, or name "
                              "them in \"bin_dir\", \"cache_dir\" and \"shared_dir\""));
+  }
+  if (config.shared_dir.empty() && !config.url.empty()) {
+    checks.push_back(ReachCheck(node, config, pairs));
   }
   checks.push_back(ClockCheck(node, pairs["time"], now));
   return checks;

@@ -20,6 +20,7 @@
 #include "server/cli/terminal/text.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
+#include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
 #include "server/runtime/tree.h"
 #include "server/sandbox/doctor.h"
@@ -95,6 +96,16 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks,
   } else {
     checks.push_back({"configs", CheckState::kMissing, mistake, "no daemon and no local run starts",
                       "mend the file, or name another folder with --configs"});
+  }
+  if (!tracks.ok()) return options;
+  for (const auto& [name, offer] : tracks->entries()) {
+    const std::string why =
+        WhyUnreferenced(options.config_dir + "/reference",
+                        offer.profiles.at(offer.default_profile)->config.kind->name);
+    if (why.empty()) continue;
+    checks.push_back({"reference", CheckState::kDegraded, absl::StrCat("the track ", name, ": ", why),
+                      "ranked submissions to it are refused, and practice is graded",
+                      "record a reference episode of it (configs/README.md, 'How to add a track')"});
   }
   return options;
 }

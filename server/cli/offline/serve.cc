@@ -20,6 +20,7 @@ struct ServeOptions {
   std::string data;
   std::string socket;
   HostOptions host;
+  bool adopt = false;
 };
 
 int Serve(const ServeOptions& options) {
@@ -33,6 +34,7 @@ int Serve(const ServeOptions& options) {
   pass("--socket", options.socket);
   pass("--configs", options.host.configs);
   pass("--cache", options.host.cache);
+  if (options.adopt) words.emplace_back("--adopt");
   ::execv(words[0].c_str(), ExecVector(words).data());
   return ReportError(absl::InternalError(absl::StrCat("the daemon's program ", words[0],
                                                    " can't be started: ", std::strerror(errno))));
@@ -46,6 +48,9 @@ Action AddServe(CLI::App& verb) {
                   "Folder for everything that is kept; made if missing (default: MYOGRADE_DATA, "
                   "else /var/lib/myograde for root and ~/.local/share/myograde for others)");
   verb.add_option("--socket", options->socket, "Where to listen (default: DATA/myograde.sock)");
+  verb.add_flag("--adopt", options->adopt,
+                "Only make a copy of another daemon's data folder this one's own, where leases run on a "
+                "cluster (OPERATIONS.md, 'Copies of a data folder'); with the daemon stopped");
   AddHostOptions(verb, options->host);
   return [options] { return Serve(*options); };
 }

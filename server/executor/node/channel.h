@@ -4,7 +4,9 @@
 //
 // Errors, of all functions: NotFoundError: it is not there. CancelledError: the attempt is over, or
 // the daemon wants it to end; the message says which. UnavailableError, ResourceExhaustedError,
-// DeadlineExceededError: trying again can help. Any other: it can't.
+// DeadlineExceededError: trying again can help. UnauthenticatedError, OutOfRangeError,
+// PermissionDeniedError: the daemon's certificate is not trusted, not valid now, or can't be checked, as
+// the file of authorities can't be read. Any other: trying again can't help.
 #pragma once
 
 #include <cstdint>
@@ -41,6 +43,18 @@ class LeaseChannel {
 inline bool ChannelMayRecover(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsResourceExhausted(status) ||
          absl::IsDeadlineExceeded(status);
+}
+
+// The exit status of a node whose channel never answered but with this error.
+inline int ExitStatusOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kUnauthenticated: return kNodeUntrusted;
+    case absl::StatusCode::kOutOfRange: return kNodeClock;
+    case absl::StatusCode::kPermissionDenied: return kNodeCaFile;
+    case absl::StatusCode::kDeadlineExceeded:
+    case absl::StatusCode::kUnavailable: return kNodeUnreachable;
+    default: return kNodeTrouble;
+  }
 }
 
 }  // namespace myograde::server

@@ -108,14 +108,23 @@ absl::Status StatusOf(long http, const std::string& text) {
   return absl::FailedPreconditionError(message);
 }
 
-absl::Status Failure(CURLcode code, const char* error) {
+// What OpenSSL finds of a certificate before and after its time (X509_V_ERR_CERT_NOT_YET_VALID and
+// X509_V_ERR_CERT_HAS_EXPIRED).
+constexpr long kNotYetValid = 9;
+constexpr long kExpired = 10;
+
+absl::Status Failure(CURL* easy, CURLcode code, const char* error) {
   const std::string message = absl::StrCat("the daemon can't be reached: ",
                                            *error != '\0' ? error : curl_easy_strerror(code));
+  long verified = 0;
+  curl_easy_getinfo(easy, CURLINFO_SSL_VERIFYRESULT, &verified);
   switch (code) {
     case CURLE_OPERATION_TIMEDOUT: return absl::DeadlineExceededError(message);
     // Somebody else answers there, or the option --ca is wrong.
     case CURLE_PEER_FAILED_VERIFICATION:
-    case CURLE_SSL_CACERT_BADFILE:
+      return verified == kNotYetValid || verified == kExpired ? absl::OutOfRangeError(message)
+                                                              : absl::UnauthenticatedError(message);
+    case CURLE_SSL_CACERT_BADFILE: return absl::PermissionDeniedError(message);
     case CURLE_URL_MALFORMAT: return absl::FailedPreconditionError(message);
     default: return absl::UnavailableError(message);
   }
@@ -132,7 +141,7 @@ bool IsAllowedUrl(const std::string& url) {
 }  // namespace
 
 struct HttpChannel::Request {
-  std::string path;                        // below the lease's
+  std::string path;                        // of the address
   std::optional<std::string_view> body = {};  // of a POST; else a GET
   const char* type = "application/json";
   int body_file = -1;                      // in place of `body`, from its beginning
@@ -149,7 +158,7 @@ absl::StatusOr<std::unique_ptr<HttpChannel>> HttpChannel::Open(const HttpChannel
     return absl::InvalidArgumentError(absl::StrCat(
         options.url, ": must be the daemon's https address; the lease's token is sent there"));
   }
-  if (options.token.empty()) {
+  if (options.token.empty() && !options.lease.empty()) {
     return absl::InvalidArgumentError("MYOGRADE_LEASE_TOKEN is not set; it must hold the lease's token");
   }
   static const CURLcode ready = curl_global_init(CURL_GLOBAL_DEFAULT);
@@ -162,10 +171,11 @@ absl::StatusOr<std::unique_ptr<HttpChannel>> HttpChannel::Open(const HttpChannel
 absl::StatusOr<std::string> HttpChannel::Ask(Request request) {
   CURL* const easy = easy_.get();
   curl_easy_reset(easy);  // keeps its connection
-  const std::string url = absl::StrCat(absl::StripSuffix(options_.url, "/"), "/v1/leases/",
-                                       options_.lease, request.path);
+  const std::string url = absl::StrCat(absl::StripSuffix(options_.url, "/"), request.path);
   Headers headers;
-  Add(headers, absl::StrCat("Authorization: Bearer ", options_.token));
+  if (!options_.token.empty()) {
+    Add(headers, absl::StrCat("Authorization: Bearer ", options_.token));
+  }
   Add(headers, "User-Agent: MyoGrade");
   Add(headers, "Expect:");
   char error[CURL_ERROR_SIZE] = "";
@@ -217,38 +227,44 @@ absl::StatusOr<std::string> HttpChannel::Ask(Request request) {
   long http = 0;
   curl_easy_getinfo(easy, CURLINFO_RESPONSE_CODE, &http);
   // A body that is refused by its head ends the connection after the answer.
-  if (code != CURLE_OK && http < 400) return Failure(code, error);
+  if (code != CURLE_OK && http < 400) return Failure(easy, code, error);
   if (absl::Status status = StatusOf(http, answer.text); !status.ok()) return status;
   return std::move(answer.text);
 }
 
+std::string HttpChannel::OfLease(const std::string& path) const {
+  return absl::StrCat("/v1/leases/", options_.lease, path);
+}
+
+absl::Status HttpChannel::Reach() { return Ask({.path = "/v1/live"}).status(); }
+
 absl::StatusOr<NodeOrder> HttpChannel::Order() {
   const absl::StatusOr<std::string> text =
-      Ask({.path = "/order", .most_answer = kMostOrderBytes + 1});
+      Ask({.path = OfLease("/order"), .most_answer = kMostOrderBytes + 1});
   if (!text.ok()) return text.status();
   return NodeOrderFromText(*text, "the daemon's order");
 }
 
 absl::Status HttpChannel::PutClaim(const NodeClaim& claim) {
   const std::string text = NodeClaimToText(claim);
-  return Ask({.path = "/claim", .body = text}).status();
+  return Ask({.path = OfLease("/claim"), .body = text}).status();
 }
 
 absl::Status HttpChannel::PutProof(const NodeProof& proof) {
   const std::string text = NodeProofToText(proof);
-  return Ask({.path = "/proof", .body = text}).status();
+  return Ask({.path = OfLease("/proof"), .body = text}).status();
 }
 
 absl::Status HttpChannel::FetchArtefact(const NodeArtefact& artefact, int file) {
   if (ftruncate(file, 0) != 0 || lseek(file, 0, SEEK_SET) != 0) {
     return DiskError("the packed submission", "written");
   }
-  return Ask({.path = "/artefact", .answer_file = file, .most_file = artefact.archive_bytes})
+  return Ask({.path = OfLease("/artefact"), .answer_file = file, .most_file = artefact.archive_bytes})
       .status();
 }
 
 absl::Status HttpChannel::AddRecords(int64_t offset, std::string_view bytes) {
-  const absl::StatusOr<std::string> text = Ask({.path = absl::StrCat("/records?offset=", offset),
+  const absl::StatusOr<std::string> text = Ask({.path = OfLease(absl::StrCat("/records?offset=", offset)),
                                                 .body = bytes,
                                                 .type = "application/octet-stream"});
   if (!text.ok()) return text.status();
@@ -266,7 +282,7 @@ absl::Status HttpChannel::AddRecords(int64_t offset, std::string_view bytes) {
 }
 
 absl::Status HttpChannel::PutLog(const std::string& log, int file) {
-  return Ask({.path = absl::StrCat("/logs/", log.substr(0, log.find('.'))),
+  return Ask({.path = OfLease(absl::StrCat("/logs/", log.substr(0, log.find('.')))),
               .type = "application/octet-stream",
               .body_file = file})
       .status();
@@ -274,7 +290,7 @@ absl::Status HttpChannel::PutLog(const std::string& log, int file) {
 
 absl::Status HttpChannel::PutEnd(const NodeEnd& end) {
   const std::string text = NodeEndToText(end);
-  return Ask({.path = "/end", .body = text}).status();
+  return Ask({.path = OfLease("/end"), .body = text}).status();
 }
 
 }  // namespace myograde::server

@@ -13,7 +13,7 @@ namespace myograde::server {
 
 struct HttpChannelOptions {
   std::string url;      // of the daemon: https://HOST:PORT; plain http for this host itself alone
-  std::string lease;    // name of the attempt
+  std::string lease;    // name of the attempt; "": none, to try the address
   std::string token;
   std::string ca_file;  // who signs the daemon's certificate; "": the host's usual authorities
 };
@@ -22,6 +22,9 @@ class HttpChannel : public LeaseChannel {
  public:
   // Asks nothing yet. InvalidArgumentError: the URL is of another form, or there is no token.
   static absl::StatusOr<std::unique_ptr<HttpChannel>> Open(const HttpChannelOptions& options);
+
+  // Whether the daemon answers, by the same connection as a lease's requests.
+  absl::Status Reach();
 
   absl::StatusOr<NodeOrder> Order() override;
   absl::Status PutClaim(const NodeClaim& claim) override;
@@ -37,6 +40,7 @@ class HttpChannel : public LeaseChannel {
   using Handle = std::unique_ptr<void, void (*)(void*)>;
   HttpChannel(const HttpChannelOptions& options, Handle easy);
   absl::StatusOr<std::string> Ask(Request request);
+  std::string OfLease(const std::string& path) const;
 
   const HttpChannelOptions options_;
   const Handle easy_;

@@ -2,12 +2,13 @@
 //
 //   myograde-node --spool DIR --lease NAME [--cache DIR] [--configs DIR] [--node-dir DIR]
 //   myograde-node --url URL --lease NAME [--ca FILE] [...]
+//   myograde-node --reach --url URL [--ca FILE]
 //   myograde-node --prove [--again] [--adapter NAME] [--uid-base N] [...]
 //
 // The first takes the order out of a shared folder, the second from the daemon, with the token in the
-// environment variable MYOGRADE_LEASE_TOKEN. The third prints the node's proof, as JSON. Exit status:
-// 0 the daemon was told how it ended (or the proof was printed, whatever it says), 2 wrong use, 4
-// trouble, 75 another process plays the lease.
+// environment variable MYOGRADE_LEASE_TOKEN. The third tries the daemon's address. The fourth prints the
+// node's proof, as JSON. Exit status: 0 the daemon was told how it ended (or answered, or the proof was
+// printed, whatever it says), 2 wrong use, else as in spool/forms.h.
 #include <signal.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -45,11 +46,13 @@ constexpr char kToken[] = "MYOGRADE_LEASE_TOKEN";
 constexpr char kUsage[] =
     "usage: myograde-node --spool DIR --lease NAME [--cache DIR] [--configs DIR] [--node-dir DIR]\n"
     "       myograde-node --url URL --lease NAME [--ca FILE] [--cache DIR] ...\n"
+    "       myograde-node --reach --url URL [--ca FILE]\n"
     "       myograde-node --prove [--again] [--adapter NAME] [--uid-base N] [--cache DIR] ...\n";
 
 struct Arguments {
   std::map<std::string, std::string, std::less<>> values;
   bool prove = false;
+  bool reach = false;
   bool again = false;
 
   std::string Get(std::string_view name, std::string otherwise = "") const {
@@ -58,7 +61,7 @@ struct Arguments {
   }
 };
 
-// False: they are not of any of the three forms.
+// False: they are not of any of the forms.
 bool Parse(int argc, char** argv, Arguments& arguments) {
   static const std::set<std::string_view> known = {"--spool", "--lease", "--url",      "--ca",
                                                    "--cache", "--configs", "--node-dir",
@@ -67,6 +70,8 @@ bool Parse(int argc, char** argv, Arguments& arguments) {
     const std::string_view name = argv[i];
     if (name == "--prove") {
       arguments.prove = true;
+    } else if (name == "--reach") {
+      arguments.reach = true;
     } else if (name == "--again") {
       arguments.again = true;
     } else if (!known.contains(name) || i + 1 == argc ||
@@ -77,6 +82,7 @@ bool Parse(int argc, char** argv, Arguments& arguments) {
   const bool spool = arguments.values.contains("--spool");
   const bool url = arguments.values.contains("--url");
   if (arguments.prove) return !spool && !url;
+  if (arguments.reach) return !spool && url;
   return spool != url && IsLeaseName(arguments.Get("--lease"));
 }
 
@@ -142,6 +148,16 @@ int Prove(const Arguments& arguments, const std::string& cache, const std::strin
   return kNodeDone;
 }
 
+int Reach(const Arguments& arguments) {
+  const absl::StatusOr<std::unique_ptr<HttpChannel>> channel = HttpChannel::Open(
+      {.url = arguments.Get("--url"), .lease = "", .token = "", .ca_file = arguments.Get("--ca")});
+  if (!channel.ok()) return Trouble(channel.status());
+  const absl::Status status = (*channel)->Reach();
+  if (status.ok()) return kNodeDone;
+  Trouble(status);
+  return ExitStatusOf(status);
+}
+
 int Main(int argc, char** argv) {
   // What the doctor starts in its trial sandbox.
   if (argc == 3 && std::string_view(argv[1]) == "doctor" &&
@@ -154,6 +170,7 @@ int Main(int argc, char** argv) {
     std::fputs(kUsage, stderr);
     return kWrongUse;
   }
+  if (arguments.reach) return Reach(arguments);
   umask(077);
   const std::string configs = Absolute(arguments.Get("--configs", ConfigDir()));
   setenv("MYOGRADE_CONFIG_DIR", configs.c_str(), 1);

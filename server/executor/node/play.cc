@@ -201,7 +201,7 @@ std::optional<int> Play::Begin() {
   absl::StatusOr<NodeOrder> order = AwaitOrder();
   if (!order.ok()) {
     Say(absl::StrCat("there is no order to play: ", order.status().message()));
-    return kNodeTrouble;
+    return ExitStatusOf(order.status());
   }
   if (order->name != options_.lease) {
     Say(absl::StrCat("the order is for lease ", order->name, ", not ", options_.lease));

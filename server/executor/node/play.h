@@ -23,12 +23,7 @@ struct PlayOptions {
   absl::Duration farewell = absl::Seconds(20);
 };
 
-// Exit statuses of the program.
-inline constexpr int kNodeDone = 0;     // the end has arrived, whatever it says
-inline constexpr int kNodeTrouble = 4;  // it has not; stderr says why
-inline constexpr int kNodeSecond = 75;  // another process plays the attempt
-
-// Returns an exit status. Never waits for a disk or a network that hangs for longer than its
+// Returns an exit status (forms.h). Never waits for a disk or a network that hangs for longer than its
 // deadlines: then it ends the process itself, with kNodeTrouble.
 int PlayLease(LeaseChannel& channel, const PlayOptions& options);
 

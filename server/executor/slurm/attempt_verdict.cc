@@ -23,13 +23,17 @@ AttemptVerdict JudgeOver(const AttemptView& view, const AttemptLimits& limits,
   const absl::Duration seen = std::max(view.looked - view.job.over_since, absl::ZeroDuration());
   if (seen < limits.farewell && now - view.job.over_since < limits.blind) return {};
   const bool claimed = view.claimed != absl::InfiniteDuration();
-  const std::string why =
+  std::string why =
       absl::StrCat(JobOf(view), " ",
                    view.job.missing ? "is not in the cluster's queue any more"
                                     : HowItEnded(view.job.state),
                    claimed ? " before its lease had ended" : " before it took its lease");
   if (view.job.state == JobState::kTimeLimit || view.job.state == JobState::kMemory) {
     return {Kind::kFault, why, ""};
+  }
+  if (const std::string reason = WhyItFailed(view.job.wait_status);
+      view.job.state == JobState::kFailed && !view.job.missing && !reason.empty()) {
+    absl::StrAppend(&why, ": ", reason);
   }
   // A program that never took its lease is not there, or can't run.
   const bool blamed = !claimed && !view.job.missing && view.job.state == JobState::kFailed;

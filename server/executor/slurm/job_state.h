@@ -30,6 +30,9 @@ bool IsOver(JobState state);
 // How a job that is over ended, to follow "job 12_0 on n1 ": "was preempted".
 std::string HowItEnded(JobState state);
 
+// What the wait status of a job's script that failed tells of the reason, to follow ": "; "": nothing.
+std::string WhyItFailed(int wait_status);
+
 // One task of a job array, as squeue shows it.
 struct SlurmJob {
   int64_t array = 0;
@@ -38,6 +41,7 @@ struct SlurmJob {
   std::string node = {};    // "": none yet
   std::string batch = {};   // the comment that it was submitted with
   std::string reason = {};  // why it waits, or how it ended, in Slurm's words
+  int wait_status = 0;      // of its script, as of waitpid(2), once it is over
 
   // As Slurm's commands name it.
   std::string id() const;

@@ -167,6 +167,7 @@ std::vector<SlurmJob> JobTable::See(const std::vector<SlurmJob>& jobs, absl::Dur
     view.state = job.state;
     if (!job.node.empty()) view.node = job.node;
     view.reason = job.reason;
+    view.wait_status = job.wait_status;
     view.seen = asked;
     view.over_since =
         IsOver(job.state) ? std::min(view.over_since, asked) : absl::InfiniteDuration();

@@ -28,6 +28,7 @@ struct JobView {
   std::string id;      // "12_0"; "": it is not submitted yet
   std::string node;    // "": none yet
   std::string reason;
+  int wait_status = 0;
   absl::Duration seen;        // when that answer was asked for; -InfiniteDuration(): none yet
   absl::Duration over_since;  // InfiniteDuration(): it is not over
   bool missing = false;       // it is over as the cluster does not show it any more

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <utility>
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -57,7 +58,8 @@ std::vector<std::string> SlurmEnvironment() {
   return kept;
 }
 
-const char kQueueFormat[] = "%F|%K|%T|%N|%k|%r";
+const char kQueueFormat[] =
+    "ArrayJobID:|,ArrayTaskID:|,State:|,NodeList:|,Comment:|,exit_code:|,Reason:";
 
 SlurmCommands::SlurmCommands(SlurmConfig config, std::string job_name,
                              std::function<bool()> stopped, absl::Duration deadline)
@@ -124,7 +126,7 @@ absl::StatusOr<int64_t> SlurmCommands::Submit(const BatchOrder& order) const {
 absl::StatusOr<std::vector<SlurmJob>> SlurmCommands::Queue() const {
   const absl::StatusOr<std::string> answer =
       Run("squeue", {"--noheader", "--array", "--states=all", "--name=" + job_name_,
-                     absl::StrCat("--user=", geteuid()), absl::StrCat("--format=", kQueueFormat)},
+                     absl::StrCat("--user=", geteuid()), absl::StrCat("--Format=", kQueueFormat)},
           "");
   if (!answer.ok()) return answer.status();
   return ParseQueue(*answer);
@@ -141,14 +143,35 @@ absl::Status SlurmCommands::CancelAll() const {
       .status();
 }
 
+absl::StatusOr<std::vector<std::string>> SlurmCommands::Nodes() const {
+  std::vector<std::string> words = {"--noheader", "--Node", "--format=%N|%P|%T"};
+  if (!config_.partition.empty()) words.push_back("--partition=" + config_.partition);
+  const absl::StatusOr<std::string> answer = Run("sinfo", std::move(words), "");
+  if (!answer.ok()) return answer.status();
+  std::vector<std::string> nodes;
+  const std::vector<std::string> lines = absl::StrSplit(*answer, '\n', absl::SkipWhitespace());
+  for (const std::string& line : lines) {
+    const std::vector<std::string> parts = absl::StrSplit(line, '|');
+    if (parts.size() != 3) {
+      return absl::InternalError(absl::StrCat("sinfo printed \"", LineText(line), "\""));
+    }
+    // The default partition has a star.
+    if (config_.partition.empty() && !absl::EndsWith(parts[1], "*")) continue;
+    if (!absl::StartsWith(parts[2], "down") && !absl::StartsWith(parts[2], "drain")) {
+      nodes.push_back(parts[0]);
+    }
+  }
+  return nodes;
+}
+
 absl::StatusOr<std::vector<SlurmJob>> ParseQueue(const std::string& text) {
   std::vector<SlurmJob> jobs;
   const std::vector<std::string> lines = absl::StrSplit(text, '\n', absl::SkipWhitespace());
   for (const std::string& line : lines) {
     // Nothing before the reason holds a bar.
-    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits('|', 5));
+    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits('|', 6));
     SlurmJob job;
-    if (parts.size() != 6 || !absl::SimpleAtoi(parts[0], &job.array)) {
+    if (parts.size() != 7 || !absl::SimpleAtoi(parts[0], &job.array)) {
       return absl::InternalError(absl::StrCat("squeue printed \"", LineText(line), "\""));
     }
     // Jobs that somebody else submitted by that name may be no arrays.
@@ -156,7 +179,8 @@ absl::StatusOr<std::vector<SlurmJob>> ParseQueue(const std::string& text) {
     job.state = JobStateOf(parts[2]);
     job.node = parts[3];
     job.batch = parts[4];
-    job.reason = parts[5];
+    if (!absl::SimpleAtoi(parts[5], &job.wait_status)) job.wait_status = 0;
+    job.reason = std::string(absl::StripAsciiWhitespace(parts[6]));
     jobs.push_back(std::move(job));
   }
   return jobs;

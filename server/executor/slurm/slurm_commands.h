@@ -41,6 +41,9 @@ class SlurmCommands {
   // All tasks of that name that the cluster still remembers. An error says nothing about any job.
   absl::StatusOr<std::vector<SlurmJob>> Queue() const;
 
+  // The nodes of the partition that Slurm gives jobs.
+  absl::StatusOr<std::vector<std::string>> Nodes() const;
+
   // Has tasks ended. OkStatus says only that the cluster was told so.
   absl::Status Cancel(const std::vector<SlurmJob>& jobs) const;
   // The same of all of that name.

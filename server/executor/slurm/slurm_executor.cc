@@ -65,13 +65,15 @@ SlurmExecutor::SlurmExecutor(SlurmOptions options, std::string epoch)
           },
           options_.command_deadline),
       writer_(options_.data_dir, options_.grader),
-      jobs_(options_.config.array_size) {}
+      // A job's script holds its leases' tokens, and comes to the node as a whole.
+      jobs_(options_.config.shared_dir.empty() ? 1 : options_.config.array_size) {}
 
 absl::Status SlurmExecutor::Begin() {
   wake_ = Fd(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
   if (!wake_.valid()) {
     return absl::InternalError(absl::StrCat("can't make an event: ", std::strerror(errno)));
   }
+  if (!options_.held_back.empty()) return absl::OkStatus();
   // On the daemon's own disk; a shared folder may hang, and is for the threads.
   if (options_.config.shared_dir.empty()) {
     if (absl::Status status = OpenToWrite(); !status.ok()) return status;
@@ -195,6 +197,7 @@ void SlurmExecutor::Judge(Attempt& attempt, absl::Duration now) {
     view.job = {.id = "",
                 .node = "",
                 .reason = "",
+                .wait_status = 0,
                 .seen = -absl::InfiniteDuration(),
                 .over_since = absl::InfiniteDuration()};
   }
@@ -229,6 +232,7 @@ void SlurmExecutor::Clear(absl::Duration now) {
 }
 
 std::string SlurmExecutor::CannotStart() const {
+  if (!options_.held_back.empty()) return options_.held_back;
   const MutexLock lock(mutex_);
   const absl::Duration now = Now();
   for (const Busy& busy : {writing_, reading_}) {
@@ -241,7 +245,20 @@ std::string SlurmExecutor::CannotStart() const {
   if (!jobs_.trouble().empty()) {
     return absl::StrCat("the cluster takes no jobs: ", jobs_.trouble());
   }
+  if (std::string why = WhyNoNode(); !why.empty()) return why;
   return emptied_ ? "" : "what an earlier daemon left in the spool is being removed";
+}
+
+std::string SlurmExecutor::WhyNoNode() const {
+  const auto drained = [&](const std::string& node) { return health_.drained(node); };
+  const std::vector<std::string> names = health_.Drained();
+  if (names.empty() || !usable_nodes_.has_value() ||
+      !std::all_of(usable_nodes_->begin(), usable_nodes_->end(), drained)) {
+    return "";
+  }
+  return absl::StrCat("all nodes of the cluster are drained or down; ", names.front(), ": ",
+                      health_.WhyDrained(names.front()),
+                      "; repair them, then \"myograde cluster admit NODE\"");
 }
 
 void SlurmExecutor::NoteEnd(const std::string& node, bool fault) {

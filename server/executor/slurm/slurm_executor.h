@@ -33,6 +33,7 @@ struct SlurmOptions {
   SlurmConfig config;
   std::string store_id;     // letters and digits that tell this store from all others: jobs and the
                             // spool are named after it
+  std::string held_back;    // why neither spool nor jobs may be touched; "": they may
   std::string data_dir;     // the daemon's; logs go to its folder "logs"
   std::string cache_dir;    // of models, where the config names none for the nodes
   std::string configs_dir;  // on the nodes, of sandbox/ and reference/
@@ -119,12 +120,15 @@ class SlurmExecutor : public Executor {
   // Attend's parts.
   void Judge(Attempt& attempt, absl::Duration now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Clear(absl::Duration now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Why no node may play; "": one may.
+  std::string WhyNoNode() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Lose(Attempt& attempt, const std::string& why) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // The thread that talks to Slurm.
   void TalkToSlurm();
   bool SubmitNext();
   void LookAtQueue();
+  void LookAtNodes();
   void CancelStrays(std::vector<SlurmJob> strays);
   BatchOrder MakeBatch(const JobTable::Batch& batch, const std::string& comment)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -155,6 +159,7 @@ class SlurmExecutor : public Executor {
   const AttemptLimits limits_;
   SlurmCommands commands_;
   OrderWriter writer_;         // of the writing thread
+  Fd hold_;                    // likewise: on the spool
   std::optional<Spool> spool_; // likewise, once it is open; also the door's
   std::unique_ptr<SpoolDoor> door_;
   Fd wake_;
@@ -169,7 +174,11 @@ class SlurmExecutor : public Executor {
   NodeHealth health_ ABSL_GUARDED_BY(mutex_);
   std::deque<Task> urgent_ ABSL_GUARDED_BY(mutex_);
   std::deque<Task> tasks_ ABSL_GUARDED_BY(mutex_);
-  bool emptied_ ABSL_GUARDED_BY(mutex_) = false;  // of what an earlier daemon left
+  // The spool is this daemon's, and empty of what an earlier one left. Until then no job is cancelled.
+  bool emptied_ ABSL_GUARDED_BY(mutex_) = false;
+  // Those of the partition, asked for while any is drained; nullopt: not known.
+  std::optional<std::vector<std::string>> usable_nodes_ ABSL_GUARDED_BY(mutex_);
+  absl::Duration next_nodes_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
   std::string queue_trouble_ ABSL_GUARDED_BY(mutex_) = "Slurm has not answered yet";
   std::string spool_trouble_ ABSL_GUARDED_BY(mutex_);
   absl::Duration spool_trouble_since_ ABSL_GUARDED_BY(mutex_);

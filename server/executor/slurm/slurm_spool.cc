@@ -53,6 +53,16 @@ void SlurmExecutor::WriteSpool() {
 absl::Status SlurmExecutor::OpenToWrite() {
   absl::StatusOr<Spool> spool = Spool::Make(spool_path_);
   if (!spool.ok()) return spool.status();
+  if (!hold_.valid()) {
+    absl::StatusOr<Fd> hold = spool->Hold();
+    if (absl::IsAlreadyExists(hold.status())) {
+      return absl::UnavailableError(absl::StrCat(
+          spool_path_, ": another daemon grades from this folder; stop it, or if its data folder is a "
+          "copy of this one, make that one its own with \"myograde serve --adopt\""));
+    }
+    if (!hold.ok()) return hold.status();
+    hold_ = *std::move(hold);
+  }
   if (absl::Status status = spool->PutEpoch(epoch_); !status.ok()) return status;
   if (absl::Status status = spool->RemoveLeases(); !status.ok()) return status;
   const absl::StatusOr<std::vector<std::string>> packed = spool->Artefacts();
@@ -64,6 +74,7 @@ absl::Status SlurmExecutor::OpenToWrite() {
   spool_.emplace(*std::move(spool));
   const MutexLock lock(mutex_);
   emptied_ = true;
+  next_look_ = Now();  // for jobs of an earlier daemon
   read_.NotifyAll();
   talk_.NotifyAll();
   return absl::OkStatus();

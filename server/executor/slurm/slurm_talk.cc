@@ -19,6 +19,8 @@ namespace {
 constexpr absl::Duration kIdle = absl::Seconds(10);
 // After a queue that did not answer.
 constexpr absl::Duration kAfterTrouble = absl::Seconds(5);
+// Between two looks at the cluster's nodes.
+constexpr absl::Duration kNodesEvery = absl::Seconds(10);
 // The share of the time that a slow queue is asked in, as one part in so many.
 constexpr int kShare = 5;
 constexpr size_t kMostCancels = 200;  // by one command
@@ -45,7 +47,14 @@ void SlurmExecutor::TalkToSlurm() {
     }
     if (!strays.empty()) CancelStrays(std::move(strays));
     if (SubmitNext()) continue;
-    if (look) LookAtQueue();
+    if (look) {
+      LookAtQueue();
+      LookAtNodes();
+    }
+  }
+  {
+    const MutexLock lock(mutex_);
+    if (!emptied_) return;  // what is there is another daemon's
   }
   const SlurmCommands farewell(options_.config, job_name_, [] { return false; }, kFarewell);
   if (absl::Status status = farewell.CancelAll(); !status.ok()) {
@@ -129,6 +138,7 @@ void SlurmExecutor::LookAtQueue() {
       if (!queue_trouble_.empty()) spdlog::info("the cluster answers");
       queue_trouble_.clear();
       strays = jobs_.See(*queue, asked);
+      if (!emptied_) strays.clear();
       if (jobs_.empty() && strays.empty()) pause = std::max(pause, kIdle);
     } else {
       const std::string why(queue.status().message());
@@ -140,6 +150,19 @@ void SlurmExecutor::LookAtQueue() {
   }
   if (!strays.empty()) CancelStrays(std::move(strays));
   Wake();
+}
+
+// Only while a node is drained, as others need no command for it.
+void SlurmExecutor::LookAtNodes() {
+  {
+    const MutexLock lock(mutex_);
+    if (health_.Drained().empty()) usable_nodes_.reset();
+    if (stopping_ || health_.Drained().empty() || Now() < next_nodes_) return;
+  }
+  absl::StatusOr<std::vector<std::string>> nodes = commands_.Nodes();
+  const MutexLock lock(mutex_);
+  next_nodes_ = Now() + kNodesEvery;
+  if (nodes.ok()) usable_nodes_ = *std::move(nodes);
 }
 
 void SlurmExecutor::CancelStrays(std::vector<SlurmJob> strays) {

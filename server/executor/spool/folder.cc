@@ -2,6 +2,7 @@
 
 #include <dirent.h>
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -266,6 +267,18 @@ absl::Status Folder::WriteAt(const std::string& name, int64_t offset,
   if (lseek(file->get(), offset, SEEK_SET) < 0) return DiskError(PathOf(name), "written");
   absl::Status status = WritePiece(file->get(), bytes.data(), bytes.size(), PathOf(name));
   return status.ok() ? Sync(file->get(), PathOf(name)) : status;
+}
+
+absl::StatusOr<Fd> Folder::Lock(const std::string& name) const {
+  Fd fd(openat(fd_.get(), name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
+  if (!fd.valid()) return DiskError(PathOf(name), "opened");
+  if (flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return fd;
+  if (errno == EWOULDBLOCK) {
+    return absl::AlreadyExistsError(absl::StrCat(PathOf(name), ": is locked by another process"));
+  }
+  // Not every network's disk has locks.
+  if (errno == ENOLCK || errno == ENOSYS || errno == EOPNOTSUPP) return Fd();
+  return DiskError(PathOf(name), "locked");
 }
 
 absl::Status Folder::Remove(const std::string& name) const {

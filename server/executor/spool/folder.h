@@ -72,6 +72,10 @@ class Folder {
   // an error any part of it may have been written, and it can be tried again.
   absl::Status WriteAt(const std::string& name, int64_t offset, std::string_view bytes) const;
 
+  // Makes a file (0600) if it is not there, and locks it until the descriptor is closed.
+  // AlreadyExistsError: another process has it. An invalid descriptor: the disk knows no locks.
+  absl::StatusOr<Fd> Lock(const std::string& name) const;
+
   // Removes a file; fine if there is none.
   absl::Status Remove(const std::string& name) const;
   // Removes a folder with all that is in it; fine if there is none.

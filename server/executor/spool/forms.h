@@ -87,6 +87,15 @@ struct NodeEnd {
   std::string why;
 };
 
+// Exit statuses of myograde-node: all that the daemon learns where no word of the node's arrives.
+inline constexpr int kNodeDone = 0;         // the end has arrived, whatever it says
+inline constexpr int kNodeTrouble = 4;      // it has not; stderr says why
+inline constexpr int kNodeUnreachable = 69; // no connection to the daemon, or the spool can't be read
+inline constexpr int kNodeSecond = 75;      // another process plays the attempt
+inline constexpr int kNodeUntrusted = 76;   // the daemon's certificate is none that the node trusts
+inline constexpr int kNodeClock = 77;       // the certificate is not valid by the node's clock
+inline constexpr int kNodeCaFile = 78;      // the file of authorities can't be read
+
 // A text of one line, without a line feed.
 std::string NodeOrderToText(const NodeOrder& order);
 std::string NodeClaimToText(const NodeClaim& claim);

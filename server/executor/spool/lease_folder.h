@@ -1,6 +1,7 @@
 // The spool: a folder through which the daemon and the nodes of a cluster hand each other leases.
 //
 //   epoch                    text of the daemon's present start
+//   daemon                   empty; locked by the daemon as long as it uses the folder
 //   artefacts/DIGEST.tar     packed submissions (artefact_tar.h)
 //   leases/NAME/             an attempt of a lease; NAME is LEASE-ATTEMPT-NONCE
 //     order.json   daemon    NodeOrder
@@ -83,6 +84,8 @@ class Spool {
   // A node's: all must be there.
   static absl::StatusOr<Spool> Open(const std::string& path);
 
+  // For one daemon at a time, until the descriptor is closed; errors as of Folder::Lock.
+  absl::StatusOr<Fd> Hold() const { return folder_.Lock("daemon"); }
   absl::Status PutEpoch(const std::string& epoch) const;
   absl::StatusOr<std::string> Epoch() const;
 

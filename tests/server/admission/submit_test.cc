@@ -217,7 +217,8 @@ TEST_F(SubmitTest, UsedUpFailedTriesForbidSubmissionsToo) {
 TEST_F(SubmitTest, AHostThatFailsItsReferenceGradesPracticeAlone) {
   std::optional<std::string> verdict = "this host computes otherwise";
   absl::Duration waited;
-  options_.reference = [&](absl::Duration timeout) {
+  options_.reference = [&](std::string_view kind, absl::Duration timeout) {
+    EXPECT_FALSE(kind.empty());
     waited = timeout;
     return verdict;
   };

@@ -388,6 +388,26 @@ class Files(PhasesCase):
         self.assertEqual(result.returncode, 0, result.stdout)
         self.assertIn("1 challenge, 0 mistakes", result.stdout)
 
+    def test_a_track_without_a_reference_episode_is_for_practice_only(self):
+        self.stop(signal.SIGTERM)
+        start = len(self.daemon.log())
+        (self.configs / "reference/manipulation.lcmlog.zst").unlink()
+        self.start()
+        said = self.daemon.log()[start:]
+        self.assertIn(f"the track {TRACK} is for practice only: no reference episode", said)
+        self.assertNotIn("elbow is for practice", said)
+        self.refused("not_official", "no reference episode", status=503, phase="final")
+        self.assertEqual(self.try_submit("ok", phase="final", episodes=1)[0], 201)
+        result = self.daemon.run_verb("challenge", "check", "--configs", self.configs, timeout_s=60,
+                                      text=True)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn(f"nothing of the track {TRACK} can be ranked: no reference episode", result.stdout)
+        result = self.daemon.run_verb("doctor", "--json", "--configs", self.configs, timeout_s=120,
+                                      text=True)
+        lacking = [check for check in json.loads(result.stdout)["checks"] if check["name"] == "reference"]
+        self.assertIn(TRACK, " ".join(check["found"] for check in lacking))
+        self.assertEqual({check["state"] for check in lacking}, {"degraded"})
+
     def test_a_changed_phase_is_told_in_the_log(self):
         self.played("ok")
         self.hold(final={"entry": "last"})

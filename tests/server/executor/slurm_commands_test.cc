@@ -120,22 +120,32 @@ TEST_F(SlurmCommandsTest, NoVariableChangesWhatTheyShowOrDo) {
 }
 
 TEST_F(SlurmCommandsTest, ReadsTheQueue) {
-  Install("squeue", "echo '12|0|RUNNING|n1|c0ffee|None'\n"
-                    "echo '12|1|PENDING||c0ffee|(Resources | Priority)'\n"
-                    "echo '13|N/A|RUNNING|n1|(null)|None'");
+  Install("squeue", "echo '12|0|RUNNING|n1|c0ffee|0|None'\n"
+                    "echo '12|1|PENDING||c0ffee|0|(Resources | Priority)'\n"
+                    "echo '12|2|FAILED|n1|c0ffee|19456|NonZeroExitCode'\n"
+                    "echo '13|N/A|RUNNING|n1|(null)|0|None'");
   const auto jobs = Commands().Queue();
   ASSERT_TRUE(jobs.ok()) << jobs.status();
-  ASSERT_EQ(jobs->size(), 2u);
+  ASSERT_EQ(jobs->size(), 3u);
   EXPECT_EQ((*jobs)[0].id(), "12_0");
   EXPECT_EQ((*jobs)[0].node, "n1");
   EXPECT_EQ((*jobs)[0].batch, "c0ffee");
   EXPECT_EQ((*jobs)[1].state, JobState::kWaiting);
   EXPECT_EQ((*jobs)[1].reason, "(Resources | Priority)");
+  EXPECT_EQ((*jobs)[2].wait_status, 76 << 8);
   EXPECT_THAT(Words(), HasSubstr("--name=myograde-test"));
   Install("squeue", "echo 'slurm_load_jobs error'");
   EXPECT_FALSE(Commands().Queue().ok());
   Install("squeue", "echo 12; exit 1");
   EXPECT_FALSE(Commands().Queue().ok()) << "half an answer is none";
+}
+
+TEST_F(SlurmCommandsTest, ReadsTheNodesThatGetJobs) {
+  Install("sinfo", "echo 'n1|grading*|idle'; echo 'n2|grading*|down*'; echo 'n3|other|idle'\n"
+                   "echo 'n4|grading*|drained'; echo 'n5|grading*|mixed'");
+  const auto nodes = Commands().Nodes();
+  ASSERT_TRUE(nodes.ok()) << nodes.status();
+  EXPECT_EQ(*nodes, std::vector<std::string>({"n1", "n5"}));
 }
 
 TEST_F(SlurmCommandsTest, CancelsTasks) {

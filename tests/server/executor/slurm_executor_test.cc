@@ -41,7 +41,7 @@ class FakeSlurm {
             "for w in \"$@\"; do case $w in\n"
             "--array=0-*) last=${w#--array=0-} ;; --comment=*) batch=${w#--comment=} ;; esac; done\n"
             "echo \"$@\" >>$d/sbatch.words; cat >$d/script.$n\n"
-            "for t in $(seq 0 $last); do echo \"$n|$t|PENDING||$batch|None\" >>$d/queue; done\n"
+            "for t in $(seq 0 $last); do echo \"$n|$t|PENDING||$batch|0|None\" >>$d/queue; done\n"
             "[ -e $d/swallow ] && sleep 1000\n"
             "echo $n");
     Install("squeue", "[ -e $d/down ] && { echo 'squeue: error: Unable to contact' >&2; exit 1; }\n"
@@ -53,12 +53,12 @@ class FakeSlurm {
     std::ofstream(folder_ / "queue.new") << text;
     fs::rename(folder_ / "queue.new", folder_ / "queue");
   }
-  // Puts all tasks into this state, on a node.
-  void All(const std::string& state, const std::string& node = "n1") const {
+  // Puts all tasks into this state, on a node, with the wait status of their script.
+  void All(const std::string& state, const std::string& node = "n1", int status = 0) const {
     std::string text;
     for (const std::string& line : Lines("queue")) {
       const std::vector<std::string> parts = absl::StrSplit(line, '|');
-      absl::StrAppend(&text, parts[0], "|", parts[1], "|", state, "|", node, "|", parts[4], "|None\n");
+      absl::StrAppend(&text, parts[0], "|", parts[1], "|", state, "|", node, "|", parts[4], "|", status, "|None\n");
     }
     Queue(text);
   }
@@ -309,12 +309,95 @@ TEST_F(SlurmExecutorTest, AStartEmptiesTheSpoolAndCancelsWhatAnEarlierDaemonSubm
   const Spool earlier = *Spool::Make(options_.config.shared_dir + "/myograde-test");
   EXPECT_TRUE(earlier.PutEpoch("earlier").ok());
   EXPECT_TRUE(earlier.MakeLease("4-1-0123456789abcdef").ok());
-  slurm_.Queue("3|0|RUNNING|n1|earlier|None\n");
+  slurm_.Queue("3|0|RUNNING|n1|earlier|0|None\n");
   Begin();
   EXPECT_NE(*OpenSpool().Epoch(), "earlier");
   EXPECT_THAT(Names(), IsEmpty());
   Wait("its job is cancelled", [&] { return !slurm_.Lines("cancelled").empty(); });
   EXPECT_EQ(slurm_.Lines("cancelled")[0], "--quiet 3_0");
+}
+
+TEST_F(SlurmExecutorTest, ADaemonThatIsHeldBackTouchesNeitherSpoolNorJobs) {
+  options_.held_back = "it is a copy";
+  slurm_.Queue("3|0|RUNNING|n1|original|0|None\n");
+  for (const bool shared : {true, false}) {
+    options_.config.shared_dir = shared ? (folder_.path() / "shared").string() : "";
+    options_.config.url = shared ? "" : "https://127.0.0.1:1";
+    auto executor = SlurmExecutor::Make(options_);
+    ASSERT_TRUE(executor.ok()) << executor.status();
+    (*executor)->Attend();
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    EXPECT_EQ((*executor)->CannotStart(), "it is a copy");
+    EXPECT_EQ((*executor)->door(), nullptr);
+  }
+  EXPECT_TRUE(fs::is_empty(folder_.path() / "shared"));
+  EXPECT_FALSE(fs::exists(folder_.path() / "data/cluster"));
+  EXPECT_THAT(slurm_.Lines("cancelled"), IsEmpty());
+}
+
+TEST_F(SlurmExecutorTest, ASpoolIsOneDaemonsAtATime) {
+  Begin();
+  auto runner = Start();
+  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
+  slurm_.All("RUNNING");
+  const LeaseFolder lease = Claimed(Names()[0]);
+  const std::string epoch = *OpenSpool().Epoch();
+  {
+    auto second = SlurmExecutor::Make(options_);
+    ASSERT_TRUE(second.ok()) << second.status();
+    Wait("it is said", [&] {
+      return (*second)->CannotStart().find("another daemon") != std::string::npos;
+    });
+    // Long enough to look at the queue, where the job is none of its own.
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  }
+  EXPECT_THAT(slurm_.Lines("cancelled"), IsEmpty());
+  EXPECT_EQ(*OpenSpool().Epoch(), epoch);
+  EXPECT_TRUE(*lease.IsThere());
+  runner.reset();
+  executor_.reset();
+  Begin();
+  EXPECT_NE(*OpenSpool().Epoch(), epoch);
+}
+
+TEST_F(SlurmExecutorTest, ByHttpsAScriptHoldsTheTokenOfOneLease) {
+  options_.config.shared_dir.clear();
+  options_.config.url = "https://127.0.0.1:1";
+  Begin();
+  auto runner = Start();
+  auto other = Start(6);
+  Wait("both are submitted", [&] { return slurm_.Lines("queue").size() == 2; });
+  for (const char* script : {"script.1", "script.2"}) {
+    int tokens = 0;
+    for (const std::string& line : slurm_.Lines(script)) {
+      if (line.find("MYOGRADE_LEASE_TOKEN=") != std::string::npos) ++tokens;
+    }
+    EXPECT_EQ(tokens, 1) << script;
+  }
+}
+
+TEST_F(SlurmExecutorTest, NothingStartsWhereAllNodesAreDrained) {
+  slurm_.Install("sinfo", "echo 'n1|grading*|idle'; echo 'n2|grading*|idle'; echo 'n3|grading*|down'");
+  Begin();
+  EXPECT_TRUE(executor_->Drain("n1", "a fan is broken").ok());
+  auto runner = Start();
+  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
+  EXPECT_EQ(executor_->CannotStart(), "");
+  EXPECT_TRUE(executor_->Drain("n2", "new disks").ok());
+  Wait("it is said", [&] { return !executor_->CannotStart().empty(); });
+  EXPECT_THAT(executor_->CannotStart(), HasSubstr("n1: a fan is broken"));
+  EXPECT_TRUE(executor_->Admit("n2").ok());
+  EXPECT_EQ(executor_->CannotStart(), "");
+}
+
+TEST_F(SlurmExecutorTest, WhyANodeNeverTookItsLeaseIsSaid) {
+  Begin();
+  auto runner = Start();
+  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
+  slurm_.All("FAILED", "n1", kNodeUntrusted << 8);
+  Wait("it is lost", [&] { return !runner->lost().empty(); });
+  EXPECT_THAT(runner->lost(), HasSubstr("job 1_0 on n1 failed before it took its lease: the node does "
+                                        "not trust the TLS certificate"));
 }
 
 TEST_F(SlurmExecutorTest, AFolderThatCannotBeWrittenIsSaid) {

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/executor/spool/forms.h"
+
 namespace myograde::server {
 namespace {
 
@@ -41,6 +43,20 @@ class SlurmVerdict : public ::testing::Test {
   AttemptView view_;
   const AttemptLimits limits_{.queue_wait = absl::Seconds(600), .claim = absl::Seconds(60)};
 };
+
+TEST_F(SlurmVerdict, AJobThatFailedSaysWhy) {
+  Submit();
+  const std::pair<int, const char*> cases[] = {
+      {9, "signal 9"},           {137 << 8, "signal 9"},      {127 << 8, "bin_dir"},
+      {kNodeClock << 8, "clock"}, {kNodeUnreachable << 8, "can't reach"},
+      {kNodeCaFile << 8, "ca_file"}, {kNodeUntrusted << 8, "does not trust the TLS certificate"},
+      {4 << 8, "exit status was 4"}};
+  for (const auto& [status, words] : cases) {
+    view_.job.wait_status = status;
+    Over(JobState::kFailed, 12);
+    EXPECT_THAT(Judge(40).why, HasSubstr(words)) << status;
+  }
+}
 
 TEST_F(SlurmVerdict, WhatGoesOnGoesOn) {
   EXPECT_EQ(Judge(100).kind, Kind::kGoesOn);

@@ -92,8 +92,8 @@ TEST(LeaseReport, ARunnerThatIsLateOrSilentIsFaultyUnlessItHasToldAll) {
 TEST(LeaseReport, AnEndThatIsNoneTellsWhatIsKnown) {
   LeaseReport without(Episodes(1), {}, kStart);
   without.Conclude(9, "first\nthe last line\n");
-  EXPECT_EQ(without.fault(), "the runner ended (wait status 9) without its last record; its last "
-                             "words: the last line");
+  EXPECT_EQ(without.fault(), "the runner ended (signal 9) without its last record; its last words: "
+                             "the last line");
   LeaseReport refused(Episodes(1), {}, kStart);
   refused.Take({End(false, "the models are gone")}, kStart);
   refused.Conclude(0, "");

@@ -10,7 +10,9 @@
 #include <sys/resource.h>
 
 #include <csignal>
+#include <filesystem>
 
+#include "server/store/home.h"
 #include "server/store/lock.h"
 #include "tests/server/store/store_fixture.h"
 
@@ -62,6 +64,26 @@ TEST_F(StoreTest, KeepsItsSecretForEver) {
   EXPECT_EQ(secret.size(), 32u);
   Open();
   EXPECT_EQ(store_->policy_secret(), secret);
+}
+
+TEST_F(StoreTest, ACopyOfItsFolderIsAnotherHome) {
+  namespace fs = std::filesystem;
+  EXPECT_FALSE((*RecordedHome(path_)).has_value());
+  const DataHome home = *HomeOf(dir_);
+  ASSERT_TRUE(RecordHome(path_, home).ok());
+  Open();
+  EXPECT_EQ((*RecordedHome(path_))->key, home.key);
+  EXPECT_THAT((*RecordedHome(path_))->place, HasSubstr(dir_ + " on host "));
+  store_.reset();
+  const std::string copy = dir_ + "-copy";
+  fs::copy(dir_, copy, fs::copy_options::recursive);
+  EXPECT_EQ((*RecordedHome(copy + "/store.db"))->key, home.key) << "it tells whose copy it is";
+  EXPECT_NE(HomeOf(copy)->key, home.key);
+  fs::remove_all(copy);
+  // A folder that is renamed is the same, and so is one whose contents were replaced.
+  fs::rename(dir_, copy);
+  EXPECT_EQ(HomeOf(copy)->key, home.key);
+  fs::rename(copy, dir_);
 }
 
 TEST_F(StoreTest, AcceptanceNumbersRiseAndTheQueueIsThereAfterOpeningAgain) {

@@ -148,8 +148,9 @@ class ClusterDoctorTest(CliCase):
         self.missing("cluster_files", "no file can be made", shared_dir=self.path("nowhere"))
         os.chmod(self.path("shared"), 0o770)
         self.missing("cluster_files", "can be written by other users")
-        check = self.checks(0, shared_dir="", url="https://grader.example.org:8443")["cluster_files"]
-        self.assertIn("https://grader.example.org:8443", check["found"])
+        url = "https://grader.example.org:8443"
+        check = self.checks(0, shared_dir="", url=url)["cluster_files"]
+        self.assertIn(url, check["found"])
         check = self.checks(4, executor="local", shared_dir="")["cluster_files"]
         self.assertIn("neither", check["found"])
 
@@ -163,6 +164,18 @@ class ClusterDoctorTest(CliCase):
         # A node with another disk at the same place.
         self.command("srun", SRUN.replace('exec "$@"', '"$@" | sed "s/^probe=.*/probe=/"'))
         self.missing("cluster_node", "what this host writes to ")
+
+    def test_a_node_that_does_not_reach_or_trust_the_daemon(self):
+        where = {"shared_dir": "", "url": "https://grader.example.org:8443", "ca_file": "/ca.pem"}
+        self.path("bin/myograde-node", SHEBANG + f'echo "$*" > {self.temp}/words\n', 0o755)
+        check = self.checks(0, **where)["cluster_address"]
+        self.assertIn("trusts its TLS certificate", check["found"])
+        with open(self.path("words"), encoding="utf-8") as file:
+            self.assertEqual(file.read(), f"--reach --url {where['url']} --ca /ca.pem\n")
+        for why in ("SSL certificate problem: certificate has expired", "Connection refused"):
+            self.path("bin/myograde-node", f"{SHEBANG}echo 'myograde-node: the daemon can'\\''t be "
+                      f"reached: {why}' >&2; exit 76", 0o755)
+            self.missing("cluster_address", why, **where)
 
     def test_a_clock_that_is_wrong(self):
         self.command("srun", SRUN.replace('exec "$@"', '"$@" | sed "s/^time=.*/time=1000/"'))
