@@ -96,7 +96,7 @@ absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
 
 absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const MakerOptions& options,
                                         const Stopped& stopped) {
-  const absl::Duration time = kPictureTime + static_cast<double>(episode.logs.size()) * kTimePerLog;
+  const absl::Duration time = kPictureTime + static_cast<double>(episode.logs.size() - 1) * kTimePerLog;
   RenderOrder order;
   order.track = episode.track;
   order.cache_dir = options.cache_dir;

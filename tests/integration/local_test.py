@@ -6,7 +6,7 @@ from system import POLICIES, SystemTest, track_config
 class LocalEpisodes(SystemTest):
     """What a local run leaves to look at."""
 
-    tracks = {"short-arm": track_config("manipulation")}
+    tracks = {"short-arm": track_config("manipulation", rules={"max_steps": 60})}
 
     def test_an_episode_with_carried_over_state_is_played_from_the_files_beside_it(self):
         logs = self.root / "logs"

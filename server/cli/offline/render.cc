@@ -37,7 +37,7 @@ using Form = RenderOrder::Form;
 
 constexpr int kMostDrawingThreads = 16;
 constexpr double kDeadlineSeconds = 600;   // of loading, and of a picture
-constexpr double kSecondsPerLog = 60;      // of playing it, on processors that all grade
+constexpr double kSecondsPerLog = 60;      // of playing one that comes before, on processors that all grade
 constexpr double kSecondsPerFrame = 10;
 
 struct RenderOptions : DaemonOptions {
@@ -180,7 +180,7 @@ absl::Status Find(const RenderOptions& options, const std::string& folder, Drawi
   order.deadline_s = kDeadlineSeconds;
   for (const ShownEpisode& episode : drawing.shown.episodes) {
     order.episodes.push_back(episode.order);
-    order.deadline_s += kSecondsPerLog * static_cast<double>(episode.order.logs.size());
+    order.deadline_s += kSecondsPerLog * static_cast<double>(episode.order.logs.size() - 1);
   }
   if (drawing.film) {
     drawing.frames = FilmFrames(order, drawing.shown.episodes.front().steps,

@@ -164,7 +164,6 @@ class Render(CliCase):
                 ("a strip is a picture", "7", "--strip", "-o", "a.mp4"),
                 ("leave --episode out", "7", "--strip", "--episode", "1", "-o", "a.png"),
                 ("name the episode", "7", "-o", "a.png"),
-                ("one by its number", LOG, "--strip", "-o", "a.png"),
                 ("holds one episode", LOG, "--episode", "0", "-o", "a.png"),
                 ("can't be written", LOG, "-o", "/nowhere/a.png")):
             self.refused(2, sentence, "render", *words)
@@ -193,6 +192,12 @@ class Render(CliCase):
                                                   *SMALL, outcome="success"))
         self.assertEqual(value["submission"], 7)
         self.assertEqual(value["episodes"][0]["verdict"], "success")
+
+    def test_a_strip_of_a_log_has_one_row(self):
+        file = self.out("a.png")
+        value, _ = self.drawn(LOG, "--strip", "-o", file, *SMALL)
+        self.assertEqual((value["form"], [one["place"] for one in value["episodes"]]), ("strip", ["only"]))
+        self.assertEqual(png_size(file), (5 * (64 + 4) - 4, 48))
 
     def test_a_strip_picks_from_the_episodes_that_have_a_log(self):
         file = self.out("a.png")
