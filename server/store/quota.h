@@ -6,7 +6,8 @@
 // any outcome but the grader's fault, and counts for the day on which it was accepted. Accepted
 // submissions that are not charged yet count as used. An evaluation that ends as grader_error is
 // refunded. One that ends as failed (the policy spoiled every episode) is refunded too, and charged
-// to the budget `failed` instead, as are rejected uploads. A cancelled one is not refunded.
+// to the budget `failed` instead, as are rejected uploads. A cancelled one is not refunded, and in a
+// phase that withholds anything it is charged once a lease has begun.
 //
 // Days are whole UTC days, and each has its one allowance, however the clock is set. A clock that was
 // ahead by up to a day, as around midnight, makes no new day when it goes back. Rows of days beyond

@@ -190,8 +190,10 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
   const absl::Status whole = import(Copy(), "whole.db");
   EXPECT_TRUE(whole.ok()) << whole;
   const Target artefact = {"artefact", "hash = (SELECT min(hash) FROM artefact)", ""};
-  const Target lease = {"lease", absl::StrCat("evaluation = ", teams_.victim.done), ""};
-  const Target episode = {"episode", absl::StrCat("evaluation = ", teams_.victim.done), ""};
+  const std::string done = absl::StrCat("evaluation = ", teams_.victim.done);
+  const Target lease = {
+      "lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE ", done, ")"), ""};
+  const Target episode = {"episode", absl::StrCat(done, " AND idx = 0"), ""};
   int number = 0;
   for (const auto& [target, column, value] :
        {std::tuple(artefact, "command_json", "'[]'"), std::tuple(artefact, "environment_json", "'[]'"),
