@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "protocol/tracks/registry.h"
 #include "server/grading/tracks.h"
 
 namespace myograde::server {
