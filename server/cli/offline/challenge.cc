@@ -105,11 +105,11 @@ int CheckFiles(const CheckOptions& options) {
   const std::vector<ChallengeConfig> challenges = ChallengesWith(options, mistakes);
   // What can be read is checked even if the rest can't be.
   ChallengeFindings found = CheckChallenges(challenges, *tracks, SystemClock().Now());
-  // A host with the client alone has no reference episodes.
+  // A host with the client alone has neither server.json nor reference episodes.
   const std::string reference = options.host.configs_dir() + "/reference";
   std::error_code error;
   for (const ChallengeConfig& challenge : challenges) {
-    if (!fs::exists(reference, error)) break;
+    if (!fs::exists(options.host.configs_dir() + "/server.json", error)) break;
     for (const PhaseConfig& phase : challenge.phases) {
       const absl::StatusOr<TrackPtr> track = tracks->Find(phase.track, phase.profile);
       if (!track.ok()) continue;
