@@ -1,6 +1,7 @@
 #include "server/config/slurm_config.h"
 
 #include <algorithm>
+#include <cstdlib>
 
 #include <absl/strings/str_cat.h>
 
@@ -109,6 +110,15 @@ absl::Status CheckSlurmIsUsable(const SlurmConfig& config, const std::string& wh
   return absl::InvalidArgumentError(
       absl::StrCat(where, ": neither \"shared_dir\" nor \"url\" is given: nodes get their leases through "
                           "a folder that they share with the daemon, or by HTTPS from its address"));
+}
+
+std::vector<std::string> SlurmEnvironment() {
+  std::vector<std::string> kept = {"LC_ALL=C.UTF-8"};  // their messages are read
+  for (const char* name : {"PATH", "HOME", "USER", "LOGNAME", "TMPDIR", "LD_LIBRARY_PATH", "SLURM_CONF",
+                           "SLURM_CONF_SERVER", "SLURM_JWT"}) {
+    if (const char* value = std::getenv(name)) kept.push_back(absl::StrCat(name, "=", value));
+  }
+  return kept;
 }
 
 }  // namespace myograde::server

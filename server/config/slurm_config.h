@@ -48,4 +48,9 @@ absl::StatusOr<SlurmConfig> ReadSlurm(const nlohmann::json& json, const std::str
 // cluster.
 absl::Status CheckSlurmIsUsable(const SlurmConfig& config, const std::string& where);
 
+// What Slurm's commands get of this process' environment, "NAME=VALUE" each: what finds and signs in to
+// the cluster. Their other variables (SQUEUE_PARTITION, SBATCH_ACCOUNT, SCANCEL_STATE, SLURM_CLUSTERS)
+// change what they show or do, and the bookkeeping relies on that.
+std::vector<std::string> SlurmEnvironment();
+
 }  // namespace myograde::server

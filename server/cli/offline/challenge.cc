@@ -131,11 +131,11 @@ int CheckFiles(const CheckOptions& options) {
     const absl::Status looked = AddStoreMistakes(options.data, challenges, now, found.mistakes);
     if (!looked.ok()) return ReportError(looked);
   }
-  // A host with the client alone has no reference episodes.
+  // A host with the client alone has neither server.json nor reference episodes.
   const std::string reference = options.host.configs_dir() + "/reference";
   std::error_code error;
   for (const ChallengeConfig& challenge : challenges) {
-    if (!fs::exists(reference, error)) break;
+    if (!fs::exists(options.host.configs_dir() + "/server.json", error)) break;
     for (const PhaseConfig& phase : challenge.phases) {
       const absl::StatusOr<TrackPtr> track = tracks->Find(phase.track, phase.profile);
       if (!track.ok()) continue;

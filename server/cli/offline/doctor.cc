@@ -98,14 +98,17 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks,
                       "mend the file, or name another folder with --configs"});
   }
   if (!tracks.ok()) return options;
+  std::string lacking;
   for (const auto& [name, offer] : tracks->entries()) {
     const std::string why =
         WhyUnreferenced(options.config_dir + "/reference",
                         offer.profiles.at(offer.default_profile)->config.kind->name);
-    if (why.empty()) continue;
-    checks.push_back({"reference", CheckState::kDegraded, absl::StrCat("the track ", name, ": ", why),
-                      "ranked submissions to it are refused, and practice is graded",
-                      "record a reference episode of it (configs/README.md, 'How to add a track')"});
+    if (!why.empty()) absl::StrAppend(&lacking, lacking.empty() ? "" : "; ", "the track ", name, ": ", why);
+  }
+  if (!lacking.empty()) {
+    checks.push_back({"reference", CheckState::kDegraded, lacking,
+                      "ranked submissions to these tracks are refused, and practice is graded",
+                      "record their reference episodes (configs/README.md, 'How to add a track')"});
   }
   return options;
 }

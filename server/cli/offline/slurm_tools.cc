@@ -7,7 +7,7 @@
 #include <absl/strings/str_split.h>
 
 #include "server/base/child_process.h"
-#include "server/executor/slurm/slurm_commands.h"
+#include "server/config/slurm_config.h"
 
 namespace myograde::server {
 namespace {

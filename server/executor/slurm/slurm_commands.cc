@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <cstdlib>
 #include <utility>
 
 #include <absl/strings/ascii.h>
@@ -48,15 +47,6 @@ bool IsRefusal(const std::string& said) {
 }
 
 }  // namespace
-
-std::vector<std::string> SlurmEnvironment() {
-  std::vector<std::string> kept = {"LC_ALL=C.UTF-8"};  // their messages are read
-  for (const char* name : {"PATH", "HOME", "USER", "LOGNAME", "TMPDIR", "LD_LIBRARY_PATH", "SLURM_CONF",
-                           "SLURM_CONF_SERVER", "SLURM_JWT"}) {
-    if (const char* value = std::getenv(name)) kept.push_back(absl::StrCat(name, "=", value));
-  }
-  return kept;
-}
 
 const char kQueueFormat[] =
     "ArrayJobID:|,ArrayTaskID:|,State:|,NodeList:|,Comment:|,exit_code:|,Reason:";

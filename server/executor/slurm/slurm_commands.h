@@ -59,11 +59,6 @@ class SlurmCommands {
   const absl::Duration deadline_;
 };
 
-// What Slurm's commands get of this process' environment, "NAME=VALUE" each: what finds and signs in to
-// the cluster. Their other variables (SQUEUE_PARTITION, SBATCH_ACCOUNT, SCANCEL_STATE, SLURM_CLUSTERS)
-// change what they show or do, and the bookkeeping relies on that.
-std::vector<std::string> SlurmEnvironment();
-
 // Lines of squeue with kQueueFormat. InternalError: one is of another form, and which.
 extern const char kQueueFormat[];
 absl::StatusOr<std::vector<SlurmJob>> ParseQueue(const std::string& text);

@@ -48,8 +48,9 @@ class ClusterDoctorTest(CliCase):
                                 **slurm})
         folder = self.path("configs")
         os.makedirs(folder, exist_ok=True)
-        if not os.path.exists(f"{folder}/tracks"):
-            os.symlink(f"{SOURCE_DIR}/configs/tracks", f"{folder}/tracks")
+        for part in ("tracks", "reference"):
+            if not os.path.exists(f"{folder}/{part}"):
+                os.symlink(f"{SOURCE_DIR}/configs/{part}", f"{folder}/{part}")
         self.path("configs/server.json", json.dumps(config))
         return myograde("doctor", "--cluster", *args, "--data", self.path("data"),
                         MYOGRADE_CONFIG_DIR=folder)
