@@ -21,7 +21,7 @@ StoredRow AccessEventOf(SQLite::Statement& select, AccessEventRow& event) {
   return row;
 }
 
-constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
+constexpr int64_t kMsOfADay = 24 * 60 * 60 * 1000;
 
 // Adds to the count of the day's row of equal denials. False: there is none.
 bool CountDenial(SQLite::Database& db, const AccessEventRow& event, int64_t now_ms) {
@@ -29,8 +29,8 @@ bool CountDenial(SQLite::Database& db, const AccessEventRow& event, int64_t now_
       db, "UPDATE access_event SET count = count + ?1 WHERE id = (SELECT id FROM access_event "
           "WHERE kind = 'denied' AND at BETWEEN ?2 AND ?3 AND who = ?4 AND role = ?5 AND action = ?6 "
           "AND subject = ?7 AND detail = ?8 LIMIT 1)");
-  const int64_t day = now_ms / kDayMs * kDayMs;
-  SQLite::bind(update, event.count, day, day + kDayMs - 1, event.who, event.role, event.action,
+  const int64_t day = now_ms / kMsOfADay * kMsOfADay;
+  SQLite::bind(update, event.count, day, day + kMsOfADay - 1, event.who, event.role, event.action,
                event.subject, event.detail);
   return update.exec() > 0;
 }
@@ -38,7 +38,7 @@ bool CountDenial(SQLite::Database& db, const AccessEventRow& event, int64_t now_
 bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
   SQLite::Statement select(db, "SELECT count(*) FROM (SELECT 1 FROM access_event WHERE "
                                "kind = 'denied' AND at >= ? LIMIT ?)");
-  SQLite::bind(select, now_ms / kDayMs * kDayMs, kMostDenialsOfADay);
+  SQLite::bind(select, now_ms / kMsOfADay * kMsOfADay, kMostDenialsOfADay);
   select.executeStep();
   return select.getColumn(0).getInt64() == kMostDenialsOfADay;
 }

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -326,126 +325,6 @@ TEST_F(ImageTest, AFolderWithAnImageIsTheSameArtefactWhereverItIsUnpacked) {
   std::ofstream(temp_ / "p/weights") << "x";
   EXPECT_THAT(std::string(PackArtefact(temp_ / "p", temp_ / "packed", {}).status().message()),
               HasSubstr("put it into the image"));
-}
-
-TEST_F(ImageTest, TheOrderAndNamesOfMembersDoNotMatter) {
-  const std::string layer = Layer(kRun);
-  const std::string config = ImageConfigOf({layer}).dump();
-  const auto digest = Unpack(DockerImage({layer}));
-  ASSERT_TRUE(digest.ok()) << digest.status();
-  struct Names {
-    std::string before, config, layer;
-  };
-  for (const Names& names : {Names{"", "sha256:" + Sha256Hex(config), Sha256Hex(layer) + ".tar.gz"},
-                             Names{"", "config.json", "layer.tar"}, Names{"./", "config.json", "a/b/layer.tar"},
-                             Names{"./", Sha256Hex(config) + ".json", Sha256Hex(layer) + "/layer.tar"}}) {
-    const Json manifest = Json::array({Json::object({{"Config", names.config},
-                                                     {"RepoTags", {"host/agent:latest"}},
-                                                     {"Layers", {names.layer}}})});
-    std::vector<std::string> members = {TarEntry('0', names.before + names.config, config),
-                                        TarEntry('0', names.before + names.layer, layer),
-                                        TarEntry('0', names.before + "manifest.json", manifest.dump())};
-    std::sort(members.begin(), members.end());
-    do {
-      const std::string top = names.before.empty() ? "" : TarEntry('5', "./");
-      const auto image = Unpack(top + members[0] + members[1] + members[2] + EndOfTar());
-      ASSERT_TRUE(image.ok()) << names.config << ": " << image.status();
-      EXPECT_EQ(image->digest, digest->digest);
-    } while (std::next_permutation(members.begin(), members.end()));
-    // Compressed as a whole, by whatever docker load takes; an equal member twice.
-    const std::string whole = members[0] + members[1] + members[0] + members[2] + EndOfTar();
-    for (const Kind kind : {Kind::kTar, Kind::kTarGz, Kind::kTarZst, Kind::kTarXz, Kind::kTarBz2}) {
-      WritePacked(temp_ / "a", whole, kind);
-      fs::remove_all(temp_ / "out");
-      const auto packed = UnpackArtefact(temp_ / "a", temp_ / "out", {});
-      if (names.layer.starts_with("a/") && kind != Kind::kTar) continue;  // no builder's form
-      ASSERT_TRUE(packed.ok()) << packed.status();
-      EXPECT_EQ(packed->digest, digest->digest);
-    }
-  }
-  const std::string other = TarEntry('0', Sha256Hex(layer) + "/layer.tar", Layer(TarEntry('0', "x")));
-  EXPECT_THAT(std::string(Unpack(other + DockerImage({layer})).status().message()),
-              HasSubstr("twice"));
-}
-
-// OCI's layout: blobs by their digests, and an index.
-class OciLayout {
- public:
-  Json Blob(const std::string& data, const std::string& kind) {
-    members_ += TarEntry('0', "blobs/sha256/" + Sha256Hex(data), data);
-    return {{"mediaType", kind}, {"digest", "sha256:" + Sha256Hex(data)}, {"size", data.size()}};
-  }
-  Json Manifest(const std::string& layer, const std::string& layer_kind = "application/vnd.oci.image.layer.v1.tar",
-                const std::string& config_kind = "application/vnd.oci.image.config.v1+json") {
-    const Json manifest = {{"schemaVersion", 2},
-                           {"config", Blob(ImageConfigOf({layer}).dump(), config_kind)},
-                           {"layers", Json::array({Blob(layer, layer_kind)})}};
-    return Blob(manifest.dump(), "application/vnd.oci.image.manifest.v1+json");
-  }
-  std::string Tar(const Json& manifests) const {
-    const Json index = {{"schemaVersion", 2}, {"manifests", manifests}};
-    return members_ + TarEntry('0', "index.json", index.dump()) +
-           TarEntry('0', "oci-layout", R"({"imageLayoutVersion": "1.0.0"})") + EndOfTar();
-  }
-
- private:
-  std::string members_;
-};
-
-TEST_F(ImageTest, OfAnIndexTheImageForMostProcessorsIsTaken) {
-  const std::string usual = Layer(kRun + TarEntry('0', "usual"));
-  const std::string newer = Layer(kRun + TarEntry('0', "newer"));
-  OciLayout layout;
-  const auto of = [](Json manifest, const char* variant) {
-    manifest["platform"] = {{"os", "linux"}, {"architecture", "amd64"}};
-    if (variant != nullptr) manifest["platform"]["variant"] = variant;
-    return manifest;
-  };
-  const Json plain = layout.Manifest(usual), fast = layout.Manifest(newer);
-  const Json signature = layout.Manifest("{}", "application/vnd.dev.cosign.simplesigning.v1+json");
-  const Json bill = layout.Manifest("{}", "application/vnd.in-toto+json", "application/vnd.oci.empty.v1+json");
-  for (const char* variant : {"v2", "v3", "v4"}) {
-    for (const Json& list : {Json::array({of(plain, nullptr), of(fast, variant)}),
-                             Json::array({of(fast, variant), of(plain, "v1"), signature, bill})}) {
-      const auto image = Unpack(layout.Tar(list));
-      ASSERT_TRUE(image.ok()) << image.status();
-      EXPECT_TRUE(Has("usual"));
-      EXPECT_FALSE(Has("newer"));
-    }
-  }
-  EXPECT_TRUE(Unpack(layout.Tar({signature, plain, bill})).ok());
-  EXPECT_THAT(std::string(Unpack(layout.Tar({of(plain, nullptr), of(fast, nullptr)})).status().message()),
-              HasSubstr("lists 2 images"));
-}
-
-TEST_F(ImageTest, LayersMayHaveFramesThatAreSkipped) {
-  // As containers' tools write "zstd:chunked": frames of data, then frames for other readers.
-  const std::string layer = Layer(kRun + TarEntry('0', "data", std::string(300'000, 'd')));
-  WritePacked(temp_ / "layer", layer, Kind::kTarZst);
-  std::ostringstream packed;
-  packed << std::ifstream(temp_ / "layer").rdbuf();
-  const std::string skipped = std::string("\x50\x2a\x4d\x18\x04\0\0\0", 8) + "toc!";
-  for (const std::string& stored : {packed.str() + skipped, skipped + packed.str(),
-                                    packed.str() + skipped + skipped}) {
-    OciLayout layout;
-    const Json manifest = {
-        {"schemaVersion", 2},
-        {"config", layout.Blob(ImageConfigOf({layer}).dump(), "application/vnd.oci.image.config.v1+json")},
-        {"layers", Json::array({layout.Blob(stored, "application/vnd.oci.image.layer.v1.tar+zstd")})}};
-    const auto image =
-        Unpack(layout.Tar(Json::array({layout.Blob(manifest.dump(), "application/vnd.oci.image.manifest.v1+json")})));
-    ASSERT_TRUE(image.ok()) << image.status();
-    EXPECT_TRUE(Has("data"));
-  }
-}
-
-TEST_F(ImageTest, WhatIsNoImageSaysWhatItIs) {
-  const auto why = [&](const std::string& tar) { return std::string(Unpack(tar).status().message()); };
-  EXPECT_THAT(why(TarEntry('0', ".dockerenv") + kRun + EndOfTar()), HasSubstr("docker save"));
-  EXPECT_THAT(why(TarEntry('0', "usr/bin/sh") + TarEntry('0', "etc/passwd") + EndOfTar()),
-              HasSubstr("docker save"));
-  EXPECT_THAT(why(TarEntry('0', "image/index.json", "{}") + TarEntry('0', "image/oci-layout", "{}") + EndOfTar()),
-              HasSubstr("tar -C image"));
 }
 
 TEST_F(ImageTest, AnOrdinarySubmissionThatLooksLikeAnImageIsNone) {
