@@ -35,7 +35,7 @@ std::string TlsReason() {
   return reason == nullptr ? "unknown" : reason;
 }
 
-absl::Status CheckReadable(const std::string& path, const char* what) {
+absl::Status CheckFileReadable(const std::string& path, const char* what) {
   if (::access(path.c_str(), R_OK) == 0) return absl::OkStatus();
   return WrongFile(path, absl::StrCat("the ", what, " can't be read (", std::strerror(errno), ")"));
 }
@@ -49,7 +49,7 @@ int NoPassphrase(char*, int, int, void* asked) {
 using Key = std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)>;
 
 absl::StatusOr<Key> ReadKey(const std::string& path) {
-  if (absl::Status status = CheckReadable(path, "key"); !status.ok()) return status;
+  if (absl::Status status = CheckFileReadable(path, "key"); !status.ok()) return status;
   const std::unique_ptr<BIO, decltype(&BIO_free)> file(BIO_new_file(path.c_str(), "r"), BIO_free);
   bool asked = false;
   Key key(file == nullptr ? nullptr
@@ -214,7 +214,7 @@ absl::StatusOr<std::shared_ptr<const TlsContext>> TlsContext::Load(const std::st
   Context context(SSL_CTX_new(TLS_server_method()));
   if (context == nullptr) return absl::InternalError(absl::StrCat("OpenSSL: ", TlsReason()));
   SetRules(context.get());
-  if (absl::Status status = CheckReadable(certificate, "certificate"); !status.ok()) return status;
+  if (absl::Status status = CheckFileReadable(certificate, "certificate"); !status.ok()) return status;
   if (SSL_CTX_use_certificate_chain_file(context.get(), certificate.c_str()) != 1) {
     return WrongFile(certificate, absl::StrCat("holds no certificate in PEM that can be used (",
                                                TlsReason(), ")"));
