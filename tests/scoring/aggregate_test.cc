@@ -156,8 +156,12 @@ TEST(Aggregate, IntervalsEndAtZeroAndOneExactly) {
       std::vector<JudgedEpisode> episodes;
       for (int64_t i = 0; i < n; ++i) episodes.push_back(Episode(i, outcome, 1));
       const Spread spread = AggregateOf(episodes)->success_spread;
-      if (outcome == Outcome::kFailure) EXPECT_EQ(spread.low, 0.0) << n;
-      if (outcome == Outcome::kSuccess) EXPECT_EQ(spread.high, 1.0) << n;
+      if (outcome == Outcome::kFailure) {
+        EXPECT_EQ(spread.low, 0.0) << n;
+      }
+      if (outcome == Outcome::kSuccess) {
+        EXPECT_EQ(spread.high, 1.0) << n;
+      }
     }
   }
 }
