@@ -229,12 +229,12 @@ TEST_F(RetentionFolder, AWrongClockRemovesNothing) {
   RunEngine();
   clock_.ahead = absl::Hours(24 * 400);
   {
-    const Retention wrong_at_the_start(limits, dir_, *engine_, *readers_, clock_, newest);
+    const Retention wrong_at_the_start(limits, 0, dir_, *engine_, *readers_, clock_, newest);
     absl::SleepFor(absl::Milliseconds(300));
   }
   clock_.ahead = absl::ZeroDuration();
   {
-    const Retention right(limits, dir_, *engine_, *readers_, clock_, newest);
+    const Retention right(limits, 0, dir_, *engine_, *readers_, clock_, newest);
     absl::SleepFor(absl::Milliseconds(100));
     clock_.ahead = absl::Hours(24 * 400);
     absl::SleepFor(absl::Milliseconds(300));

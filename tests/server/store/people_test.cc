@@ -210,7 +210,9 @@ TEST_F(PeopleTest, AnExportHoldsAllOfItAndAnImportGivesItBack) {
   ASSERT_TRUE(info.ok()) << info.status();
   path_ = dir_ + "/copy.db";
   Open();
-  ASSERT_TRUE(Write([&](Writer& w) { return w.Import(file, *info, "uid 0"); }).ok());
+  ASSERT_TRUE(Write([&](Writer& w) {
+                return w.Import(file, *info, "uid 0", [](Reader&) { return absl::OkStatus(); });
+              }).ok());
   EXPECT_EQ(text_of(path_), text);
   EXPECT_EQ(TeamOf("alpha"), "Team Blue");
   EXPECT_THAT(TeamsOf(kBob), ElementsAre("Team Blue"));
