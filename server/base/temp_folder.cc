@@ -23,10 +23,10 @@ void Remove(const std::string& path) {
   std::filesystem::remove_all(path, ignored);
 }
 
-// Waits until the other end of `alive` is closed, in a session of its own, so that what ends the
-// parent's whole group does not end it.
+// Waits until the other end of `alive` is closed, in a process group of its own, so that what ends
+// the parent's does not end it.
 [[noreturn]] void WaitAndRemove(int alive, const std::string& path) {
-  setsid();
+  setpgid(0, 0);
   signal(SIGHUP, SIG_IGN);
   signal(SIGINT, SIG_IGN);
   signal(SIGTERM, SIG_IGN);
@@ -63,6 +63,7 @@ absl::StatusOr<TempFolder> TempFolder::Make(const std::string& purpose) {
     pipe->write.reset();
     WaitAndRemove(pipe->read.get(), name);
   }
+  if (folder.remover_ > 0) setpgid(folder.remover_, folder.remover_);  // before this returns
   folder.alive_ = std::move(pipe->write);
   return folder;
 }

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 
 #include <cerrno>
 
@@ -39,9 +40,12 @@ absl::Status Lock(int fd, const std::string& path, const std::string& dir) {
 }  // namespace
 
 absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
-  Fd folder(open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (!folder.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(dir, ": can't be opened"));
-  if (absl::Status status = Lock(folder.get(), dir, dir); !status.ok()) return status;
+  // Not `dir` itself, which whoever makes a key in it locks.
+  const std::string kept = dir + "/artefacts";
+  if (mkdir(kept.c_str(), 0700) != 0 && errno != EEXIST) return CantWrite(kept, ": can't be made");
+  Fd folder(open(kept.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(kept, ": can't be opened"));
+  if (absl::Status status = Lock(folder.get(), kept, dir); !status.ok()) return status;
   const std::string path = dir + "/lock";
   Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!fd.valid()) {

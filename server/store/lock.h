@@ -12,7 +12,7 @@ namespace myograde::server {
 // Held while this object lives; the kernel releases it when the process dies in any way.
 class DataLock {
  public:
-  // Locks DIR itself, which stays the same whoever removes files in it, and DIR/lock, which has the
+  // Locks DIR/artefacts, which stays the same whoever tidies up in DIR, and DIR/lock, which has the
   // holder's process id and which daemons of earlier versions lock alone. FailedPreconditionError,
   // with that process id, if another daemon has it; ResourceExhaustedError if the disk is full;
   // PermissionDeniedError or InternalError if the file can't be created. Nothing else was written.

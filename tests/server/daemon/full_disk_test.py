@@ -148,6 +148,7 @@ class Reserve(SmallDisk):
         ranked = self.submit("logged", team="beta")
         for submission in (practice, ranked):
             self.ended(submission)
+        artefact = self.upload("ok")
         # The stand-in names logs and writes none.
         logs = {}
         for submission in (practice, ranked):
@@ -161,7 +162,10 @@ class Reserve(SmallDisk):
         self.assertTrue(all(path.exists() for path in logs[ranked]))
         # There was not enough to remove.
         wait_until(self.state, 30, "it goes on", lambda state: state == "paused")
-        waiting = self.submit("ok", team="gamma")
+        status, body = self.call("POST", "/v1/submissions", {
+            "artefact": artefact, "team": "gamma", "track": "demo-manipulation"})
+        self.assertEqual(status, 201, body)
+        waiting = body["submission"]
         status = self.wait(f"/v1/submissions/{waiting}", lambda b: b["state"] == "queued")
         self.assertIn("disk_reserve_bytes", json.dumps(status))
         self.assertIn("disk_reserve_bytes", self.get("/v1/health")["message"])
