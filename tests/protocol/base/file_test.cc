@@ -46,7 +46,7 @@ TEST_F(FileTest, ALimitIsTheLargestSizeThatIsRead) {
 TEST_F(FileTest, WhatCannotBeReadIsNamedWithTheReason) {
   EXPECT_EQ(ReadFile(path_ + ".none").status().message(),
             absl::StrCat(path_, ".none: can't be read: No such file or directory"));
-  EXPECT_EQ(ReadFile("/tmp").status().message(), "/tmp: can't be read: Is a directory");
+  EXPECT_EQ(ReadFile("/tmp").status().message(), "/tmp: is a folder; it must be a file");
   EXPECT_EQ(WriteFile("/tmp", "a").message(), "/tmp: can't be written: Is a directory");
 }
 
