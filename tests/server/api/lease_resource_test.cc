@@ -56,7 +56,7 @@ class LeaseResourceTest : public testing::Test {
     return Fd(open((temp_ / "file").c_str(), O_RDWR | O_CLOEXEC));
   }
 
-  const TempFolder temp_;
+  const TestFolder temp_;
   const Spool spool_ = *Spool::Make(temp_ / "spool");
   SpoolDoor door_{spool_, kMostLog};
   const AccessConfig access_;

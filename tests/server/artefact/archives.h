@@ -15,14 +15,14 @@
 
 namespace myograde::server {
 
-class TempFolder {
+class TestFolder {
  public:
-  TempFolder() {
+  TestFolder() {
     namespace fs = std::filesystem;
     std::string name = (fs::temp_directory_path() / "myograde-artefact.XXXXXX").string();
     path_ = ::mkdtemp(name.data());
   }
-  ~TempFolder() { std::filesystem::remove_all(path_); }
+  ~TestFolder() { std::filesystem::remove_all(path_); }
   std::string operator/(const std::string& name) const { return (path_ / name).string(); }
   const std::filesystem::path& path() const { return path_; }
 

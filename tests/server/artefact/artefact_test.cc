@@ -34,7 +34,7 @@ Raw Program() { return {.path = "policy", .content = "#!/bin/sh\n", .mode = AE_I
 
 absl::StatusOr<Artefact> Unpack(const std::vector<Raw>& entries, Kind kind = Kind::kTar,
                                 const ArtefactLimits& limits = {}) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteArchive(temp / "a", entries, kind);
   absl::StatusOr<Artefact> artefact = UnpackArtefact(temp / "a", temp / "out", limits);
   // A failure leaves nothing behind.
@@ -106,7 +106,7 @@ TEST(UnpackArtefact, DigestLooksAtContentNotAtTheArchive) {
 }
 
 TEST(UnpackArtefact, KeepsLinksAsLinksAndFollowsNone) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteFile(temp / "victim/secret", "untouched", 0644);
   WriteArchive(temp / "a",
                {Manifest(),
@@ -168,7 +168,7 @@ TEST(UnpackArtefact, CountsWhatItUnpacks) {
 }
 
 TEST(UnpackArtefact, RefusesWhatIsNoArchive) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteFile(temp / "text", "just words", 0644);
   EXPECT_THAT(UnpackArtefact(temp / "text", temp / "out", {}).status().message(),
               HasSubstr("tar.gz, tar.zst, tar.xz, tar.bz2, zip"));
@@ -179,7 +179,7 @@ TEST(UnpackArtefact, RefusesWhatIsNoArchive) {
 }
 
 TEST(UnpackArtefact, SurvivesEveryTruncationAndRandomDamage) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteArchive(temp / "a",
                {Manifest(), Program(), {.path = "w", .content = std::string(5000, 'w')}},
                Kind::kTarGz);
@@ -276,7 +276,7 @@ TEST(UnpackArtefact, WithoutAnyModeProgramsAreExecutable) {
   ASSERT_TRUE(script.ok() && program.ok());
   EXPECT_NE(script->digest, program->digest);
   // On the way of the command line.
-  const TempFolder temp;
+  const TestFolder temp;
   WriteArchive(temp / "a.zip", {Manifest(), {.path = "policy", .content = "#!/bin/sh\n"}}, Kind::kZip);
   const auto packed = PackArtefact(temp / "a.zip", temp / "packed", {});
   EXPECT_TRUE(packed.ok()) << packed.status();
@@ -359,7 +359,7 @@ TEST(ReadManifest, SaysWhereTheManifestIsWhenTheFolderWasPacked) {
 }
 
 TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteFile(temp / "p/policy.json", kManifest, 0600);
   WriteFile(temp / "p/policy", "#!/bin/sh\n", 0700);
   WriteFile(temp / "p/\xc3\xbc/" + std::string(150, 'x') + "/w", std::string(200'000, 'w'), 0644);
@@ -394,7 +394,7 @@ TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
 
 // Python uses a compiled module only if its source still has the time that the module records.
 TEST(PackArtefact, FilesKeepTheirTimesAndTheDigestIsOfNone) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteFile(temp / "p/policy.json", kManifest, 0644);
   WriteFile(temp / "p/policy", "#!/bin/sh\n", 0755);
   WriteFile(temp / "p/module.py", "pass\n", 0644);
@@ -421,7 +421,7 @@ TEST(PackArtefact, FilesKeepTheirTimesAndTheDigestIsOfNone) {
 }
 
 TEST(PackArtefact, TellsMistakesBeforeAnythingIsSent) {
-  const TempFolder temp;
+  const TestFolder temp;
   const auto complaint = [&](const std::string& path) {
     return std::string(PackArtefact(path, temp / "a", {}).status().message());
   };

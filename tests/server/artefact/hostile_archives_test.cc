@@ -40,7 +40,7 @@ std::string ReadBytes(const std::string& path) {
 }
 
 // Unpacks the file "a" of `temp`; returns the error message, "" if there is none.
-std::string Refusal(const TempFolder& temp, const ArtefactLimits& limits = {}) {
+std::string Refusal(const TestFolder& temp, const ArtefactLimits& limits = {}) {
   WriteBytes(temp / "canary", "untouched");
   const auto start = std::chrono::steady_clock::now();
   const absl::StatusOr<Artefact> artefact = UnpackArtefact(temp / "a", temp / "out", limits);
@@ -55,7 +55,7 @@ std::string Refusal(const TempFolder& temp, const ArtefactLimits& limits = {}) {
 }
 
 std::string RefusalOf(std::string_view bytes, const ArtefactLimits& limits = {}) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteBytes(temp / "a", bytes);
   return Refusal(temp, limits);
 }
@@ -66,14 +66,14 @@ std::string RefusalOfEntry(const std::string& blocks, const ArtefactLimits& limi
 }
 
 std::string RefusalOfPacked(std::string_view bytes, Kind kind, const ArtefactLimits& limits = {}) {
-  const TempFolder temp;
+  const TestFolder temp;
   WritePacked(temp / "a", bytes, kind);
   return Refusal(temp, limits);
 }
 
 std::string RefusalOfWritten(std::vector<Raw> entries, Kind kind,
                              const ArtefactLimits& limits = {}) {
-  const TempFolder temp;
+  const TestFolder temp;
   entries.insert(entries.begin(), {{.path = "policy.json", .content = kOwnManifest},
                                    {.path = "policy", .content = "x", .mode = AE_IFREG | 0755}});
   WriteArchive(temp / "a", entries, kind);
@@ -109,7 +109,7 @@ TEST(HostileArchives, BombsStopAtTheLimit) {
 }
 
 TEST(HostileArchives, AZipThatHoldsMoreThanItSaysStopsAtTheLimit) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteArchive(temp / "a", {{.path = "policy.json", .content = kOwnManifest},
                             {.path = "bomb", .content = std::string(8 << 20, '\0')}}, Kind::kZip);
   std::string bytes = ReadBytes(temp / "a");
@@ -124,7 +124,7 @@ TEST(HostileArchives, AZipThatHoldsMoreThanItSaysStopsAtTheLimit) {
 }
 
 TEST(HostileArchives, OneLayerOfCompressionIsEnough) {
-  const TempFolder temp;
+  const TestFolder temp;
   WritePacked(temp / "once", Honest() + End(), Kind::kTarGz);
   const std::string once = ReadBytes(temp / "once");
   EXPECT_EQ(RefusalOf(once), "");
@@ -133,7 +133,7 @@ TEST(HostileArchives, OneLayerOfCompressionIsEnough) {
 }
 
 TEST(HostileArchives, GzipInSeveralMembersIsStillOneArchive) {
-  const TempFolder temp;
+  const TestFolder temp;
   const std::string tar = Honest() + End();
   WritePacked(temp / "one", tar.substr(0, 700), Kind::kTarGz);
   WritePacked(temp / "two", tar.substr(700), Kind::kTarGz);
@@ -142,7 +142,7 @@ TEST(HostileArchives, GzipInSeveralMembersIsStillOneArchive) {
 
 TEST(HostileArchives, TenMillionEntriesAreRefusedAtTheLimit) {
   // 20,000 entries in a few hundred bytes, 500 times over.
-  const TempFolder temp;
+  const TestFolder temp;
   std::string block;
   for (int i = 0; i < 20'000; ++i) block += TarHeader('5', "./", "", 0755, 0);
   WritePacked(temp / "part", block, Kind::kTarGz);
@@ -219,7 +219,7 @@ TEST(HostileArchives, EntriesThatContradictEachOther) {
 }
 
 TEST(HostileArchives, LinksAreKeptAndNeverFollowed) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteBytes(temp / "a", Honest() + TarEntry('2', "python", "", "/usr/bin/python3") +
                              TarEntry('2', "self", "", "self") + TarEntry('2', "root", "", "/") +
                              End());
@@ -271,14 +271,14 @@ TEST(HostileArchives, ZipsTooKeepTheRules) {
               HasSubstr("setuid"));
   EXPECT_THAT(RefusalOfWritten({{.path = "n"}, {.path = "n"}}, Kind::kZip), HasSubstr("twice"));
   // A zip in a zip is an ordinary file.
-  const TempFolder temp;
+  const TestFolder temp;
   WriteArchive(temp / "inner", {{.path = "../x", .content = "x"}}, Kind::kZip);
   EXPECT_EQ(
       RefusalOfWritten({{.path = "in.zip", .content = ReadBytes(temp / "inner")}}, Kind::kZip), "");
 }
 
 TEST(HostileArchives, DamagedZipsAreRefusedOrHarmless) {
-  const TempFolder temp;
+  const TestFolder temp;
   WriteArchive(temp / "good", {{.path = "policy.json", .content = kOwnManifest},
                                {.path = "policy", .content = "x", .mode = AE_IFREG | 0755}},
                Kind::kZip);

@@ -32,7 +32,7 @@ class ImageFormsTest : public ::testing::Test {
   }
   bool Has(const std::string& path) { return fs::exists(temp_ / ("out/image/" + path)); }
 
-  const TempFolder temp_;
+  const TestFolder temp_;
 };
 
 TEST_F(ImageFormsTest, TheOrderAndNamesOfMembersDoNotMatter) {

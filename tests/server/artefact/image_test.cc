@@ -52,7 +52,7 @@ class ImageTest : public ::testing::Test {
     return text.str();
   }
 
-  const TempFolder temp_;
+  const TestFolder temp_;
 };
 
 TEST_F(ImageTest, LayersWhiteoutsAndLinksGiveTheTreeThatEnginesShow) {

@@ -29,7 +29,7 @@ void MakeFile(const std::string& path, const std::string& content, mode_t mode) 
 }
 
 TEST(PackArtefact, AGivenNameComesOverTheSubmissions) {
-  const TempFolder temp;
+  const TestFolder temp;
   MakeFile(temp / "named/policy.json", R"({"name": "old", "command": ["./policy"], "runtimes":
       ["torch-cpu"], "adapter": "template-2024"})", 0644);
   MakeFile(temp / "nameless/policy.json", R"({"command": ["./policy"]})", 0644);
@@ -80,7 +80,7 @@ TEST(Adapters, PlayOnlyTracksOfTheirTemplate) {
 }
 
 TEST(PackArtefact, AnImagesNameIsTheGivenOneThenThatOfItsTagThenItsFiles) {
-  const TempFolder temp;
+  const TestFolder temp;
   const std::string run = TarEntry('0', "run", "#!/bin/sh\n", {}, 0755);
   const std::string image = DockerImage({Layer(run)});
   const auto write = [&](const std::string& file, Kind kind, const std::string& bytes) {

@@ -43,7 +43,7 @@ std::string HonestArchive() {
 }
 
 TEST(UnpackProcess, AnswersAsUnpackArtefactDoes) {
-  const TempFolder temp;
+  const TestFolder temp;
   WritePacked(temp / "a", HonestArchive() + std::string(1024, '\0'), Kind::kTarGz);
   const auto apart = UnpackInProcess(temp / "a", temp / "out", {}, kBudget);
   ASSERT_TRUE(apart.ok()) << apart.status();
@@ -71,7 +71,7 @@ TEST(UnpackProcess, EveryKindOfArchiveIsUnpackedBehindTheFilter) {
       {"l", {}, AE_IFLNK | 0777, "/usr/bin/python3"}};
   const Utf8Names utf8_names;
   for (const Kind kind : {Kind::kTar, Kind::kTarGz, Kind::kTarZst, Kind::kZip}) {
-    const TempFolder temp;
+    const TestFolder temp;
     WriteArchive(temp / "a", entries, kind);
     const auto apart = UnpackInProcess(temp / "a", temp / "out", {}, kBudget);
     ASSERT_TRUE(apart.ok()) << apart.status() << " of kind " << static_cast<int>(kind);
@@ -94,7 +94,7 @@ int StatusOf(const std::string& folder, const std::function<bool()>& deed) {
 }
 
 TEST(ConfineUnpacking, EndsTheProcessAtAForbiddenCall) {
-  const TempFolder temp;
+  const TestFolder temp;
   const pid_t self = ::getpid();
   const std::string old = temp / "old";
   std::ofstream(old) << "x";
@@ -128,7 +128,7 @@ TEST(ConfineUnpacking, EndsTheProcessAtAForbiddenCall) {
 }
 
 TEST(ConfineUnpacking, LeavesNoFileButThoseOfItsFolder) {
-  const TempFolder temp;
+  const TestFolder temp;
   std::ofstream(temp / "mine") << "x";
   const auto opens = [](const char* path, int flags) {
     return [path, flags] { return ::openat(AT_FDCWD, path, flags | O_CLOEXEC, 0600) >= 0; };
@@ -144,7 +144,7 @@ TEST(ConfineUnpacking, LeavesNoFileButThoseOfItsFolder) {
 }
 
 TEST(UnpackProcess, RefusalsArriveWithTheirSentence) {
-  const TempFolder temp;
+  const TestFolder temp;
   WritePacked(temp / "a", HonestArchive() + TarEntry('0', "../evil", "x"), Kind::kTarGz);
   const auto artefact = UnpackInProcess(temp / "a", temp / "out", {}, kBudget);
   EXPECT_TRUE(absl::IsInvalidArgument(artefact.status()));
@@ -157,7 +157,7 @@ TEST(UnpackProcess, RefusalsArriveWithTheirSentence) {
 }
 
 TEST(UnpackProcess, EndsAtItsDeadline) {
-  const TempFolder temp;
+  const TestFolder temp;
   // A FIFO without a writer: the slowest possible archive.
   ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
   const absl::Duration start = SystemClock().Monotonic();
@@ -182,7 +182,7 @@ std::vector<pid_t> Children() {
 
 TEST(UnpackProcess, AnEndFromOutsideIsNotTheArchivesFault) {
   for (const int signal : {SIGKILL, SIGTERM, SIGHUP}) {
-    const TempFolder temp;
+    const TestFolder temp;
     ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
     UnpackBudget budget = kBudget;
     int asked = 0;
@@ -200,7 +200,7 @@ TEST(UnpackProcess, AnEndFromOutsideIsNotTheArchivesFault) {
 }
 
 TEST(UnpackProcess, ACrashIsTheArchivesFault) {
-  const TempFolder temp;
+  const TestFolder temp;
   ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
   UnpackBudget budget = kBudget;
   int asked = 0;
@@ -215,7 +215,7 @@ TEST(UnpackProcess, ACrashIsTheArchivesFault) {
 }
 
 TEST(UnpackProcess, IsEndedOnRequest) {
-  const TempFolder temp;
+  const TestFolder temp;
   ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
   UnpackBudget budget = kBudget;
   int asked = 0;
@@ -228,7 +228,7 @@ TEST(UnpackProcess, IsEndedOnRequest) {
 }
 
 TEST(UnpackProcess, ProcessorTimeIsLimited) {
-  const TempFolder temp;
+  const TestFolder temp;
   constexpr size_t kBytes = size_t{6} << 30;
   {
     const std::unique_ptr<archive, int (*)(archive*)> writer(archive_write_new(),
@@ -258,7 +258,7 @@ TEST(UnpackProcess, ProcessorTimeIsLimited) {
 }
 
 TEST(UnpackOpened, AFileThatTheHostCantReadIsNotTheArchivesFault) {
-  const TempFolder temp;
+  const TestFolder temp;
   const Fd broken(::open("/proc/self/mem", O_RDONLY | O_CLOEXEC));  // fails with EIO at the start
   const Fd folder(::open(temp.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   const auto artefact = UnpackOpened(broken.get(), folder.get(), {});
@@ -277,7 +277,7 @@ TEST(UnpackProcess, MemoryIsLimited) {
                     PaxHeader("GNU.sparse.minor", "0") + PaxHeader("GNU.sparse.realsize", "1000") +
                     TarHeader('0', "holes", "", 0644, map.size());
   tar += map + TarPadding(map.size());
-  const TempFolder temp;
+  const TestFolder temp;
   WritePacked(temp / "a", tar, Kind::kTarZst);
   ASSERT_LT(fs::file_size(temp / "a"), 1u << 20);
   const auto artefact = UnpackInProcess(temp / "a", temp / "out", {}, kBudget);
@@ -286,7 +286,7 @@ TEST(UnpackProcess, MemoryIsLimited) {
 }
 
 TEST(UnpackProcess, BudgetsMustBeAboveZero) {
-  const TempFolder temp;
+  const TestFolder temp;
   for (const UnpackBudget& budget :
        {UnpackBudget{absl::ZeroDuration(), 1 << 30}, UnpackBudget{absl::Seconds(1), 0},
         UnpackBudget{absl::Seconds(-1), -1},

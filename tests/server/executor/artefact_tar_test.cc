@@ -77,7 +77,7 @@ class ArtefactTarTest : public testing::Test {
     return UnpackArtefactFolder(archive.get(), packed, digest, temp_ / "node");
   }
 
-  const TempFolder temp_;
+  const TestFolder temp_;
 };
 
 TEST_F(ArtefactTarTest, ASubmissionArrivesAsItLeft) {

@@ -53,7 +53,7 @@ class LeaseFolderTest : public testing::Test {
 
   static NodeClaim ClaimOf(const std::string& nonce) { return {"n1", "7_1", 0, nonce}; }
 
-  TempFolder folder_;
+  TestFolder folder_;
   std::string path_;
   std::optional<Spool> spool_;
   std::optional<LeaseFolder> lease_;

@@ -47,7 +47,7 @@ TEST(Proof, SaysWhatDiffers) {
 }
 
 TEST(Slots, AreHeldByOneEach) {
-  const TempFolder temp;
+  const TestFolder temp;
   const int64_t uid_base = geteuid() == 0 ? 700'000'000 : -1;
   auto first = NodeSlot::Take(temp.path(), uid_base);
   ASSERT_TRUE(first.ok()) << first.status();
@@ -93,7 +93,7 @@ class NodeArtefactsTest : public testing::Test {
     return artefacts.Hold(artefact, [this](const NodeArtefact&, int file) { return Fetch(file); });
   }
 
-  const TempFolder temp_;
+  const TestFolder temp_;
   std::string archive_;
   int fetched_ = 0;
 };
@@ -135,7 +135,7 @@ TEST_F(NodeArtefactsTest, WhatNobodyPlaysMakesRoom) {
 }
 
 TEST(FolderChannel, AnEpochThatIsMissingForAMomentEndsNothing) {
-  const TempFolder temp;
+  const TestFolder temp;
   const Spool spool = *Spool::Make(temp / "spool");
   const NodeOrder order = SomeNodeOrder();
   const LeaseFolder folder = *spool.MakeLease(order.name);

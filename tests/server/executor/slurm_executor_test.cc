@@ -160,7 +160,7 @@ class SlurmExecutorTest : public ::testing::Test {
     return absl::StrCat(LeaseRecordToLine(ProgressRecord{0, 1}), "\n", LeaseRecordToLine(end), "\n");
   }
 
-  TempFolder folder_;
+  TestFolder folder_;
   FakeSlurm slurm_;
   LeaseOrder order_;
   std::string digest_;

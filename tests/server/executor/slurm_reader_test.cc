@@ -67,7 +67,7 @@ class SlurmReader : public ::testing::Test {
     return LeaseRecordToLine(facts) + "\n";
   }
 
-  TempFolder folder_;
+  TestFolder folder_;
   Spool spool_;
   LeaseFolder lease_;
   LeaseReader reader_;

@@ -28,7 +28,7 @@ class SpoolDoorTest : public testing::Test {
     return *state;
   }
 
-  const TempFolder temp_;
+  const TestFolder temp_;
   const Spool spool_;
   SpoolDoor door_;
   std::optional<LeaseFolder> lease_;

@@ -57,7 +57,7 @@ class ProgramTest : public ::testing::Test {
     return bytes + loader + '\0';
   }
 
-  const TempFolder folder_;
+  const TestFolder folder_;
   std::vector<std::string> runtimes_;
   std::optional<PolicyImage> image_;
 };
@@ -71,7 +71,7 @@ TEST_F(ProgramTest, ABareWordIsLookedUpOnThePath) {
 }
 
 TEST_F(ProgramTest, ARuntimeBringsPrograms) {
-  const TempFolder runtime;
+  const TestFolder runtime;
   runtimes_ = {runtime.path().string()};
   EXPECT_THAT(Complaint("snake"), HasSubstr(runtime / "bin"));
   fs::create_directory(runtime / "bin");
