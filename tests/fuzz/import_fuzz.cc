@@ -25,7 +25,7 @@ namespace {
 constexpr char kFacts[] =
     R"({"clipped":0,"digest":"aa","sim_time":10.0,"steps":1000,"wall_s":1.5})";
 
-const fuzz::Folder& TestFolder() {
+const fuzz::Folder& TempFolder() {
   static const fuzz::Folder folder;
   return folder;
 }
@@ -71,7 +71,7 @@ absl::Status Fill(Writer& writer) {
 // The lines of a real export.
 const std::vector<std::string>& TrueLines() {
   static const std::vector<std::string> lines = [] {
-    const std::string path = TestFolder() / "full.db";
+    const std::string path = TempFolder() / "full.db";
     ManualClock clock(absl::FromUnixSeconds(1700000000));
     auto store = Store::Open(path, clock);
     Require(store.ok() && (*store)->Write(Fill).ok(), "a store can be filled");
@@ -87,7 +87,7 @@ const std::vector<std::string>& TrueLines() {
 // An empty store, filled in transactions that are never committed.
 SQLite::Database& Empty() {
   static const std::unique_ptr<SQLite::Database> db = [] {
-    auto opened = OpenForWriting(TestFolder() / "empty.db");
+    auto opened = OpenForWriting(TempFolder() / "empty.db");
     Require(opened.ok(), "a store can be made");
     return std::move(opened->db);
   }();
@@ -180,7 +180,7 @@ std::string Import(const std::string& path, const ExportInfo& info) {
 MYOGRADE_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const bool changes = (input.Byte() & 1) != 0;
-  const std::string path = TestFolder() / "import.json";
+  const std::string path = TempFolder() / "import.json";
   fuzz::WriteFile(path, changes ? Changed(input) : input.RestText());
   const absl::StatusOr<ExportInfo> info = CheckExport(path);
   if (!info.ok()) {
