@@ -164,6 +164,7 @@ void Retention::RemoveDenials(int64_t now_ms) {
 }
 
 void Retention::Sweep() {
+  MakeRoom();
   const int64_t now = absl::ToUnixMillis(time_.Now());
   RemoveDenials(now);
   const auto look = [&](const char* kind, absl::StatusOr<std::vector<KeptFile>> files,
