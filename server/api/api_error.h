@@ -11,6 +11,7 @@ struct ApiError {
   std::string code;     // a word of README.md's table
   std::string message;  // one sentence: what, where, and what to do
   int64_t retry_after_s = 1;  // told with 429 and 503
+  std::string allow = "";     // the methods that the address has; told with 405
 };
 
 }  // namespace myograde::server

@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 #include <absl/strings/str_replace.h>
 
 #include "server/access/token_text.h"
 #include "server/api/error_of.h"
+#include "server/api/methods.h"
 #include "server/base/peer_key.h"
 
 namespace myograde::server {
@@ -101,8 +104,15 @@ std::optional<ApiError> Guard::AdmitBody(Connection& connection) {
     // Nothing takes it, so nobody's connection is held until it is there.
     if (!connection.Asker().network) return std::nullopt;
     if (std::optional<ApiError> over = AdmitUnknown(connection)) return over;
-    return ApiError{404, "not_found", absl::StrCat("there is no ", head.method, " ", head.path,
-                                                   "; see the API's description")};
+    const std::set<std::string> allowed = MethodsAt(addresses_, head.path);
+    if (allowed.contains(head.method)) return std::nullopt;
+    if (allowed.empty()) {
+      return ApiError{404, "not_found", absl::StrCat("there is no ", head.path,
+                                                     "; see the API's description")};
+    }
+    const std::string methods = absl::StrJoin(allowed, ", ");
+    return ApiError{405, "method_not_allowed",
+                    absl::StrCat(head.path, " has no ", head.method, "; it has ", methods), 1, methods};
   }
   auto admitted = Admit(connection, address->action);
   if (auto* error = std::get_if<ApiError>(&admitted)) return std::move(*error);

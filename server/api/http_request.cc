@@ -400,6 +400,8 @@ std::string_view HttpReason(int status) {
     case 400: return "Bad Request";
     case 401: return "Unauthorized";
     case 403: return "Forbidden";
+    case 404: return "Not Found";
+    case 405: return "Method Not Allowed";
     case 408: return "Request Timeout";
     case 410: return "Gone";
     case 413: return "Content Too Large";
@@ -427,7 +429,9 @@ std::string RefusalBytes(const ApiError& error) {
                       error.http == 429 || error.http == 503
                           ? absl::StrCat("\r\nRetry-After: ", error.retry_after_s)
                           : "",
-                      error.http == 401 ? "\r\nWWW-Authenticate: Bearer" : "", "\r\n\r\n", body);
+                      error.http == 401 ? "\r\nWWW-Authenticate: Bearer" : "",
+                      error.allow.empty() ? "" : absl::StrCat("\r\nAllow: ", error.allow), "\r\n\r\n",
+                      body);
 }
 
 }  // namespace myograde::server

@@ -305,5 +305,5 @@ class Manual(SystemTest):
         self.assertIn("The record holds.", said)
         # Nobody but organisers sees results that no board ever had.
         withheld = json.loads((self.work / "cup-record/withheld.json").read_text())["receipts"]
-        self.assertEqual({entry["reason"] for entry in withheld}, {"rejudge"})
+        self.assertEqual({entry["withheld"]["reason"] for entry in withheld}, {"rejudge"})
         self.assertIn(f"({len(withheld)} withheld)", said)
