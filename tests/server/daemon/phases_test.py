@@ -397,7 +397,7 @@ class Files(PhasesCase):
         self.assertIn(f"the track {TRACK} is for practice only: no reference episode", said)
         self.assertNotIn("elbow is for practice", said)
         self.refused("not_official", "no reference episode", status=503, phase="final")
-        self.assertEqual(self.try_submit("ok", phase="final", episodes=1)[0], 201)
+        self.assertEqual(self.try_submit("ok", episodes=1)[0], 201)
         result = self.daemon.run_verb("challenge", "check", "--configs", self.configs, timeout_s=60,
                                       text=True)
         self.assertEqual(result.returncode, 2)
