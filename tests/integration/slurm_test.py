@@ -147,7 +147,7 @@ class Cluster(OnSlurm):
         self.assertEqual(set(self.shared.iterdir()), spools)
         self.assertEqual(ask_copy("myograde", "serve", "--adopt").returncode, 0)
         process, said = start_copy(") is ok")
-        self.wait(lambda: json.loads(ask_copy("myograde", "status", submission, "--json").stdout),
+        self.wait(lambda: json.loads(ask_copy("myograde", "status", str(submission), "--json").stdout),
                   lambda found: found["state"] == "done")
         self.assertEqual(len(set(self.shared.iterdir()) - spools), 1, "a spool of its own")
         process.terminate()

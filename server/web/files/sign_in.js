@@ -10,7 +10,7 @@ async function check(text) {
 }
 
 // Where to go next: the address of a page of this server, whatever the query says. Its path is set and
-// not parsed again: as a text, "//other.example" would be another server.
+// not parsed again: as a text, a path that begins with two slashes would be another server.
 export function target(query) {
   const next = new URL("/", location.origin);
   let wanted = next;

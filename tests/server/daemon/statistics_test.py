@@ -126,7 +126,7 @@ class Groups(CloseCase):
 
     def test_what_people_read(self):
         text = self.cli("leaderboard", "--phase", "final", "--statistics").stdout
-        for words in ("Statistics of demo-manipulation", "group", "faults", "0.1250",
+        for words in ("Statistics of demo-manipulation", "group", "faults", "0.2500",
                       "2 places share a group", "at the level 0.05"):
             self.assertIn(words, text)
         self.assertNotIn("group", self.cli("leaderboard", "--phase", "final").stdout)

@@ -107,14 +107,17 @@ class Bounded(unittest.TestCase):
                              status=1)
 
     def test_what_is_no_file_is_refused_at_once(self):
-        pipe = f"{self.folder}/pipe"
+        pipe, cup = f"{self.folder}/pipe", f"{self.folder}/cup.json"
         os.mkfifo(pipe)
+        os.mkfifo(cup)
+        status, text, _ = run("challenge", "check", cup)
+        self.assertNotEqual(status, 0)
+        self.assertIn("a named pipe", text)
         receipt = self.path("some-receipt.json", RECEIPT.encode())
         key = self.path("some-key.pem", KEY.encode())
         for what, path in (("a named pipe", pipe), ("a folder", self.folder), ("a device", "/dev/zero")):
-            for words in (("replay", path), ("log", path), ("import", path), ("verify", path, "--key", key),
+            for words in (("replay", path), ("import", path), ("verify", path, "--key", key),
                           ("verify", receipt, "--key", path), ("render", path, "-o", f"{pipe}.png"),
-                          ("challenge", "check", path),
                           ("local", "/bin/true", "--track", "elbow", "--seeds", path)):
                 with self.subTest(what, words=words):
                     status, text, _ = run(*words)
