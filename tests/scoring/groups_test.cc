@@ -103,6 +103,16 @@ std::vector<JudgedEpisode> Succeeds(int64_t successes) {
 // Small differences that lean to neither side.
 double Noise(int64_t i, double size) { return size * std::sin(12.9 * static_cast<double>(i)); }
 
+TEST(Groups, AreGivenUpBetweenTwoTests) {
+  const auto rows = BoardOf({Succeeds(80), Succeeds(78), Succeeds(50)}, kTiers);
+  int asked = 0;
+  const Groups groups = FormGroups(kTestedMetrics, rows, kTiers, {}, [&] { return ++asked > 2; });
+  EXPECT_TRUE(groups.stopped);
+  EXPECT_TRUE(groups.places.empty());
+  EXPECT_EQ(asked, 3);
+  EXPECT_FALSE(FormGroups(kTestedMetrics, rows, kTiers, {}, [] { return false; }).stopped);
+}
+
 TEST(Groups, HoldWhatSuccessesDoNotDecide) {
   const auto rows = BoardOf({Succeeds(80), Succeeds(78), Succeeds(50), Succeeds(49)}, kTiers);
   EXPECT_THAT(GroupsOf(rows, kTiers), ElementsAre(1, 1, 2, 2));
