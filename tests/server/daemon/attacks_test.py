@@ -104,12 +104,11 @@ class Crowds(Attacked):
 
         ask(3)
         before = resident()
-        slack = 16
         with concurrent.futures.ThreadPoolExecutor(64) as crowd_of_threads:
             for done in [crowd_of_threads.submit(ask, 6) for _ in range(64)]:
                 done.result()
         wait_until(resident, 40, f"it had {before:.0f} MiB before",
-                   lambda now: now < before + slack)
+                   lambda now: now < before + 16)
 
     def test_announced_gigabytes(self):
         with self.crowd(20, UPLOAD % (4 << 30)):
