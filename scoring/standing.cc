@@ -23,7 +23,7 @@ class Entries {
     Team& own = TeamOf(team);
     const std::optional<size_t> before = own.entry;
     const int64_t rank_before = before ? Above(*before) : 0;
-    if (!Add(own, added) || !ChooseBest(own)) return;
+    if (!Add(own, added) || !ChooseBest(own, /*loyal=*/false)) return;
     const std::vector<size_t> kept = standing_;
     if (!Settle() || (before && Above(*TeamOf(team).entry) > rank_before)) Restore(kept);
   }
@@ -88,8 +88,8 @@ class Entries {
   }
   int64_t Above(size_t candidate) const { return Above(candidate, standing_, /*own=*/false); }
 
-  // True if the team has another entry now.
-  bool ChooseBest(Team& team) {
+  // True if the team has another entry now. `loyal`: it keeps its entry unless another one ranks better.
+  bool ChooseBest(Team& team, bool loyal) {
     if (team.own.size() == 1 && team.entry == team.own.front()) return false;
     const auto key = [&](size_t own) {
       return std::pair(Above(own), Above(own, team.own, /*own=*/true));
@@ -97,6 +97,7 @@ class Entries {
     const size_t best = *std::min_element(
         team.own.begin(), team.own.end(), [&](size_t a, size_t b) { return key(a) < key(b); });
     if (team.entry == best) return false;
+    if (loyal && Above(best) >= Above(*team.entry)) return false;
     if (team.entry) std::erase(standing_, *team.entry);
     standing_.insert(std::upper_bound(standing_.begin(), standing_.end(), best), best);
     team.entry = best;
@@ -107,7 +108,7 @@ class Entries {
   bool Settle() {
     for (int round = 0; round < kMostRounds; ++round) {
       bool changed = false;
-      for (Team& team : teams_) changed = ChooseBest(team) || changed;
+      for (Team& team : teams_) changed = ChooseBest(team, /*loyal=*/true) || changed;
       if (!changed) return true;
     }
     return false;

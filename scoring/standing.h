@@ -22,9 +22,10 @@ struct BandCandidate {
 //
 // Submissions count in the order of their acceptance. With each, its team takes the entry that ranks
 // best among the entries of the other teams; of equal ranks the one that is first on a board of the
-// team's own submissions. Then the other teams do the same, in the order of their first submissions,
-// until no entry changes. If that has no end, or leaves the team that submitted with a lower rank than
-// it had before, the other teams keep their entries. So a team's submission never lowers its own rank.
+// team's own submissions. Then all teams, in the order of their first submissions, exchange an entry that
+// another one would outrank, until no entry changes. If that has no end, or leaves the team that submitted
+// with a lower rank than it had before, the other teams keep their entries. So the submission that was
+// accepted last never lowers the rank of its own team.
 std::vector<size_t> StandingEntries(const std::vector<BandCandidate>& candidates,
                                     const std::function<bool(double, double)>& belongs);
 
