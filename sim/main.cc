@@ -34,6 +34,7 @@
 #include <absl/strings/str_join.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/ascii_line.h"
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
@@ -203,7 +204,7 @@ int Main(int argc, char** argv) {
     return 2;
   }
   if (status.ok()) return equal ? 0 : 1;
-  std::fprintf(stderr, "myograde-sim: %s\n", std::string(status.message()).c_str());
+  std::fprintf(stderr, "myograde-sim: %s\n", AsciiLine(std::string(status.message())).c_str());
   return 1;
 }
 

@@ -2,6 +2,7 @@
 
 #include <unicode/normalizer2.h>
 #include <unicode/uchar.h>
+#include <unicode/uscript.h>
 #include <unicode/unistr.h>
 #include <unicode/uspoof.h>
 #include <unicode/uvernum.h>
@@ -107,11 +108,38 @@ bool IsBlank(UChar32 c) {
   }
 }
 
+int32_t SyllabicCategory(UChar32 c) {
+  return u_getIntPropertyValue(c, UCHAR_INDIC_SYLLABIC_CATEGORY);
+}
+
+UScriptCode ScriptOf(UChar32 c) {
+  UErrorCode error = U_ZERO_ERROR;
+  const UScriptCode script = uscript_getScript(c, &error);
+  Need(error);
+  return script;
+}
+
+// Whether the character at `at` is a virama that puts the next letter below the one before, and
+// draws nothing where there are no such letters of its script.
+bool StacksNothing(const icu::UnicodeString& text, int32_t at) {
+  const UChar32 c = text.char32At(at);
+  if (SyllabicCategory(c) != U_INSC_INVISIBLE_STACKER) return false;
+  int32_t next = text.moveIndex32(at, 1);
+  // Marks of the letter before may stand between, as normalisation orders them.
+  while (next < text.length() && u_getCombiningClass(text.char32At(next)) != 0) {
+    next = text.moveIndex32(next, 1);
+  }
+  return at == 0 || next >= text.length() || !u_isalpha(text.char32At(next)) ||
+         ScriptOf(text.char32At(next)) != ScriptOf(c) ||
+         ScriptOf(text.char32At(text.moveIndex32(at, -1))) != ScriptOf(c);
+}
+
 // "", or what is wrong with a character in any position.
 const char* FaultOf(UChar32 c) {
   if (u_hasBinaryProperty(c, UCHAR_DEFAULT_IGNORABLE_CODE_POINT) ||
       IsHarmful(static_cast<char32_t>(c)) ||
-      (U_GET_GC_MASK(c) & (U_GC_CC_MASK | U_GC_CF_MASK | U_GC_ZL_MASK | U_GC_ZP_MASK)) != 0) {
+      (U_GET_GC_MASK(c) & (U_GC_CC_MASK | U_GC_CF_MASK | U_GC_ZL_MASK | U_GC_ZP_MASK)) != 0 ||
+      SyllabicCategory(c) == U_INSC_NUMBER_JOINER || c == 0x2d7f) {  // Tifinagh consonant joiner
     return "which is not seen, or changes how others are seen; leave it out";
   }
   if ((U_GET_GC_MASK(c) & (U_GC_CN_MASK | U_GC_CO_MASK | U_GC_CS_MASK)) != 0 || c == 0xfffd) {
@@ -139,6 +167,9 @@ absl::Status CheckShape(const icu::UnicodeString& text, std::string_view what) {
   for (int32_t i = 0; i < text.length(); i = text.moveIndex32(i, 1)) {
     const UChar32 c = text.char32At(i);
     if (IsBlank(c)) return Bad(what, c, "which looks like a space; write a space or leave it out");
+    if (StacksNothing(text, i)) {
+      return Bad(what, c, "which is not seen without letters of its script around it; leave it out");
+    }
   }
   // Decomposed, as nobody can see whether a mark is part of a letter or follows it.
   const icu::UnicodeString apart = Normal(Decomposed(), text);

@@ -163,9 +163,10 @@ int WithOutput(int status) {
     ::signal(SIGPIPE, SIG_DFL);
     ::raise(SIGPIPE);
   }
-  ReportError(absl::InternalError(
+  // A verb that failed has said why.
+  if (status != kDone) return status;
+  return ReportError(absl::InternalError(
       absl::StrCat("standard output can't be written: ", std::strerror(error))));
-  return status == kDone ? kTrouble : status;
 }
 
 int Main(int argc, char** argv) {

@@ -46,10 +46,10 @@ int main(int argc, char** argv) {
   if (adopt) {
     const absl::StatusOr<std::string> done = myograde::server::AdoptData(options.data_dir);
     if (done.ok()) {
-      std::cout << *done << "\n";
+      std::cout << myograde::server::Harmless(*done) << "\n";
       return 0;
     }
-    std::cerr << "myograded: error: " << done.status().message() << "\n";
+    std::cerr << "myograded: error: " << myograde::server::Harmless(std::string(done.status().message())) << "\n";
     return kTrouble;
   }
   absl::StatusOr<myograde::server::DaemonConfigs> configs =

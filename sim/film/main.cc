@@ -23,6 +23,7 @@
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/ascii_line.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
@@ -131,7 +132,7 @@ int Main(int argc, char** argv) {
   absl::Status status = PinMaths(argv);
   if (status.ok()) status = Render();
   if (status.ok()) return kRendered;
-  std::fprintf(stderr, "myograde-render: %s\n", std::string(status.message()).c_str());
+  std::fprintf(stderr, "myograde-render: %s\n", AsciiLine(std::string(status.message())).c_str());
   return absl::IsDataLoss(status) ? kRenderLogFault : kRenderTrouble;
 }
 

@@ -238,6 +238,12 @@ class Runtimes(SystemTest):
                 self.assertIn(words, complaint)
                 self.assertEqual(printed, "")
                 self.assertNotIn("bad", self.offered())
+        evil = "\x1b[31m\x07\u009b\u202e\n"
+        for words, begin in (((), "greet"), (("--lock",), "-e ")):
+            status, _, complaint = self.add("bad", *words, requirements=begin + evil)
+            self.assertEqual(status, 2)
+            self.assertIn("?[31m???", complaint)
+            self.assertTrue(complaint.rstrip("\n").isprintable(), ascii(complaint))
         status, _, complaint = self.add("bad", "--python", "/root/python", requirements=good)
         self.assertEqual(status, 2)
         self.assertIn("hand in an image", complaint)

@@ -130,6 +130,16 @@ class GradeAndRank(SystemTest):
                         os.environ["MYOGRADE_CACHE"]], check=True, stdout=subprocess.DEVNULL, timeout=120)
         return file.read_bytes()
 
+    def test_names_in_messages_are_harmless(self):
+        missing = self.root / "no\x1b[31m\x07\u009b\u202e"
+        for words, status in ((("myograde-sim", "--compile-models", missing), 1),
+                              (("myograded", "--data", missing, "--adopt"), 4)):
+            done = subprocess.run([BIN / words[0], *words[1:]], env=self.environment, timeout=120,
+                                  capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, status, done.stderr)
+            self.assertIn("no?[31m?", done.stderr)
+            self.assertTrue(done.stderr.rstrip("\n").isprintable(), ascii(done.stderr))
+
     def test_episodes_can_be_looked_at(self):
         submission = self.submit("random", "short-locomotion", "Seen")["submission"]
         log = self.rows(submission)[1]["log"]["sha256"]

@@ -1,4 +1,6 @@
 // myograde export, backup
+#include <unistd.h>
+
 #include <cerrno>
 #include <filesystem>
 #include <fstream>
@@ -32,6 +34,7 @@ using Json = nlohmann::json;
 struct ExportOptions : DaemonOptions {
   std::string file;
   std::string format = "json";
+  bool mark = false;
 };
 
 struct BackupOptions : DaemonOptions {
@@ -72,10 +75,8 @@ absl::Status WriteDigest(const std::string& path, const std::string& digest) {
 
 int PrintExport(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  std::ostream& out = PlainOutput();
-  out << file.rdbuf() << std::flush;
-  if (out) return kDone;
-  return ReportError(absl::InvalidArgumentError("standard output does not take the export"));
+  PlainOutput() << file.rdbuf();
+  return kDone;
 }
 
 // Whoever reads the export knows the seeds.
@@ -95,6 +96,12 @@ int Export(const ExportOptions& options) {
     return ReportError(absl::InvalidArgumentError(
         "an export as CSV is a folder with a file for each table: name the folder"));
   }
+  // It holds what policies printed, unchanged.
+  if (options.file.empty() && TerminalColumns(STDOUT_FILENO) > 0) {
+    return ReportError(absl::InvalidArgumentError(
+        "an export is not for a terminal, which might obey what policies printed: name a FILE, or "
+        "redirect standard output"));
+  }
   absl::StatusOr<TempFolder> temp = TempFolder::Make("export");
   if (!temp.ok()) return ReportError(temp.status());
   const bool plain = !csv && !options.file.empty();
@@ -108,7 +115,7 @@ int Export(const ExportOptions& options) {
   if (absl::Status warned = WarnOfHiddenSeeds(document); !warned.ok()) return ReportError(warned);
   if (options.file.empty()) return PrintExport(document);
   const absl::Status written =
-      csv ? WriteCsv(document, options.file) : WriteDigest(options.file, *digest);
+      csv ? WriteCsv(document, options.file, options.mark) : WriteDigest(options.file, *digest);
   if (!written.ok()) return ReportError(written);
   if (options.json) {
     PrintJson({{"file", options.file}, {"format", options.format}, {"sha256", info->sha256},
@@ -140,9 +147,11 @@ Action AddExport(CLI::App& verb) {
   auto options = std::make_shared<ExportOptions>();
   verb.add_option("FILE", options->file,
                   "The file to write, with FILE.sha256 beside it; for CSV a folder "
-                  "(default: JSON to standard output)");
+                  "(default: JSON to standard output, unless that is a terminal)");
   verb.add_option("--format", options->format, "json or csv (default: json)")
       ->check(CLI::IsMember({"json", "csv"}));
+  verb.add_flag("--bom", options->mark,
+                "With --format csv: begin each file with the byte order mark of UTF-8, as Excel needs");
   AddDaemonOptions(verb, "export", *options, "Print what was written as JSON");
   return [options] { return Export(*options); };
 }

@@ -39,7 +39,7 @@ std::string CsvCell(const Json& value) {
 
 }  // namespace
 
-absl::Status WriteCsv(const std::string& from, const std::string& folder) {
+absl::Status WriteCsv(const std::string& from, const std::string& folder, bool mark) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) {
@@ -61,6 +61,7 @@ absl::Status WriteCsv(const std::string& from, const std::string& folder) {
         if (file == nullptr) {
           file = std::make_unique<NewFile>(absl::StrCat(folder, "/", table, ".csv"));
           if (!file->opened()) return CantWrite(folder);
+          if (mark) text += "\xef\xbb\xbf";
           line([](const std::string& key, const Json&) { return key; });
         }
         line([](const std::string&, const Json& value) { return CsvCell(value); });

@@ -3,20 +3,27 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 #include <wchar.h>
+#include <wctype.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <iostream>
 
+#include <absl/strings/str_cat.h>
+
 #include "server/base/harmless.h"
 #include "server/base/plain_text.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr size_t kUsualColumns = 80;  // of a terminal that does not tell
 constexpr size_t kFewestColumns = 20;
+constexpr size_t kTabColumns = 8;  // at most
+// What goes on stands to the right of where this program's lines begin.
+constexpr size_t kLeastIndent = 2;
 constexpr std::string_view kBoldOn = "\033[1m";
 constexpr std::string_view kBoldOff = "\033[0m";
 
@@ -25,7 +32,13 @@ constexpr std::string_view kBoldOff = "\033[0m";
 struct Glyph {
   std::string_view bytes;
   size_t columns = 0;
+  bool space = false;
 };
+
+// Spaces that forbid a break, too: with them foreign text could choose what a line begins with.
+bool IsSpace(char32_t c) {
+  return ::iswspace(static_cast<wint_t>(c)) != 0 || c == 0xa0 || c == 0x2007 || c == 0x202f;
+}
 
 Glyph TakeGlyph(std::string_view text, size_t& at) {
   const size_t begin = at;
@@ -37,7 +50,17 @@ Glyph TakeGlyph(std::string_view text, size_t& at) {
   const char32_t c = TakeCodePoint(text, at);
   // -1 for what the C library does not know; a terminal shows something in its place.
   const int columns = c == kBroken ? 1 : ::wcwidth(static_cast<wchar_t>(c));
-  return {text.substr(begin, at - begin), static_cast<size_t>(columns < 0 ? 1 : columns)};
+  return {text.substr(begin, at - begin),
+          c == '\t' ? kTabColumns : static_cast<size_t>(columns < 0 ? 1 : columns), IsSpace(c)};
+}
+
+// The spaces at `at`, or what stands there up to the next one; goes behind it.
+std::string_view TakeRun(std::string_view text, bool spaces, size_t& at) {
+  const size_t begin = at;
+  for (size_t next = at; next < text.size(); at = next) {
+    if (TakeGlyph(text, next).space != spaces) break;
+  }
+  return text.substr(begin, at - begin);
 }
 
 // Where a broken line goes on: below the second column of a text that has two, else a little
@@ -52,7 +75,13 @@ size_t IndentOf(std::string_view line, size_t columns) {
       if (column <= columns / 2) return column;
     }
   }
-  return begin + 2 <= columns / 2 ? begin + 2 : 0;
+  return begin + kLeastIndent <= columns / 2 ? begin + kLeastIndent : kLeastIndent;
+}
+
+// What each further piece of a broken line begins with.
+std::string HeadOf(std::string_view line, size_t columns) {
+  if (line.starts_with(kForeignMark)) return std::string(kForeignMark);
+  return std::string(IndentOf(line, columns), ' ');
 }
 
 // A line to show: harmless but for what Bold (text.h) adds.
@@ -86,35 +115,37 @@ size_t TextWidth(std::string_view text) {
   return width;
 }
 
-std::vector<std::string> BreakLine(std::string_view text, size_t columns, size_t indent) {
-  std::vector<std::string> pieces(1);
-  size_t used = 0;         // columns of the last piece
-  size_t space_at = 0;     // of the last piece: where its last space stands; 0: it has none
-  for (size_t at = 0; at < text.size();) {
-    const Glyph glyph = TakeGlyph(text, at);
-    if (used + glyph.columns > columns) {
-      std::string rest;  // of the word that does not fit: it goes on below, if it fits there
-      size_t word = 0;
-      if (glyph.bytes != " " && space_at > 0) {
-        rest = pieces.back().substr(space_at + 1);
-        const size_t begin = at - glyph.bytes.size();
-        word = TextWidth(rest) + TextWidth(text.substr(begin, text.find(' ', begin) - begin));
-        if (word > columns) rest.clear();
-        pieces.back().resize(pieces.back().size() - rest.size());
+std::vector<std::string> BreakLine(std::string_view text, size_t columns, std::string_view head) {
+  // A head of spaces gives way to a long word.
+  const bool blank = head.find_first_not_of(' ') == std::string_view::npos;
+  const size_t least = blank ? std::min(head.size(), kLeastIndent) : head.size();
+  size_t at = text.starts_with(head) ? head.size() : 0;
+  std::vector<std::string> pieces = {std::string(text.substr(0, at))};
+  size_t used = at;         // columns of the last piece
+  bool has_words = false;  // the last piece; spaces in front of a line are no place to break it
+  while (at < text.size()) {
+    size_t next = at;
+    const size_t gap = TextWidth(TakeRun(text, /*spaces=*/true, at));
+    const std::string_view word = TakeRun(text, /*spaces=*/false, at);
+    const size_t width = TextWidth(word);
+    if (has_words && used + gap + width > columns && width + least <= columns) {
+      const size_t left = std::min(head.size(), columns - width);
+      pieces.push_back(absl::StrCat(std::string(head.substr(0, left)), std::string(word)));
+      used = left + width;
+      continue;
+    }
+    has_words = true;
+    while (next < at) {
+      const Glyph glyph = TakeGlyph(text, next);
+      if (used + glyph.columns > columns) {
+        if (glyph.space) continue;
+        pieces.back().resize(pieces.back().find_last_not_of(' ') + 1);
+        pieces.emplace_back(head);
+        used = head.size();
       }
-      pieces.back().resize(pieces.back().find_last_not_of(' ') + 1);
-      const size_t left = word > columns ? indent : std::min(indent, columns - word);
-      pieces.push_back(std::string(left, ' ') + rest);
-      used = left + TextWidth(rest);
-      space_at = 0;
-      if (glyph.bytes == " ") continue;
+      pieces.back() += glyph.bytes;
+      used += glyph.columns;
     }
-    // The spaces in front of a line are no place to break it.
-    if (glyph.bytes == " " && pieces.back().find_first_not_of(' ') != std::string::npos) {
-      space_at = pieces.back().size();
-    }
-    pieces.back() += glyph.bytes;
-    used += glyph.columns;
   }
   return pieces;
 }
@@ -173,7 +204,7 @@ class StandardOutput::Fitter : public std::streambuf {
     line_ = Shown(line_);
     const size_t columns = TerminalColumns(STDOUT_FILENO);
     if (columns > 0 && TextWidth(line_) > columns) {
-      const std::vector<std::string> pieces = BreakLine(line_, columns, IndentOf(line_, columns));
+      const std::vector<std::string> pieces = BreakLine(line_, columns, HeadOf(line_, columns));
       line_.clear();
       for (const std::string& piece : pieces) {
         line_ += piece;
@@ -241,7 +272,8 @@ void PrintToErrors(std::string_view line) {
     std::cerr << shown << std::endl;
     return;
   }
-  for (const std::string& piece : BreakLine(shown, columns, 2)) std::cerr << piece << '\n';
+  const std::string indent(kLeastIndent, ' ');
+  for (const std::string& piece : BreakLine(shown, columns, indent)) std::cerr << piece << '\n';
   std::cerr.flush();
 }
 

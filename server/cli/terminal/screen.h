@@ -19,15 +19,18 @@ size_t TerminalColumns(int fd);
 size_t TextWidth(std::string_view text);
 
 // `text`, one line, in pieces of at most `columns` (2 at least): broken at spaces, which go, or
-// within words that are longer than a piece. Pieces after the first begin with `indent` spaces.
-std::vector<std::string> BreakLine(std::string_view text, size_t columns, size_t indent = 0);
+// within words that are longer than a piece. Pieces after the first begin with `head`, which is
+// ASCII; if it is spaces, a word that does not fit behind them moves to the left, but for two.
+std::vector<std::string> BreakLine(std::string_view text, size_t columns,
+                                   std::string_view head = "");
 
 // The beginning of `text` in at most `columns`, with "…" for what is cut off.
 std::string CutText(std::string_view text, size_t columns);
 
 // Standard output while a verb runs: what std::cout prints is written to descriptor 1, and the first
-// failure is remembered. Lines are made harmless (server/base/harmless.h). On a terminal, those that are longer
-// than it are broken at spaces and go on below the second column of their text. At most one at a time.
+// failure is remembered. Lines are made harmless (server/base/harmless.h). On a terminal, those that
+// are longer than it are broken at spaces and go on below the second column of their text, or behind
+// kForeignMark (text.h). At most one at a time.
 class StandardOutput {
  public:
   StandardOutput();

@@ -100,7 +100,7 @@ std::vector<std::string> Table::Lines(size_t most) const {
 std::vector<std::string> Table::Blocks(size_t most) const {
   size_t heads = 0;
   for (const std::string& head : rows_[0]) heads = std::max(heads, TextWidth(head));
-  const size_t indent = heads + kGap < most / 2 ? heads + kGap : kGap;
+  const std::string indent(heads + kGap < most / 2 ? heads + kGap : kGap, ' ');
   std::vector<std::string> lines;
   for (size_t r = 1; r < rows_.size(); ++r) {
     if (r > 1) lines.emplace_back();

@@ -25,7 +25,8 @@ std::string Marked(std::string_view text) {
   std::string marked;
   for (size_t at = 0; at < text.size();) {
     const size_t end = std::min(text.find('\n', at), text.size());
-    absl::StrAppend(&marked, "  | ", Harmless(text.substr(at, end - at), /*tabs=*/true), "\n");
+    absl::StrAppend(&marked, std::string(kForeignMark),
+                    Harmless(text.substr(at, end - at), /*tabs=*/true), "\n");
     at = end + 1;
   }
   return marked;

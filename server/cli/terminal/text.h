@@ -11,8 +11,11 @@
 
 namespace myograde::server {
 
-// Lines that somebody else wrote, such as a policy's last output: each is Harmless, indented and marked with a bar, so that none looks like a line of this program. Ends with a newline
-// unless `text` is empty.
+// What lines that somebody else wrote begin with, so that none looks like a line of this program.
+inline constexpr std::string_view kForeignMark = "  | ";
+
+// Lines that somebody else wrote, such as a policy's last output: each is Harmless and begins with
+// kForeignMark. Ends with a newline unless `text` is empty.
 std::string Marked(std::string_view text);
 
 // Bold on a terminal, unless NO_COLOR is set.

@@ -21,7 +21,7 @@ from typing import NoReturn
 import debian
 import requirements
 import tree
-from failure import Trouble, WrongUse
+from failure import Trouble, WrongUse, harmless
 from worker import NOBODY, Worker
 
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
@@ -223,7 +223,8 @@ def finish(args: argparse.Namespace, place: Place, new: pathlib.Path) -> None:
     else:
         count = len(described["packages"])
         print(f"The runtime {args.name} is made: {count} package{'s' if count != 1 else ''}, "
-              f"{described['bytes'] / 1e6:.1f} MB, digest {described['digest'][:12]}, in {version}")
+              f"{described['bytes'] / 1e6:.1f} MB, digest {described['digest'][:12]}, "
+              f"in {harmless(version)}")
 
 
 def remove(args: argparse.Namespace) -> None:
@@ -241,7 +242,7 @@ def remove(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps({"runtime": args.name, "removed": [str(path) for path in there]}, indent=2))
     else:
-        print(f"Removed {', '.join(map(str, there))}")
+        print(f"Removed {', '.join(map(harmless, there))}")
 
 
 def options() -> argparse.ArgumentParser:
@@ -283,10 +284,10 @@ def main() -> int:
         args.run(args)
         return 0
     except WrongUse as error:
-        print(f"myograde: error: {error}", file=sys.stderr)
+        print(f"myograde: error: {harmless(error)}", file=sys.stderr)
         return 2
     except (Trouble, OSError) as error:
-        print(f"myograde: error: {error}", file=sys.stderr)
+        print(f"myograde: error: {harmless(error)}", file=sys.stderr)
         return 4
 
 

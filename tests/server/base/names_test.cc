@@ -45,7 +45,9 @@ Fate FateBeside(const std::string& team, const std::string& name) {
 TEST(CleanName, TakesWhatTeamsAreCalled) {
   for (const char* name :
        {"a", "Team Blue", "Läufer 2", "Équipe Numéro 7", "チーム青", "蓝队", "Команда", "صقور", "ทีมสีฟ้า",
-        "नीला दल", "Ελλάς", "파란 팀", "נבחרת", "x86_64 (v2.0)", "50 % faster!", "C++ & Co.", "😀",
+        "नीला दल", "दिल्ली",
+        "ខ្មែរ", "ស្ត្រី", "မန္တလေး", "အင်္ဂလိပ်", "ᩅ᩠ᨿᨦ", "தமிழ்", "සිංහල",
+        "Ελλάς", "파란 팀", "נבחרת", "x86_64 (v2.0)", "50 % faster!", "C++ & Co.", "😀",
         "Tiếng Việt", "Łódź", "O'Neill", "—"}) {
     const absl::StatusOr<std::string> clean = CleanName(name, "name");
     ASSERT_TRUE(clean.ok()) << name << ": " << clean.status();
@@ -78,6 +80,9 @@ TEST(CleanName, NamesTheCharacterThatNobodySees) {
       {u"Team\ufffd Blue", "U+FFFD"}, {u"\u0301Team Blue", "U+0301"},
       {u"Team \u0301Blue", "U+0301"}, {u"Tea\u0323\u0323m Blue", "U+0323"},
       {u"Team\u0307\u0307 Blue", "U+0307"}, {u"Team i\u0307", "U+0307"},
+      {u"Team\xd804\xdc7fMax 1", "U+1107F"}, {u"Team Max 1\u2d7f", "U+2D7F"},
+      {u"Team Max 1\u17d2", "U+17D2"}, {u"Team\u1039Blue", "U+1039"},
+      {u"\u1780\u17d2", "U+17D2"}, {u"\u1780\u17d2 Blue", "U+17D2"},
       {u"a\u0300\u0316\u0301\u0317\u0302\u0318", "U+0301"}};
   for (const Row& row : rows) {
     const absl::Status status = CleanName(Utf8(row.name), "the team's name").status();

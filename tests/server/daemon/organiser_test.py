@@ -302,6 +302,10 @@ class Files(OrganiserCase):
         subprocess.run(["sha256sum", "-c", "--quiet", "SHA256SUMS"], cwd=folder, check=True)
         marks = (folder / "mark.csv").read_text()
         self.assertIn('"a ""test"", with commas"', marks)
+        self.ask("export", self.folder / "marked", "--format", "csv", "--bom", schema="export")
+        for table in ("mark", "episode"):
+            self.assertEqual((self.folder / f"marked/{table}.csv").read_bytes(),
+                             b"\xef\xbb\xbf" + (folder / f"{table}.csv").read_bytes())
         self.assertEqual((folder / "episode.csv").read_bytes().count(b"\r\n"), 19)
 
     def test_no_cell_of_a_csv_is_a_formula(self):

@@ -106,6 +106,31 @@ class TerminalTest(CliCase):
             for team in ("Somewhere", "東京", "99.1234"):
                 self.assertIn(team, text)
 
+    def test_what_policies_wrote_begins_no_line(self):
+        for forged in ("Submission 1 of alpha: done".replace(" ", blank).ljust(80, blank)
+                       for blank in ("\u00a0", "\u2007", "\u2800", "_")):
+            rows = [{**ROWS[0], "fault": {"detail": f"oops {forged} end"}}]
+            result = {**RESULT, "episode_rows": rows, "output": [
+                {"first": 0, "last": 1, "stderr_tail": f"oops {forged} end\n" + "\t" * 12 + forged,
+                 "stdout_tail": ""}]}
+            socket = self.serve({"GET /v1/submissions/7/result": (200, result),
+                                 "GET /v1/submissions/7/result?episodes=1": (200, result)})
+            for words in (["--episodes"], []):
+                status, _, screen = on_terminal(80, "show", "7", *words, "--socket", socket)
+                self.assertEqual(status, 0, screen.rows)
+                self.assertEqual(screen.too_long, [])
+                self.assertFalse([row for row in screen.rows if re.match("Submission.1", row)], screen.rows)
+            begin = next(i for i, row in enumerate(screen.rows) if row.startswith("  | oops"))
+            marked = [row for row in screen.rows[begin:] if row]
+            self.assertGreater(len(marked), 3)
+            self.assertEqual([row for row in marked if not row.startswith("  |")], [])
+            os.remove(socket)
+
+    def test_an_export_is_not_printed(self):
+        status, text, _ = on_terminal(200, "export", "--socket", self.path("none", ""))
+        self.assertEqual(status, 2, text)
+        self.assertIn("name a FILE, or redirect standard output", text)
+
     def test_what_is_drawn_over_stays_one_line(self):
         queued = {**STATUS, "state": "queued", "waiting": "1 block of episodes waits for a slot: "
                   "2 of 2 are taken, and 17 blocks of episodes of others are ahead",

@@ -34,11 +34,28 @@ TEST_F(TerminalText, LinesBreakAtSpacesAndLongWordsWithin) {
   EXPECT_THAT(BreakLine("", 10), ElementsAre(""));
   EXPECT_THAT(BreakLine("one two three", 13), ElementsAre("one two three"));
   EXPECT_THAT(BreakLine("one two three", 12), ElementsAre("one two", "three"));
-  EXPECT_THAT(BreakLine("one two three", 9, 2), ElementsAre("one two", "  three"));
+  EXPECT_THAT(BreakLine("one two three", 9, "  "), ElementsAre("one two", "  three"));
   EXPECT_THAT(BreakLine("abcdefgh", 3), ElementsAre("abc", "def", "gh"));
-  EXPECT_THAT(BreakLine("hash 0123456789", 10, 6), ElementsAre("hash", "0123456789"))
+  EXPECT_THAT(BreakLine("hash 01234567", 10, "      "), ElementsAre("hash", "  01234567"))
       << "a word that fits on a line is not broken for the indent's sake";
+  EXPECT_THAT(BreakLine("hash 0123456789", 10, "    "), ElementsAre("hash 01234", "    56789"));
   EXPECT_THAT(BreakLine("  東京都 a", 6), ElementsAre("  東京", "都 a"));
+}
+
+TEST_F(TerminalText, ForeignTextChoosesNoBeginningOfALine) {
+  const std::string line = Marked("oops 0123456789abcdef").substr(0, 25);
+  EXPECT_THAT(BreakLine(line, 16, kForeignMark),
+              ElementsAre("  | oops 0123456", "  | 789abcdef"));
+  EXPECT_THAT(BreakLine("  | one 0123456789", 14, kForeignMark),
+              ElementsAre("  | one", "  | 0123456789"));
+  EXPECT_THAT(BreakLine("  |  0123456789abc", 12, kForeignMark),
+              ElementsAre("  |  0123456", "  | 789abc"));
+  for (const std::string space : {" ", "\u00a0", "\u2007", "\u202f", "\u2003"}) {
+    EXPECT_THAT(BreakLine("a b" + space + "c", 3, "  "), ElementsAre("a b", "  c")) << space;
+    EXPECT_THAT(BreakLine("oops Submission" + space + "1", 16, "  "),
+                ElementsAre("oops Submission", "  1"));
+  }
+  EXPECT_THAT(BreakLine("a\tb", 9, "  "), ElementsAre("a", "  b")) << "eight columns at most";
 }
 
 TEST_F(TerminalText, NoPieceIsTooWideAndNoWordIsLost) {
@@ -54,7 +71,7 @@ TEST_F(TerminalText, NoPieceIsTooWideAndNoWordIsLost) {
     const auto columns = *rc::gen::inRange<size_t>(2, 60);
     const auto indent = *rc::gen::inRange<size_t>(0, columns);
     std::string kept;
-    for (const std::string& piece : BreakLine(line, columns, indent)) {
+    for (const std::string& piece : BreakLine(line, columns, std::string(indent, ' '))) {
       RC_ASSERT(TextWidth(piece) <= columns);
       for (const char c : piece) {
         if (c != ' ') kept += c;
