@@ -85,6 +85,7 @@ ProgramHead ReadProgramHead(int fd) {
   const std::string_view line = Trimmed(bytes.substr(2, bytes.find('\n') - 2));
   const size_t blank = std::min(line.find_first_of(" \t"), line.size());
   head.kind = ProgramHead::Kind::kScript;
+  head.windows_line_end = line.ends_with('\r');
   head.interpreter = std::string(line.substr(0, blank));
   head.argument = std::string(Trimmed(line.substr(blank)));
   return head;

@@ -16,8 +16,14 @@ struct ProgramHead {
   // kScript: the program after "#!". kBinary: the dynamic loader, "" if it needs none.
   std::string interpreter;
   std::string argument;  // kScript: the rest of the line after the interpreter
+  bool windows_line_end = false;  // kScript: of its first line; the kernel takes the CR for a part of it
   std::string processor;  // kForeign: what it is for, as "AArch64" or "32-bit x86"
 };
+
+// Completes "NAME, which" of a script with `windows_line_end`.
+inline constexpr char kWindowsLineEnds[] =
+    "is a script with the line ends of Windows, so its first line names no program; save it with those of "
+    "Unix (LF; \"dos2unix\" does that)";
 
 // Reads at most a few kilobytes of the file `fd`, whatever its offset. The file is untrusted: its
 // content affects nothing but these strings. Never fails; an unreadable file is kText.

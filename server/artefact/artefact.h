@@ -52,9 +52,9 @@ using ByteProgress = std::function<void(int64_t done, int64_t total)>;
 
 // Packs what a participant has at `path` into the file `archive` (created or replaced) as a
 // canonical tar: sorted entries, no owners, modes 0755 or 0644, file times in whole seconds and no
-// other times. `path` is a folder with policy.json at its top, a single executable file (a manifest
-// that runs it is added), or an archive (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip) of such a folder or of
-// a container image. `name` is written into the packed policy.json in place of the name there; "":
+// other times. `path` is a folder with policy.json at its top, a single program (ELF or
+// "#!"; a manifest that runs it is added), or an archive (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip;
+// whatever its name) of such a folder or of a container image. `name` is written into the packed policy.json in place of the name there; "":
 // that one stays, and an image has the name that it was saved by, or its file's. Enforces the rules
 // of UnpackArtefact, so that most mistakes are reported before anything is sent; of an image, which
 // is packed as it is, it reads no more than its name. Returns what the packed policy.json says: an

@@ -21,6 +21,7 @@ constexpr size_t kMaxMembers = 4096;
 constexpr int kMaxMemberLinks = 4;
 constexpr int kMaxIndexDepth = 3;
 constexpr size_t kHexDigits = 64;
+constexpr char kPlatform[] = "linux/amd64";
 
 absl::Status BadImage(std::string_view what) {
   return absl::InvalidArgumentError(
@@ -35,6 +36,27 @@ bool IsHexDigest(std::string_view text) {
 bool IsIndex(const std::string& media_type) {
   return media_type == "application/vnd.oci.image.index.v1+json" ||
          media_type == "application/vnd.docker.distribution.manifest.list.v2+json";
+}
+
+std::string BlobName(const std::string& sha256) { return "blobs/sha256/" + sha256; }
+
+std::string PlatformName(const Json& platform) {
+  return absl::StrCat(TextAt(platform, "os"), "/", TextAt(platform, "architecture"));
+}
+
+// Whether a member in a folder may belong to an image.
+bool MayBeMember(const std::string& name) {
+  return name.starts_with("blobs/") || IsHexDigest(name) || name.find(".tar") != std::string::npos ||
+         name.ends_with(".json");
+}
+
+// Whether a manifest.json has one image, which it may list under several names.
+bool ListsOneImage(const Json& images) {
+  return images.is_array() && !images.empty() &&
+         std::all_of(images.begin(), images.end(), [&](const Json& image) {
+           return At(image, "Config") == At(images[0], "Config") &&
+                  At(image, "Layers") == At(images[0], "Layers");
+         });
 }
 
 }  // namespace
@@ -74,8 +96,8 @@ bool ImageArchive::MayBe(int file) {
     const std::string name = PlainMemberName(raw);
     if (name == "policy.json") return false;
     lists = lists || name == "manifest.json" || name == "index.json";
-    const bool in_folder = name.find('/') != std::string::npos;
-    if (compressed && in_folder && !name.starts_with("blobs/") && !IsHexDigest(name)) return false;
+    const bool in_folder = archive_entry_filetype(entry) != AE_IFDIR && name.find('/') != std::string::npos;
+    if (compressed && in_folder && !MayBeMember(name)) return false;
   }
   return lists;
 }
@@ -187,7 +209,7 @@ absl::StatusOr<Json> ImageArchive::JsonOf(const std::string& name) const {
 }
 
 absl::StatusOr<Json> ImageArchive::BlobOf(const Described& described, const std::string& what) const {
-  const absl::StatusOr<std::string> text = TextOf("blobs/sha256/" + described.sha256);
+  const absl::StatusOr<std::string> text = TextOf(BlobName(described.sha256));
   if (!text.ok()) return text.status();
   if (std::ssize(*text) != described.size) {
     return BadImage(absl::StrCat("has a ", what, " of ", text->size(), " bytes where its archive states ",
@@ -228,7 +250,12 @@ absl::StatusOr<ImageContent> ImageArchive::Read() const {
 absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
   const absl::StatusOr<nlohmann::json> images = JsonOf("manifest.json");
   if (!images.ok()) return images.status();
-  if (!images->is_array() || images->size() != 1) {
+  if (images->contains("schemaVersion")) {
+    return absl::InvalidArgumentError(
+        "the archive holds an image as \"skopeo copy IMAGE dir:FOLDER\" writes it; save it with "
+        "\"skopeo copy IMAGE oci-archive:FILE.tar\"");
+  }
+  if (!ListsOneImage(*images)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the archive's manifest.json lists ", images->is_array() ? images->size() : 0,
         " images; save exactly one"));
@@ -257,29 +284,59 @@ absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
   return content;
 }
 
+absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const nlohmann::json& entry) const {
+  absl::StatusOr<Described> described = Descriptor(entry, "index");
+  if (!described.ok()) return described;
+  if (absl::Status found = Find(BlobName(described->sha256)).status(); !found.ok()) return found;
+  described->variant = TextAt(At(entry, "platform"), "variant");
+  return described;
+}
+
+absl::StatusOr<std::string> ImageArchive::PlatformOf(const Described& described) const {
+  const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
+  if (!manifest.ok()) return manifest.status();
+  const absl::StatusOr<Described> about = Descriptor(At(*manifest, "config"), "config");
+  if (!about.ok()) return about.status();
+  const absl::StatusOr<nlohmann::json> config = BlobOf(*about, "config");
+  if (!config.ok()) return config.status();
+  return PlatformName(*config);
+}
+
 absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
-                                   std::map<std::string, Described>& fitting,
-                                   std::vector<std::string>& others) const {
+                                   Candidates& candidates) const {
+  const auto other = [&](const std::string& name) {
+    if (candidates.others.size() < 16) candidates.others.push_back(Quoted(name));
+  };
   for (const nlohmann::json& entry : At(index, "manifests")) {
     const nlohmann::json& platform = At(entry, "platform");
-    const std::string system = TextAt(platform, "os");
-    const std::string name = absl::StrCat(system, "/", TextAt(platform, "architecture"));
-    if (system == "unknown") continue;  // attestations
-    absl::StatusOr<Described> described = Descriptor(entry, "index");
-    if (!described.ok()) return described.status();
-    described->variant = TextAt(platform, "variant");
-    if (IsIndex(TextAt(entry, "mediaType"))) {
+    const bool is_index = IsIndex(TextAt(entry, "mediaType"));
+    if (TextAt(platform, "os") == "unknown") continue;  // attestations
+    if (!is_index && platform.is_object() && PlatformName(platform) != kPlatform) {
+      other(PlatformName(platform));
+      continue;
+    }
+    const absl::StatusOr<Described> described = Present(entry);
+    if (!described.ok()) {
+      candidates.unusable = described.status();
+      continue;
+    }
+    if (is_index) {
       if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
       const absl::StatusOr<nlohmann::json> inner = BlobOf(*described, "index");
       if (!inner.ok()) return inner.status();
-      absl::Status status = Collect(*inner, depth + 1, fitting, others);
-      if (!status.ok()) return status;
-    } else if (platform.is_object() && name != "linux/amd64") {
-      if (others.size() < 16) others.push_back(Quoted(name));
+      if (absl::Status status = Collect(*inner, depth + 1, candidates); !status.ok()) return status;
+      continue;
+    }
+    const absl::StatusOr<bool> image = IsOfImage(*described);
+    if (!image.ok()) return image.status();
+    if (!*image) continue;
+    const absl::StatusOr<std::string> name =
+        platform.is_object() ? PlatformName(platform) : PlatformOf(*described);
+    if (!name.ok()) return name.status();
+    if (*name == kPlatform) {
+      candidates.fitting.emplace(described->sha256, *described);
     } else {
-      const absl::StatusOr<bool> image = IsOfImage(*described);
-      if (!image.ok()) return image.status();
-      if (*image) fitting.emplace(described->sha256, *described);
+      other(*name);
     }
   }
   return absl::OkStatus();
@@ -288,12 +345,12 @@ absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
 absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
   const absl::StatusOr<nlohmann::json> index = JsonOf("index.json");
   if (!index.ok()) return index.status();
-  std::map<std::string, Described> fitting;
-  std::vector<std::string> others;
-  absl::Status collected = Collect(*index, 1, fitting, others);
-  if (!collected.ok()) return collected;
-  if (fitting.empty() && !others.empty()) {
-    return BadImage(absl::StrCat("is for ", absl::StrJoin(others, ", "), ", and the server runs "
+  Candidates candidates;
+  if (absl::Status collected = Collect(*index, 1, candidates); !collected.ok()) return collected;
+  std::map<std::string, Described>& fitting = candidates.fitting;
+  if (fitting.empty() && !candidates.unusable.ok()) return candidates.unusable;
+  if (fitting.empty() && !candidates.others.empty()) {
+    return BadImage(absl::StrCat("is for ", absl::StrJoin(candidates.others, ", "), ", and the server runs "
                                  "linux/amd64; build it with --platform linux/amd64"));
   }
   // Of variants for newer processors, the one that runs on most.
@@ -345,7 +402,7 @@ absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& describ
     }
     const absl::StatusOr<Described> stated = Descriptor(layer, "layer");
     if (!stated.ok()) return stated.status();
-    absl::StatusOr<std::string> member = Find("blobs/sha256/" + stated->sha256);
+    absl::StatusOr<std::string> member = Find(BlobName(stated->sha256));
     if (!member.ok()) return member.status();
     content.layers.push_back({.member = *std::move(member),
                               .sha256 = stated->sha256,

@@ -79,6 +79,12 @@ class ImageArchive {
     std::string variant;  // of the platform's processor; "": the usual one
   };
 
+  struct Candidates {  // what an index lists
+    std::map<std::string, Described> fitting;  // by digest
+    std::vector<std::string> others;           // platforms, quoted
+    absl::Status unusable;                     // why an entry that may fit can't be read
+  };
+
   absl::Status Take(archive_entry* entry, int64_t position);
   // Whether two members have the same bytes.
   absl::StatusOr<bool> Equal(const Member& a, const Member& b) const;
@@ -94,9 +100,11 @@ class ImageArchive {
   // materials).
   absl::StatusOr<bool> IsOfImage(const Described& described) const;
   absl::StatusOr<Described> Descriptor(const nlohmann::json& json, const std::string& where) const;
-  absl::Status Collect(const nlohmann::json& index, int depth,
-                       std::map<std::string, Described>& fitting,
-                       std::vector<std::string>& others) const;
+  // The descriptor of an index's entry, whose blob must be there.
+  absl::StatusOr<Described> Present(const nlohmann::json& entry) const;
+  // "SYSTEM/PROCESSOR" of an image by its config.
+  absl::StatusOr<std::string> PlatformOf(const Described& described) const;
+  absl::Status Collect(const nlohmann::json& index, int depth, Candidates& candidates) const;
 
   int file_ = -1;
   std::map<std::string, Member> members_;

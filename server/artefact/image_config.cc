@@ -1,6 +1,7 @@
 #include "server/artefact/image_config.h"
 
 #include <algorithm>
+#include <climits>
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -171,6 +172,11 @@ absl::Status FindUser(std::string_view user, std::string_view passwd, std::strin
   const bool root = name.empty() || name == "root" || name == "0";
   std::string home = line.size() > 5 ? line[5] : "";
   if (home.empty()) home = root ? "/root" : "/";
+  if (home.size() >= PATH_MAX) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the home folder of the image's user in its /etc/passwd is a path of ", home.size(),
+                     " bytes; at most ", PATH_MAX - 1, " are possible"));
+  }
   image.environment.emplace("HOME", std::move(home));
   if (name.empty()) return absl::OkStatus();
   const std::optional<int64_t> uid = IdOf(line.empty() ? name : std::string_view(line[2]));

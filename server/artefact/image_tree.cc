@@ -398,9 +398,9 @@ absl::Status ImageTree::Finish(std::string_view user, PolicyImage& image) {
   const std::string& home = image.environment["HOME"];
   const absl::StatusOr<std::string> real = Real(home, /*last=*/true);
   const auto folder = real.ok() ? nodes_.find(*real) : nodes_.end();
-  const bool there = home.starts_with('/') && folder != nodes_.end() &&
-                     folder->second.entry.type == EntryType::kFolder;
-  if (!there) image.environment.erase("HOME");
+  const bool root = real.ok() && real->empty();  // it has no node
+  const bool there = root || (folder != nodes_.end() && folder->second.entry.type == EntryType::kFolder);
+  if (!there || !home.starts_with('/')) image.environment.erase("HOME");
   return absl::OkStatus();
 }
 

@@ -42,6 +42,7 @@ absl::Status HostError(std::string_view what) {
   const std::string message =
       absl::StrCat(absl::string_view(what.data(), what.size()), ": ", std::strerror(error));
   if (error == ENOSPC || error == EDQUOT) return absl::ResourceExhaustedError(message);
+  if (error == ENAMETOOLONG) return absl::InvalidArgumentError(message);
   return absl::UnavailableError(message);
 }
 

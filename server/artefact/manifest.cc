@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <climits>
 #include <filesystem>
@@ -14,6 +13,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/program_head.h"
 #include "server/artefact/adapters.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
@@ -40,6 +40,10 @@ absl::Status MissingManifest(int root) {
       (OpenBeneath(root, "usr/bin", O_PATH).valid() && OpenBeneath(root, "etc", O_PATH).valid())) {
     hint = "; it looks like the files of a container without the image's configuration, as \"docker "
            "export\" writes them: save the image, with \"docker save\" or \"podman save\"";
+  }
+  if (OpenBeneath(root, "index.json", O_PATH).valid() && OpenBeneath(root, "blobs", O_PATH).valid()) {
+    hint = "; it looks like a container image in OCI's layout that is no tar, or lacks the file oci-layout: "
+           "write it with podman save, docker save or buildah push IMAGE oci-archive:FILE.tar";
   }
   const int copy = ::openat(root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (DIR* names = copy >= 0 ? ::fdopendir(copy) : nullptr; names != nullptr) {
@@ -98,15 +102,6 @@ absl::Status BadCommand(std::string_view command, std::string_view rule) {
                                                  absl::string_view(rule.data(), rule.size())));
 }
 
-// Whether a script's first line ends as lines do in Windows.
-bool HasCarriageReturn(int root, const std::string& path) {
-  const Fd file = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
-  std::array<char, 256> bytes = {};
-  const ssize_t got = file.valid() ? ::pread(file.get(), bytes.data(), bytes.size(), 0) : 0;
-  const std::string_view text(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
-  return text.starts_with("#!") && text.substr(0, text.find('\n')).ends_with('\r');
-}
-
 // Resolves the links of a relative command by hand: an absolute target belongs to the sandbox,
 // whose files are unknown here, and ends the search.
 absl::Status CheckProgram(int root, const std::string& command) {
@@ -124,9 +119,9 @@ absl::Status CheckProgram(int root, const std::string& command) {
                                                   "or a program of the sandbox as python3");
     }
     if (S_ISREG(info.st_mode)) {
-      if (HasCarriageReturn(root, path)) {
-        return BadCommand(command, "is a script with the line ends of Windows, so its first line names no "
-                                   "program; save it with those of Unix (LF; \"dos2unix\" does that)");
+      const Fd file = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
+      if (file.valid() && ReadProgramHead(file.get()).windows_line_end) {
+        return BadCommand(command, kWindowsLineEnds);
       }
       if ((info.st_mode & 0111) != 0) return absl::OkStatus();
       return BadCommand(command, "is not executable; set its bit with chmod +x");

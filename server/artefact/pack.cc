@@ -12,12 +12,15 @@
 #include <filesystem>
 #include <memory>
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/program_head.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
+#include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/saved_name.h"
 #include "server/artefact/submitted_manifest.h"
@@ -286,11 +289,6 @@ absl::StatusOr<ArtefactManifest> PackProgram(const std::string& program, const P
   return manifest;
 }
 
-bool IsImage(const std::string& path) {
-  const Fd file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
-  return file.valid() && MayBeImageArchive(file.get());
-}
-
 // An image is sent as it is: the daemon unpacks it, and checks it there.
 absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packing& packing) {
   constexpr char kName[] = "image.tar";
@@ -300,7 +298,8 @@ absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packi
     const Fd file(::open(image.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
     if (!file.valid()) return Unreadable(image);
     const std::string stem = std::filesystem::path(image).filename().string();
-    manifest.name = SavedName(file.get(), stem.substr(0, stem.find(".tar")), packing.limits);
+    manifest.name = SavedName(
+        file.get(), stem.substr(0, absl::AsciiStrToLower(stem).find(".tar")), packing.limits);
   }
   const absl::Status packed = PackWithManifest(
       image, kName, /*executable=*/false, {{"name", manifest.name}, {"image", kName}}, packing);
@@ -322,11 +321,70 @@ absl::StatusOr<ArtefactManifest> Repack(const std::string& source, const Packing
 }
 
 bool HasArchiveName(const std::string& path) {
+  const std::string lower = absl::AsciiStrToLower(path);
   for (const std::string_view ending : {".tar", ".tar.gz", ".tgz", ".tar.zst", ".tzst", ".tar.xz",
                                         ".txz", ".tar.bz2", ".tbz2", ".tbz", ".zip"}) {
-    if (path.ends_with(ending)) return true;
+    if (lower.ends_with(ending)) return true;
   }
   return false;
+}
+
+// What one file is, by its first bytes: a name says little, as of `podman save -o walker`.
+enum class FileKind { kProgram, kArchive, kForeignArchive, kOther };
+struct KnownFile {
+  FileKind kind = FileKind::kOther;
+  std::string_view name = {};  // kForeignArchive: of its format
+};
+
+KnownFile KindOf(int file) {
+  constexpr size_t kTarMagicAt = 257;
+  std::array<char, kTarMagicAt + 5> bytes = {};
+  const ssize_t got = ::pread(file, bytes.data(), bytes.size(), 0);
+  const std::string_view head(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+  if (ReadProgramHead(file).kind != ProgramHead::Kind::kText) return {FileKind::kProgram};
+  if (head.starts_with("PK\3\4") || head.substr(std::min(head.size(), kTarMagicAt)) == "ustar" ||
+      IsCompressed(file)) {
+    return {FileKind::kArchive};
+  }
+  for (const auto& [magic, name] : {std::pair<std::string_view, std::string_view>{"7z\xbc\xaf", "7z"},
+                                    {"Rar!", "RAR"}, {"\x04\x22\x4d\x18", "LZ4"}}) {
+    if (head.starts_with(magic)) return {FileKind::kForeignArchive, name};
+  }
+  return {};
+}
+
+absl::Status NoProgram(const std::string& path) {
+  if (absl::AsciiStrToLower(path).ends_with(".py")) {
+    return absl::InvalidArgumentError(
+        "is a Python file, which can't start by itself; put it into a folder with a policy.json that names "
+        "the command: {\"name\": \"my policy\", \"command\": [\"python3\", \"policy.py\"], \"runtimes\": "
+        "[\"python\"]}");
+  }
+  return absl::InvalidArgumentError(
+      "is no program (neither ELF nor a script with \"#!\") and no archive; give a program, a folder with "
+      "a policy.json, or an archive of one (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip)");
+}
+
+// Packs a single file.
+absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct stat& info,
+                                          const Packing& packing) {
+  const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));  // waits for a lease on it to end
+  if (!file.valid()) return Unreadable(path);
+  const KnownFile known = KindOf(file.get());
+  if (known.kind == FileKind::kForeignArchive) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("is packed by ", absl::string_view(known.name.data(), known.name.size()),
+                     ", which is not accepted; pack it as .tar.gz, .tar.zst, .tar.xz, .tar.bz2 or .zip"));
+  }
+  if (known.kind == FileKind::kArchive || HasArchiveName(path)) {
+    return MayBeImageArchive(file.get()) ? PackImage(path, packing) : Repack(path, packing);
+  }
+  if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
+  if (known.kind != FileKind::kProgram) return NoProgram(path);
+  if ((info.st_mode & 0111) == 0) {
+    return absl::InvalidArgumentError("is not executable; set its bit with chmod +x");
+  }
+  return PackProgram(path, packing);
 }
 
 }  // namespace
@@ -348,15 +406,7 @@ absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std
   if (!S_ISREG(info.st_mode)) {
     return absl::InvalidArgumentError("is neither a file nor a folder");
   }
-  if (HasArchiveName(path) && IsImage(path)) return PackImage(path, packing);
-  if (HasArchiveName(path)) return Repack(path, packing);
-  if ((info.st_mode & 0111) == 0) {
-    return absl::InvalidArgumentError(
-        "is not executable; set its bit with chmod +x, or give a folder with a policy.json or an "
-        "archive of one (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip)");
-  }
-  if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
-  return PackProgram(path, packing);
+  return PackFile(path, info, packing);
 }
 
 }  // namespace myograde::server

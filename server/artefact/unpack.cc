@@ -10,6 +10,7 @@
 #include <iterator>
 #include <memory>
 #include <set>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 
@@ -243,18 +244,21 @@ bool IsProgram(int file) {
   return magic.starts_with("#!") || magic == "\x7f" "ELF";
 }
 
-// Archives from Windows have no modes. Where no file can be executed and the submission needs one that
-// can, its programs and scripts become executable.
+// Archives from Windows have no modes, or have them for .bat and the like. Where no program can be executed
+// and the submission needs one that can, its programs and scripts become executable.
 absl::Status AddModes(int folder, Listing& listing) {
-  for (const auto& [path, entry] : listing.entries()) {
-    if (entry.executable) return absl::OkStatus();
-  }
   if (ReadSubmittedManifest(folder).ok()) return absl::OkStatus();
+  std::vector<std::string> programs;
   for (const auto& [path, entry] : listing.entries()) {
     if (entry.type != EntryType::kFile) continue;
     const Fd file = OpenBeneath(folder, path, O_RDONLY | O_NONBLOCK);
     if (!file.valid() || !IsProgram(file.get())) continue;
-    if (::fchmod(file.get(), 0755) != 0) {
+    if (entry.executable) return absl::OkStatus();
+    programs.push_back(path);
+  }
+  for (const std::string& path : programs) {
+    const Fd file = OpenBeneath(folder, path, O_RDONLY | O_NONBLOCK);
+    if (!file.valid() || ::fchmod(file.get(), 0755) != 0) {
       return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
     }
     listing.MakeExecutable(path);

@@ -152,6 +152,23 @@ LeaseOrder OrderThatSays(const LeaseOrder& order, absl::string_view why) {
   return says;
 }
 
+// Why the kernel would not start the command; "": nothing. Uploads have smaller bounds, artefacts of an
+// import may not.
+std::string TooLong(const std::vector<std::string>& command) {
+  constexpr size_t kMostOfOne = 128 << 10;  // MAX_ARG_STRLEN of execve(2)
+  constexpr size_t kMost = 1 << 20;         // leaves room for the sandbox' own
+  size_t all = 0;
+  for (const std::string& word : command) {
+    if (word.size() >= kMostOfOne) {
+      return absl::StrCat("an argument or variable of the policy has ", word.size(), " bytes; at most ",
+                          kMostOfOne - 1, " can be passed to a program");
+    }
+    all += word.size() + 1;
+  }
+  if (all <= kMost) return "";
+  return absl::StrCat("the policy's arguments and variables have ", all, " bytes; at most ", kMost, " are passed");
+}
+
 }  // namespace
 
 std::vector<std::string> PolicyPath(const std::vector<std::string>& runtimes) {
@@ -308,6 +325,9 @@ absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
   }
   AddSanitizerOptions(spec);
   AddBridgeCommand(order, config, bridge, spec);
+  if (const std::string why = TooLong(spec.command); !why.empty()) {
+    return MakePolicySandbox(OrderThatSays(order, why), config, bin_dir, stage, etc, scratch, group);
+  }
   spec.bus = true;
   spec.as_first = true;
   spec.held = true;

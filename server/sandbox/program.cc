@@ -217,6 +217,7 @@ class ProgramCheck {
                                            : "sandbox does not have; build it on Debian 12, or ",
                                     "link it statically"));
       case ProgramHead::Kind::kScript:
+        if (head.windows_line_end) return Refused(absl::StrCat(start, kWindowsLineEnds));
         return CheckInterpreter(head, depth);
       case ProgramHead::Kind::kText:
         break;

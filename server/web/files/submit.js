@@ -41,15 +41,19 @@ async function filesBelow(entry, prefix) {
   }
 }
 
+// The last endings of the archives that are taken, for a browser's dialogue.
+const ARCHIVES = ".tar,.gz,.tgz,.zst,.tzst,.xz,.txz,.bz2,.tbz2,.tbz,.zip";
+
 // What was chosen, as {words, blob}. An error says why it can't be handed in.
-function parcelOf(files) {
+export function parcelOf(files) {
   const single = files.length === 1 ? files[0] : null;
-  if (single && /\.(tar|tgz|tar\.(gz|zst))$/.test(single.path)) {
+  if (single && /\.(tar|tar\.(gz|zst|xz|bz2)|tgz|tzst|txz|tbz2?|zip)$/i.test(single.path)) {
     return {words: `${single.path}, ${bytes(single.file.size)}`, blob: single.file};
   }
   if (!files.some((one) => one.path === "policy.json")) {
     throw new Error("There is no policy.json at the top of what you chose. Choose the folder that has "
-      + "it, or an archive (.tar, .tar.gz, .tar.xz, .tar.bz2, .tar.zst) of that folder's content.");
+      + "it, or an archive (.tar, .tar.gz, .tgz, .tar.zst, .tzst, .tar.xz, .txz, .tar.bz2, .tbz2, .tbz, "
+      + ".zip) of that folder's content.");
   }
   const blob = pack(files);
   return {words: `${whole(files.length)} files, ${bytes(blob.size)}`, blob};
@@ -97,7 +101,7 @@ function dropZone(onParcel, onProblem) {
       take(ofDrop(event.dataTransfer));
     }},
   chosen, h("p", {class: "row"}, input("folder", "Choose a folder", {webkitdirectory: true}),
-    input("archive", "Choose an archive", {accept: ".tar,.tgz,.gz,.zst"})));
+    input("archive", "Choose an archive", {accept: ARCHIVES})));
   return zone;
 }
 

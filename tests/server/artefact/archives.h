@@ -4,9 +4,11 @@
 #include <archive.h>
 #include <archive_entry.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -92,6 +94,14 @@ inline void WritePacked(const std::string& path, std::string_view bytes, Kind ki
   archive_write_data(a, bytes.data(), bytes.size());
   ASSERT_EQ(archive_write_close(a), ARCHIVE_OK);
   archive_write_free(a);
+}
+
+inline constexpr char kManifest[] = R"({"name": "walker", "command": ["./policy"]})";
+
+inline void MakeFile(const std::string& path, const std::string& content, mode_t mode) {
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+  std::ofstream(path, std::ios::binary) << content;
+  ASSERT_EQ(::chmod(path.c_str(), mode), 0);
 }
 
 }  // namespace myograde::server

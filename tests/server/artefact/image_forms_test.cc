@@ -65,7 +65,6 @@ TEST_F(ImageFormsTest, TheOrderAndNamesOfMembersDoNotMatter) {
       WritePacked(temp_ / "a", whole, kind);
       fs::remove_all(temp_ / "out");
       const auto packed = UnpackArtefact(temp_ / "a", temp_ / "out", {});
-      if (names.layer.starts_with("a/") && kind != Kind::kTar) continue;  // no builder's form
       ASSERT_TRUE(packed.ok()) << packed.status();
       EXPECT_EQ(packed->digest, digest->digest);
     }
@@ -83,9 +82,12 @@ class OciLayout {
     return {{"mediaType", kind}, {"digest", "sha256:" + Sha256Hex(data)}, {"size", data.size()}};
   }
   Json Manifest(const std::string& layer, const std::string& layer_kind = "application/vnd.oci.image.layer.v1.tar",
-                const std::string& config_kind = "application/vnd.oci.image.config.v1+json") {
+                const std::string& config_kind = "application/vnd.oci.image.config.v1+json",
+                const std::string& processor = "amd64") {
+    Json config = ImageConfigOf({layer});
+    config["architecture"] = processor;
     const Json manifest = {{"schemaVersion", 2},
-                           {"config", Blob(ImageConfigOf({layer}).dump(), config_kind)},
+                           {"config", Blob(config.dump(), config_kind)},
                            {"layers", Json::array({Blob(layer, layer_kind)})}};
     return Blob(manifest.dump(), "application/vnd.oci.image.manifest.v1+json");
   }
@@ -125,6 +127,55 @@ TEST_F(ImageFormsTest, OfAnIndexTheImageForMostProcessorsIsTaken) {
               HasSubstr("lists 2 images"));
 }
 
+TEST_F(ImageFormsTest, EntriesOfAnIndexThatAreNotTakenMayBeAbsentOrOfAnyDigest) {
+  const std::string layer = Layer(kRunEntry);
+  OciLayout layout;
+  const Json plain = layout.Manifest(layer);
+  const Json arm_of_config = layout.Manifest(layer, "application/vnd.oci.image.layer.v1.tar",
+                                             "application/vnd.oci.image.config.v1+json", "arm64");
+  const auto absent = [](const std::string& digest, const Json& platform) {
+    return Json{{"mediaType", "application/vnd.oci.image.manifest.v1+json"},
+                {"digest", digest}, {"size", 5}, {"platform", platform}};
+  };
+  const std::string gone = "sha256:" + std::string(64, '0');
+  const Json newer = absent(gone, {{"os", "linux"}, {"architecture", "amd64"}, {"variant", "v3"}});
+  const Json arm = absent("sha512:" + std::string(128, '0'),
+                          {{"os", "linux"}, {"architecture", "arm64"}});
+  Json index = absent(gone, nullptr);
+  index["mediaType"] = "application/vnd.oci.image.index.v1+json";
+  for (const Json& other : {newer, arm, index, arm_of_config}) {
+    for (const Json& list : {Json::array({other, plain}), Json::array({plain, other})}) {
+      const auto image = Unpack(layout.Tar(list));
+      EXPECT_TRUE(image.ok()) << other << image.status();
+    }
+  }
+  const auto why = [&](const Json& only) {
+    return std::string(Unpack(layout.Tar(Json::array({only}))).status().message());
+  };
+  EXPECT_THAT(why(newer), HasSubstr("which is not in the archive"));
+  EXPECT_THAT(why(arm), HasSubstr("is for \"linux/arm64\""));
+  EXPECT_THAT(why(arm_of_config), HasSubstr("is for \"linux/arm64\""));
+}
+
+TEST_F(ImageFormsTest, AnImageMayBeListedUnderSeveralNames) {
+  const std::string layer = Layer(kRunEntry);
+  const std::string other = Layer(kRunEntry + TarEntry('0', "other"));
+  const std::string config = ImageConfigOf({layer}).dump();
+  const auto unpacked = [&](const std::string& second) {
+    const auto item = [](const char* tag, const char* file) {
+      return Json::object({{"Config", "config.json"}, {"RepoTags", {tag}}, {"Layers", {file}}});
+    };
+    const Json manifest =
+        Json::array({item("agent:1", "layer.tar"), item("agent:2", second.c_str())});
+    return Unpack(TarEntry('0', "config.json", config) + TarEntry('0', "layer.tar", layer) +
+                  TarEntry('0', "other.tar", other) + TarEntry('0', "manifest.json", manifest.dump()) +
+                  EndOfTar());
+  };
+  ASSERT_TRUE(unpacked("layer.tar").ok()) << unpacked("layer.tar").status();
+  EXPECT_EQ(unpacked("layer.tar")->manifest.name, "agent:1");
+  EXPECT_THAT(std::string(unpacked("other.tar").status().message()), HasSubstr("lists 2 images"));
+}
+
 TEST_F(ImageFormsTest, LayersMayHaveFramesThatAreSkipped) {
   // As containers' tools write "zstd:chunked": frames of data, then frames for other readers.
   const std::string layer = Layer(kRunEntry + TarEntry('0', "data", std::string(300'000, 'd')));
@@ -153,6 +204,15 @@ TEST_F(ImageFormsTest, WhatIsNoImageSaysWhatItIs) {
               HasSubstr("docker save"));
   EXPECT_THAT(why(TarEntry('0', "image/index.json", "{}") + TarEntry('0', "image/oci-layout", "{}") + EndOfTar()),
               HasSubstr("tar -C image"));
+  EXPECT_THAT(why(TarEntry('0', "manifest.json", R"({"schemaVersion": 2})") +
+                  TarEntry('0', "version", "Directory Transport Version: 1.1\n") + EndOfTar()),
+              HasSubstr("skopeo copy IMAGE oci-archive:"));
+  EXPECT_THAT(why(TarEntry('0', "blobs/sha256/0") + TarEntry('0', "index.json") + EndOfTar()),
+              HasSubstr("lacks the file oci-layout"));
+  WriteArchive(temp_ / "a", {{.path = "oci-layout"}, {.path = "index.json"}, {.path = "blobs/x"}},
+               Kind::kZip);
+  EXPECT_THAT(std::string(UnpackArtefact(temp_ / "a", temp_ / "zip", {}).status().message()),
+              HasSubstr("OCI's layout"));
 }
 
 }  // namespace

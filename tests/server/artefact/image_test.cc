@@ -245,7 +245,7 @@ TEST_F(ImageTest, UserWorkingFolderAndEnvironmentAreTheImages) {
   EXPECT_TRUE(fs::is_directory(At("srv/work/here")));
   artefact = unpack({{"Entrypoint", {"/run"}}, {"User", "root"}});
   ASSERT_TRUE(artefact.ok()) << artefact.status();
-  EXPECT_EQ(*artefact->manifest.image, PolicyImage{}) << "no policy is root";
+  EXPECT_EQ(*artefact->manifest.image, (PolicyImage{.environment = {{"HOME", "/"}}})) << "no policy is root";
   EXPECT_EQ(unpack({{"Entrypoint", {"/run"}}, {"User", "77:0"}})->manifest.image->uid, 77);
   for (const char* unknown : {"nobody-knows", "-1", "99999999999", "app:none", "broken"}) {
     const auto refused = unpack({{"Entrypoint", {"/run"}}, {"User", unknown}});
@@ -253,10 +253,14 @@ TEST_F(ImageTest, UserWorkingFolderAndEnvironmentAreTheImages) {
         << unknown;
   }
   EXPECT_EQ(unpack({{"Entrypoint", {"/run"}}, {"User", "app"}})->manifest.image->environment,
-            (std::map<std::string, std::string>{})) << "it is /, which the list of files does not name";
+            (std::map<std::string, std::string>{{"HOME", "/"}}));
   for (const char* folder : {"relative", "/proc/self", "/run"}) {
     EXPECT_FALSE(unpack({{"Entrypoint", {"/run"}}, {"WorkingDir", folder}}).ok()) << folder;
   }
+  std::string deep;
+  while (deep.size() < 5000) deep += "/" + std::string(200, 'd');
+  EXPECT_TRUE(absl::IsInvalidArgument(
+      unpack({{"Entrypoint", {"/run"}}, {"WorkingDir", deep}}).status())) << "not a trouble of the host";
 }
 
 TEST_F(ImageTest, HomeIsThatOfTheImage) {
@@ -282,7 +286,13 @@ TEST_F(ImageTest, HomeIsThatOfTheImage) {
     EXPECT_EQ(home("app", {std::string("HOME=") + none}), "") << none;
   }
   EXPECT_EQ(home("gone", Json::array()), "");
-  EXPECT_EQ(home("77", Json::array()), "");
+  std::string dots = "/etc";
+  while (dots.size() < 5000) dots += "/.";
+  const std::string deep = Layer(kRun + TarEntry('0', "etc/passwd", "bob:x:1000:1000::" + dots + ":/bin/sh\n"));
+  EXPECT_THAT(Unpack(DockerImage({deep}, ImageConfigOf({deep}, {{"Entrypoint", {"/run"}}, {"User", "bob"}})))
+                  .status().ToString(),
+              HasSubstr("bytes; at most"));
+  EXPECT_EQ(home("77", Json::array()), "/") << "as engines have it for a user that is not in passwd";
 }
 
 TEST_F(ImageTest, AFolderWithAnImageIsTheSameArtefactWhereverItIsUnpacked) {

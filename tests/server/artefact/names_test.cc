@@ -96,7 +96,8 @@ TEST(PackArtefact, AnImagesNameIsTheGivenOneThenThatOfItsTagThenItsFiles) {
     return artefact.ok() ? artefact->manifest.name : std::string(artefact.status().message());
   };
   for (const auto& [file, kind] : {std::pair("saved.tar", Kind::kTar), {"saved.tgz", Kind::kTarGz},
-                                   {"saved.tar.zst", Kind::kTarZst}}) {
+                                   {"saved.tar.zst", Kind::kTarZst}, {"SAVED.TAR", Kind::kTar},
+                                   {"saved", Kind::kTar}, {"saved.oci", Kind::kTarGz}}) {
     const std::string path = write(file, kind, image);
     EXPECT_EQ(name_of(path, ""), "agent") << file;
     EXPECT_EQ(name_of(path, "mine"), "mine") << file;
@@ -106,6 +107,7 @@ TEST(PackArtefact, AnImagesNameIsTheGivenOneThenThatOfItsTagThenItsFiles) {
   const size_t tag = nameless.find("host/agent:latest");
   nameless.replace(tag - 1, 19, std::string(19, ' '));  // "RepoTags": [ ]
   EXPECT_EQ(name_of(write("agent-7.tar.gz", Kind::kTarGz, nameless), ""), "agent-7");
+  EXPECT_EQ(name_of(write("AGENT.TAR", Kind::kTar, nameless), ""), "AGENT");
   // A folder with an image needs no name of its own then.
   fs::create_directory(temp / "p");
   std::ofstream(temp / "p/my.tar") << image;

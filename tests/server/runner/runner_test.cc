@@ -116,6 +116,15 @@ TEST_F(RunnerTest, FloodOfOutputIsCutAndNotedAndSpoilsNoRecord) {
   EXPECT_LE(outcomes.end->stdout_tail.size(), 4096u);
 }
 
+TEST_F(RunnerTest, WhatIsTooLongToStartIsThePolicysFault) {
+  LeaseOrder order = ScriptOrder("exit 0");
+  order.command.push_back(std::string(200'000, 'x'));
+  const Outcomes outcomes = Play(order);
+  ASSERT_TRUE(outcomes.end.has_value());
+  EXPECT_TRUE(outcomes.end->ok) << outcomes.end->detail;
+  EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("can be passed to a program"));
+}
+
 TEST_F(RunnerTest, SeesNothingOfTheHostAndWritesOnlyToItsScratch) {
   const LeaseOrder order = ScriptOrder(absl::StrCat(
       "echo uid $(id -u); ls /; cat /etc/shadow ", root_, "/work/order.json; touch /policy/x /x "
@@ -124,6 +133,7 @@ TEST_F(RunnerTest, SeesNothingOfTheHostAndWritesOnlyToItsScratch) {
   const Outcomes outcomes = Play(order);
   ASSERT_TRUE(outcomes.end.has_value());
   const LeaseEndRecord& end = *outcomes.end;
+  EXPECT_GT(end.simulator_cpu_s, 0);
   EXPECT_THAT(end.stdout_tail, HasSubstr("uid 1000"));
   EXPECT_THAT(end.stdout_tail, HasSubstr("wrote"));
   EXPECT_THAT(end.stdout_tail, ::testing::Not(HasSubstr("policy_seed")));

@@ -122,6 +122,10 @@ TEST_F(ProgramTest, AScriptNeedsItsInterpreter) {
               HasSubstr("is a script for \"/opt/conda/bin/python3\", which"));
   EXPECT_THAT(Complaint("./lost"), HasSubstr("is a script for \"no-such-python\""));
   EXPECT_THAT(Complaint("./twice"), HasSubstr("\"/opt/conda/bin/python3\""));
+  Write("windows", "#!/usr/bin/env sh\r\nexit 0\r\n");
+  Write("inner", "#!/policy/windows\n");
+  EXPECT_THAT(Complaint("./windows"), HasSubstr("line ends of Windows"));
+  EXPECT_THAT(Complaint("./inner"), HasSubstr("is a script for \"/policy/windows\", which is a script with"));
 }
 
 TEST_F(ProgramTest, ABinaryNeedsThisProcessorAndItsLoader) {
@@ -164,6 +168,8 @@ TEST_F(ProgramTest, AnImagesProgramIsLookedForInTheImageOnly) {
   EXPECT_EQ(Complaint("/bin/sh"), "");
   Write("image/app/start", "#!/bin/sh\n");
   EXPECT_EQ(Complaint("./start"), "");
+  Write("image/app/windows", "#!/bin/sh\r\n");
+  EXPECT_THAT(Complaint("./windows"), HasSubstr("line ends of Windows"));
   Write("image/app/lost", "#!/usr/bin/python9\n");
   EXPECT_THAT(Complaint("./lost"), HasSubstr("/usr/bin/python9"));
   Write("image/tmp/run", "#!/bin/sh\n");

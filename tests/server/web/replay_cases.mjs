@@ -1,5 +1,6 @@
-// How pages read answers, where signing in leads, and how the replay reads files, keeps time and finds poses. replay_test.py copies this beside the
-// page's modules, with files that it made and what is in them.
+// How pages read answers, where signing in leads, which archives the form takes, and how the replay reads
+// files, keeps time and finds poses. replay_test.py copies this beside the page's modules, with files that
+// it made and what is in them.
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import test from "node:test";
@@ -10,6 +11,7 @@ import {eventWords} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
 import {valueAt} from "./replay_graphs.js";
 import {target} from "./sign_in.js";
+import {parcelOf} from "./submit.js";
 import {boundPaths, followedPath, frameAt, framesAt, mostSegments, pointAt, posesAt, segmentsAt}
   from "./replay_pose.js";
 
@@ -298,4 +300,17 @@ test("signing in leads to a page of this server only", () => {
     assert.equal(url.origin, origin, to);
     assert.ok(leads(to).startsWith(`${origin}/`), to);
   }
+});
+
+test("the form takes an archive of every ending that the server takes", () => {
+  const chosen = (path) => parcelOf([{path, file: new Blob(["archive"])}]);
+  const endings = ["tar", "tar.gz", "tgz", "tar.zst", "tzst", "tar.xz", "txz", "tar.bz2", "tbz2", "tbz", "zip"];
+  for (const ending of endings) {
+    for (const path of [`walker.${ending}`, `WALKER.${ending.toUpperCase()}`]) {
+      assert.equal(chosen(path).blob.size, 7, path);
+      assert.ok(chosen(path).words.startsWith(path), path);
+    }
+    assert.throws(() => chosen("walker.py"), (error) => error.message.includes(`.${ending}`));
+  }
+  for (const path of ["walker", "tar", "a.tar.7z", "a.gz", "a.zip.txt"]) assert.throws(() => chosen(path), path);
 });

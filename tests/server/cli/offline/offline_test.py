@@ -19,7 +19,7 @@ class OfflineTest(CliCase):
     def test_bad_submissions_are_told_before_anything_runs(self):
         local = ("local", "--track", "manipulation")
         self.refused(2, "No such file", *local, self.path("missing"))
-        self.refused(2, "is not executable", *local, self.path("data", "x"))
+        self.refused(2, "is no program", *local, self.path("data", "x"))
         self.path("folder/readme", "x")
         self.refused(2, "no policy.json", *local, self.path("folder"))
         self.path("folder/policy.json", '{"name": "a", "command": ["./gone"]}')
