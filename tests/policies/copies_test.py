@@ -115,8 +115,35 @@ class Copies(InFolder):
         self.assertEqual(play(env, actions[10:]), expected)
         with self.assertRaisesRegex(errors.WrongUse, "what get_env_state returned"):
             env.set_env_state({"qpos": state["qpos"]})
-        with self.assertRaisesRegex(errors.WrongUse, "another environment|out of range|entries"):
-            make("myograde/Locomotion-v0").set_env_state(state)
+        for part, wrong in (("history", 1), ("history", [1]), ("last_reward", None), ("settings", 5)):
+            with self.assertRaisesRegex(errors.WrongUse, f"{part}=.*what get_env_state.. returned"):
+                env.set_env_state({**state, part: wrong})
+
+    def test_states_of_other_environments_are_refused(self):
+        other_rules = {"config": self.short("elbow", 40), "profile": "hold"}
+        for track, made, other, differs in (
+                ("elbow", {}, {"track": "locomotion"}, "its track is 'elbow', and here it is 'locomotion'"),
+                ("manipulation", {}, {"profile": "myosuite"}, "its profile is 'paper'.* 'myosuite'"),
+                ("elbow", {}, {"profile": "myosuite"}, "its profile is 'hold'"),
+                ("elbow", {}, other_rules, "its config_hash"),
+                ("elbow", {"actions": "direct"}, {}, "its actions is 'direct'"),
+                ("manipulation", {"profile": "myosuite"},
+                 {"profile": "myosuite", "extra_observations": True}, "its extra_observations is False"),
+                ("locomotion", {"leg_sets": myograde.leg_sets("myosuite")}, {}, "its leg_sets")):
+            env = myograde.envs.GradedEnv(track, **made)
+            env.reset(seed=5)
+            state = pickle.loads(pickle.dumps(env.get_env_state()))
+            env.set_env_state(state)
+            there = myograde.envs.GradedEnv(**{"track": track, **other})
+            there.reset(seed=6)
+            with self.assertRaisesRegex(errors.WrongUse, differs):
+                there.set_env_state(state)
+            self.assertEqual(there.get_input_seed(), 6)
+        # The default profile by its name, and what changes no state.
+        env = make("myograde/Elbow-v0")
+        env.reset(seed=5)
+        same = make("myograde/Elbow-v0", profile="hold", observation="dict", weights={"act_reg": 1})
+        same.set_env_state(env.get_env_state())
 
 
 class Horizons(InFolder):
@@ -147,7 +174,7 @@ class Horizons(InFolder):
             *_, many, info = envs.step(np.zeros((2, 6)))
             self.assertEqual((truncated, many.tolist()), (step == 9, [step == 9] * 2))
         self.assertEqual(info["end"].tolist(), ["time", "time"])
-        with self.assertRaisesRegex(errors.WrongUse, "max_episode_steps must be at least 1"):
+        with self.assertRaisesRegex(errors.WrongUse, "max_episode_steps=0 .* at least 1"):
             myograde.vec("myograde/Elbow-v0", 2, max_episode_steps=0)
 
 
@@ -237,6 +264,44 @@ class Mistakes(InFolder):
         for action in ("up", {"muscles": 1}, [[1], [1, 2]]):
             with self.assertRaisesRegex(ValueError, "must be an array of numbers"):
                 env.step(action)
+
+    def test_an_argument_of_the_wrong_type_is_named(self):
+        def elbow(**settings):
+            return lambda: make("myograde/Elbow-v0", **settings)
+
+        def many(num_envs=2, **settings):
+            return lambda: myograde.vec("myograde/Elbow-v0", num_envs, **settings)
+        env = make("myograde/Elbow-v0")
+        for words, mistake in (
+                ("profile=None .* text", elbow(profile=None)), ("track=5 .* text", elbow(track=5)),
+                ("extra_observations=None .* True or False", elbow(extra_observations=None)),
+                ("exact='no' .* True or False", elbow(exact="no")),
+                ("cache=5 .* path", elbow(cache=5)), ("config=.*udcff.* path", elbow(config="\udcff")),
+                ("weights=.'act_reg'. .* dict", elbow(weights=["act_reg"])),
+                ("weights=.*nan.* finite numbers", elbow(weights={"act_reg": float("nan")})),
+                ("leg_sets=5 .*LegSet", elbow(leg_sets=5)),
+                ("leg_sets=.1. .*LegSet", lambda: env.reset(options={"leg_sets": [1]})),
+                ("width=1.5 .* from 1 to 4096", elbow(width=1.5)),
+                ("height=None .* from 1 to 4096", elbow(height=None)),
+                ("camera='top' .* dict", elbow(camera="top")),
+                ("body=5 .* text", elbow(camera={"body": 5})),
+                ("look_at=.1. .* three finite numbers", elbow(camera={"look_at": [1]})),
+                ("distance='x' .* a finite number", elbow(camera={"distance": "x"})),
+                ("azimuth=nan .* a finite number", elbow(camera={"azimuth": float("nan")})),
+                ("num_envs=2.5 .* whole number", many(2.5)), ("num_envs='2' .* whole", many("2")),
+                ("threads=1.5 .* whole number", many(threads=1.5)),
+                ("max_episode_steps=2.5 .* whole", many(max_episode_steps=2.5)),
+                ("max_episode_steps=1180.* below 2.63", many(max_episode_steps=2**70)),
+                ("track=None.* must be text", lambda: myograde.envs.seeds(None)),
+                ("config=5 .* a path", lambda: myograde.envs.seeds("elbow", config=5))):
+            with self.subTest(words), self.assertRaisesRegex(errors.WrongUse, words):
+                mistake()
+        # Numbers of NumPy are numbers.
+        picture = make("myograde/Elbow-v0", render_mode="rgb_array", width=np.int64(32), height=32,
+                       weights={"act_reg": np.float32(1)}, extra_observations=np.bool_(False),
+                       camera={"look_at": np.zeros(3), "distance": np.float32(2), "azimuth": None})
+        picture.reset(seed=1)
+        self.assertEqual(picture.render().shape, (32, 32, 3))
 
     def test_errors_can_be_sent_to_another_process(self):
         for error in (errors.ServerError(404, "unknown_track", "there is no such track"),

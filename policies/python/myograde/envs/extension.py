@@ -127,6 +127,9 @@ def seeds(track: str, profile: str = "",
         described = load().describe_config(tracks_folder(), track, profile, path_or_none(config))
     except (ValueError, FileNotFoundError) as error:
         raise WrongUse(str(error)) from error
+    except TypeError as error:
+        raise WrongUse(f"track={track!r}, profile={profile!r} and config={config!r} can't be used; the "
+                       "first two must be text, and the last a path or None") from error
     return TrackSeeds(described["profile"], tuple(described["seeds"]),
                       tuple(described["policy_seeds"]), tuple(described["practice_seeds"]),
                       described["max_steps"], described["hash"])

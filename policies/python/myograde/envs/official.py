@@ -8,7 +8,7 @@ from typing import Any, Mapping
 import numpy as np
 
 from ..errors import WrongUse
-from . import settings
+from . import kinds, settings
 
 # What an AttributeError says to use in place of an official name.
 ELSEWHERE = {
@@ -51,6 +51,7 @@ class OfficialNames:
     """Of GradedEnv, which has what is used here."""
 
     core: Any
+    settings: Any
     layout: Any
     horizon: int
     _terms: list[str]
@@ -107,20 +108,23 @@ class OfficialNames:
         return int(self.core.seed)
 
     def get_env_state(self) -> dict[str, Any]:
-        """time, qpos, qvel and act to look at, and "history", from which set_env_state() goes on."""
+        """time, qpos, qvel and act to look at, and what set_env_state() goes on from."""
         self._require_episode()
         return {**self.core.physics(), "history": settings.history_of(self.core.history),
-                "last_reward": self._last_reward}
+                "last_reward": self._last_reward, "settings": dict(self.settings.identity)}
 
     def set_env_state(self, state: Mapping[str, Any]) -> None:
         """Goes on from a state of get_env_state(), of this environment or of one with the same
         arguments, by playing its episode up to there again. WrongUse for any other."""
-        if not isinstance(state, Mapping) or "history" not in state:
+        needed = ("settings", "history", "last_reward")
+        if not isinstance(state, Mapping) or any(name not in state for name in needed):
             raise WrongUse("set_env_state takes what get_env_state returned; a state can't be made of "
                            "qpos and qvel alone, as episodes begin as a seed says")
+        kinds.check(**{name: state[name] for name in needed})
+        self.settings.require_same(state["settings"])
         try:
             self._play(state["history"])
-        except (ValueError, TypeError, RuntimeError) as error:
+        except (ValueError, RuntimeError) as error:
             raise WrongUse(f"the state can't be restored: {error}") from error
         self._begun = True
         self._last_reward = state["last_reward"]

@@ -7,7 +7,7 @@ from typing import Any, Mapping, Optional
 import numpy as np
 
 from ..errors import MyogradeError, WrongUse
-from . import extension
+from . import extension, kinds
 
 # Keys of a camera. Those that are left out are those of the track's own camera.
 CAMERA = ("body", "look_at", "distance", "azimuth", "elevation")
@@ -18,23 +18,26 @@ class Pictures:
 
     def __init__(self, core: Any, width: int, height: int,
                  camera: Optional[Mapping[str, Any]] = None) -> None:
-        """core: a _env.Environment. WrongUse for a key of `camera` that there is not."""
+        """core: a _env.Environment. WrongUse for a key of `camera` that there is not, and for values
+        that can't be."""
+        kinds.check(width=width, height=height, camera=camera)
         for name in camera or {}:
             if name not in CAMERA:
                 raise WrongUse(f'a camera has no "{name}"; it has: {", ".join(CAMERA)}')
+        kinds.check(**{name: value for name, value in (camera or {}).items() if value is not None})
         self._core = core
         self._size = (width, height)
         self._camera = dict(camera or {})
         self._renderer: Any = None
 
     def draw(self) -> np.ndarray:
-        """The current state: height x width x 3 uint8, a new array. WrongUse for a size or a camera
-        that can't be; MyogradeError without OSMesa on this machine."""
+        """The current state: height x width x 3 uint8, a new array. WrongUse for a body that
+        there is not; MyogradeError without OSMesa on this machine."""
         try:
             if self._renderer is None:
                 self._renderer = extension.load().Renderer(self._core, *self._size)
             return self._renderer.draw(**self._camera)
-        except (ValueError, TypeError) as error:
+        except ValueError as error:
             raise WrongUse(str(error)) from error
         except RuntimeError as error:
             raise MyogradeError(str(error)) from error

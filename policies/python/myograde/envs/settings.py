@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import operator
+import functools
 import os
+import reprlib
 from typing import Any, Mapping, Optional, Sequence
 
 import gymnasium
@@ -15,7 +16,7 @@ import numpy as np
 from ..errors import MyogradeError, WrongUse
 from ..policy.layout import Layout, Part
 from ..policy.leg import QUANTITIES, STATES, LegSet
-from . import extension
+from . import extension, kinds
 
 LEG_SETS = 5
 
@@ -36,6 +37,8 @@ class Settings:
     exact: bool = False
 
     def __post_init__(self) -> None:
+        """WrongUse for a value of the wrong type."""
+        kinds.check(**{name: value for name, value in vars(self).items() if name in kinds.KINDS})
         # A copy in another process may be made in another folder.
         for name in ("config", "cache"):
             object.__setattr__(self, name, extension.path_or_none(getattr(self, name)) or None)
@@ -50,13 +53,30 @@ class Settings:
         if self.exact:
             extension.require_exact()
 
+    @functools.cached_property
+    def identity(self) -> dict[str, Any]:
+        """What environments that can play each other's states have in common. WrongUse as seeds()."""
+        config = extension.seeds(self.track, self.profile, self.config)
+        return {"track": self.track, "profile": config.profile, "config_hash": config.config_hash,
+                "actions": self.actions, "extra_observations": bool(self.extra_observations),
+                "leg_sets": tuple(self.leg_sets or ())}
+
+    def require_same(self, identity: Mapping[str, Any]) -> None:
+        """WrongUse if a state is of an environment with another identity."""
+        for name, own in self.identity.items():
+            theirs = identity.get(name)
+            if theirs != own:
+                raise WrongUse(f"the state is one of another kind of environment: its {name} is "
+                               f"{reprlib.repr(theirs)}, and here it is {reprlib.repr(own)}; set it in "
+                               "an environment that was made with the same arguments")
+
     def arguments(self) -> dict[str, Any]:
         """Of the extension's classes."""
         return {"tracks_dir": extension.tracks_folder(), "track": self.track,
                 "profile": self.profile, "config_file": extension.path_or_none(self.config),
                 "cache_dir": extension.provide_models(self.cache),
                 "direct": self.actions == "direct",
-                "extra_observations": self.extra_observations}
+                "extra_observations": bool(self.extra_observations)}
 
 
 def make_core(kind: Any, *counts: int, settings: Settings, **arguments: Any) -> Any:
@@ -74,10 +94,10 @@ def make_core(kind: Any, *counts: int, settings: Settings, **arguments: Any) -> 
 
 def check_seed(seed: Any) -> int:
     """TypeError if it is no whole number, WrongUse if it can't be an episode's."""
-    if isinstance(seed, (bool, np.bool_)) or not hasattr(seed, "__index__"):
+    number = kinds.whole(seed)
+    if number is None:
         raise TypeError(f"the seed {seed!r} is of type {type(seed).__name__}; seeds are whole numbers "
                         "(int) from 0 to 2^63 - 1")
-    number = operator.index(seed)
     if not 0 <= number < 2**63:
         raise WrongUse(f"the seed {number} is out of range; seeds are whole numbers from 0 to 2^63 - 1")
     return number
@@ -149,7 +169,9 @@ def weights_of(terms: Sequence[tuple[str, float]], given: Mapping[str, float]) -
 
 
 def leg_set_values(sets: Sequence[LegSet]) -> tuple[int, Optional[np.ndarray]]:
-    """As the extension takes parameter sets: which there are, and their numbers."""
+    """As the extension takes parameter sets: which there are, and their numbers. WrongUse if they are
+    none."""
+    kinds.check(leg_sets=sets)
     if not sets:
         return 0, None
     present = 0

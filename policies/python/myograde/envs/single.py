@@ -64,8 +64,8 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
             none), "look_at" (x, y, z in m, from that body or from the world's origin), "distance"
             (m), "azimuth" and "elevation" (degrees; below 0: looking down).
 
-        WrongUse if there is no such track, profile, word or term, or the config file is wrong;
-        MyogradeError if the models are missing."""
+        WrongUse if there is no such track, profile, word or term, a value is of the wrong type, or the
+        config file is wrong; MyogradeError if the models are missing."""
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise WrongUse(f'render_mode="{render_mode}" is unknown; there are: None'
                            + "".join(f", {mode}" for mode in self.metadata["render_modes"]))
@@ -118,7 +118,7 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
     def render(self) -> Optional[np.ndarray]:
         """The current state: height x width x 3 uint8, the top row first; None without a
         render_mode. MyogradeError if OSMesa is missing; WrongUse before the first reset(), and for a
-        body or a size that can't be."""
+        body that there is not."""
         if self.render_mode is None:
             return None
         if not self._begun:

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from ..errors import WrongUse
 from ..policy.leg import LegSet
-from . import extension, settings
+from . import extension, kinds, settings
 
 try:
     from gymnasium.experimental.vector import VectorEnv  # of Gymnasium 0.29
@@ -75,12 +75,10 @@ class GradedVectorEnv(VectorEnv):  # type: ignore[type-arg,misc]
         if render_mode is not None:
             raise WrongUse("many environments at once draw no pictures; make one by "
                            "gymnasium.make(..., render_mode=...) for that")
-        if num_envs < 1 or threads < 0:
-            raise WrongUse("num_envs must be at least 1, and threads at least 0")
+        kinds.check(num_envs=num_envs, threads=threads, copy=copy,
+                    max_episode_steps=max_episode_steps)
         self.settings = settings.Settings(track, profile, observation, actions, weights or {},
                                           extra_observations, leg_sets, config, cache, exact)
-        if max_episode_steps is not None and max_episode_steps < 1:
-            raise WrongUse("max_episode_steps must be at least 1, or None")
         self.num_envs = num_envs
         self._limit = max_episode_steps or 0
         self._threads = threads or _processors()
