@@ -146,6 +146,11 @@ ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
   std::optional<WithheldReceipt> withheld;
   const absl::Status status = context_.readers.Read([&](Reader& reader) {
     receipt = AskedReceipt(request, reader, context_);
+    // A copy's boards can't be compared with those of a store that can't read what they follow from.
+    if (*reason && (receipt.ok() || ErrorCodeOf(receipt.status()) == kWithheldCode)) {
+      const absl::Status rows = reader.CheckStandingRows(IdOf(request));
+      if (DamageOf(rows).has_value()) receipt = rows;
+    }
     if (receipt.ok() || !*reason) return receipt.status();
     absl::StatusOr<WithheldReceipt> why = WithheldFor(request, reader, context_, receipt.status());
     if (why.ok()) withheld = *std::move(why);

@@ -64,8 +64,12 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& cont
   absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
   if (absl::IsNotFound(secret.status()) && is_public) return NothingToReveal(name);
   if (const PhaseConfig* phase = context.phases.ConfigOf(name)) {
-    const absl::Status over = CheckOver(*phase, context.clock.Now());
-    if (!over.ok()) return over;
+    const absl::StatusOr<std::vector<PhaseEventRow>> events = reader.PhaseEvents(name);
+    if (!events.ok()) return events.status();
+    const absl::Time now = context.clock.Now();
+    const absl::Status over = CheckOver(*phase, now);
+    // To move its close afterwards hides nothing again.
+    if (!over.ok() && !StatusOfPhase(*phase, *events, now).revealed) return over;
   }
   if (absl::IsNotFound(secret.status())) {
     return absl::FailedPreconditionError(absl::StrCat(

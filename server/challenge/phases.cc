@@ -227,6 +227,11 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
                                       : reader.CheckPhaseSecret(phase.name, challenge.name);
       if (!secret.ok()) {
         found.push_back(absl::StrCat(place, secret.message()));
+      } else if (phase.committed == 0 && reader.HasCommitted(phase.name)) {
+        found.push_back(absl::StrCat(
+            place, "this store has committed to hidden seeds for it, and its file gives other ones, so nobody "
+            "can check what it plays; set \"seeds\" back to {\"committed\": N}, or give the phase another "
+            "name"));
       } else if (StatusOfPhase(phase, *events, now).revealed && now < phase.closes) {
         found.push_back(absl::StrCat(
             place, "its seeds were revealed in this store, so it takes nothing any more, and its "

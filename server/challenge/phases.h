@@ -97,8 +97,8 @@ PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRo
                           absl::Time now);
 
 // Where a store contradicts challenges, one sentence for each phase with the file and what to do: its
-// seeds were revealed, and its times would let submissions in again; or its secret can't be had
-// (Reader::CheckPhaseSecret). Errors of Reader::PhaseEvents.
+// seeds were revealed, and its times would let submissions in again; its secret can't be had
+// (Reader::CheckPhaseSecret); or it has public seeds, after a commitment to hidden ones. Errors of Reader::PhaseEvents.
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
     std::span<const ChallengeConfig> challenges, Reader& reader, absl::Time now);
 

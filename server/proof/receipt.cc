@@ -72,11 +72,9 @@ ReceiptCheck CheckRecord(const Json& receipt) {
 }  // namespace
 
 absl::StatusOr<std::string> SignReceipt(const Json& receipt, const SigningKey& key) {
-  absl::StatusOr<std::string> signature = key.Sign(CanonicalJson(receipt));
-  if (!signature.ok()) return signature.status();
-  return CanonicalJson({{"receipt", receipt},
-                        {"signature", {{"algorithm", "ed25519"}, {"value", *signature}}}}) +
-         "\n";
+  const absl::StatusOr<Json> json = key.SignJson("receipt", receipt);
+  if (!json.ok()) return json.status();
+  return CanonicalJson(*json) + "\n";
 }
 
 absl::StatusOr<Json> ParseReceipt(std::string_view text) {
@@ -99,10 +97,8 @@ std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& k
                                        const std::string& secret) {
   const Json json = Json::parse(text);
   const Json& receipt = json["receipt"];
-  const Json& signature = json["signature"];
   std::vector<ReceiptCheck> checks;
-  const bool good = TextOf(signature, "algorithm") == "ed25519" &&
-                    key.Verify(CanonicalJson(receipt), TextOf(signature, "value"));
+  const bool good = key.IsSigned("receipt", json);
   checks.push_back({"signature", good,
                     good ? "" : "the receipt was not signed with this key, or was altered since"});
   const std::vector<std::string> leaves = LeavesOf(receipt["episodes"]);

@@ -51,12 +51,9 @@ absl::StatusOr<RecordHead> HeadOfJson(const Json& json) {
 }  // namespace
 
 absl::StatusOr<std::string> SignHead(const RecordHead& head, const SigningKey& key) {
-  const Json json = HeadToJson(head);
-  absl::StatusOr<std::string> signature = key.Sign(CanonicalJson(json));
-  if (!signature.ok()) return signature.status();
-  return CanonicalJson({{"head", json},
-                        {"signature", {{"algorithm", "ed25519"}, {"value", *signature}}}}) +
-         "\n";
+  const absl::StatusOr<Json> json = key.SignJson("head", HeadToJson(head));
+  if (!json.ok()) return json.status();
+  return CanonicalJson(*json) + "\n";
 }
 
 absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
@@ -77,28 +74,18 @@ absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
 }
 
 bool IsHeadSigned(std::string_view text, const PublicKey& key) {
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-  const Json& signature = At(json, "signature");
-  return StringIn(signature, "algorithm") == "ed25519" &&
-         key.Verify(CanonicalJson(At(json, "head")), StringIn(signature, "value"));
+  return key.IsSigned("head", Json::parse(text, nullptr, /*allow_exceptions=*/false));
 }
 
 absl::StatusOr<Json> SignWithheld(const WithheldReceipt& withheld, const SigningKey& key) {
-  Json json = {{"evaluation", withheld.evaluation},
-               {"reason", withheld.reason},
-               {"head", HeadToJson(withheld.head)}};
-  absl::StatusOr<std::string> signature = key.Sign(CanonicalJson(json));
-  if (!signature.ok()) return signature.status();
-  return Json{{"withheld", std::move(json)},
-              {"signature", {{"algorithm", "ed25519"}, {"value", *std::move(signature)}}}};
+  return key.SignJson("withheld", {{"evaluation", withheld.evaluation},
+                                   {"reason", withheld.reason},
+                                   {"head", HeadToJson(withheld.head)}});
 }
 
 absl::StatusOr<WithheldReceipt> CheckWithheld(const Json& json, const PublicKey& key) {
   const Json& content = At(json, "withheld");
-  const Json& signature = At(json, "signature");
-  const bool good = StringIn(signature, "algorithm") == "ed25519" &&
-                    key.Verify(CanonicalJson(content), StringIn(signature, "value"));
-  if (!good) {
+  if (!key.IsSigned("withheld", json)) {
     return absl::PermissionDeniedError(
         "a reason why a receipt is missing was not signed with this key, as version 1.0.0 of the "
         "server signed none, or was altered since; export the record again");

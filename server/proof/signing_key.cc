@@ -11,16 +11,20 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <utility>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr char kAlgorithm[] = "ed25519";
 
 constexpr size_t kSignatureBytes = 64;
 constexpr size_t kMaxPemBytes = 16 << 10;
@@ -192,6 +196,26 @@ bool PublicKey::Verify(std::string_view message, const std::string& signature) c
          EVP_DigestVerify(context.get(), reinterpret_cast<const unsigned char*>(bytes.data()),
                           bytes.size(), reinterpret_cast<const unsigned char*>(message.data()),
                           message.size()) == 1;
+}
+
+absl::StatusOr<nlohmann::json> SigningKey::SignJson(const char* what, nlohmann::json content) const {
+  absl::StatusOr<std::string> signature = Sign(CanonicalJson(content));
+  if (!signature.ok()) return signature.status();
+  return nlohmann::json{{what, std::move(content)},
+                        {"signature", {{"algorithm", kAlgorithm}, {"value", *std::move(signature)}}}};
+}
+
+bool PublicKey::IsSigned(const char* what, const nlohmann::json& json) const {
+  if (!json.is_object() || json.size() != 2 || !json.contains(what) || !json.contains("signature")) {
+    return false;
+  }
+  const nlohmann::json& signature = json["signature"];
+  if (!signature.is_object() || signature.size() != 2 ||
+      signature.value("algorithm", nlohmann::json()) != kAlgorithm) {
+    return false;
+  }
+  const nlohmann::json value = signature.value("value", nlohmann::json());
+  return value.is_string() && Verify(CanonicalJson(json[what]), value.get<std::string>());
 }
 
 }  // namespace myograde::server

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
 
 #include "protocol/base/mutex.h"
 
@@ -32,6 +33,8 @@ class SigningKey {
 
   // The signature of `message`, as 128 hexadecimal digits.
   absl::StatusOr<std::string> Sign(std::string_view message) const;
+  // {"signature": {"algorithm": "ed25519", "value": "…"}, WHAT: content}, signed in its canonical form.
+  absl::StatusOr<nlohmann::json> SignJson(const char* what, nlohmann::json content) const;
 
   // The public key as PEM, for publishing.
   std::string PublicPem() const;
@@ -65,6 +68,8 @@ class PublicKey {
 
   // `signature`: as returned by Sign.
   bool Verify(std::string_view message, const std::string& signature) const;
+  // Whether `json` is what SignJson made, with nothing added.
+  bool IsSigned(const char* what, const nlohmann::json& json) const;
 
  private:
   explicit PublicKey(KeyPtr key) : key_(std::move(key)) {}

@@ -2,7 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/open_file.h"
+#include "protocol/base/file.h"
 
 namespace myograde::server {
 

@@ -179,6 +179,9 @@ absl::Status RecordVerifier::CheckWithheld() {
   if (!list.ok() || CanonicalJson(*list) + "\n" != *text) {
     return WrongFile("withheld.json", "it is no JSON in its canonical form");
   }
+  if (!list->is_object() || list->size() != 1 || !list->contains("receipts")) {
+    return WrongFile("withheld.json", "it holds something else than reasons for missing receipts");
+  }
   for (const Json& entry : list->at("receipts")) {
     const absl::StatusOr<WithheldReceipt> told = myograde::server::CheckWithheld(entry, key_);
     if (!told.ok()) return WrongFile("withheld.json", told.status().message());
@@ -274,6 +277,12 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   if (accepted && artefact != submission->second.artefact &&
       ArtefactCommitment(result.submission, artefact) != submission->second.artefact) {
     return Wrong("it names another artefact than the one that was accepted");
+  }
+  if (!HidesSeeds(*receipt) && accepted && result.rejudge == 0 && phase != state_.phases().end() &&
+      !phase->second.commitment.empty() && !phase->second.further &&
+      phase->second.commitment_entry < submission->second.entry) {
+    not_checked_.insert(absl::StrCat("phase ", Harmless(phase_name), " had committed to hidden seeds, and submission ",
+                                     result.submission, " to it played others"));
   }
   if (HidesSeeds(*receipt) && accepted) {
     if (absl::Status status = CheckHidden(*receipt, phase_name); !status.ok()) return status;

@@ -2,6 +2,7 @@
 else goes on."""
 
 import json
+import os
 import signal
 import sqlite3
 import unittest
@@ -122,6 +123,11 @@ class DamagedStore(OrganiserCase):
         self.assertEqual(self.places(), [(1, first), (2, second)], "the boards rest on the view")
         rebuilt = self.ask("leaderboard", "--rebuild")
         self.assertEqual([row["key"] for row in rebuilt["unreadable"]], [str(evaluation)])
+        out = self.folder / "export.json"
+        self.ask("export", out)
+        refused = self.cli("import", out, data=self.folder / "new", check=False)
+        self.assertNotEqual(refused.returncode, 0)
+        self.assertIn(f"evaluation {evaluation} ", refused.stderr)
         # Not even if the row's own hash follows: the record has it, too.
         self.damage(f"UPDATE evaluation SET results_hash = '{'0' * 64}' WHERE id = {evaluation}")
         self.refused("GET", f"/v1/submissions/{first}/receipt", table="evaluation")
@@ -151,6 +157,32 @@ class DamagedStore(OrganiserCase):
         self.stop(signal.SIGKILL)
         self.start()
         self.assertIn("if it was lost", self.daemon.log())
+        self.stop(signal.SIGKILL)
+        for file in self.data.glob("store.db*"):
+            file.unlink()
+        (self.data / "store.db").touch()
+        before = len(self.daemon.log())
+        self.start()
+        self.assertIn("if it was lost", self.daemon.log()[before:], "an empty file is no store either")
+
+    def test_a_log_that_was_cut_off_is_said_at_once(self):
+        self.played("ok")
+        os.truncate(self.data / "store.db-wal", 0)
+        trouble = self.wait("/v1/health", lambda body: body["status"] == "store")
+        self.assertIn("write-ahead log was cut off", trouble["message"])
+        self.assertEqual(self.call("GET", "/v1/ready")[0], 503)
+
+    def test_an_older_store_in_its_file_is_said_at_once(self):
+        self.played("ok")
+        self.ask("backup", self.folder / "backup.db")
+        self.played("ok", team="beta")
+        with sqlite3.connect(self.data / "store.db", timeout=20) as db:
+            db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        db.close()
+        (self.data / "store.db").write_bytes((self.folder / "backup.db").read_bytes())
+        trouble = self.wait("/v1/health", lambda body: body["status"] == "store")
+        self.assertIn("overwritten with an older store", trouble["message"])
+        self.assertEqual(self.call("GET", "/v1/ready")[0], 503)
 
     def test_damaged_pages_end_what_is_accepted(self):
         self.played("ok")

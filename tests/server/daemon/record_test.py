@@ -8,8 +8,7 @@ import signal
 import sqlite3
 import unittest
 
-from organiser_test import OrganiserCase, TRACK
-from secrets_test import SecretsCase
+from organiser_test import OrganiserCase
 
 
 class RecordCase(OrganiserCase):
@@ -61,6 +60,18 @@ class RecordCase(OrganiserCase):
         shutil.rmtree(copy, ignore_errors=True)
         shutil.copytree(whole, copy)
         return copy
+
+    def damaged(self, statement):
+        """Changes the store behind the daemon's back."""
+        self.stop(signal.SIGTERM)
+        with sqlite3.connect(self.data / "store.db") as store:
+            store.execute("PRAGMA ignore_check_constraints = ON")
+            for name, in store.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+                store.execute(f"DROP TRIGGER {name}")
+            store.execute(statement)
+            store.execute("UPDATE board_state SET changes = changes + 1")
+        store.close()
+        self.start()
 
     def entries(self):
         return [row["entry"] for row in self.get("/v1/record?limit=1000")["entries"]]
@@ -221,9 +232,49 @@ class Records(RecordCase):
             change(copy / "withheld.json", lambda withheld, lines=lines: withheld.update(receipts=lines))
             self.refuted(copy, name, words)
 
+    def test_nothing_can_be_added_beside_a_signature(self):
+        whole = self.exported()
+        receipt = "receipts/1.json"
+        for name, check, edit in (
+                ("head.json", "head", lambda value: value["signature"].update(note="x")),
+                (receipt, "receipts", lambda value: value["signature"].update(note="x")),
+                (receipt, "receipts", lambda value: value.update(note="x")),
+                ("withheld.json", "withheld", lambda value: value.update(note="x"))):
+            copy = self.altered(whole)
+            change(copy / name, edit)
+            self.refuted(copy, check, "")
+
+    def test_damage_beside_the_results_is_not_accused(self):
+        self.cli("baseline", self.second)
+        self.holds(self.exported("sound"))
+        for number, (damage, mend) in enumerate((
+                ("UPDATE mark SET mark = 'baselime'", "UPDATE mark SET mark = 'baseline'"),
+                ("UPDATE team SET banned = 4 WHERE name = 'alpha'", "UPDATE team SET banned = 0"))):
+            self.damaged(damage)
+            folder = self.exported(f"damaged{number}")
+            self.incomplete(folder, "is withheld: unreadable", "is withheld, and it may stand there")
+            self.damaged(mend)
+        self.holds(self.exported("mended"))
+
     def test_an_entry_twice_is_found(self):
         self.rewritten(lambda rows: rows + [row for row in rows if row[1] == "graded"][:1])
         self.refuted(self.exported(), "entries", "ends evaluation 1 a second time")
+
+    def test_an_entry_of_a_row_that_could_not_be_read_leaves_the_copy_incomplete(self):
+        self.cli("hide", self.first, "--reason", "private")
+
+        def damaged(rows):
+            return [(*row[:3], {"at": row[3]["at"], "kind": row[1], "unreadable": True, "row": 1})
+                    if row[1] == "marked" else row for row in rows]
+
+        self.rewritten(damaged)
+        folder = self.exported()
+        answer = self.incomplete(folder, "1 entry of the record stand", "that the server could not read")
+        self.assertLess(answer["boards"], self.said["boards"])
+        # What the entry may have said excuses no receipt.
+        copy = self.altered(folder)
+        (copy / "receipts/2.json").unlink()
+        self.refuted(copy, "receipts", "neither a receipt nor a line in withheld.json")
 
     def test_hostile_folders_are_refused(self):
         whole = self.exported()
@@ -355,66 +406,6 @@ class Records(RecordCase):
                      store.execute("SELECT entry_json FROM record ORDER BY id")]
         store.close()
         self.assertEqual(after[:len(before)], before)
-
-
-class HiddenPhases(RecordCase, SecretsCase):
-    def test_what_a_phase_withholds_is_withheld_until_the_reveal(self):
-        self.hold()
-        self.organise("alpha", "beta")
-        submission = self.enter("ok")
-        self.enter("crash", "beta")
-        seeds, secret, texts = self.hidden()
-        status, text = self.as_team("alpha", "GET", "/v1/record?limit=1000")
-        self.assertEqual(status, 200)
-        for hidden in texts:
-            self.assertNotIn(hidden.encode(), text)
-        for word in (b'"score', b"success", b'"failed"', b'"done"'):
-            self.assertNotIn(word, text)
-        hidden_phase = {"aggregate": True, "outcomes": False, "metrics": False, "logs": False,
-                        "output": False}
-        self.hold(show=hidden_phase)
-        folder = self.exported("closed")
-        self.assertEqual((self.said["receipts"], self.said["withheld"]), (0, 2))
-        self.incomplete(folder, "is withheld: phase")
-        self.hold(closes_in_hours=-1, show=hidden_phase)
-        self.cli("seeds", "reveal", "--phase", "final", "--reason", "it is over")
-        folder = self.exported("open")
-        self.assertEqual((self.said["receipts"], self.said["withheld"]), (2, 0))
-        self.assertEqual((folder / "secrets/final.txt").read_text(), secret.hex() + "\n")
-        self.holds(folder)
-        copy = self.altered(folder)
-        (copy / "secrets/final.txt").write_text("0" * 64 + "\n")
-        self.refuted(copy, "secrets", "is not the secret that the record reveals")
-        self.assertEqual(self.call("GET", f"/v1/submissions/{submission}/receipt?public=true")[0], 200)
-
-    def test_seeds_that_were_committed_to_late_are_found(self):
-        self.hold()
-        self.organise("alpha")
-        self.enter("ok")
-        self.incomplete(self.exported("good"), "the seeds of phase final are not revealed")
-
-        def later(rows):
-            commitment = next(row for row in rows if row[1] == "commitment")
-            rows.remove(commitment)
-            place = next(i for i, row in enumerate(rows) if row[1] == "accepted")
-            return rows[:place + 1] + [commitment] + rows[place + 1:]
-
-        self.rewritten(later)
-        self.refuted(self.exported("late"), "commitments", "after submission 1 to it was accepted")
-
-        def twice(rows):
-            commitment = next(row for row in rows if row[1] == "commitment")
-            other = (*commitment[:3], {**commitment[3], "commitment": "0" * 64})
-            return rows + [other]
-
-        self.rewritten(twice)
-        self.refuted(self.exported("twice"), "entries", "commits phase final to another secret")
-
-        def never(rows):
-            return [row for row in rows if row[1] != "commitment"]
-
-        self.rewritten(never)
-        self.refuted(self.exported("never"), "receipts", "the record never committed to them")
 
 
 if __name__ == "__main__":
