@@ -200,9 +200,10 @@ absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
 void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
   std::error_code error;
   const std::string artefacts = data_dir + "/artefacts";
-  if (std::filesystem::exists(path, error) || std::filesystem::is_empty(artefacts, error)) return;
-  spdlog::error("{} is not there, so an empty store is made, though {} has the files of submissions; if "
-                "it was lost, stop the daemon and restore it from a backup", path, artefacts);
+  const bool there = std::filesystem::exists(path, error) && std::filesystem::file_size(path, error) > 0;
+  if (there || std::filesystem::is_empty(artefacts, error)) return;
+  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
+                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
 }
 
 }  // namespace
@@ -382,10 +383,10 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   server_to_stop = &server;
   access_log.Start();
   webhooks.Start();
-  std::optional<absl::Time> newest;
-  if (const auto row = (*store)->newest_row_ms()) newest = absl::FromUnixMillis(*row);
+  std::optional<absl::Time> trusted;
+  if (const auto ms = (*store)->trusted_time_ms()) trusted = absl::FromUnixMillis(*ms);
   const Retention retention(config.retention, config.artefacts.disk_reserve, options.data_dir, engine,
-                            readers, clock, newest);
+                            readers, clock, trusted);
   const Rejudger rejudger({.data_dir = options.data_dir,
                            .grader = [&] {
                              return WithRuntimes(

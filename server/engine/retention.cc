@@ -68,31 +68,32 @@ std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration a
   return choices;
 }
 
-TrustedTime::TrustedTime(std::optional<absl::Time> newest, const Clock& clock)
+TrustedTime::TrustedTime(std::optional<absl::Time> before, const Clock& clock)
     : clock_(clock),
       began_(clock.Monotonic()),
-      at_began_(newest ? std::min(clock.Now(), *newest + kLongestPause) : clock.Now()) {
-  if (!newest.has_value() || clock.Now() <= *newest + kLongestPause) return;
-  spdlog::warn("the clock is {} days ahead of the store's newest row; until it is clear that it is right, "
-               "retention counts ages from {}. If the clock is wrong, set it",
-               absl::ToInt64Hours(clock.Now() - *newest) / 24,
+      at_began_(before ? std::min(clock.Now(), *before + kLongestPause) : clock.Now()) {
+  if (!before.has_value() || clock.Now() <= *before + kLongestPause) return;
+  spdlog::warn("the clock is {} days ahead of when this store was last in use; if it is wrong, set it. For the "
+               "next {} days of running, retention counts ages from {}",
+               absl::ToInt64Hours(clock.Now() - *before) / 24, absl::ToInt64Hours(kDoubt) / 24,
                absl::FormatTime("%Y-%m-%d", at_began_, absl::UTCTimeZone()));
 }
 
 absl::Time TrustedTime::Now() const {
-  return std::min(clock_.Now(), at_began_ + (clock_.Monotonic() - began_));
+  const absl::Duration running = clock_.Monotonic() - began_;
+  return running >= kDoubt ? clock_.Now() : std::min(clock_.Now(), at_began_ + running);
 }
 
 Retention::Retention(RetentionLimits limits, int64_t disk_reserve, std::string data_dir,
                      Engine& engine, ReaderPool& readers, const Clock& clock,
-                     std::optional<absl::Time> newest)
+                     std::optional<absl::Time> before)
     : limits_(limits),
       disk_reserve_(disk_reserve),
       data_dir_(std::move(data_dir)),
       engine_(engine),
       readers_(readers),
       clock_(clock),
-      time_(newest, clock),
+      time_(before, clock),
       thread_([this] { Loop(); }) {}
 
 Retention::~Retention() {
@@ -105,6 +106,7 @@ Retention::~Retention() {
 }
 
 void Retention::Loop() {
+  NoteTime();
   if (WaitForStop(std::min(limits_.every, kLatestFirstSweep))) return;
   do {
     Sweep();
@@ -163,8 +165,20 @@ void Retention::RemoveDenials(int64_t now_ms) {
   if (!status.ok()) spdlog::warn("retention of denials: {}", std::string(status.message()));
 }
 
+void Retention::NoteTime() {
+  const int64_t now = absl::ToUnixMillis(time_.Now());
+  const absl::Status status = engine_.Change(
+      [now](Writer& writer) {
+        writer.SetTrustedTime(now);
+        return absl::OkStatus();
+      },
+      kChange);
+  if (!status.ok()) spdlog::warn("the time of the store's use: {}", std::string(status.message()));
+}
+
 void Retention::Sweep() {
   MakeRoom();
+  NoteTime();
   const int64_t now = absl::ToUnixMillis(time_.Now());
   RemoveDenials(now);
   const auto look = [&](const char* kind, absl::StatusOr<std::vector<KeptFile>> files,

@@ -31,22 +31,23 @@ struct Choice {
 
 // A sweep removes so many files of a kind for their age at most, or a tenth of them if that is more:
 // when the clock is wrong, somebody can notice before much is gone.
-inline constexpr size_t kFewestAgedOut = 100;
+inline constexpr size_t kFewestAgedOut = 10;
 
 // Chooses the files to remove: those older than `age`, as many as a sweep may, then the oldest until
 // the rest is at most `bytes` in total. Returned oldest first; equal ages by name.
 std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
                                    int64_t now_ms);
 
-// How far ages may be trusted at the start: a clock that is ahead of the store's newest row by more than
-// kLongestPause may be wrong, so time goes on from there, by the monotonic clock. A jump of the
-// calendar later on changes nothing either.
+// What ages are counted to. A clock that is ahead of what the daemon trusted last by more than
+// kLongestPause may be wrong, so time goes on from there, by the monotonic clock. A jump of the calendar
+// later on changes nothing either. After kDoubt of running somebody would have set a wrong clock.
 class TrustedTime {
  public:
   static constexpr absl::Duration kLongestPause = absl::Hours(48);
+  static constexpr absl::Duration kDoubt = absl::Hours(24 * 7);
 
-  // `newest`: the time of the store's newest row, from before this start; nullopt: it has none.
-  TrustedTime(std::optional<absl::Time> newest, const Clock& clock);
+  // `before`: as of Store::trusted_time_ms().
+  TrustedTime(std::optional<absl::Time> before, const Clock& clock);
   // Never later than the calendar.
   absl::Time Now() const;
 
@@ -61,10 +62,10 @@ class TrustedTime {
 class Retention {
  public:
   // `disk_reserve`: bytes of the folder's disk; below it logs of practice are removed, of running
-  // ones too. `newest`: as of TrustedTime. Everything but `limits` must outlive it; `engine` must be
+  // ones too. `before`: as of TrustedTime. Everything but `limits` must outlive it; `engine` must be
   // running or about to run.
   Retention(RetentionLimits limits, int64_t disk_reserve, std::string data_dir, Engine& engine,
-            ReaderPool& readers, const Clock& clock, std::optional<absl::Time> newest);
+            ReaderPool& readers, const Clock& clock, std::optional<absl::Time> before);
   ~Retention();
 
  private:
@@ -74,6 +75,8 @@ class Retention {
   // One sweep: removes what is too old or too much. Errors are logged.
   void Sweep();
   void RemoveDenials(int64_t now_ms);
+  // Keeps the trusted time for the next start.
+  void NoteTime();
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
   // Removes the oldest logs of practice while the disk lacks its reserve.
   void MakeRoom();

@@ -157,7 +157,9 @@ absl::Status CheckEvaluation(Reader& reader, int64_t id, StoredContent& content)
     }
     return Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
   }
-  absl::Status status = reader.EpisodeDetails(id).status();
+  absl::Status status =
+      CheckResults(reader, stored->evaluation, *rows, stored->track->config.seed_salt);
+  status.Update(reader.EpisodeDetails(id).status());
   status.Update(reader.Repeats(id).status());
   status.Update(reader.LeaseRunsOf(id).status());
   status.Update(reader.Transitions("evaluation", id).status());

@@ -57,8 +57,8 @@ absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
 // The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
 
-// Whether every row of the store can be read, by the readers that requests and the engine use: for
-// rows that come from outside. The first damaged row otherwise (store/damage.h).
+// Whether every row of the store can be read, by the readers that requests and the engine use, and
+// results are those of their episodes: for rows that come from outside. The first damaged row otherwise (store/damage.h).
 absl::Status CheckReadable(Reader& reader);
 
 // A text that should be JSON; is_discarded() if it is not.

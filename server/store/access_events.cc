@@ -37,8 +37,9 @@ bool CountDenial(SQLite::Database& db, const AccessEventRow& event, int64_t now_
 
 bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
   SQLite::Statement select(db, "SELECT count(*) FROM (SELECT 1 FROM access_event WHERE "
-                               "kind = 'denied' AND at >= ? LIMIT ?)");
-  SQLite::bind(select, now_ms / kMsOfADay * kMsOfADay, kMostDenialsOfADay);
+                               "kind = 'denied' AND at BETWEEN ? AND ? LIMIT ?)");
+  const int64_t day = now_ms / kMsOfADay * kMsOfADay;
+  SQLite::bind(select, day, day + kMsOfADay - 1, kMostDenialsOfADay);
   select.executeStep();
   return select.getColumn(0).getInt64() == kMostDenialsOfADay;
 }

@@ -403,4 +403,19 @@ RejudgeSight Reader::RejudgeOfEvaluation(int64_t evaluation) {
           select.getColumn(2).getInt() != 0};
 }
 
+absl::Status Reader::CheckStandingRows(int64_t submission) {
+  const absl::StatusOr<SubmissionRow> row = Submission(submission);
+  if (!row.ok()) return row.status();
+  absl::Status status = Team(row->team).status();
+  status.Update(MarkHistory(submission).status());
+  SQLite::Statement items(db_, "SELECT evaluation, rejudge FROM rejudge_item WHERE submission = ?");
+  items.bind(1, submission);
+  while (status.ok() && items.executeStep()) {
+    status = RejudgeItemOf(items.getColumn(0).getInt64()).status();
+    status.Update(Rejudge(items.getColumn(1).getInt64()).status());
+    status.Update(RejudgeEvents(items.getColumn(1).getInt64()).status());
+  }
+  return status;
+}
+
 }  // namespace myograde::server

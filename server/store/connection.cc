@@ -22,8 +22,28 @@ bool IsFull(const std::string& path) {
          static_cast<int64_t>(space.f_bavail * space.f_frsize) < kLeast;
 }
 
+int64_t SizeOf(const std::string& file) {
+  struct stat info;
+  return stat(file.c_str(), &info) == 0 ? static_cast<int64_t>(info.st_size) : 0;
+}
+
+// SQLite takes half a page at the end for a whole one. Only for a file that has all pages: the last ones
+// may still be in a write-ahead log.
+absl::Status CheckLength(SQLite::Database& db, const std::string& path) {
+  const int64_t pages = db.execAndGet("PRAGMA page_count").getInt64();
+  const int64_t needed = pages * db.execAndGet("PRAGMA page_size").getInt64();
+  const int64_t size = SizeOf(path);
+  if (size >= needed) return absl::OkStatus();
+  return CorruptStore(absl::StrCat(path, ": was cut off: it has ", size, " bytes of ", needed,
+                                   "; restore it from a backup"));
+}
+
 absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path) {
+  const bool whole = SizeOf(path + "-wal") == 0;
   if (absl::Status status = CheckSchema(db, path); !status.ok()) return status;
+  if (absl::Status status = whole ? CheckLength(db, path) : absl::OkStatus(); !status.ok()) {
+    return status;
+  }
   // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
   // would need an overflow page. Only effective before a new file's first page is written.
   if (db.execAndGet("PRAGMA user_version").getInt() == 0) db.exec("PRAGMA page_size = 8192");
@@ -61,8 +81,14 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error) {
       return absl::DataLossError(absl::StrCat(
           path, ": its tables are not those of a store; restore it from a backup", cause));
     case SQLITE_CONSTRAINT:
+    case SQLITE_MISMATCH:  // text as a row's id
       return absl::FailedPreconditionError(absl::StrCat(path, ": refused", cause));
     case SQLITE_IOERR:
+      // The write-ahead log lacks what was written to it.
+      if (error.getExtendedErrorCode() == SQLITE_IOERR_SHORT_READ) {
+        return CorruptStore(absl::StrCat(
+            path, ": its write-ahead log was cut off; restore the store from a backup", cause));
+      }
       // Its files beside the database can't grow.
       if (IsFull(path)) {
         return absl::ResourceExhaustedError(

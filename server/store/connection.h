@@ -18,8 +18,8 @@ namespace myograde::server {
 //   UnavailableError         busy or locked by another process, or an I/O error
 //   PermissionDeniedError    read-only
 //   ResourceExhaustedError   the disk is full
-//   DataLossError            damaged, not a database, or without the store's tables
-//   FailedPreconditionError  rejected by a constraint or trigger of the schema
+//   DataLossError            damaged, cut off, not a database, or without the store's tables
+//   FailedPreconditionError  rejected by a constraint, type or trigger of the schema
 absl::Status StatusOf(const std::string& path, const SQLite::Exception& error);
 
 // Runs `body` and converts what it throws into such a status.

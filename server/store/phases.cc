@@ -64,14 +64,16 @@ absl::StatusOr<std::optional<SecretRow>> FindSecret(SQLite::Database& db,
   return std::optional(std::move(found));
 }
 
-// What the record has committed to for a phase, the oldest first.
-std::vector<std::string> CommitmentsOf(SQLite::Database& db, const std::string& phase) {
+// What the record has committed to for a phase, the oldest first; `own`: without secrets that are for
+// further episodes alone.
+std::vector<std::string> CommitmentsOf(SQLite::Database& db, const std::string& phase, bool own = false) {
   SQLite::Statement select(db, "SELECT entry_json FROM record WHERE kind = 'commitment' ORDER BY id");
   std::vector<std::string> found;
   while (select.executeStep()) {
     const nlohmann::json entry =
         nlohmann::json::parse(select.getColumn(0).getString(), nullptr, false);
     if (!entry.is_object() || entry.value("phase", nlohmann::json()) != phase) continue;
+    if (own && entry.contains("further")) continue;
     const nlohmann::json commitment = entry.value("commitment", nlohmann::json());
     if (commitment.is_string()) found.push_back(commitment.get<std::string>());
   }
@@ -301,6 +303,10 @@ absl::Status Reader::CheckPhaseSecret(const std::string& phase, const std::strin
   if (!secret.ok()) return secret.status();
   if (secret->has_value()) return CheckBelongs(db_, phase, **secret, challenge);
   return CheckNeverUsed(db_, phase, /*further=*/false);
+}
+
+bool Reader::HasCommitted(const std::string& phase) {
+  return !CommitmentsOf(db_, phase, /*own=*/true).empty();
 }
 
 absl::StatusOr<std::vector<PhaseUse>> Reader::PhasesInUse() {

@@ -71,6 +71,10 @@ StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
   if (IsFinal(evaluation.state) == select.isColumnNull(11)) {
     row.Fail(5, "its time of ending says otherwise");
   }
+  // 0 stands for none wherever it is shown.
+  if (IsFinal(evaluation.state) && evaluation.finished_at <= 0) {
+    row.Fail(11, "a time after 1970 belongs there");
+  }
   return row;
 }
 

@@ -187,6 +187,8 @@ class Reader {
   absl::Status CheckPhaseSecret(const std::string& phase, const std::string& challenge);
   // The submission that each team stands with, of those on the board of a config where teams choose.
   std::set<int64_t> Choices(const std::string& config, const BoardMoment& moment);
+  // Whether the record has committed to hidden seeds of the phase.
+  bool HasCommitted(const std::string& phase);
   // Phases with submissions, by name.
   absl::StatusOr<std::vector<PhaseUse>> PhasesInUse();
   // The config that a phase has by the store, else that of its latest submission; "": it has none.
@@ -261,6 +263,9 @@ class Reader {
   std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
   // The rejudge that an evaluation belongs to.
   RejudgeSight RejudgeOfEvaluation(int64_t evaluation);
+  // Whether everything beside its evaluations can be read that decides how a submission stands on boards:
+  // marks, team, rejudges. Otherwise the damage.
+  absl::Status CheckStandingRows(int64_t submission);
   // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h).
   absl::StatusOr<DeliveryRow> NextDelivery(const std::string& webhook);
   // Its id, also if it is damaged; 0: none waits.

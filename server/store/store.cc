@@ -24,6 +24,19 @@ std::optional<int64_t> NewestRow(SQLite::Database& db) {
   return select.getColumn(0).getInt64();
 }
 
+// What SetTrustedTime wrote, else the time of the newest row. A row that was written while the clock was
+// wrong says nothing about it.
+std::optional<int64_t> TrustedTimeOf(SQLite::Database& db) {
+  SQLite::Statement select(db, "SELECT CAST(CAST(value AS TEXT) AS INTEGER) FROM meta WHERE key = 'trusted_time'");
+  if (select.executeStep() && select.getColumn(0).getInt64() > 0) return select.getColumn(0).getInt64();
+  return NewestRow(db);
+}
+
+// How many rows were ever added to the tables that number their rows so. It never goes back.
+int64_t RowsEver(SQLite::Database& db) {
+  return db.execAndGet("SELECT CAST(total(seq) AS INTEGER) FROM sqlite_sequence").getInt64();
+}
+
 }  // namespace
 
 Store::Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock)
@@ -37,7 +50,7 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
   std::unique_ptr<Store> store(new Store(path, std::move(opened->db), clock));
   store->migration_ = std::move(opened->migration);
   const absl::Status dated = GuardSqlite(path, [&] {
-    store->newest_row_ms_ = NewestRow(*store->db_);
+    store->trusted_time_ms_ = TrustedTimeOf(*store->db_);
     return absl::OkStatus();
   });
   if (!dated.ok()) return dated;
@@ -48,6 +61,7 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
       FillTeamLooks(*store->db_);
       transaction.commit();
       BackfillRecord(*store->db_);
+      store->Remember(RowsEver(*store->db_));
       return absl::OkStatus();
     });
   }
@@ -66,7 +80,48 @@ std::vector<Store::File> Store::FilesOf(const std::string& path) {
   return files;
 }
 
-absl::Status Store::Check() const {
+Store::Look Store::LookAt(const std::string& path) {
+  Look look;
+  struct stat info;
+  if (stat(path.c_str(), &info) == 0) {
+    look.modified_ns = info.st_mtim.tv_sec * int64_t{1'000'000'000} + info.st_mtim.tv_nsec;
+  }
+  if (stat((path + "-wal").c_str(), &info) == 0) look.wal_bytes = info.st_size;
+  return look;
+}
+
+void Store::Remember(int64_t rows) {
+  const MutexLock lock(mutex_);
+  rows_ = rows;
+  look_.wal_bytes = LookAt(path_).wal_bytes;
+}
+
+void Store::Watch() {
+  const Look look = LookAt(path_);
+  int64_t written = 0;
+  {
+    const MutexLock lock(mutex_);
+    if (look.modified_ns == look_.modified_ns && look.wal_bytes >= look_.wal_bytes) return;
+    written = rows_;
+  }
+  int64_t there = 0;
+  // A new connection has no pages in memory.
+  absl::StatusOr<std::unique_ptr<SQLite::Database>> db = OpenForReading(path_);
+  const absl::Status read = !db.ok() ? db.status() : GuardSqlite(path_, [&] {
+    there = RowsEver(**db);
+    return absl::OkStatus();
+  });
+  if (MayPass(read)) return;  // the next look reads again
+  if (!read.ok()) return Distrust(std::string(read.message()));
+  if (there < written) {
+    return Distrust(absl::StrCat(
+        path_, ": was overwritten with an older store while the daemon runs; restore the newest backup"));
+  }
+  const MutexLock lock(mutex_);
+  look_ = look;
+}
+
+absl::Status Store::Check() {
   for (const File& file : files_) {
     struct stat info;
     const bool there = stat(file.path.c_str(), &info) == 0;
@@ -75,6 +130,7 @@ absl::Status Store::Check() const {
         file.path, ": was ", there ? "replaced" : "removed", " while the daemon runs, so nothing that ",
         "it writes would last; stop the daemon, restore the store from a backup, and start it again"));
   }
+  Watch();
   const MutexLock lock(mutex_);
   if (distrust_.empty()) return absl::OkStatus();
   return absl::UnavailableError(
@@ -84,6 +140,14 @@ absl::Status Store::Check() const {
 void Store::Distrust(const std::string& why) {
   const MutexLock lock(mutex_);
   if (distrust_.empty()) distrust_ = why;
+}
+
+void Writer::SetTrustedTime(int64_t ms) {
+  SQLite::Statement set(db_, "INSERT INTO meta VALUES ('trusted_time', CAST(? AS BLOB)) ON CONFLICT (key) DO "
+                             "UPDATE SET value = excluded.value WHERE CAST(CAST(value AS TEXT) AS INTEGER) < ?");
+  set.bind(1, absl::StrCat(ms));
+  set.bind(2, ms);
+  set.exec();
 }
 
 absl::Status Store::LoadSecret() {
@@ -119,7 +183,9 @@ absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
     Writer writer(*db_, absl::ToUnixMillis(clock_.Now()), &subscriptions_);
     if (absl::Status status = change(writer); !status.ok()) return status;  // rolls back
+    const int64_t rows = RowsEver(*db_);
     transaction.commit();
+    Remember(rows);
     return absl::OkStatus();
   });
 }

@@ -271,6 +271,8 @@ class Writer {
   absl::Status AddDenial(AccessEventRow event, const AccessEventRow& others);
   // Removes denials of before, some thousands at a time.
   void RemoveDenials(int64_t before_ms);
+  // Notes a time (ms) for Store::trusted_time_ms(); an earlier one than is there changes nothing.
+  void SetTrustedTime(int64_t ms);
   // Adds an act, as of now; `event.id` and `event.at` are ignored.
   absl::Status AddAccessEvent(const AccessEventRow& event);
   // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no
@@ -385,14 +387,15 @@ class Store {
   absl::Status Write(const std::function<absl::Status(Writer&)>& change);
 
   // Whether what is written now would still be there tomorrow. UnavailableError: the store's file, or
-  // its write-ahead log, was removed or replaced since it was opened, or somebody found it corrupt.
-  // Safe from any thread.
-  absl::Status Check() const;
+  // its write-ahead log, was removed, replaced, cut off or overwritten with an older one since it was
+  // opened, or somebody found it corrupt. Safe from any thread.
+  absl::Status Check();
   // From now on Check() fails for this reason: the store is corrupt.
   void Distrust(const std::string& why);
 
-  // When the newest row was written that was there before this start; nullopt: there was none.
-  std::optional<int64_t> newest_row_ms() const { return newest_row_ms_; }
+  // A time before this start that is surely over: what Writer::SetTrustedTime wrote last, else that of the
+  // newest row; nullopt: there was neither.
+  std::optional<int64_t> trusted_time_ms() const { return trusted_time_ms_; }
 
   // Who is told of what is written from now on. Not while anybody writes.
   void SetSubscriptions(Subscriptions subscriptions) { subscriptions_ = std::move(subscriptions); }
@@ -416,13 +419,25 @@ class Store {
   };
   static std::vector<File> FilesOf(const std::string& path);
 
+  // What changes in the files at each checkpoint alone, and so tells when to read what is in them.
+  struct Look {
+    int64_t modified_ns = 0;  // the database file
+    int64_t wal_bytes = 0;    // its log gets shorter only by a checkpoint
+  };
+  static Look LookAt(const std::string& path);
+  // Distrusts the store if what was written last is not in its files any more.
+  void Watch();
+  void Remember(int64_t rows);
+
   std::string path_;
   std::vector<File> files_;
   mutable Mutex mutex_;
   std::string distrust_ ABSL_GUARDED_BY(mutex_);  // "": none
+  Look look_ ABSL_GUARDED_BY(mutex_);
+  int64_t rows_ ABSL_GUARDED_BY(mutex_) = 0;  // RowsEver as of the last write
   std::unique_ptr<SQLite::Database> db_;
   const Clock& clock_;
-  std::optional<int64_t> newest_row_ms_;
+  std::optional<int64_t> trusted_time_ms_;
   std::string policy_secret_;
   std::optional<Damage> mended_;
   std::optional<Migration> migration_;

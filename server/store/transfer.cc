@@ -11,7 +11,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
-#include "protocol/base/open_file.h"
+#include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "server/store/connection.h"
 #include "server/store/schema.h"
@@ -26,6 +26,8 @@ constexpr char kFormat[] = "myograde-export";
 constexpr char kHead[] = "{\"data\":{";
 constexpr size_t kMaxLine = 8u << 20;
 constexpr size_t kMaxTables = 64;
+// Rows that are added later need larger ids, and JSON's readers know no larger number exactly.
+constexpr int64_t kMaxId = int64_t{1} << 53;
 constexpr char kBytes[] = "bytes";  // the key of a value that is neither text nor a whole number
 // Left out: secrets, tokens, the keys of requests, denials and acts (they are this daemon's), the
 // views, the uploads (their files are on this host), what this daemon's webhooks are told, and
@@ -79,17 +81,22 @@ Json ValueOf(const SQLite::Column& column) {
   return {{kBytes, absl::BytesToHexString(bytes)}};
 }
 
+// `select` reads the table's columns, in their order.
+Json RowOf(SQLite::Statement& select, const Table& table) {
+  Json row = Json::object();
+  for (size_t i = 0; i < table.columns.size(); ++i) {
+    row[table.columns[i]] = ValueOf(select.getColumn(static_cast<int>(i)));
+  }
+  return row;
+}
+
 absl::Status ExportTable(SQLite::Database& db, const Table& table, const ExportSink& out) {
   SQLite::Statement select(
       db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", table.name, "\" ORDER BY ",
                        table.key.empty() ? "rowid" : Quoted(table.key)));
   bool first = true;
   while (select.executeStep()) {
-    Json row = Json::object();
-    for (size_t i = 0; i < table.columns.size(); ++i) {
-      row[table.columns[i]] = ValueOf(select.getColumn(static_cast<int>(i)));
-    }
-    if (!out(absl::StrCat(first ? "" : ",\n", CanonicalJson(row)))) {
+    if (!out(absl::StrCat(first ? "" : ",\n", CanonicalJson(RowOf(select, table))))) {
       return absl::CancelledError("the export was stopped");
     }
     first = false;
@@ -278,6 +285,17 @@ bool FitsInt64(const Json& number) {
   return !number.is_number_unsigned() || number.get<uint64_t>() <= uint64_t{INT64_MAX};
 }
 
+std::string Shown(const Json& value) {
+  return value.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 120);
+}
+
+absl::Status RefusedRow(const Table& table, const Json& row, std::string_view why) {
+  std::vector<std::string> key;
+  for (const std::string& column : table.key) key.push_back(Shown(row.value(column, Json())));
+  return absl::InvalidArgumentError(absl::StrCat("row ", absl::StrJoin(key, "/"), " of the table ",
+                                                 table.name, " ", std::string(why), ": ", Shown(row)));
+}
+
 // Prepares one INSERT per table.
 class Inserter {
  public:
@@ -327,12 +345,12 @@ class Inserter {
         fits = false;
       }
     }
-    const auto refused = [&](std::string_view why) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "a row of the table ", name, " ", std::string(why), ": ",
-          row.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 120)));
-    };
+    const auto refused = [&](std::string_view why) { return RefusedRow(table, row, why); };
     if (!fits) return refused("has other columns or values than a store");
+    for (const std::string& column : table.key) {
+      const Json& id = row[column];
+      if (id.is_number() && id > kMaxId) return refused(absl::StrCat("has a \"", column, "\" over 2^53"));
+    }
     // Files are looked up by these.
     for (const char* column : {"hash", "artefact"}) {
       const auto hash = row.find(column);
@@ -358,6 +376,34 @@ class Inserter {
 
 // Their triggers read other tables' rows, so they are inserted last.
 bool IsLate(const std::string& table) { return table == "episode" || table == "replay"; }
+
+// Whether every row that another one names is there. The commit would only say that one is not.
+absl::Status CheckReferences(SQLite::Database& db) {
+  SQLite::Statement check(db, "SELECT \"table\", parent, fkid FROM pragma_foreign_key_check");
+  if (!check.executeStep()) return absl::OkStatus();
+  const std::string child = check.getColumn(0).getString();
+  const std::string parent = check.getColumn(1).getString();
+  SQLite::Statement parts(db, "SELECT \"from\", \"to\" FROM pragma_foreign_key_list(?) WHERE id = ?");
+  parts.bind(1, child);
+  parts.bind(2, check.getColumn(2).getInt64());
+  std::string names = "1";
+  std::string same = "1";
+  while (parts.executeStep()) {
+    const std::string from = absl::StrCat("c.\"", parts.getColumn(0).getString(), "\"");
+    absl::StrAppend(&names, " AND ", from, " IS NOT NULL");
+    absl::StrAppend(&same, " AND p.\"", parts.getColumn(1).getString(), "\" = ", from);
+  }
+  Table table;
+  for (Table& each : TablesOf(db)) {
+    if (each.name == child) table = std::move(each);
+  }
+  // Not by its rowid, which some tables don't have.
+  SQLite::Statement select(
+      db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", child, "\" AS c WHERE ", names,
+                       " AND NOT EXISTS (SELECT 1 FROM \"", parent, "\" AS p WHERE ", same, ")"));
+  const Json row = select.executeStep() ? RowOf(select, table) : Json::object();
+  return RefusedRow(table, row, absl::StrCat("names a row of the table ", parent, " that is not there"));
+}
 
 }  // namespace
 
@@ -385,7 +431,7 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
         });
     if (!status.ok()) return status;
   }
-  return absl::OkStatus();
+  return CheckReferences(db);
 }
 
 }  // namespace myograde::server

@@ -194,6 +194,7 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
   const Target lease = {
       "lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE ", done, ")"), ""};
   const Target episode = {"episode", absl::StrCat(done, " AND idx = 0"), ""};
+  const Target evaluation = {"evaluation", absl::StrCat("id = ", teams_.victim.done), ""};
   int number = 0;
   for (const auto& [target, column, value] :
        {std::tuple(artefact, "command_json", "'[]'"), std::tuple(artefact, "environment_json", "'[]'"),
@@ -202,7 +203,8 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
         std::tuple(Target{"config", absl::StrCat("hash = '", teams_.victim.config, "'"), ""},
                    "effective_json", "'{}'"),
         std::tuple(lease, "faults", "999"), std::tuple(episode, "metrics_json", "'{}'"),
-        std::tuple(episode, "facts_json", "'{}'")}) {
+        std::tuple(episode, "facts_json", "'{}'"), std::tuple(evaluation, "finished_at", "0"),
+        std::tuple(evaluation, "results_hash", "hex(zeroblob(32))")}) {
     SCOPED_TRACE(column);
     const std::string store = Copy();
     ASSERT_TRUE(Overwrite(store, {target.table, target.where, column}, value));

@@ -79,11 +79,12 @@ class NoProcesses : public Executor {
 // A calendar clock that is ahead of the files' times by a given amount, or stands still.
 class LaterClock : public Clock {
  public:
-  absl::Duration Monotonic() const override { return SystemClock().Monotonic(); }
+  absl::Duration Monotonic() const override { return SystemClock().Monotonic() + running; }
   absl::Time Now() const override {
     return still == absl::InfinitePast() ? SystemClock().Now() + ahead : still;
   }
   absl::Duration ahead = absl::ZeroDuration();
+  absl::Duration running = absl::ZeroDuration();
   absl::Time still = absl::InfinitePast();
 };
 
@@ -166,7 +167,7 @@ class RetentionFolder : public testing::Test {
   }
 
   std::optional<absl::Time> Newest() {
-    const auto newest = (*Store::Open(dir_ + "/store.db", clock_))->newest_row_ms();
+    const auto newest = (*Store::Open(dir_ + "/store.db", clock_))->trusted_time_ms();
     return newest ? std::optional(absl::FromUnixMillis(*newest)) : std::nullopt;
   }
 
@@ -239,7 +240,24 @@ TEST_F(RetentionFolder, AWrongClockRemovesNothing) {
     clock_.ahead = absl::Hours(24 * 400);
     absl::SleepFor(absl::Milliseconds(300));
   }
+  // Nor does it if a submission was accepted while it was wrong, and the daemon was started again.
+  Accept('d');
+  EXPECT_LT(*Newest(), absl::Now() + absl::Hours(24 * 5));
+  {
+    const Retention again(limits, 0, dir_, *engine_, *readers_, clock_, Newest());
+    absl::SleepFor(absl::Milliseconds(300));
+  }
   EXPECT_THAT(Removals(), IsEmpty());
+}
+
+TEST(TrustedTime, AClockThatStaysAheadIsRightInTheEnd) {
+  LaterClock clock;
+  const absl::Time before = clock.Now();
+  clock.ahead = absl::Hours(24 * 100);
+  const TrustedTime time(before, clock);
+  EXPECT_LT(time.Now(), before + absl::Hours(49));
+  clock.running = absl::Hours(24 * 8);
+  EXPECT_EQ(time.Now(), clock.Now());
 }
 
 TEST_F(RetentionFolder, DenialsGoAndActsStay) {

@@ -79,6 +79,11 @@ TEST_F(AccessEventsTest, EqualDenialsOfADayShareARowAndADayHasFew) {
   EXPECT_EQ(Who("").front(), "others x501");
   deny("a");
   EXPECT_EQ(Who("").front(), "others x501") << "a kind with a row of its own counts there";
+  // A day that is full, as seen from the one before it once a wrong clock is set back.
+  clock_.Advance(-absl::Hours(24));
+  deny("z");
+  EXPECT_THAT(Who("", INT64_MAX, 5000), testing::Contains("z x1"));
+  clock_.Advance(absl::Hours(24));
   const int64_t newest =
       SQLite::Database(path_).execAndGet("SELECT max(at) FROM access_event").getInt64();
   ASSERT_TRUE(store_->Write([&](Writer& writer) {

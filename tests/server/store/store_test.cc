@@ -3,6 +3,7 @@
 #include "server/store/store.h"
 
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/time/clock.h>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -37,6 +38,43 @@ TEST_F(StoreTest, WritesNothingOnceItsFileIsGone) {
   }
   store_->Distrust("a page is damaged");
   EXPECT_TRUE(absl::IsUnavailable(write()));
+}
+
+TEST_F(StoreTest, NoticesALogThatWasCutOff) {
+  const auto truncate_log = [&] { std::filesystem::resize_file(path_ + "-wal", 0); };
+  Submit();
+  EXPECT_EQ(SqlError("PRAGMA wal_checkpoint(TRUNCATE)"), "");
+  EXPECT_TRUE(store_->Check().ok()) << "everything is in the file";
+  Submit("beta", 'b');
+  truncate_log();
+  EXPECT_THAT(store_->Check().message(), HasSubstr("write-ahead log was cut off"));
+  EXPECT_TRUE(absl::IsUnavailable(TrySubmit("gamma", 'e', true).status()));
+}
+
+TEST_F(StoreTest, NoticesAnOlderStoreInItsFile) {
+  Submit();
+  const std::string backup = dir_ + "/backup.db";
+  ASSERT_TRUE(ReaderPool(path_).Backup(backup, [](int64_t, int64_t) {}, [](const std::string&) {}).ok());
+  Submit("beta", 'b');
+  EXPECT_EQ(SqlError("PRAGMA wal_checkpoint(TRUNCATE)"), "");
+  EXPECT_TRUE(store_->Check().ok());
+  absl::SleepFor(absl::Milliseconds(20));  // a file's time is as coarse as the kernel's ticks
+  // As `cp` does: the file stays the same one.
+  std::ofstream(path_, std::ios::binary) << std::ifstream(backup, std::ios::binary).rdbuf();
+  EXPECT_THAT(store_->Check().message(), HasSubstr("overwritten with an older store"));
+  EXPECT_TRUE(absl::IsUnavailable(TrySubmit("gamma", 'e', true).status()));
+}
+
+TEST_F(StoreTest, OpensNothingThatWasCutOff) {
+  Submit();
+  store_.reset();  // everything is in the file now
+  const auto size = std::filesystem::file_size(path_);
+  for (const int cut : {1, 4096}) {
+    std::filesystem::resize_file(path_, size - static_cast<uintmax_t>(cut));
+    const absl::Status opened = Store::Open(path_, clock_).status();
+    EXPECT_TRUE(IsCorruptStore(opened)) << opened;
+    EXPECT_THAT(opened.message(), HasSubstr("was cut off"));
+  }
 }
 
 TEST_F(StoreTest, TellsOfPagesThatCantBeRead) {

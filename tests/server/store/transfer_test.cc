@@ -142,6 +142,28 @@ TEST_F(TransferTest, OtherSchemasFilledStoresAndRowsThatDoNotFitAreRefused) {
   EXPECT_EQ(Export(dir_ + "/g.db"), text);
 }
 
+// Ids that leave none for later rows, that are none, or that no row has.
+TEST_F(TransferTest, IdsThatCantBeAreRefusedWithTheirRow) {
+  Fill();
+  const std::string text = Export(path_);
+  int number = 0;
+  for (const auto& [from, to, row, why] :
+       {std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":9007199254740993,\"team_id\":1",
+                   "row 9007199254740993 of the table admission", "over 2^53"),
+        std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":\"x\",\"team_id\":1",
+                   "row \"x\" of the table admission", "mismatch"),
+        std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":1,\"team_id\":7",
+                   "row 1 of the table admission", "a row of the table team that is not there"),
+        std::tuple("\"lease\":1,\"node\"", "\"lease\":77,\"node\"", "row 77/1 of the table lease_run",
+                   "a row of the table lease that is not there")}) {
+    const absl::Status refused =
+        Import(Sealed(text, from, to), absl::StrCat("ids", ++number, ".db"));
+    EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+    EXPECT_THAT(refused.message(), HasSubstr(row));
+    EXPECT_THAT(refused.message(), HasSubstr(why));
+  }
+}
+
 // Files are looked up by these hashes, so none may be a path.
 TEST_F(TransferTest, HashesThatAreNoneAreRefused) {
   Fill();
