@@ -17,9 +17,9 @@ struct Visibility {
   bool logs = true;        // facts, details and log of each episode
   bool output = true;      // what the policy printed, and the text of its faults
   bool seeds = true;       // false as long as committed seeds are not revealed
-  bool progress = true;    // what goes on inside a lease, and the single episodes of a failed
-                           // submission: false while anything above is withheld and the phase is not
-                           // published, as nothing is charged for them
+  bool progress = true;    // what goes on inside a lease, and the single episodes of an evaluation that
+                           // is not done: false while anything above is withheld and the phase is not
+                           // published, as nothing may be charged for them
 
   bool operator==(const Visibility&) const = default;
 };

@@ -16,26 +16,25 @@ struct View {
   Visibility sight;
   bool complete = false;      // all episodes have been played
   bool grader_error = false;  // the evaluation ended by one
-  bool failed = false;        // as a whole, and no single episode of it is shown
+  bool no_episodes = false;   // no single episode is shown
 };
 
 bool Always(const View&) { return true; }
 bool SeesProgress(const View& view) { return view.sight.progress; }
-// A failed submission is charged as a failed try only, so it tells one reason for the whole and
-// nothing of its episodes.
-bool SeesOutcomes(const View& view) { return view.sight.outcomes && !view.failed; }
-bool SeesMetrics(const View& view) { return view.sight.metrics && !view.failed; }
+bool SeesEpisodes(const View& view) { return !view.no_episodes; }
+bool SeesOutcomes(const View& view) { return view.sight.outcomes && !view.no_episodes; }
+bool SeesMetrics(const View& view) { return view.sight.metrics && !view.no_episodes; }
 bool SeesOutput(const View& view) { return view.sight.output; }
-bool SeesFacts(const View& view) { return view.sight.logs && !view.failed; }
+bool SeesFacts(const View& view) { return view.sight.logs && !view.no_episodes; }
 bool SeesSeeds(const View& view) { return view.sight.seeds; }
 bool SeesComparison(const View& view) { return SeesOutcomes(view) && SeesMetrics(view); }
 
 // Whoever asks again after each episode, or cancels after one, would see how that episode ended.
 bool SeesAggregate(const View& view) {
-  return view.sight.aggregate && !view.failed && (view.complete || SeesComparison(view));
+  return view.sight.aggregate && !view.no_episodes && (view.complete || SeesComparison(view));
 }
 bool SeesCounts(const View& view) {
-  return view.sight.outcomes || (view.sight.aggregate && view.complete);
+  return SeesOutcomes(view) || (view.sight.aggregate && !view.no_episodes && view.complete);
 }
 
 // Messages about the grader's faults quote what its programs wrote last.
@@ -169,7 +168,7 @@ constexpr auto kEvaluation = std::to_array<Part>({
     {"official_figures", Always},
     {"metrics", Always},
     {"hashes", Always},
-    {"merkle_root", Always},
+    {"merkle_root", SeesEpisodes},
     {"grader", Always},
     {"limits", Always},
     {"output", SeesOutput, Blank::kList},
@@ -226,7 +225,10 @@ View ViewOf(const Json& answer, const Visibility& sight) {
   return {.sight = sight,
           .complete = state == "done" || state == "failed",
           .grader_error = state == "grader_error",
-          .failed = state == "failed" && !sight.progress};
+          // A failed submission is charged as a failed try only, and one that ends by the grader's fault not
+          // at all. So they tell one reason for the whole and nothing of their episodes, and nobody knows
+          // of one that runs how it will end.
+          .no_episodes = !sight.progress && state != "done" && state != "cancelled"};
 }
 
 void RedactCommon(Json& answer, const View& view) {
@@ -256,7 +258,7 @@ void RedactEvaluation(Json& answer, const Visibility& sight) {
     for (Json& row : answer[rows]) RedactRow(row, view);
   }
   // Each block has a text of its own.
-  if (view.failed && answer["output"].size() > 1) answer["output"] = Json::array({answer["output"][0]});
+  if (view.no_episodes && answer["output"].size() > 1) answer["output"] = Json::array({answer["output"][0]});
 }
 
 void RedactStatus(Json& answer, const Visibility& sight) {

@@ -178,25 +178,37 @@ TEST(RedactStatus, ShowsNoProgressInsideALeaseWhereAnythingIsWithheld) {
   }
 }
 
-TEST(RedactEvaluation, AFailedOneTellsOneReasonWhereAnythingIsWithheld) {
-  Json answer = {{"state", "failed"},
-                 {"reason", "every episode ended so, the first as crash"},
-                 {"episodes", {{"total", 2}, {"done", 2}, {"fault", 2}}},
-                 {"outcomes", {{"crash", 1}, {"protocol", 1}}},
-                 {"aggregate", {{"time_s", 10.0}}},
-                 {"output", {{{"lease", 1}, {"stderr_tail", "a"}}, {{"lease", 2}, {"stderr_tail", "b"}}}},
-                 {"episode_rows", {{{"index", 0}, {"outcome", "crash"}, {"steps", 5},
-                                    {"fault", {{"outcome", "crash"}, {"detail", "x"}}}}}}};
-  Json all = answer;
-  RedactEvaluation(all, {});
-  EXPECT_EQ(all, answer);
-  RedactEvaluation(answer, {.seeds = false, .progress = false});
-  EXPECT_EQ(answer["reason"], "every episode ended so, the first as crash");
-  EXPECT_EQ(answer["outcomes"], Json::object());
-  EXPECT_TRUE(answer["aggregate"].is_null());
-  EXPECT_EQ(answer["output"].size(), 1u);
-  for (const char* key : {"outcome", "steps", "fault"}) {
-    EXPECT_TRUE(answer["episode_rows"][0][key].is_null()) << key;
+// Nobody knows of one that runs whether it will be charged.
+TEST(RedactEvaluation, OneThatIsNotDoneTellsOneReasonWhereAnythingIsWithheld) {
+  for (const char* state : {"failed", "running", "grader_error"}) {
+    Json answer = {{"state", state},
+                   {"reason", "every episode ended so, the first as crash"},
+                   {"episodes", {{"total", 2}, {"done", 2}, {"fault", 2}}},
+                   {"outcomes", {{"crash", 1}, {"protocol", 1}}},
+                   {"aggregate", {{"time_s", 10.0}}},
+                   {"merkle_root", "m"},
+                   {"output", {{{"lease", 1}, {"stderr_tail", "a"}}, {{"lease", 2}, {"stderr_tail", "b"}}}},
+                   {"episode_rows", {{{"index", 0}, {"outcome", "crash"}, {"steps", 5},
+                                      {"fault", {{"outcome", "crash"}, {"detail", "x"}}}}}}};
+    Json all = answer;
+    RedactEvaluation(all, {});
+    EXPECT_EQ(all, answer);
+    RedactEvaluation(answer, {.seeds = false, .progress = false});
+    EXPECT_EQ(answer["reason"], "every episode ended so, the first as crash");
+    EXPECT_EQ(answer["outcomes"], Json::object());
+    EXPECT_TRUE(answer["aggregate"].is_null());
+    EXPECT_TRUE(answer["merkle_root"].is_null());
+    EXPECT_TRUE(answer["episodes"]["fault"].is_null());
+    EXPECT_EQ(answer["episodes"]["done"], 2);
+    EXPECT_EQ(answer["output"].size(), 1u);
+    for (const char* key : {"outcome", "steps", "fault"}) {
+      EXPECT_TRUE(answer["episode_rows"][0][key].is_null()) << state << ' ' << key;
+    }
+    Json status = {{"state", state},
+                   {"episodes", Counts()},
+                   {"leases", {{{"lease", 1}, {"attempts", {{{"cpu_s", 1.5}}}}}}}};
+    RedactStatus(status, {.seeds = false, .progress = false});
+    EXPECT_EQ(status["leases"][0]["attempts"], Json::array());
   }
 }
 
