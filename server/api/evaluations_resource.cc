@@ -50,10 +50,7 @@ Json OutputToJson(const std::vector<LeaseRow>& leases, const std::vector<Episode
     output["lease"] = lease.id;
     output["first"] = lease.first;
     output["last"] = lease.last;
-    if (output.value("policy_cpu_s", Json()).is_number()) {
-      output["startup_cpu_s"] =
-          StartUpCpu(output["policy_cpu_s"].get<double>(), rows, lease.first, lease.last);
-    }
+    AddStartUp(rows, lease.first, lease.last, output);
     list.push_back(std::move(output));
   }
   return list;

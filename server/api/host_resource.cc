@@ -28,9 +28,7 @@ void HostResource::Install(Routes& routes) {
 // Everybody sees that it works, participants how busy it is, and organisers the host.
 ApiResult HostResource::Health(const httplib::Request&) const {
   const LiveHealth health = context_.engine.Health();
-  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty() ||
-                      !health.disk_trouble.empty();
-  Json body = {{"status", !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok"},
+  Json body = {{"status", StatusOf(health)},
                {"version", GraderVersion()},
                {"api", 1}};
   if (Caller().role >= Role::kParticipant) {
@@ -94,7 +92,8 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
   const std::string& trouble = !health.store_trouble.empty()  ? health.store_trouble
                                : !health.disk_trouble.empty() ? health.disk_trouble
                                : !health.host_trouble.empty() ? health.host_trouble
-                                                              : health.executor_trouble;
+                                                              : !health.executor_trouble.empty() ? health.executor_trouble
+                                                                  : health.losses;
   return {{"message", TextOrNull(trouble)},
           {"host",
            {{"name", HostName()},

@@ -8,6 +8,7 @@
 
 #include "server/api/caller.h"
 #include "server/api/phase_sight.h"
+#include "server/api/readiness.h"
 #include "server/api/redaction.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -83,10 +84,7 @@ absl::StatusOr<nlohmann::json> QueueView(Reader& reader, const ApiContext& conte
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();
-  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty() ||
-                      !health.disk_trouble.empty();
-  const char* status = !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok";
-  return Json{{"status", status},
+  return Json{{"status", StatusOf(health)},
               {"slots", context.config.scheduler.slots},
               {"running", health.running},
               {"pending_leases", health.pending},

@@ -50,9 +50,17 @@ std::vector<Obstacle> ObstaclesOf(const LiveHealth& health, const ServerConfig& 
                               "on slot ", health.closed_slots.begin()->first, " ",
                               health.closed_slots.begin()->second));
   }
-  add("cluster", health.executor_trouble);
+  add("cluster", health.executor_trouble.empty() ? health.losses : health.executor_trouble);
   add("simulator", MissingProgram());
   return obstacles;
+}
+
+const char* StatusOf(const LiveHealth& health) {
+  if (!health.store_trouble.empty()) return "store";
+  if (!health.host_trouble.empty() || !health.executor_trouble.empty() || !health.disk_trouble.empty()) {
+    return "paused";
+  }
+  return health.losses.empty() ? "ok" : "degraded";
 }
 
 }  // namespace myograde::server

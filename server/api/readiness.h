@@ -21,11 +21,15 @@ struct Obstacle {
 //   disk       the data folder's disk has less room than uploads must leave
 //   host       no lease starts: the host is being tested, or paused
 //   slots      every slot is closed by processes that can't be killed yet
+//   cluster    nothing can start on the cluster, or one lease after the other is lost
 //   simulator  a program that plays leases is missing
 const std::vector<std::string>& ObstacleCodes();
 
 // Empty: it is ready.
 std::vector<Obstacle> ObstaclesOf(const LiveHealth& health, const ServerConfig& config,
                                   const std::string& data_dir, bool stopping);
+
+// "store" (it can't be written), "paused" (no lease starts), "degraded" (leases are lost) or "ok".
+const char* StatusOf(const LiveHealth& health);
 
 }  // namespace myograde::server

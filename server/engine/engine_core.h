@@ -95,6 +95,7 @@ struct LiveHealth {
   HostHealth::State host = HostHealth::State::kWell;
   std::string host_trouble;   // "" if leases may start
   std::string executor_trouble;  // why nothing can start where leases run; "" if leases can
+  std::string losses;            // leases that were lost one after the other; "" if one has ended since
   std::string disk_trouble;      // why nothing may start; "" while the disk has its reserve
   std::optional<absl::Duration> paused_for;
   std::optional<absl::Duration> next_test;  // from now
@@ -376,6 +377,8 @@ class EngineCore {
   std::map<int, std::string> closed_slots_ ABSL_GUARDED_BY(mutex_);
   std::string store_trouble_ ABSL_GUARDED_BY(mutex_);
   std::string executor_trouble_ ABSL_GUARDED_BY(mutex_);
+  int lost_in_a_row_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::string last_loss_ ABSL_GUARDED_BY(mutex_);
   std::string disk_trouble_ ABSL_GUARDED_BY(mutex_);
   std::map<int64_t, std::string> unreadable_ ABSL_GUARDED_BY(mutex_);
   // Of leases played here; 0: none yet.

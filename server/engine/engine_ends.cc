@@ -32,6 +32,7 @@ nlohmann::json OutputJson(const LeaseEndRecord& end) {
           {"stdout_truncated", end.stdout_truncated},
           {"stderr_truncated", end.stderr_truncated},
           {"policy_cpu_s", end.policy_cpu_s},
+          {"simulator_cpu_s", end.simulator_cpu_s},
           {"wall_s", end.wall_s},
           {"peak_memory_bytes", end.peak_memory_bytes}};
 }
@@ -181,6 +182,7 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
                     ? took
                     : mean_lease_ * (1 - kNewest) + took * kNewest;
   live_.erase(run.lease);
+  lost_in_a_row_ = 0;
   host_.LeaseDone();
   const Decision decision = scheduler_.Finished(run.lease, run.attempt, now);
   if (decision.kind == Decision::Kind::kEvaluationEnds) to_settle_.insert(decision.evaluation);

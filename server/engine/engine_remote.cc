@@ -84,6 +84,8 @@ void EngineCore::Return(LeaseRun& run, const char* kind, const std::string& why)
   {
     const MutexLock lock(mutex_);
     live_.erase(run.lease);
+    ++lost_in_a_row_;
+    last_loss_ = why;
     decision = scheduler_.Returned(run.lease, run.attempt, clock_.Monotonic());
   }
   if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, AfterRetries(why));

@@ -6,6 +6,12 @@
 #include "server/engine/engine_core.h"
 
 namespace myograde::server {
+namespace {
+
+// So many leases in a row are no accident of single nodes any more.
+constexpr int kManyLosses = 10;
+
+}  // namespace
 
 QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
   const MutexLock lock(mutex_);
@@ -93,6 +99,10 @@ LiveHealth EngineCore::Health() const {
   health.closed_slots = closed_slots_;
   health.store_trouble = store_trouble_;
   health.executor_trouble = executor_trouble_;
+  if (lost_in_a_row_ >= kManyLosses) {
+    health.losses = absl::StrCat("the last ", lost_in_a_row_, " leases were lost, the latest because: ",
+                                 last_loss_);
+  }
   health.disk_trouble = disk_trouble_;
   health.unreadable = unreadable_;
   health.host = host_.state();

@@ -89,6 +89,21 @@ TEST_F(RemoteEngineTest, ALostLeaseIsPlayedAgainWithoutAFault) {
   ExpectSound();
 }
 
+TEST_F(RemoteEngineTest, LeasesThatAreLostOneAfterTheOtherAreTold) {
+  const int64_t id = world.Submit("a", 2);
+  for (int i = 0; i < 7200 && world.core->Health().losses.empty(); ++i) {
+    world.next_is_lost_after = absl::Seconds(6);
+    RunFor(absl::Seconds(1));
+  }
+  world.next_is_lost_after = absl::InfiniteDuration();
+  EXPECT_EQ(OnlyLease(id).attempt, 11);
+  EXPECT_THAT(world.core->Health().losses, HasSubstr("the last 10 leases were lost"));
+  RunFor(absl::Hours(2));
+  EXPECT_TRUE(world.AllEnded());
+  EXPECT_EQ(world.core->Health().losses, "");
+  ExpectSound();
+}
+
 TEST_F(RemoteEngineTest, ASilentOneIsReturnedAndSaysNothingMore) {
   world.next_is_late = absl::Seconds(45);
   world.next_dies_late = absl::Minutes(10);
