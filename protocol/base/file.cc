@@ -10,7 +10,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/base/open_file.h"
 
 namespace myograde {
 namespace {

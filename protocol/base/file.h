@@ -1,4 +1,4 @@
-// Reads and writes whole files and descriptors.
+// Opens files, and reads and writes whole ones.
 #pragma once
 
 #include <cstddef>
@@ -7,6 +7,8 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+
+#include "protocol/base/fd.h"
 
 namespace myograde {
 
@@ -20,6 +22,11 @@ absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_
 // A file's content, even if the file reports no size. NotFoundError if it can't be opened,
 // otherwise as above.
 absl::StatusOr<std::string> ReadFile(const std::string& path, size_t max_bytes = kAnySize);
+
+// Opens a file that a person names, for reading. Never waits: a named pipe that nobody writes to, a
+// device or a folder is an InvalidArgumentError that says what it is. What this process was started
+// with (/dev/stdin, /dev/fd/N) may be a pipe. NotFoundError if it can't be opened.
+absl::StatusOr<Fd> OpenToRead(const std::string& path);
 
 // Writes all of `text`; otherwise returns the kernel's error.
 absl::Status WriteAll(int fd, std::string_view text);

@@ -53,6 +53,7 @@ LeaseEndRecord ReadLeaseEnd(ConfigReader& reader) {
   record.stdout_truncated = reader.Boolean("stdout_truncated");
   record.stderr_truncated = reader.Boolean("stderr_truncated");
   record.policy_cpu_s = reader.Number("policy_cpu_s", {0, DBL_MAX});
+  record.simulator_cpu_s = reader.Number("simulator_cpu_s", {0, DBL_MAX});
   record.wall_s = reader.Number("wall_s", {0, DBL_MAX});
   record.peak_memory_bytes = reader.Integer("peak_memory_bytes", 0, INT64_MAX);
   return record;
@@ -90,6 +91,7 @@ Json RecordToJson(const LeaseEndRecord& record) {
           {"stdout_truncated", record.stdout_truncated},
           {"stderr_truncated", record.stderr_truncated},
           {"policy_cpu_s", record.policy_cpu_s},
+          {"simulator_cpu_s", record.simulator_cpu_s},
           {"wall_s", record.wall_s},
           {"peak_memory_bytes", record.peak_memory_bytes}};
 }

@@ -92,6 +92,7 @@ struct LeaseEndRecord {
   bool stdout_truncated = false;  // the output exceeded Budgets::output_bytes
   bool stderr_truncated = false;
   double policy_cpu_s = 0;
+  double simulator_cpu_s = 0;     // 0: not measured on this host
   double wall_s = 0;
   int64_t peak_memory_bytes = 0;  // 0: not measured on this host
 };

@@ -1,21 +1,29 @@
 #include "server/grading/lease_use.h"
 
 #include <algorithm>
-
-#include <nlohmann/json.hpp>
+#include <utility>
 
 namespace myograde::server {
+namespace {
 
-double StartUpCpu(double lease_cpu_s, const std::vector<EpisodeRow>& rows, int64_t first,
-                  int64_t last) {
-  double rest = lease_cpu_s;
-  for (const EpisodeRow& row : rows) {
-    if (row.index < first || row.index > last) continue;
-    const auto facts = nlohmann::json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-    const auto cpu = facts.is_object() ? facts.find("policy_cpu_s") : facts.end();
-    if (facts.is_object() && cpu != facts.end() && cpu->is_number()) rest -= cpu->get<double>();
+using Json = nlohmann::json;
+
+}  // namespace
+
+void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last, Json& use) {
+  for (const auto& [whole, start] : {std::pair("policy_cpu_s", "startup_cpu_s"),
+                                     std::pair("wall_s", "startup_wall_s")}) {
+    const Json total = use.value(whole, Json());
+    if (!total.is_number()) continue;
+    auto rest = total.get<double>();
+    for (const EpisodeRow& row : rows) {
+      if (row.index < first || row.index > last) continue;
+      const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+      const Json part = facts.is_object() ? facts.value(whole, Json()) : Json();
+      if (part.is_number()) rest -= part.get<double>();
+    }
+    use[start] = std::max(rest, 0.0);
   }
-  return std::max(rest, 0.0);
 }
 
 }  // namespace myograde::server

@@ -4,15 +4,16 @@
 #include <cstdint>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "server/store/rows.h"
 
 namespace myograde::server {
 
-// CPU time (s) of a policy outside of its episodes: its start, until it was ready for its first episode
-// (of all starts, if it was started again), and its end. `lease_cpu_s`: all that it used in the lease of
-// the episodes `first` to `last`, whose rows are among `rows`. Rows of older versions count the start to
-// the first episode.
-double StartUpCpu(double lease_cpu_s, const std::vector<EpisodeRow>& rows, int64_t first,
-                  int64_t last);
+// Adds to the JSON of what a lease used (`policy_cpu_s`, `wall_s`; s) the parts outside of its episodes,
+// `startup_cpu_s` and `startup_wall_s`: the policy's start, until it was ready for its first episode (of
+// all starts, if it was started again), and its end. The rows of its episodes, `first` to `last`, are
+// among `rows`; those of older versions count the start to the first episode.
+void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last, nlohmann::json& use);
 
 }  // namespace myograde::server

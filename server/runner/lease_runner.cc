@@ -90,6 +90,7 @@ bool LeaseRunner::Run() {
   end.stdout_truncated = stdout_.truncated();
   end.stderr_truncated = stderr_.truncated();
   end.policy_cpu_s = static_cast<double>(finished_cpu_ns_) * 1e-9;
+  end.simulator_cpu_s = static_cast<double>(std::max<int64_t>(sim_cpu_ns_, 0)) * 1e-9;
   end.wall_s = absl::ToDoubleSeconds(SystemClock().Monotonic() - start_);
   end.peak_memory_bytes = peak_memory_;
   const bool recorded = Print(end).ok() && status.ok();
@@ -349,6 +350,7 @@ void LeaseRunner::EndSim() {
   const Deadline deadline(absl::Seconds(context_.config.policy.kill_s));
   const bool dead = sim_->Kill(deadline.left());
   if (!sim_group_->KillAll(deadline.left()) || !dead) leftovers_.Keep(*sim_, *sim_group_);
+  sim_cpu_ns_ = sim_tree_.has_value() ? sim_tree_->CpuNs(/*by_chance=*/false) : sim_group_->cpu_ns();
 }
 
 void LeaseRunner::RefreshCpu(bool by_chance) {

@@ -85,6 +85,7 @@ class LeaseRunner {
   OutputTail stdout_;
   OutputTail stderr_;
   int64_t finished_cpu_ns_ = 0;  // of finished runs
+  int64_t sim_cpu_ns_ = 0;
   int64_t peak_memory_ = 0;
 
   size_t next_episode_ = 0;  // index into the order of the next episode to be recorded

@@ -112,8 +112,8 @@ def records():
             "settle_time": None, "joint_ranges": {"r_elbow_flex": [0.1, 0.2, 0, 2.3]}}}))
     seed("record", "lease-end", json.dumps(
         {"type": "lease_end", "ok": True, "detail": "", "stdout_tail": "", "stderr_tail": "caf\u00e9",
-         "stdout_truncated": False, "stderr_truncated": True, "policy_cpu_s": 1e-9, "wall_s": 3,
-         "peak_memory_bytes": 9223372036854775807}))
+         "stdout_truncated": False, "stderr_truncated": True, "policy_cpu_s": 1e-9,
+         "simulator_cpu_s": 2.5, "wall_s": 3, "peak_memory_bytes": 9223372036854775807}))
     seed("sim_message", "fault", json.dumps({"type": "policy_fault", **FAULT}))
     seed("sim_message", "done", '{"type":"done"}')
     seed("sim_message", "no-type", "[]")

@@ -2,10 +2,12 @@
 processes killed."""
 
 import contextlib
+import json
 import os
 import pathlib
 import shutil
 import signal
+import subprocess
 import unittest
 
 from soak import soak
@@ -41,12 +43,17 @@ class BrokenHost(SystemTest):
     def host(self):
         return self.ask("status")["daemon"]["host"]
 
-    def test_it_pauses_says_why_and_resumes_by_itself(self):
-        whole = self.ask("submit", POLICIES / "zero", "--track", "short", "--team", "a", "--wait")
+    def break_simulator(self):
+        """Where the good one is, and where it belongs."""
         sim = self.bin / "myograde-sim"
         good = sim.rename(self.bin / "kept")
         sim.write_text("#!/bin/sh\necho the simulator was broken by an upgrade >&2\nexit 3\n")
         sim.chmod(0o755)
+        return good, sim
+
+    def test_it_pauses_says_why_and_resumes_by_itself(self):
+        whole = self.ask("submit", POLICIES / "zero", "--track", "short", "--team", "a", "--wait")
+        good, sim = self.break_simulator()
         submission = self.ask("submit", POLICIES / "zero", "--track", "short", "--team", "b"
                               )["submission"]
         host = self.wait(self.host, lambda found: found["state"] == "paused")
@@ -59,6 +66,20 @@ class BrokenHost(SystemTest):
         rows = [self.ask("show", s, "--episodes")["episode_rows"]
                 for s in (whole["submission"], submission)]
         self.assertEqual(identities(rows[0]), identities(rows[1]))
+
+    def test_a_local_run_waits_between_its_retries(self):
+        good, sim = self.break_simulator()
+        with subprocess.Popen(
+                [BIN / "myograde", "local", POLICIES / "zero", "--track", "short", "--json"],
+                env=self.environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE, text=True) as local:
+            said = local.stderr.readline()
+            good.rename(sim)
+            answer, rest = local.communicate(timeout=240)
+        self.assertRegex(said, "episodes . to . are played again after a fault of the grader: .*"
+                               "broken by an upgrade")
+        self.assertEqual(local.returncode, 0, said + rest)
+        self.assertEqual(len(json.loads(answer)["episode_rows"]), 4)
 
     def test_a_dead_bridge_is_the_participants_and_costs_no_replay(self):
         # Each lease sleeps in its second episode, so there is time to find its bridge.

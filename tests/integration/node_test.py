@@ -21,7 +21,7 @@ CACHE = pathlib.Path(os.environ["MYOGRADE_CACHE"])
 SECOND = 75
 TMPFS_BYTES = 16 << 20
 # Of a host and its load, not of the lease.
-LOAD = {"policy_cpu_s", "wall_s", "peak_memory_bytes", "cpu_s"}
+LOAD = {"policy_cpu_s", "simulator_cpu_s", "wall_s", "peak_memory_bytes", "cpu_s"}
 
 
 def without_load(value):

@@ -109,6 +109,12 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
                 head = file.read_bytes()[:24]
                 self.assertEqual(struct.unpack(">II", head[16:]), (5 * 64 + 16, 3 * 48 + 8))
 
+    def test_episodes_of_carried_over_state_are_drawn_together(self):
+        graded = self.ask("submit", POLICIES / "zero", "--track", "short-manipulation", "--profile", "as-graded",
+                          "--team", "Carried", "--wait")
+        told = self.ask("render", graded["submission"], "--strip", "--size", "64x48", "-o", self.root / "carried.png")
+        self.assertEqual(sorted(entry["index"] for entry in told["episodes"]), [0, 1, 2])
+
     def test_an_altered_log_is_found_and_named(self):
         submission = self.submissions["locomotion"]
         file = self.root / "altered.lcmlog"

@@ -120,7 +120,8 @@ def main():
         say(episode(entry, mode, order["track"]["rules"]))
     say({"type": "lease_end", "ok": not detail, "detail": detail, "stdout_tail": said(mode),
          "stderr_tail": said(mode) or "hello from the policy", "stdout_truncated": False,
-         "stderr_truncated": False, "policy_cpu_s": 0.1, "wall_s": 0.2, "peak_memory_bytes": 0})
+         "stderr_truncated": False, "policy_cpu_s": 0.1, "simulator_cpu_s": 0.1,
+         "wall_s": 0.2, "peak_memory_bytes": 0})
 
 
 main()

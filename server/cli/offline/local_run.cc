@@ -23,17 +23,18 @@ constexpr int kPollMilliseconds = 100;
 
 nlohmann::json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
                           const std::vector<EpisodeRow>& rows) {
+  nlohmann::json use = {{"policy_cpu_s", end.policy_cpu_s},
+                        {"simulator_cpu_s", end.simulator_cpu_s},
+                        {"wall_s", end.wall_s},
+                        {"peak_memory_bytes", end.peak_memory_bytes}};
+  AddStartUp(rows, first, last, use);
   return {{"first", first},
           {"last", last},
           {"stdout_tail", end.stdout_tail},
           {"stderr_tail", end.stderr_tail},
           {"stdout_truncated", end.stdout_truncated},
           {"stderr_truncated", end.stderr_truncated},
-          {"usage_wall_cpu",
-           {{"policy_cpu_s", end.policy_cpu_s},
-            {"wall_s", end.wall_s},
-            {"startup_cpu_s", StartUpCpu(end.policy_cpu_s, rows, first, last)},
-            {"peak_memory_bytes", end.peak_memory_bytes}}}};
+          {"usage_wall_cpu", std::move(use)}};
 }
 
 }  // namespace

@@ -133,8 +133,11 @@ int ReportReplay(const ReplayOptions& options, Json head,
 int ReplayFile(const ReplayOptions& options) {
   const Json head = {{"submission", nullptr}, {"evaluation", nullptr}, {"file", options.target}};
   absl::StatusOr<std::string> bytes = ReadLog(options.target);
+  // No file that could hold a log at all.
+  if (absl::IsNotFound(bytes.status()) || absl::IsInvalidArgument(bytes.status())) {
+    return ReportError(bytes.status());
+  }
   absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
-  if (absl::IsNotFound(log.status())) return ReportError(log.status());
   if (!log.ok()) return ReportReplay(options, head, {Unplayable(0, log.status())});
   const absl::StatusOr<std::map<int64_t, ReplayLogFile>> files =
       LogsUpTo(options.target, log->header);

@@ -87,6 +87,7 @@ TEST(Records, EveryKindComesBack) {
   end.stderr_tail = "x";
   end.stderr_truncated = true;
   end.policy_cpu_s = 1.5;
+  end.simulator_cpu_s = 1.25;
   end.wall_s = 2.5;
   end.peak_memory_bytes = int64_t{1} << 40;
   RoundTrip(end);
