@@ -17,6 +17,7 @@ from ..errors import WrongUse
 
 SENT_AS_THEY_ARE = (".tar", ".tar.gz", ".tgz", ".tar.zst", ".tzst", ".tar.xz", ".txz", ".tar.bz2",
                     ".tbz2", ".tbz")
+COMPRESSED = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")
 MANIFESTS = ("policy.json", "./policy.json")
 
 
@@ -33,12 +34,12 @@ def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None
             _pack_folder(source, target, name)
         elif not source.is_file():
             raise WrongUse(f"{source}: there is no such folder or file")
-        elif source.name.endswith(SENT_AS_THEY_ARE) and name is None:
+        elif _is_tar(source) and name is None:
             with open(source, "rb") as stream:
                 shutil.copyfileobj(stream, target)
-        elif source.name.endswith(SENT_AS_THEY_ARE):
+        elif _is_tar(source):
             _pack_named_tar(source, target, name)
-        elif source.name.endswith(".zip"):
+        elif _is_zip(source):
             _pack_zip(source, target, name)
         else:
             _pack_program(source, target, name or source.name[:64])
@@ -60,13 +61,29 @@ def runtimes_of(path: str | os.PathLike[str]) -> list[str]:
     return [name for name in asked if isinstance(name, str)]
 
 
+def _head(source: pathlib.Path) -> bytes:
+    with open(source, "rb") as stream:
+        return stream.read(262)
+
+
+def _is_tar(source: pathlib.Path) -> bool:
+    """By its first bytes, as the server knows it; a file named so is told there what is wrong with it."""
+    head = _head(source)
+    return (head[257:] == b"ustar" or head.startswith(COMPRESSED)
+            or source.name.lower().endswith(SENT_AS_THEY_ARE))
+
+
+def _is_zip(source: pathlib.Path) -> bool:
+    return _head(source).startswith(b"PK\3\4") or source.name.lower().endswith(".zip")
+
+
 def _manifest(source: pathlib.Path) -> bytes:
     if source.is_dir():
         return (source / "policy.json").read_bytes()
-    if source.name.endswith(".zip"):
+    if _is_zip(source):
         with zipfile.ZipFile(source) as archive:
             return archive.read("policy.json")
-    if source.name.endswith(SENT_AS_THEY_ARE):
+    if _is_tar(source):
         with tarfile.open(source) as archive:
             for name in MANIFESTS:
                 if name in archive.getnames():
@@ -120,9 +137,12 @@ def _raise(error: OSError) -> None:
 
 def _pack_program(program: pathlib.Path, target: BinaryIO, policy_name: str) -> None:
     info = os.stat(program)
+    if not _head(program).startswith((b"\x7fELF", b"#!")):
+        raise WrongUse(f"{program}: is no program (neither ELF nor a script with \"#!\") and no archive; give a "
+                       "program, a folder with a policy.json, or an archive of one (.tar, .tar.gz, .tar.zst, "
+                       ".tar.xz, .tar.bz2, .zip)")
     if not info.st_mode & 0o111:
-        raise WrongUse(f"{program}: is not executable; set its bit with chmod +x, or give a folder "
-                       "with a policy.json or an archive of one (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip)")
+        raise WrongUse(f"{program}: is not executable; set its bit with chmod +x")
     about = json.dumps({"name": policy_name, "command": [f"./{program.name}"]}).encode()
     with _writer(target) as archive:
         _add_file(archive, program.name, program, info)
