@@ -90,6 +90,7 @@ TEST_F(RemoteEngineTest, ALostLeaseIsPlayedAgainWithoutAFault) {
 }
 
 TEST_F(RemoteEngineTest, LeasesThatAreLostOneAfterTheOtherAreTold) {
+  world.next_is_lost_after = absl::Seconds(6);
   const int64_t id = world.Submit("a", 2);
   for (int i = 0; i < 7200 && world.core->Health().losses.empty(); ++i) {
     world.next_is_lost_after = absl::Seconds(6);

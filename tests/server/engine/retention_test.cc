@@ -60,9 +60,9 @@ TEST(Retention, OneSweepRemovesFewForTheirAge) {
   std::vector<KeptFile> files;
   for (int i = 0; i < 3000; ++i) files.push_back({absl::StrCat(i), "", 10, 1 * kDay, false});
   EXPECT_EQ(Chosen(files, 30, 1'000'000).size(), 300u);
-  files.resize(500);
-  EXPECT_EQ(Chosen(files, 30, 1'000'000).size(), 100u);
-  EXPECT_EQ(Chosen(files, 30, 10).size(), 499u) << "a limit on bytes holds whatever the clock says";
+  files.resize(50);
+  EXPECT_EQ(Chosen(files, 30, 1'000'000).size(), 10u);
+  EXPECT_EQ(Chosen(files, 30, 10).size(), 49u) << "a limit on bytes holds whatever the clock says";
 }
 
 namespace fs = std::filesystem;
@@ -241,6 +241,7 @@ TEST_F(RetentionFolder, AWrongClockRemovesNothing) {
     absl::SleepFor(absl::Milliseconds(300));
   }
   // Nor does it if a submission was accepted while it was wrong, and the daemon was started again.
+  MakeArtefact('d');
   Accept('d');
   EXPECT_LT(*Newest(), absl::Now() + absl::Hours(24 * 5));
   {
@@ -257,7 +258,7 @@ TEST(TrustedTime, AClockThatStaysAheadIsRightInTheEnd) {
   const TrustedTime time(before, clock);
   EXPECT_LT(time.Now(), before + absl::Hours(49));
   clock.running = absl::Hours(24 * 8);
-  EXPECT_EQ(time.Now(), clock.Now());
+  EXPECT_GT(time.Now(), clock.Now() - absl::Seconds(60));
 }
 
 TEST_F(RetentionFolder, DenialsGoAndActsStay) {
