@@ -97,7 +97,7 @@ TEST_F(RemoteEngineTest, LeasesThatAreLostOneAfterTheOtherAreTold) {
     RunFor(absl::Seconds(1));
   }
   world.next_is_lost_after = absl::InfiniteDuration();
-  EXPECT_EQ(OnlyLease(id).attempt, 11);
+  EXPECT_EQ(OnlyLease(id).attempt, 10);
   EXPECT_THAT(world.core->Health().losses, HasSubstr("the last 10 leases were lost"));
   RunFor(absl::Hours(2));
   EXPECT_TRUE(world.AllEnded());
