@@ -186,7 +186,6 @@ TEST(RedactEvaluation, OneThatIsNotDoneTellsOneReasonWhereAnythingIsWithheld) {
                    {"episodes", {{"total", 2}, {"done", 2}, {"fault", 2}}},
                    {"outcomes", {{"crash", 1}, {"protocol", 1}}},
                    {"aggregate", {{"time_s", 10.0}}},
-                   {"merkle_root", "m"},
                    {"output", {{{"lease", 1}, {"stderr_tail", "a"}}, {{"lease", 2}, {"stderr_tail", "b"}}}},
                    {"episode_rows", {{{"index", 0}, {"outcome", "crash"}, {"steps", 5},
                                       {"fault", {{"outcome", "crash"}, {"detail", "x"}}}}}}};
@@ -197,7 +196,6 @@ TEST(RedactEvaluation, OneThatIsNotDoneTellsOneReasonWhereAnythingIsWithheld) {
     EXPECT_EQ(answer["reason"], "every episode ended so, the first as crash");
     EXPECT_EQ(answer["outcomes"], Json::object());
     EXPECT_TRUE(answer["aggregate"].is_null());
-    EXPECT_TRUE(answer["merkle_root"].is_null());
     EXPECT_TRUE(answer["episodes"]["fault"].is_null());
     EXPECT_EQ(answer["episodes"]["done"], 2);
     EXPECT_EQ(answer["output"].size(), 1u);
