@@ -260,7 +260,7 @@ class OfAPhase(Graded):
         self.hold(final={**self.phases["final"], "entry": "best"})
         self.assertEqual(self.order(), [])
         # The check of the reference episodes runs beside it and may warn of something later.
-        warnings = [line for line in self.daemon.log().splitlines() if " warn " in line and "reference" not in line]
+        warnings = [line for line in self.daemon.log().splitlines() if " warning " in line and "reference" not in line]
         self.assertIn("final", warnings[-1])
         self.hold(**self.phases)
         self.assertIn("other_config", self.get(self.board_path))
