@@ -64,7 +64,9 @@ absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row) {
   SQLite::Statement select(db, "SELECT t.id, t.name, t.banned FROM team AS o LEFT JOIN team AS t "
                                "ON t.id = ifnull(o.merged_into, o.id) WHERE o.id = ?");
   select.bind(1, row);
-  select.executeStep();
+  if (!select.executeStep()) {
+    return DamagedRow({"team", absl::StrCat(row), "it is missing, though another row names it"});
+  }
   StoredRow read(select, "team", absl::StrCat(row));
   if (select.isColumnNull(0)) read.Fail("the team that it was merged into is missing");
   const TeamInForce team = {select.getColumn(0).getInt64(), read.Text(1), read.Flag(2)};
