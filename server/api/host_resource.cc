@@ -89,11 +89,11 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
     held_back = reader.HeldBack();
     return absl::OkStatus();
   });
-  const std::string& trouble = !health.store_trouble.empty()  ? health.store_trouble
-                               : !health.disk_trouble.empty() ? health.disk_trouble
-                               : !health.host_trouble.empty() ? health.host_trouble
-                                                              : !health.executor_trouble.empty() ? health.executor_trouble
-                                                                  : health.losses;
+  std::string trouble;
+  for (const std::string* one : {&health.store_trouble, &health.disk_trouble, &health.host_trouble,
+                                 &health.executor_trouble, &health.losses}) {
+    if (trouble.empty()) trouble = *one;
+  }
   return {{"message", TextOrNull(trouble)},
           {"host",
            {{"name", HostName()},

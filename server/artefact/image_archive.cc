@@ -292,12 +292,16 @@ absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const nlohmann::js
   return described;
 }
 
+absl::StatusOr<nlohmann::json> ImageArchive::ConfigOf(const nlohmann::json& manifest) const {
+  const absl::StatusOr<Described> about = Descriptor(At(manifest, "config"), "config");
+  if (!about.ok()) return about.status();
+  return BlobOf(*about, "config");
+}
+
 absl::StatusOr<std::string> ImageArchive::PlatformOf(const Described& described) const {
   const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
   if (!manifest.ok()) return manifest.status();
-  const absl::StatusOr<Described> about = Descriptor(At(*manifest, "config"), "config");
-  if (!about.ok()) return about.status();
-  const absl::StatusOr<nlohmann::json> config = BlobOf(*about, "config");
+  const absl::StatusOr<nlohmann::json> config = ConfigOf(*manifest);
   if (!config.ok()) return config.status();
   return PlatformName(*config);
 }
@@ -387,9 +391,7 @@ absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
 absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& described) const {
   const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
   if (!manifest.ok()) return manifest.status();
-  const absl::StatusOr<Described> about = Descriptor(At(*manifest, "config"), "config");
-  if (!about.ok()) return about.status();
-  const absl::StatusOr<nlohmann::json> config = BlobOf(*about, "config");
+  const absl::StatusOr<nlohmann::json> config = ConfigOf(*manifest);
   if (!config.ok()) return config.status();
   absl::StatusOr<ImageConfig> read = ReadImageConfig(*config);
   if (!read.ok()) return read.status();

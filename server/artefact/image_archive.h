@@ -102,6 +102,7 @@ class ImageArchive {
   absl::StatusOr<Described> Descriptor(const nlohmann::json& json, const std::string& where) const;
   // The descriptor of an index's entry, whose blob must be there.
   absl::StatusOr<Described> Present(const nlohmann::json& entry) const;
+  absl::StatusOr<nlohmann::json> ConfigOf(const nlohmann::json& manifest) const;
   // "SYSTEM/PROCESSOR" of an image by its config.
   absl::StatusOr<std::string> PlatformOf(const Described& described) const;
   absl::Status Collect(const nlohmann::json& index, int depth, Candidates& candidates) const;

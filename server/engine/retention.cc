@@ -154,26 +154,25 @@ void Retention::MakeRoom() {
   Remove(kPracticeLogKind, choices);
 }
 
-void Retention::RemoveDenials(int64_t now_ms) {
-  const int64_t before = now_ms - absl::ToInt64Milliseconds(kDenialsKept);
+void Retention::Write(const char* what, const std::function<void(Writer&)>& change) {
   const absl::Status status = engine_.Change(
-      [before](Writer& writer) {
-        writer.RemoveDenials(before);
+      [change](Writer& writer) {
+        change(writer);
         return absl::OkStatus();
       },
       kChange);
-  if (!status.ok()) spdlog::warn("retention of denials: {}", std::string(status.message()));
+  if (!status.ok()) spdlog::warn("{}: {}", what, std::string(status.message()));
+}
+
+void Retention::RemoveDenials(int64_t now_ms) {
+  Write("retention of denials", [before = now_ms - absl::ToInt64Milliseconds(kDenialsKept)](
+                                    Writer& writer) { writer.RemoveDenials(before); });
 }
 
 void Retention::NoteTime() {
-  const int64_t now = absl::ToUnixMillis(time_.Now());
-  const absl::Status status = engine_.Change(
-      [now](Writer& writer) {
-        writer.SetTrustedTime(now);
-        return absl::OkStatus();
-      },
-      kChange);
-  if (!status.ok()) spdlog::warn("the time of the store's use: {}", std::string(status.message()));
+  Write("the time of the store's use", [now = absl::ToUnixMillis(time_.Now())](Writer& writer) {
+    writer.SetTrustedTime(now);
+  });
 }
 
 void Retention::Sweep() {

@@ -3,6 +3,7 @@
 // stay. So do the store's rows, and each removal adds one.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <thread>
@@ -74,6 +75,8 @@ class Retention {
   bool WaitForStop(absl::Duration wait);
   // One sweep: removes what is too old or too much. Errors are logged.
   void Sweep();
+  // Changes the store; an error is logged as one of `what`.
+  void Write(const char* what, const std::function<void(Writer&)>& change);
   void RemoveDenials(int64_t now_ms);
   // Keeps the trusted time for the next start.
   void NoteTime();

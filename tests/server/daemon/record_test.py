@@ -194,14 +194,7 @@ class Records(RecordCase):
 
     def test_a_winner_that_was_taken_out_is_found_and_damage_is_not_accused(self):
         sound = self.exported("sound")
-        self.stop(signal.SIGTERM)
-        with sqlite3.connect(self.data / "store.db") as store:
-            for name, in store.execute("SELECT name FROM sqlite_master WHERE type = 'trigger' "
-                                       "AND tbl_name = 'episode'").fetchall():
-                store.execute(f"DROP TRIGGER {name}")
-            store.execute("UPDATE episode SET facts_json = 'x' WHERE evaluation = 1 AND idx = 0")
-        store.close()
-        self.start()
+        self.damaged("UPDATE episode SET facts_json = 'x' WHERE evaluation = 1 AND idx = 0")
         damaged = self.exported("damaged")
         self.assertEqual((self.said["receipts"], self.said["withheld"]), (2, 1))
         answer = self.incomplete(damaged, "the receipt of evaluation 1 is withheld: unreadable",
@@ -345,16 +338,8 @@ class Records(RecordCase):
 
     def test_an_edit_of_the_store_is_found(self):
         self.holds(self.exported("before"))
-        self.stop(signal.SIGTERM)
-        with sqlite3.connect(self.data / "store.db") as store:
-            store.executescript(
-                "DROP TRIGGER mark_fixed; DROP TRIGGER mark_kept;"
-                if store.execute("SELECT 1 FROM sqlite_master WHERE name = 'mark_fixed'").fetchone()
-                else "")
-            store.execute("INSERT INTO mark (at, submission, mark, set_to, who, why) VALUES "
-                          "(1, ?, 'hidden', 1, 'x', '')", (self.first,))
-        store.close()
-        self.start()
+        self.damaged("INSERT INTO mark (at, submission, mark, set_to, who, why) VALUES "
+                     f"(1, {self.first}, 'hidden', 1, 'x', '')")
         self.refuted(self.exported("after"), "boards", 'row 1 of its "rows"')
 
     def test_receipts_refer_to_their_entry_and_stay_the_same(self):

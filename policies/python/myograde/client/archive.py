@@ -34,11 +34,8 @@ def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None
             _pack_folder(source, target, name)
         elif not source.is_file():
             raise WrongUse(f"{source}: there is no such folder or file")
-        elif _is_tar(source) and name is None:
-            with open(source, "rb") as stream:
-                shutil.copyfileobj(stream, target)
         elif _is_tar(source):
-            _pack_named_tar(source, target, name)
+            _pack_tar(source, target, name)
         elif _is_zip(source):
             _pack_zip(source, target, name)
         else:
@@ -149,8 +146,13 @@ def _pack_program(program: pathlib.Path, target: BinaryIO, policy_name: str) -> 
         _add(archive, "policy.json", about)
 
 
-def _pack_named_tar(file: pathlib.Path, target: BinaryIO, name: str) -> None:
-    """With another name: an image beside a policy.json, an ordinary submission with its own changed."""
+def _pack_tar(file: pathlib.Path, target: BinaryIO, name: str | None) -> None:
+    """As it is; with another name an image beside a policy.json, an ordinary submission with its own
+    changed."""
+    if name is None:
+        with open(file, "rb") as stream:
+            shutil.copyfileobj(stream, target)
+        return
     try:
         with tarfile.open(file) as source:
             if not any(known in source.getnames() for known in MANIFESTS):
