@@ -39,9 +39,12 @@ absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   WatchStore();
   WriteRequests();
   AttendExecutor();
+  // Silence is judged at this time: what a runner wrote until now is read, however long the daemon
+  // itself stands still after its look.
+  const absl::Duration listened = clock_.Monotonic();
   for (auto& [id, run] : running_) Listen(run);
   ReapRunners();
-  ReclaimOverdue();
+  ReclaimOverdue(listened);
   ReapStopping();
   ReopenSlots();
   AnswerCancels();

@@ -314,7 +314,7 @@ class EngineCore {
   void ReclaimAs(int64_t lease, RunEnd how);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
   void OnEpisode(LeaseRun& run, const EpisodeFacts& facts);
-  void ReclaimOverdue();
+  void ReclaimOverdue(absl::Duration now);
   void ReapRunners();
   void OnRunnerEnd(LeaseRun& run);
   // `kind`: as Metrics::CountGraderFault has it.

@@ -96,11 +96,11 @@ void EngineCore::ReapRunners() {
   }
 }
 
-void EngineCore::ReclaimOverdue() {
+void EngineCore::ReclaimOverdue(absl::Duration now) {
   std::vector<Overdue> overdue;
   {
     const MutexLock lock(mutex_);
-    overdue = scheduler_.OverdueAt(clock_.Monotonic());
+    overdue = scheduler_.OverdueAt(now);
   }
   for (const Overdue& late : overdue) {
     const auto it = running_.find(late.lease);

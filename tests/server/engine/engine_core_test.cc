@@ -68,6 +68,21 @@ TEST_F(EngineCoreTest, DeadlinesDoNotHearOfTheCalendar) {
   }).ok());
 }
 
+TEST_F(EngineCoreTest, NoRunnerIsSilentWhileTheDaemonStandsStill) {
+  World world(Folder(), {}, 1);
+  const int64_t id = world.Submit("a", 6);
+  while (StateOf(world, id) != EvaluationState::kDone) {
+    RunFor(world, absl::Seconds(2));
+    // The daemon is stopped between its look at the runner and its look at the deadlines.
+    world.next_look_takes = absl::Seconds(31);
+  }
+  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
+    const std::vector<LeaseRow> leases = *reader.Leases(id);
+    for (const LeaseRow& lease : leases) EXPECT_EQ(lease.faults, 0);
+    return absl::OkStatus();
+  }).ok());
+}
+
 TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   World world(Folder(), {}, 1);
   const int64_t id = world.Submit("a", 6);

@@ -136,6 +136,7 @@ absl::StatusOr<std::vector<LeaseRecord>> FakeRunner::Read() {
   while (said_ < script_.size() && script_[said_].first <= now) {
     records.push_back(script_[said_++].second);
   }
+  world_.clock.Advance(std::exchange(world_.next_look_takes, absl::ZeroDuration()));
   if (garbage_ && said_ > 1) return absl::DataLossError("what is no record");
   return records;
 }

@@ -142,6 +142,8 @@ class World {
   // The next runner sends all its records this much later, and dies this much later when killed.
   absl::Duration next_is_late = absl::ZeroDuration();
   absl::Duration next_dies_late = absl::ZeroDuration();
+  // How long the daemon stands still just after it has read from a runner.
+  absl::Duration next_look_takes = absl::ZeroDuration();
   // The next runner's process stays this much longer after its end record.
   absl::Duration next_lingers = absl::ZeroDuration();
   // On a cluster: the next lease begins this much later, and is lost this long after that.
