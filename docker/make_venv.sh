@@ -7,6 +7,11 @@ set -euo pipefail
 folder=${1:?usage: make_venv.sh FOLDER REQUIREMENTS ...}
 shift
 [ ! -e "$folder/complete" ] || exit 0
+# One process makes it; others wait for that one, and find it made.
+mkdir -p "$(dirname "$folder")"
+exec 9>"$folder.lock"
+flock -w 900 9
+[ ! -e "$folder/complete" ] || exit 0
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 echo "Getting packages for $(basename "$folder") ..."

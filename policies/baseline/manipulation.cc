@@ -4,7 +4,6 @@
 #include <exception>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "policies/baseline/reacher.h"
 #include "policies/baseline/reacher_parameters.h"
@@ -17,7 +16,7 @@ using myograde::baseline::kReacherObservation;
 
 class Baseline : public myograde::Policy {
  public:
-  explicit Baseline(myograde::baseline::ReacherPlan plan) : reacher_(std::move(plan)) {}
+  explicit Baseline(const myograde::baseline::ReacherPlan& plan) : reacher_(plan) {}
 
   std::string Name() const override { return "baseline-manipulation"; }
   bool Direct() const override { return true; }

@@ -114,7 +114,7 @@ absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
   }
   statistics.tests = groups.tests;
   for (size_t i = 0; i < groups.places.size(); ++i) {
-    statistics.places[i].place = std::move(groups.places[i]);
+    statistics.places[i].place = groups.places[i];
   }
   return statistics;
 }

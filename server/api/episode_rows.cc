@@ -147,14 +147,7 @@ void DetailsSummary::Add(const Json& details, int64_t steps) {
 
 void DetailsSummary::Add(const Json& value, Node& node) {
   if (value.is_object()) {
-    size_t place = 0;  // the keys of an object are sorted, so that those of all episodes agree
-    for (const auto& [key, part] : value.items()) {
-      while (place < node.keys.size() && node.keys[place].first < key) ++place;
-      if (place == node.keys.size() || node.keys[place].first != key) {
-        node.keys.insert(node.keys.begin() + static_cast<std::ptrdiff_t>(place), {key, Node()});
-      }
-      Add(part, node.keys[place].second);
-    }
+    for (const auto& [key, part] : value.items()) Add(part, node.keys[key]);
   } else if (value.is_array()) {
     if (node.items.size() < value.size()) node.items.resize(value.size());
     for (size_t i = 0; i < value.size(); ++i) Add(value[i], node.items[i]);

@@ -6,8 +6,8 @@
 
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -63,7 +63,7 @@ class DetailsSummary {
  private:
   // Of one place in the details: an object, an array, or a number that may be missing.
   struct Node {
-    std::vector<std::pair<std::string, Node>> keys;
+    std::map<std::string, Node> keys;
     std::vector<Node> items;
     int64_t count = 0;
     double low = 0;

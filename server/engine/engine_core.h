@@ -308,7 +308,7 @@ class EngineCore {
   void FollowSite(LeaseRun& run);
   // `kind`: as Metrics::CountReturn has it.
   void Return(LeaseRun& run, const char* kind, const std::string& why);
-  bool MayStart() const;
+  bool MayStart() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Account(const LeaseRun& run, RunEnd how);
   // Accounts for the attempt and reclaims the lease.
   void ReclaimAs(int64_t lease, RunEnd how);

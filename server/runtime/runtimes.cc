@@ -158,7 +158,7 @@ std::map<std::string, Runtime> Runtimes::Versions() const {
   for (const std::string& folder : {dir_, absl::StrCat(dir_, "/", kFormerFolder)}) {
     std::error_code error;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-      const fs::path path = entry.path();
+      const fs::path& path = entry.path();
       if (path.filename().string().find(kVersionMark) == std::string::npos) continue;
       absl::StatusOr<Runtime> runtime = ReadRuntime(path);
       if (runtime.ok()) all[path] = *std::move(runtime);

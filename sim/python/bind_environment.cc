@@ -17,7 +17,7 @@ namespace myograde::sim {
 namespace {
 
 namespace nb = nanobind;
-using nb::literals::operator""_a;
+using nb::literals::operator""_a;  // NOLINT(misc-unused-using-decls): it is, of literals
 
 // Without Python's lock, so that other threads run meanwhile, and with the environment's own.
 class Exclusively {

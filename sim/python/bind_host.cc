@@ -27,7 +27,7 @@ namespace myograde::sim {
 namespace {
 
 namespace nb = nanobind;
-using nb::literals::operator""_a;
+using nb::literals::operator""_a;  // NOLINT(misc-unused-using-decls): it is, of literals
 
 // Looks at the variables that the process was started with: what was set later came too late for
 // the C library, which reads the variable at the start, and ends each setting in it with a NUL.

@@ -21,7 +21,7 @@ namespace myograde::sim {
 namespace {
 
 namespace nb = nanobind;
-using nb::literals::operator""_a;
+using nb::literals::operator""_a;  // NOLINT(misc-unused-using-decls): it is, of literals
 using Pixels = nb::ndarray<nb::numpy, uint8_t, nb::ndim<3>>;
 
 // A variable of the environment, for as long as this lives.

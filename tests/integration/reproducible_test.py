@@ -19,6 +19,9 @@ TARGETS = ("myograde", "myograded", "myograde-runner", "myograde-node", "myograd
            "myograde-render", "myograde-unpack", "myograde_policies", "myograde_policy_kit", "myograde_debian")
 PACKAGES = {"libmyograde-policy-dev", "myograde-client", "myograde-server", "python3-myograde"}
 DATE = "1700000000"
+# The site is part of a build where its generator is in the cache, which tests beside this one may fill.
+GENERATOR = hashlib.sha256((SOURCE / "docker/docs.txt").read_bytes()).hexdigest()[:12]
+SITE = ["docs"] if pathlib.Path(CACHE, f"docs-{GENERATOR}/complete").exists() else []
 LONGEST_S = 5400  # that one build may take
 
 
@@ -64,10 +67,7 @@ class Build:
     def make(self):
         """Fills `out` with what a release is made of, a folder for each kind."""
         self.run("cmake", "--preset", "release", f"-DMYOGRADE_CACHE={CACHE}")
-        # The site is built where its generator is in the cache.
-        generator = hashlib.sha256((self.source / "docker/docs.txt").read_bytes()).hexdigest()[:12]
-        site = ["docs"] if pathlib.Path(CACHE, f"docs-{generator}/complete").exists() else []
-        self.run("cmake", "--build", "build/release", "-j", os.cpu_count(), "--target", *TARGETS, *site)
+        self.run("cmake", "--build", "build/release", "-j", os.cpu_count(), "--target", *TARGETS, *SITE)
         self.run("docker/sbom/sbom.py", "--programs", "build/release/bin", "--cache", CACHE,
                  "build/release/third-party")
         self.run("cmake", "--install", "build/release", "--prefix", self.out / "installed")

@@ -55,9 +55,9 @@ struct Arguments {
   bool reach = false;
   bool again = false;
 
-  std::string Get(std::string_view name, std::string otherwise = "") const {
+  std::string Get(std::string_view name, const std::string& otherwise = "") const {
     const auto found = values.find(name);
-    return found == values.end() ? std::move(otherwise) : found->second;
+    return found == values.end() ? otherwise : found->second;
   }
 };
 

@@ -221,7 +221,7 @@ void SlurmExecutor::Judge(Attempt& attempt, absl::Duration now) {
 
 // Attempts that the engine is done with, and whose jobs are gone.
 void SlurmExecutor::Clear(absl::Duration now) {
-  std::erase_if(attempts_, [&](const auto& entry) {
+  std::erase_if(attempts_, [&](const auto& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     const Attempt& attempt = *entry.second;
     if (!attempt.released || !jobs_.gone(attempt.name, now)) return false;
     jobs_.Forget(attempt.name);
@@ -250,7 +250,9 @@ std::string SlurmExecutor::CannotStart() const {
 }
 
 std::string SlurmExecutor::WhyNoNode() const {
-  const auto drained = [&](const std::string& node) { return health_.drained(node); };
+  const auto drained = [&](const std::string& node) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return health_.drained(node);
+  };
   const std::vector<std::string> names = health_.Drained();
   if (names.empty() || !usable_nodes_.has_value() ||
       !std::all_of(usable_nodes_->begin(), usable_nodes_->end(), drained)) {

@@ -212,7 +212,9 @@ void SlurmExecutor::ReadSpool() {
       if (it != attempts_.end()) Tell(*it->second, reader, std::move(news), begun);
     }
     const MutexLock lock(mutex_);
-    std::erase_if(readers, [&](const auto& entry) { return !attempts_.contains(entry.first); });
+    std::erase_if(readers, [&](const auto& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      return !attempts_.contains(entry.first);
+    });
     if (!stopping_) read_.WaitUntil(mutex_, Until(kPlayedEvery));
     if (stopping_) return;
   }
