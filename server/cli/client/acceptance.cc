@@ -8,6 +8,7 @@
 #include <absl/strings/str_join.h>
 
 #include "server/base/counted.h"
+#include "server/base/http_client.h"
 #include "server/cli/client/challenge_phase.h"
 #include "server/cli/client/offered_runtimes.h"
 #include "server/cli/terminal/text.h"

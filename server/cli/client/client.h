@@ -53,7 +53,4 @@ class Client {
 // The code of the error (server/api/README.md) that the daemon answered with; "": it gave none.
 std::string AnsweredCode(const absl::Status& status);
 
-// A value as it may stand in a query.
-std::string QueryValue(const std::string& value);
-
 }  // namespace myograde::server

@@ -2,10 +2,8 @@
 
 #include <absl/strings/str_cat.h>
 #include <grp.h>
-#include <openssl/ssl.h>
-#include <openssl/x509v3.h>
+#include <openssl/x509.h>
 #include <pwd.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -13,15 +11,9 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <utility>
-
-#include "server/base/ip_address.h"
 
 namespace myograde::server {
 namespace {
-
-constexpr std::time_t kConnectSeconds = 10;
-constexpr std::time_t kWriteSeconds = 60;
 
 std::string OwnerOf(const std::string& path) {
   struct stat info = {};
@@ -94,29 +86,11 @@ absl::Status CheckSocket(const std::string& socket) {
       "; start one with \"myograde serve\", or say where it is with --data, --socket or --server"));
 }
 
-// On top of cpp-httplib's own checks, OpenSSL's of the host, which are those of RFC 6125.
-absl::StatusOr<std::unique_ptr<httplib::ClientImpl>> SecureClient(const ServerChoice& choice) {
-  if (!choice.ca_file.empty() && ::access(choice.ca_file.c_str(), R_OK) != 0) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(choice.ca_file, ": the file of authorities to trust can't be read (",
-                     std::strerror(errno), "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
-  }
-  const std::string& host = choice.address.host;
-  auto http = std::make_unique<httplib::SSLClient>(host, choice.address.port);
-  SSL_CTX* context = http->ssl_context();
-  if (!http->is_valid() || context == nullptr) {
-    return absl::InternalError("OpenSSL can't make a client on this host");
-  }
-  SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION);
-  X509_VERIFY_PARAM* checks = SSL_CTX_get0_param(context);
-  X509_VERIFY_PARAM_set_hostflags(checks, X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
-  const bool numeric = IpAddress::Parse(host).has_value();
-  const int set = numeric ? X509_VERIFY_PARAM_set1_ip_asc(checks, host.c_str())
-                          : X509_VERIFY_PARAM_set1_host(checks, host.c_str(), host.size());
-  if (set != 1) return absl::InternalError("OpenSSL does not take the server's name");
-  http->enable_server_certificate_verification(true);
-  if (!choice.ca_file.empty()) http->set_ca_cert_path(choice.ca_file);
-  return http;
+absl::Status CheckCaFile(const std::string& file) {
+  if (file.empty() || ::access(file.c_str(), R_OK) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(file, ": the file of authorities to trust can't be read (", std::strerror(errno),
+                   "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
 }
 
 // What is wrong with the server's certificate; `code` is OpenSSL's.
@@ -129,7 +103,7 @@ std::string CertificateTrouble(const ServerChoice& choice, long code) {
              "has expired; its organiser has to renew it (or this host's clock is wrong)";
     case X509_V_ERR_CERT_NOT_YET_VALID:
       return beginning + "is not valid yet; check this host's clock";
-    case X509_V_OK:  // cpp-httplib's own check of the host
+    case X509_V_OK:  // libcurl's own check of the host
     case X509_V_ERR_HOSTNAME_MISMATCH:
     case X509_V_ERR_IP_ADDRESS_MISMATCH:
       return absl::StrCat(beginning, "is not for ", choice.address.host,
@@ -153,81 +127,63 @@ std::string CertificateTrouble(const ServerChoice& choice, long code) {
   }
 }
 
-std::string NetworkTrouble(const ServerChoice& choice, const httplib::ClientImpl& http,
-                           httplib::Error error) {
+std::string NetworkTrouble(const ServerChoice& choice, const HttpAnswer& answer) {
+  using Failure = HttpAnswer::Failure;
   const std::string server = choice.address.Text();
-  switch (error) {
-    case httplib::Error::Connection:
-    case httplib::Error::ConnectionTimeout:
+  switch (answer.failure) {
+    case Failure::kUnreachable:
       return absl::StrCat("no server can be reached at ", server,
                           "; check the address and the network, or ask its organiser");
-    case httplib::Error::SSLLoadingCerts:
+    case Failure::kCaFile:
       return absl::StrCat(choice.ca_file,
                           ": holds no certificates in PEM; correct --ca-file, "
                           "MYOGRADE_CA_FILE, or the login");
-    case httplib::Error::SSLConnection:
+    case Failure::kTls:
       return absl::StrCat(
           "no TLS connection to ", server,
           " could be made: it may speak plain HTTP "
           "or an old TLS there, or have too many connections; check the address, or "
           "try again in a minute");
-    case httplib::Error::SSLServerVerification: {
-      const auto* secure = dynamic_cast<const httplib::SSLClient*>(&http);
-      return CertificateTrouble(
-          choice, secure == nullptr ? X509_V_OK : secure->get_openssl_verify_result());
-    }
+    case Failure::kCertificate:
+      return CertificateTrouble(choice, answer.certificate);
     default:
-      return absl::StrCat("the server at ", server, " did not answer (", httplib::to_string(error),
+      return absl::StrCat("the server at ", server, " did not answer (", answer.problem,
                           "); try again, or ask its organiser");
   }
 }
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<httplib::ClientImpl>> Connect(const ServerChoice& choice,
-                                                             std::time_t answer_seconds) {
-  httplib::Headers headers;
-  std::unique_ptr<httplib::ClientImpl> http;
-  if (!choice.address.network()) {
-    if (absl::Status status = CheckSocket(choice.address.socket); !status.ok()) return status;
-    http = std::make_unique<httplib::ClientImpl>(choice.address.socket);
-    http->set_address_family(AF_UNIX);
-    headers.emplace("Host", "myograde");
+absl::StatusOr<HttpRequest> RequestTo(const ServerChoice& choice, const std::string& path,
+                                      absl::Duration silence) {
+  HttpRequest request = {.url = absl::StrCat("http://myograde", path), .silence = silence};
+  absl::Status usable;
+  if (choice.address.network()) {
+    request.url = choice.address.Text() + path;
+    request.ca_file = choice.ca_file;
+    usable = CheckCaFile(choice.ca_file);
   } else {
-    if (choice.address.kind == ServerAddress::Kind::kHttps) {
-      absl::StatusOr<std::unique_ptr<httplib::ClientImpl>> secure = SecureClient(choice);
-      if (!secure.ok()) return secure.status();
-      http = *std::move(secure);
-    } else {
-      http = std::make_unique<httplib::ClientImpl>(choice.address.host, choice.address.port);
-    }
-    const std::string url = choice.address.Text();
-    headers.emplace("Host", url.substr(url.find("://") + 3));
+    request.unix_socket = choice.address.socket;
+    usable = CheckSocket(choice.address.socket);
   }
-  if (!choice.token.empty()) headers.emplace("Authorization", "Bearer " + choice.token);
-  http->set_default_headers(std::move(headers));
-  http->set_follow_location(false);
-  http->set_connection_timeout(kConnectSeconds);
-  http->set_read_timeout(answer_seconds);
-  http->set_write_timeout(kWriteSeconds);
-  return http;
+  if (!usable.ok()) return usable;
+  if (!choice.token.empty()) request.headers = {"Authorization: Bearer " + choice.token};
+  return request;
 }
 
-absl::Status NoAnswer(const ServerChoice& choice, const httplib::ClientImpl& http,
-                      httplib::Error error) {
+absl::Status NoAnswer(const ServerChoice& choice, const HttpAnswer& answer) {
   const std::string where = choice.address.Text();
   if (choice.address.network()) {
     return absl::UnavailableError(absl::StrCat(
-        NetworkTrouble(choice, http, error),
+        NetworkTrouble(choice, answer),
         choice.by_login ? "; \"myograde logout\" returns to the daemon of this host" : ""));
   }
-  if (error == httplib::Error::Connection) {
+  if (answer.failure == HttpAnswer::Failure::kUnreachable) {
     return absl::UnavailableError(
         absl::StrCat("no daemon listens on ", where, "; start one with \"myograde serve\""));
   }
   return absl::UnavailableError(absl::StrCat("the daemon on ", where, " did not answer (",
-                                             httplib::to_string(error),
-                                             "); look at its log, or try again"));
+                                             answer.problem, "); look at its log, or try again"));
 }
 
 }  // namespace myograde::server

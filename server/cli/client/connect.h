@@ -1,26 +1,23 @@
-// Connections to a daemon, and in words why there is none.
+// Requests to a daemon, and in words why there is no answer.
 #pragma once
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
-#include <httplib.h>
+#include <absl/time/time.h>
 
-#include <ctime>
-#include <memory>
+#include <string>
 
+#include "server/base/http_client.h"
 #include "server/cli/client/server_choice.h"
 
 namespace myograde::server {
 
-// A client for requests to `choice`, each of which is answered within `answer_seconds` or fails. It
-// shows the token there, follows no redirection, and over TLS speaks only to a server whose
-// certificate is trusted and is for the host of the address. Nothing is connected yet.
-absl::StatusOr<std::unique_ptr<httplib::ClientImpl>> Connect(const ServerChoice& choice,
-                                                             std::time_t answer_seconds);
+// A request for `path` of `choice`, which ends when nothing moves for `silence`. It shows the token
+// there. UnavailableError or InvalidArgumentError: the socket or the file of authorities can't be used.
+absl::StatusOr<HttpRequest> RequestTo(const ServerChoice& choice, const std::string& path,
+                                      absl::Duration silence);
 
-// Why a request of `http` to `choice` had no answer: UnavailableError with a sentence that says
-// what to do.
-absl::Status NoAnswer(const ServerChoice& choice, const httplib::ClientImpl& http,
-                      httplib::Error error);
+// Why a request to `choice` failed: UnavailableError with a sentence that says what to do.
+absl::Status NoAnswer(const ServerChoice& choice, const HttpAnswer& answer);
 
 }  // namespace myograde::server

@@ -9,6 +9,7 @@
 #include <absl/strings/str_split.h>
 
 #include "server/base/counted.h"
+#include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"

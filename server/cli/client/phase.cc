@@ -5,6 +5,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/base/http_client.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/print_answer.h"

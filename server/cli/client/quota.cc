@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/base/counted.h"
+#include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"

@@ -1,3 +1,4 @@
+#include "server/base/http_client.h"
 #include "server/cli/client/record_export.h"
 
 #include <algorithm>

@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/artefact/artefact.h"
+#include "server/base/http_client.h"
 #include "server/base/names.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"

@@ -1,3 +1,4 @@
+#include "server/base/http_client.h"
 #include "server/cli/offline/figure_sources.h"
 
 #include <algorithm>

@@ -15,6 +15,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
 #include "server/base/counted.h"
+#include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/options.h"

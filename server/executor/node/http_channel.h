@@ -7,6 +7,7 @@
 
 #include <absl/status/statusor.h>
 
+#include "server/base/http_client.h"
 #include "server/executor/node/channel.h"
 
 namespace myograde::server {
@@ -35,15 +36,12 @@ class HttpChannel : public LeaseChannel {
   absl::Status PutEnd(const NodeEnd& end) override;
 
  private:
-  struct Request;
-  // libcurl's handle, which keeps its connection open between requests.
-  using Handle = std::unique_ptr<void, void (*)(void*)>;
-  HttpChannel(const HttpChannelOptions& options, Handle easy);
-  absl::StatusOr<std::string> Ask(Request request);
+  explicit HttpChannel(const HttpChannelOptions& options);
+  absl::StatusOr<std::string> Ask(const std::string& path, HttpRequest request);
   std::string OfLease(const std::string& path) const;
 
   const HttpChannelOptions options_;
-  const Handle easy_;
+  HttpClient client_;
 };
 
 }  // namespace myograde::server
