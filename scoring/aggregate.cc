@@ -8,6 +8,8 @@
 #include <Eigen/Core>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::scoring {
 namespace {
 
@@ -104,7 +106,7 @@ absl::StatusOr<Aggregate> AggregateEpisodes(std::span<const Metric> metrics,
                                             std::vector<JudgedEpisode> episodes) {
   std::sort(episodes.begin(), episodes.end(),
             [](const auto& a, const auto& b) { return a.index < b.index; });
-  if (absl::Status status = CheckIndices(episodes); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckIndices(episodes));
   std::erase_if(episodes, [](const JudgedEpisode& episode) { return !HasResult(episode); });
 
   Aggregate result;

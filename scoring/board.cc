@@ -11,6 +11,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "scoring/standing.h"
 
 namespace myograde::scoring {
@@ -301,7 +302,7 @@ absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& ent
                                                      " is another's too"));
     }
     if (entry.failed) continue;
-    if (absl::Status status = Check(entry, rules); !status.ok()) return status;
+    RETURN_IF_ERROR(Check(entry, rules));
     teams[entry.team].push_back(RankedEntry{entry});
   }
   Ranked board = team_rule == TeamRule::kBest

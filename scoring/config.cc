@@ -1,5 +1,6 @@
 #include "scoring/config.h"
 
+#include "protocol/base/status_macros.h"
 #include "scoring/track.h"
 
 namespace myograde::scoring {
@@ -19,7 +20,7 @@ absl::StatusOr<TieredBoard> ReadTieredBoard(const nlohmann::json& json, const st
       reader.Choice("ties", {"time", "acceptance"}) == "time" ? Ties::kTime : Ties::kAcceptance;
   board.time = time;
   board.effort = effort;
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return board;
 }
 
@@ -41,8 +42,8 @@ absl::StatusOr<TieredBoard> FinishWithTieredBoard(ConfigReader& reader, size_t t
   const std::string where = reader.where() + ": boards";
   ConfigReader boards(reader.Object("boards"), where);
   const auto board = ReadTieredBoard(boards.Object(kMainBoard), where + ": main", time, effort);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  if (absl::Status status = boards.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
+  RETURN_IF_ERROR(boards.Finish());
   return board;
 }
 

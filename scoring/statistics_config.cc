@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::scoring {
 
@@ -34,7 +35,7 @@ absl::StatusOr<StatisticsConfig> ParseStatistics(const nlohmann::json& json,
                                         " places at the level ", groups.level, " no test could "
                                         "decide anything below ", fewest));
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return config;
 }
 

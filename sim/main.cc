@@ -39,6 +39,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/policy/layout.h"
 #include "protocol/lease/lease.h"
 #include "protocol/log/packed_log.h"
@@ -75,9 +76,8 @@ absl::StatusOr<LeaseOrder> ReadOrder(int fd) {
       return absl::InvalidArgumentError("the lease order is larger than 16 MiB");
     }
   }
-  absl::StatusOr<nlohmann::json> json = ParseJson(text, "lease order");
-  if (!json.ok()) return json.status();
-  return LeaseOrderFromJson(*json, "lease order");
+  ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(text, "lease order"));
+  return LeaseOrderFromJson(json, "lease order");
 }
 
 // Null if the runner shares no page; then CPU time is not measured.
@@ -90,41 +90,39 @@ MakeEpisodeRecorder RecordersOf(const Environment& environment) {
   return [&environment](const EpisodeLog& log) -> absl::StatusOr<std::unique_ptr<EpisodeRecorder>> {
     const TrackKind& kind = *log.header.track.kind;
     const SimulatedTrack& track = SimulatedTrackOf(kind);
-    auto recorder = TrajectoryRecorder::Make(environment, track.telemetry(environment),
-                                             {.track = std::string(kind.name),
-                                              .model = ModelFileKey(*track.model),
-                                              .episode = log.header.episode,
-                                              .steps = log.steps(),
-                                              .control_period_s = kind.control_period_s,
-                                              .end = log.end.end});
-    if (!recorder.ok()) return recorder.status();
-    return std::unique_ptr<EpisodeRecorder>(*std::move(recorder));
+    ASSIGN_OR_RETURN(
+        auto recorder, TrajectoryRecorder::Make(environment, track.telemetry(environment),
+                                                 {.track = std::string(kind.name),
+                                                  .model = ModelFileKey(*track.model),
+                                                  .episode = log.header.episode,
+                                                  .steps = log.steps(),
+                                                  .control_period_s = kind.control_period_s,
+                                                  .end = log.end.end}));
+    return std::unique_ptr<EpisodeRecorder>(std::move(recorder));
   };
 }
 
 absl::Status PlayLease(const std::vector<std::string>& system_calls) {
-  absl::StatusOr<LeaseOrder> order = ReadOrder(kSimOrderFd);
-  if (!order.ok()) return order.status();
-  absl::StatusOr<int64_t> max_steps = order->track.kind->max_steps(order->track.rules);
+  ASSIGN_OR_RETURN(LeaseOrder order, ReadOrder(kSimOrderFd));
+  absl::StatusOr<int64_t> max_steps = order.track.kind->max_steps(order.track.rules);
   if (!max_steps.ok()) return max_steps.status();
-  absl::StatusOr<std::unique_ptr<Environment>> environment =
-      MakeEnvironment(order->track, order->cache_dir);
-  if (!environment.ok()) return environment.status();
-  if (!order->replay.empty()) {
+  ASSIGN_OR_RETURN(std::unique_ptr<Environment> environment,
+                   MakeEnvironment(order.track, order.cache_dir));
+  if (!order.replay.empty()) {
     // A log may come from anywhere, so it is read behind the filter.
-    if (absl::Status status = AllowOnly(system_calls); !status.ok()) return status;
-    return ReplayPlayer(*order, **environment, kSimChannelFd, SystemClock(),
-                        RecordersOf(**environment))
+    RETURN_IF_ERROR(AllowOnly(system_calls));
+    return ReplayPlayer(order, *environment, kSimChannelFd, SystemClock(),
+                        RecordersOf(*environment))
         .Play();
   }
   std::optional<LogWriter> log;
-  if (!order->log_dir.empty()) {
-    log.emplace(kSimLogFd, order->log_bytes, order->track.kind->control_period_s);
+  if (!order.log_dir.empty()) {
+    log.emplace(kSimLogFd, order.log_bytes, order.track.kind->control_period_s);
   }
-  LeasePlayer player(*order, **environment, *max_steps, kSimChannelFd, MapCpuPage(kSimCpuPageFd),
+  LeasePlayer player(order, *environment, *max_steps, kSimChannelFd, MapCpuPage(kSimCpuPageFd),
                      SystemClock(), log.has_value() ? &*log : nullptr);
   // All files are read by now; what comes next is fed by a participant.
-  if (absl::Status status = AllowOnly(system_calls); !status.ok()) return status;
+  RETURN_IF_ERROR(AllowOnly(system_calls));
   return player.Play();
 }
 
@@ -135,24 +133,18 @@ absl::Status ReplayFile(const char* path, const char* cache_dir, const char* tra
   if (!file.valid()) {
     return absl::NotFoundError(absl::StrCat(path, ": can't be opened: ", strerror(errno)));
   }
-  absl::StatusOr<std::string> bytes = ReadPackedLog(file.get());
-  if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
-  if (!log.ok()) return log.status();
-  absl::StatusOr<std::unique_ptr<Environment>> environment =
-      MakeEnvironment(log->header.track, cache_dir);
-  if (!environment.ok()) return environment.status();
+  ASSIGN_OR_RETURN(std::string bytes, ReadPackedLog(file.get()));
+  ASSIGN_OR_RETURN(EpisodeLog log, ParseEpisodeLog(bytes));
+  ASSIGN_OR_RETURN(std::unique_ptr<Environment> environment,
+                   MakeEnvironment(log.header.track, cache_dir));
   std::unique_ptr<EpisodeRecorder> recorder;
   if (trajectory != nullptr) {
-    auto made = RecordersOf(**environment)(*log);
-    if (!made.ok()) return made.status();
-    recorder = *std::move(made);
+    ASSIGN_OR_RETURN(recorder, RecordersOf(*environment)(log));
   }
-  absl::StatusOr<ReplayRecord> record =
-      ReplayLog(*log, **environment, [](int64_t) {}, recorder.get());
-  if (!record.ok()) return record.status();
-  equal = record->equal;
-  std::printf("%s\n", LeaseRecordToLine(*record).c_str());
+  ASSIGN_OR_RETURN(ReplayRecord record,
+                   ReplayLog(log, *environment, [](int64_t) {}, recorder.get()));
+  equal = record.equal;
+  std::printf("%s\n", LeaseRecordToLine(record).c_str());
   if (recorder == nullptr || !equal) return absl::OkStatus();
   const absl::StatusOr<std::string> content = recorder->Finish();
   return content.ok() ? WriteFile(trajectory, *content) : content.status();

@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
@@ -63,7 +64,7 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeEnvironment(const TrackConfig& 
 
 absl::Status CompileModels(const std::string& cache_dir) {
   for (const SimulatedTrack& track : SimulatedTracks()) {
-    if (absl::Status status = CompileModel(*track.model, cache_dir); !status.ok()) return status;
+    RETURN_IF_ERROR(CompileModel(*track.model, cache_dir));
   }
   return absl::OkStatus();
 }

@@ -10,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 namespace {
@@ -74,9 +75,8 @@ absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_
 }
 
 absl::StatusOr<std::string> ReadFile(const std::string& path, size_t max_bytes) {
-  const absl::StatusOr<Fd> file = OpenToRead(path);
-  if (!file.ok()) return file.status();
-  return ReadAll(file->get(), path, max_bytes);
+  ASSIGN_OR_RETURN(const Fd file, OpenToRead(path));
+  return ReadAll(file.get(), path, max_bytes);
 }
 
 absl::Status WriteAll(int fd, std::string_view text) {

@@ -20,6 +20,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/bridge/child.h"
 #include "protocol/bridge/start_failure.h"
 #include "protocol/bridge/bus.h"
@@ -109,9 +110,9 @@ class Bridge {
 absl::Status Bridge::Run(Child policy) {
   policy_ = std::move(policy);
   while (!done_) {
-    if (absl::Status status = QuickTurn(); !status.ok()) return status;
+    RETURN_IF_ERROR(QuickTurn());
     if (done_) break;
-    if (absl::Status status = RunOnce(); !status.ok()) return status;
+    RETURN_IF_ERROR(RunOnce());
   }
   // A policy at fault gets no farewell.
   if (!faulted_) AwaitPolicyExit();
@@ -150,7 +151,7 @@ absl::Status Bridge::QuickTurn() {
     const std::span<const std::byte> datagram = bus_.Await();
     if (datagram.empty()) break;
     ++unheeded;
-    if (absl::Status status = HandleDatagram(datagram); !status.ok()) return status;
+    RETURN_IF_ERROR(HandleDatagram(datagram));
   }
   return absl::OkStatus();
 }
@@ -199,7 +200,7 @@ absl::StatusOr<bool> Bridge::ReadSimulator(int flags) {
     return absl::InternalError("the simulator sent a broken frame");
   }
   // Anything the policy sent before it was asked is not an answer.
-  if (absl::Status status = ReadBus(kDatagramsPerTurn); !status.ok()) return status;
+  RETURN_IF_ERROR(ReadBus(kDatagramsPerTurn));
   if (faulted_) return true;
   inbox_.Ask(outbound_);
   Publish();
@@ -229,7 +230,7 @@ absl::Status Bridge::ReadBus(int most) {
   for (int i = 0; i < most && !faulted_; ++i) {
     const std::span<const std::byte> datagram = bus_.Receive();
     if (datagram.empty()) break;
-    if (absl::Status status = HandleDatagram(datagram); !status.ok()) return status;
+    RETURN_IF_ERROR(HandleDatagram(datagram));
   }
   return absl::OkStatus();
 }
@@ -323,16 +324,13 @@ absl::StatusOr<Fd> WatchChildren() {
 }  // namespace
 
 absl::Status RunBridge(Fd simulator, const BridgeOptions& options, const PolicyCommand& command) {
-  absl::StatusOr<Bus> bus = Bus::Open(kBusUrl, kQuickAnswer);
-  if (!bus.ok()) return bus.status();
-  absl::StatusOr<Fd> children = WatchChildren();
-  if (!children.ok()) return children.status();
-  absl::StatusOr<Child> policy = StartPolicy(command);
-  if (!policy.ok()) return policy.status();
+  ASSIGN_OR_RETURN(Bus bus, Bus::Open(kBusUrl, kQuickAnswer));
+  ASSIGN_OR_RETURN(Fd children, WatchChildren());
+  ASSIGN_OR_RETURN(Child policy, StartPolicy(command));
   // On the heap: its buffers are too large for the stack.
-  auto bridge = std::make_unique<Bridge>(std::move(simulator), *std::move(bus),
-                                         *std::move(children), command.words[0], options);
-  return bridge->Run(*std::move(policy));
+  auto bridge = std::make_unique<Bridge>(std::move(simulator), std::move(bus),
+                                         std::move(children), command.words[0], options);
+  return bridge->Run(std::move(policy));
 }
 
 }  // namespace myograde::bridge

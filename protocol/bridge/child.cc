@@ -13,6 +13,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/bridge/start_failure.h"
 #include "protocol/policy/channels.h"
 
@@ -76,10 +77,9 @@ std::vector<std::string> PolicyEnvironment(const std::vector<std::string>& own) 
 }  // namespace
 
 absl::StatusOr<Child> StartPolicy(const PolicyCommand& command) {
-  absl::StatusOr<Pipe> errors = MakeOutputPipe();
-  if (!errors.ok()) return errors.status();
+  ASSIGN_OR_RETURN(Pipe errors, MakeOutputPipe());
   Child child;
-  child.start_error = std::move(errors->read);
+  child.start_error = std::move(errors.read);
   std::vector<std::string> words = command.words;
   std::vector<std::string> environment = PolicyEnvironment(command.environment);
   // The bridge itself goes there: a command's relative path begins there too.
@@ -91,7 +91,7 @@ absl::StatusOr<Child> StartPolicy(const PolicyCommand& command) {
   child.pid = fork();
   if (child.pid < 0) return absl::UnavailableError(absl::StrCat("fork: ", strerror(errno)));
   if (child.pid == 0) {
-    BecomePolicy(arguments.data(), variables.data(), refused, errors->write.get());
+    BecomePolicy(arguments.data(), variables.data(), refused, errors.write.get());
   }
   return child;
 }

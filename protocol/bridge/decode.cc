@@ -8,6 +8,7 @@
 #include "myograde/episode_ready_t.hpp"
 #include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::bridge {
 namespace {
@@ -129,9 +130,7 @@ absl::Status ConvertLegSets(const std::vector<leg_parameter_set_t>& from, LegPar
     }
     to.present |= 1u << index;
     for (int state = 0; state < kLegStates; ++state) {
-      absl::Status status =
-          ConvertState(set.states[state], Place(index, state), to.set[index][state]);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(ConvertState(set.states[state], Place(index, state), to.set[index][state]));
     }
   }
   return absl::OkStatus();
@@ -159,10 +158,10 @@ absl::Status DecodeHello(std::span<const std::byte> payload, HelloFrame& frame) 
   cursor.Skip(static_cast<size_t>(name - 1));
   if (cursor.Unsigned(1) != 0) return Malformed("the policy's name has no ending zero byte");
   cursor.Skip(1);  // `direct`
-  if (absl::Status status = WalkLegSets(cursor); !status.ok()) return status;
-  if (absl::Status status = WalkEnd(cursor); !status.ok()) return status;
+  RETURN_IF_ERROR(WalkLegSets(cursor));
+  RETURN_IF_ERROR(WalkEnd(cursor));
   hello_t message;
-  if (absl::Status status = Decode(payload, message); !status.ok()) return status;
+  RETURN_IF_ERROR(Decode(payload, message));
   if (message.direct != 0 && message.direct != 1) return Malformed("direct must be 0 or 1");
   frame.protocol_version = static_cast<uint32_t>(message.protocol_version);
   frame.convention =
@@ -174,10 +173,10 @@ absl::Status DecodeReady(std::span<const std::byte> payload, ReadyFrame& frame) 
   Cursor cursor(payload);
   if (!FingerprintFits<episode_ready_t>(cursor)) return WrongFingerprint("episode_ready_t");
   cursor.Skip(sizeof(int64_t));
-  if (absl::Status status = WalkLegSets(cursor); !status.ok()) return status;
-  if (absl::Status status = WalkEnd(cursor); !status.ok()) return status;
+  RETURN_IF_ERROR(WalkLegSets(cursor));
+  RETURN_IF_ERROR(WalkEnd(cursor));
   episode_ready_t message;
-  if (absl::Status status = Decode(payload, message); !status.ok()) return status;
+  RETURN_IF_ERROR(Decode(payload, message));
   frame.episode = message.episode;
   return ConvertLegSets(message.leg_sets, frame.sets);
 }
@@ -196,8 +195,8 @@ absl::Status DecodeAction(std::span<const std::byte> payload, uint32_t action_si
     return Malformed(absl::StrCat("the action has ", size, " entries, too many or too few"));
   }
   cursor.Skip(static_cast<size_t>(size) * sizeof(double));
-  if (absl::Status status = WalkEnd(cursor); !status.ok()) return status;
-  if (absl::Status status = Decode(payload, scratch); !status.ok()) return status;
+  RETURN_IF_ERROR(WalkEnd(cursor));
+  RETURN_IF_ERROR(Decode(payload, scratch));
   for (int32_t i = 0; i < size; ++i) {
     if (!std::isfinite(scratch.values[static_cast<size_t>(i)])) {
       return Malformed(absl::StrCat("entry ", i, " of the action is not a finite number"));
@@ -217,9 +216,9 @@ absl::Status DecodeGiveUp(std::span<const std::byte> payload, GiveUpFrame& frame
   Cursor cursor(payload);
   if (!FingerprintFits<give_up_t>(cursor)) return WrongFingerprint("give_up_t");
   cursor.Skip(2 * sizeof(int64_t));
-  if (absl::Status status = WalkEnd(cursor); !status.ok()) return status;
+  RETURN_IF_ERROR(WalkEnd(cursor));
   give_up_t message{};
-  if (absl::Status status = Decode(payload, message); !status.ok()) return status;
+  RETURN_IF_ERROR(Decode(payload, message));
   frame.episode = message.episode;
   frame.step = message.step;
   return absl::OkStatus();

@@ -6,6 +6,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde {
 namespace {
 
@@ -41,7 +43,7 @@ absl::Status CheckSets(const LegParameterSets& sets) {
   for (uint32_t i = 0; i < kLegSets; ++i) {
     if ((sets.present >> i & 1u) == 0) continue;
     for (const LegStateParameters& state : sets.set[i]) {
-      if (absl::Status status = CheckState(state); !status.ok()) return status;
+      RETURN_IF_ERROR(CheckState(state));
     }
   }
   return absl::OkStatus();
@@ -91,7 +93,7 @@ absl::StatusOr<BridgeFrame> Parse(std::span<const std::byte> bytes) {
   if (bytes.size() != sizeof(F)) return Wrong("its size is wrong for its type");
   F frame;
   std::memcpy(&frame, bytes.data(), sizeof(F));
-  if (absl::Status status = Check(frame); !status.ok()) return status;
+  RETURN_IF_ERROR(Check(frame));
   return BridgeFrame(frame);
 }
 

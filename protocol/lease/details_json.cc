@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 
 namespace myograde {
@@ -120,9 +121,7 @@ nlohmann::json DetailsToJson(const TrackDetails& details) {
 
 absl::StatusOr<TrackDetails> DetailsFromJson(const TrackFacts& track, const nlohmann::json& json) {
   TrackDetails details;
-  if (absl::Status status = ReadDetailsOf(track.index(), json, details); !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(ReadDetailsOf(track.index(), json, details));
   return details;
 }
 

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
@@ -146,7 +147,7 @@ absl::StatusOr<FaultEvidence> FaultEvidenceFromJson(const nlohmann::json& json) 
   reader.Ignore("whose");  // follows from the outcome
   // Absent in older records.
   if (reader.Has("stderr_tail")) evidence.stderr_tail = reader.String("stderr_tail");
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   evidence.outcome = *outcome;
   return evidence;
 }
@@ -191,7 +192,7 @@ absl::StatusOr<EpisodeFacts> EpisodeFactsFromJson(const nlohmann::json& json) {
   }
   nested = Join(nested, ReadTrack(reader, json, facts));
   nested = Join(nested, ReadOptional(reader, json, facts));
-  if (absl::Status status = Join(reader.Finish(), nested); !status.ok()) return status;
+  RETURN_IF_ERROR(Join(reader.Finish(), nested));
   facts.end = *end;
   return facts;
 }

@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 namespace {
@@ -34,7 +35,7 @@ absl::StatusOr<std::vector<EpisodeOrder>> ReadEpisodes(const Json& array,
     if (!episodes.empty() && episode.index != episodes.back().index + 1) {
       reader.Fail("index", "must follow the index of the episode before it");
     }
-    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.Finish());
     episodes.push_back(episode);
   }
   if (episodes.empty()) {
@@ -144,10 +145,9 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
     order.extra_observations = reader.Boolean("extra_observations");
   }
   if (reader.Has("image")) {
-    absl::StatusOr<PolicyImage> image =
-        PolicyImageFromJson(reader.Object("image"), absl::StrCat(where, ": image"));
-    if (!image.ok()) return image.status();
-    order.image = *std::move(image);
+    ASSIGN_OR_RETURN(PolicyImage image,
+                     PolicyImageFromJson(reader.Object("image"), absl::StrCat(where, ": image")));
+    order.image = std::move(image);
   }
   const Json& track = reader.Object("track");
   const Json& episodes = reader.Array("episodes");
@@ -172,13 +172,9 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   if (order.command.empty() && order.replay.empty()) {
     reader.Fail("command", "is empty; it must name the policy's program");
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  absl::StatusOr<TrackConfig> config = ParseTrackConfig(track, absl::StrCat(where, ": track"));
-  if (!config.ok()) return config.status();
-  order.track = *std::move(config);
-  absl::StatusOr<std::vector<EpisodeOrder>> list = ReadEpisodes(episodes, where);
-  if (!list.ok()) return list.status();
-  order.episodes = *std::move(list);
+  RETURN_IF_ERROR(reader.Finish());
+  ASSIGN_OR_RETURN(order.track, ParseTrackConfig(track, absl::StrCat(where, ": track")));
+  ASSIGN_OR_RETURN(order.episodes, ReadEpisodes(episodes, where));
   return order;
 }
 
@@ -187,15 +183,13 @@ std::string LeaseRecordToLine(const LeaseRecord& record) {
 }
 
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
-  absl::StatusOr<Json> json = ParseJson(line, "lease record");
-  if (!json.ok()) return json.status();
-  ConfigReader reader(*json, "lease record");
+  ASSIGN_OR_RETURN(Json json, ParseJson(line, "lease record"));
+  ConfigReader reader(json, "lease record");
   const std::string type = reader.Choice("type", {"progress", "episode", "replay", "lease_end"});
-  if (!json->is_object()) return reader.Finish();
+  if (!json.is_object()) return reader.Finish();
   if (type == "episode") {
-    absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(*json);
-    if (!facts.ok()) return facts.status();
-    return LeaseRecord(*std::move(facts));
+    ASSIGN_OR_RETURN(EpisodeFacts facts, EpisodeFactsFromJson(json));
+    return LeaseRecord(std::move(facts));
   }
   LeaseRecord record;
   if (type == "progress") {
@@ -208,7 +202,7 @@ absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
   } else {
     record = ReadLeaseEnd(reader);
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return record;
 }
 

@@ -1,6 +1,7 @@
 #include "protocol/lease/policy_image.h"
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 
@@ -24,7 +25,7 @@ absl::StatusOr<PolicyImage> PolicyImageFromJson(const nlohmann::json& json,
   image.uid = reader.Integer("uid", 1, INT32_MAX);
   image.gid = reader.Integer("gid", 1, INT32_MAX);
   if (!image.working_dir.starts_with('/')) reader.Fail("working_dir", "must be an absolute path");
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return image;
 }
 

@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 namespace {
@@ -32,7 +33,7 @@ absl::StatusOr<std::vector<RenderEpisode>> ReadRenderEpisodes(const Json& array,
     episode.title = reader.String("title");
     episode.verdict = reader.String("verdict");
     if (episode.logs.empty()) reader.Fail("logs", "must name at least one file");
-    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.Finish());
     episodes.push_back(std::move(episode));
   }
   return episodes;
@@ -87,13 +88,10 @@ absl::StatusOr<RenderOrder> RenderOrderFromJson(const nlohmann::json& json,
     reader.Fail("episodes", absl::StrCat("must have 1 to ", most, " entries for a ", form));
   }
   const Json& track = reader.Object("track");
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  absl::StatusOr<TrackConfig> config = ParseTrackConfig(track, absl::StrCat(where, ": track"));
-  if (!config.ok()) return config.status();
-  order.track = *std::move(config);
-  absl::StatusOr<std::vector<RenderEpisode>> episodes = ReadRenderEpisodes(array, where);
-  if (!episodes.ok()) return episodes.status();
-  order.episodes = *std::move(episodes);
+  RETURN_IF_ERROR(reader.Finish());
+  ASSIGN_OR_RETURN(order.track, ParseTrackConfig(track, absl::StrCat(where, ": track")));
+  ASSIGN_OR_RETURN(std::vector<RenderEpisode> episodes, ReadRenderEpisodes(array, where));
+  order.episodes = std::move(episodes);
   return order;
 }
 

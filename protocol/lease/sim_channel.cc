@@ -12,6 +12,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 namespace {
@@ -88,9 +89,7 @@ absl::Status SendSimMessage(int socket, const nlohmann::json& json, int fd) {
 }
 
 absl::StatusOr<SimMessage> ReceiveSimMessage(int socket, absl::Duration timeout) {
-  if (absl::Status status = WaitFor(socket, POLLIN, Deadline(timeout)); !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(WaitFor(socket, POLLIN, Deadline(timeout)));
   std::vector<char> buffer(kMaxPacket);
   iovec part = {buffer.data(), buffer.size()};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(4 * sizeof(int))> control = {};
@@ -115,13 +114,13 @@ absl::StatusOr<SimMessage> ReceiveSimMessage(int socket, absl::Duration timeout)
   if (message.msg_flags & (MSG_TRUNC | MSG_CTRUNC)) {
     return absl::InvalidArgumentError("a message was larger than the channel allows");
   }
-  absl::StatusOr<nlohmann::json> json =
-      ParseJson(std::string_view(buffer.data(), static_cast<size_t>(size)), "channel message");
-  if (!json.ok()) return json.status();
-  if (!json->is_object() || !json->contains("type") || !(*json)["type"].is_string()) {
+  ASSIGN_OR_RETURN(
+      nlohmann::json json,
+      ParseJson(std::string_view(buffer.data(), static_cast<size_t>(size)), "channel message"));
+  if (!json.is_object() || !json.contains("type") || !json["type"].is_string()) {
     return absl::InvalidArgumentError("channel message: must be an object with a \"type\"");
   }
-  result.json = *std::move(json);
+  result.json = std::move(json);
   return result;
 }
 

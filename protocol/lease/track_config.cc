@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config_forms.h"
 #include "protocol/tracks/registry.h"
 
@@ -49,7 +50,7 @@ absl::StatusOr<Budgets> ParseBudgets(const nlohmann::json& json, const std::stri
   b.restarts = reader.Integer("restarts", 1, 1000);
   b.submission_bytes = reader.Integer("submission_bytes", 4096, kTiB);
   b.submission_files = reader.Integer("submission_files", 1, 10'000'000);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return b;
 }
 
@@ -58,7 +59,7 @@ absl::StatusOr<std::vector<uint64_t>> SeedRange(const nlohmann::json& json,
   ConfigReader reader(json, where);
   const int64_t first = reader.Integer("first", 0, INT64_MAX - kMaxEpisodes);
   const int64_t count = reader.Integer("count", 1, kMaxEpisodes);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   std::vector<uint64_t> seeds;
   for (int64_t i = 0; i < count; ++i) seeds.push_back(static_cast<uint64_t>(first + i));
   return seeds;
@@ -171,9 +172,8 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
 
 absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
                                              const std::string& where) {
-  absl::StatusOr<nlohmann::json> today = UpgradeTrackConfig(effective, where);
-  if (!today.ok()) return today.status();
-  ConfigReader reader(*today, where);
+  ASSIGN_OR_RETURN(nlohmann::json today, UpgradeTrackConfig(effective, where));
+  ConfigReader reader(today, where);
   reader.Ignore("form");
   TrackConfig config;
   config.id = reader.String("id");
@@ -187,19 +187,16 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
   reader.Ignore("seeds");
   config.policy_seed_secret = PolicySeedSecretOf(effective, reader);
   ReadPhase(reader, config);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   for (const std::string& name : {config.id, config.profile}) {
     if (absl::Status status = CheckTrackName("track config or profile", name); !status.ok()) {
       return absl::InvalidArgumentError(absl::StrCat(where, ": ", status.message()));
     }
   }
 
-  absl::StatusOr<Budgets> parsed_budgets = ParseBudgets(budgets, where + ": budgets");
-  if (!parsed_budgets.ok()) return parsed_budgets.status();
-  config.budgets = *parsed_budgets;
-  absl::StatusOr<std::vector<uint64_t>> seeds = ParseSeeds(effective["seeds"], where + ": seeds");
-  if (!seeds.ok()) return seeds.status();
-  config.seeds = *std::move(seeds);
+  ASSIGN_OR_RETURN(config.budgets, ParseBudgets(budgets, where + ": budgets"));
+  ASSIGN_OR_RETURN(std::vector<uint64_t> seeds, ParseSeeds(effective["seeds"], where + ": seeds"));
+  config.seeds = std::move(seeds);
 
   config.effective = effective;
   RemoveComments(config.effective);

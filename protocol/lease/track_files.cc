@@ -8,6 +8,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 
 namespace myograde {
@@ -50,7 +51,7 @@ absl::StatusOr<std::string> TakeExtends(nlohmann::json& json, const std::string&
 // The file of a track config, which the last of `chain` extends, if there is one.
 absl::StatusOr<ChainFile> ReadChainFile(const std::string& tracks_dir, const std::string& name,
                                         const std::vector<ChainFile>& chain) {
-  if (absl::Status status = CheckTrackName("track config", name); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckTrackName("track config", name));
   for (const ChainFile& seen : chain) {
     if (seen.name != name) continue;
     return absl::InvalidArgumentError(
@@ -69,22 +70,18 @@ absl::StatusOr<ChainFile> ReadChainFile(const std::string& tracks_dir, const std
         absl::StrCat("no track config \"", name, "\" in ", tracks_dir, by,
                      known.ok() ? absl::StrCat("; there are: ", absl::StrJoin(*known, ", ")) : ""));
   }
-  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
-  if (!json.ok()) return json.status();
-  return ChainFile{name, path, *std::move(json)};
+  ASSIGN_OR_RETURN(nlohmann::json json, ReadJsonFile(path));
+  return ChainFile{name, path, std::move(json)};
 }
 
 // A config file merged over everything that it extends.
 absl::StatusOr<nlohmann::json> MergeExtended(const std::string& tracks_dir, ChainFile file) {
   std::vector<ChainFile> chain;  // the requested one first
   for (;;) {
-    absl::StatusOr<std::string> next = TakeExtends(file.json, file.where);
-    if (!next.ok()) return next.status();
+    ASSIGN_OR_RETURN(std::string next, TakeExtends(file.json, file.where));
     chain.push_back(std::move(file));
-    if (next->empty()) break;
-    absl::StatusOr<ChainFile> extended = ReadChainFile(tracks_dir, *next, chain);
-    if (!extended.ok()) return extended.status();
-    file = *std::move(extended);
+    if (next.empty()) break;
+    ASSIGN_OR_RETURN(file, ReadChainFile(tracks_dir, next, chain));
   }
   nlohmann::json merged = nlohmann::json::object();
   for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
@@ -105,9 +102,8 @@ absl::StatusOr<nlohmann::json> MergeExtended(const std::string& tracks_dir, Chai
 
 absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
                                             const std::string& track) {
-  absl::StatusOr<ChainFile> file = ReadChainFile(tracks_dir, track, {});
-  if (!file.ok()) return file.status();
-  return MergeExtended(tracks_dir, *std::move(file));
+  ASSIGN_OR_RETURN(ChainFile file, ReadChainFile(tracks_dir, track, {}));
+  return MergeExtended(tracks_dir, std::move(file));
 }
 
 // The merged file's profiles, checked to be an object of objects with valid names.
@@ -165,21 +161,20 @@ std::vector<std::string> KeysOf(const nlohmann::json& object) {
 // The config of one profile of `track`, whose files were merged.
 absl::StatusOr<TrackConfig> ConfigOfProfile(nlohmann::json merged, const std::string& track,
                                             const std::string& profile, const std::string& where) {
-  absl::StatusOr<nlohmann::json> profiles = ProfilesOf(merged, where);
-  if (!profiles.ok()) return profiles.status();
+  ASSIGN_OR_RETURN(nlohmann::json profiles, ProfilesOf(merged, where));
   std::string wanted = profile;
   if (wanted.empty()) {
     const auto it = merged.find("default_profile");
-    if (it == merged.end() || !it->is_string() || !profiles->contains(*it)) {
+    if (it == merged.end() || !it->is_string() || !profiles.contains(*it)) {
       return absl::InvalidArgumentError(absl::StrCat(
-          where, ": \"default_profile\" must be one of: ", absl::StrJoin(KeysOf(*profiles), ", ")));
+          where, ": \"default_profile\" must be one of: ", absl::StrJoin(KeysOf(profiles), ", ")));
     }
     wanted = it->get<std::string>();
   }
-  if (!profiles->contains(wanted)) {
+  if (!profiles.contains(wanted)) {
     return absl::NotFoundError(
         absl::StrCat("track \"", track, "\" has no rules profile \"", wanted.substr(0, 80),
-                     "\"; it has: ", absl::StrJoin(KeysOf(*profiles), ", ")));
+                     "\"; it has: ", absl::StrJoin(KeysOf(profiles), ", ")));
   }
   for (const char* key : {"id", "profile", "phase", "seed_salt"}) {
     if (!merged.contains(key)) continue;
@@ -189,7 +184,7 @@ absl::StatusOr<TrackConfig> ConfigOfProfile(nlohmann::json merged, const std::st
   nlohmann::json effective = std::move(merged);
   effective.erase("profiles");
   effective.erase("default_profile");
-  MergeOver(effective, (*profiles)[wanted]);
+  MergeOver(effective, profiles[wanted]);
   effective["id"] = track;
   effective["profile"] = wanted;
   const nlohmann::json practice = effective.value(kPracticeSeeds, nlohmann::json());
@@ -216,9 +211,8 @@ absl::StatusOr<TrackConfig> ConfigOfProfile(nlohmann::json merged, const std::st
 absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
                                             const std::string& track,
                                             const std::string& profile) {
-  absl::StatusOr<nlohmann::json> merged = ReadExtended(tracks_dir, track);
-  if (!merged.ok()) return merged.status();
-  return ConfigOfProfile(*std::move(merged), track, profile,
+  ASSIGN_OR_RETURN(nlohmann::json merged, ReadExtended(tracks_dir, track));
+  return ConfigOfProfile(std::move(merged), track, profile,
                          absl::StrCat(tracks_dir, "/", track, ".json"));
 }
 
@@ -227,19 +221,16 @@ absl::StatusOr<TrackConfig> ResolveTrackConfig(const std::string& tracks_dir,
                                                const std::string& profile,
                                                const nlohmann::json& file,
                                                const std::string& where) {
-  absl::StatusOr<nlohmann::json> merged = MergeExtended(tracks_dir, {"", where, file});
-  if (!merged.ok()) return merged.status();
-  return ConfigOfProfile(*std::move(merged), track, profile, where);
+  ASSIGN_OR_RETURN(nlohmann::json merged, MergeExtended(tracks_dir, {"", where, file}));
+  return ConfigOfProfile(std::move(merged), track, profile, where);
 }
 
 absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_dir,
                                                       const std::string& track) {
-  absl::StatusOr<nlohmann::json> merged = ReadExtended(tracks_dir, track);
-  if (!merged.ok()) return merged.status();
-  absl::StatusOr<nlohmann::json> profiles =
-      ProfilesOf(*merged, absl::StrCat(tracks_dir, "/", track, ".json"));
-  if (!profiles.ok()) return profiles.status();
-  return KeysOf(*profiles);
+  ASSIGN_OR_RETURN(nlohmann::json merged, ReadExtended(tracks_dir, track));
+  ASSIGN_OR_RETURN(nlohmann::json profiles,
+                   ProfilesOf(merged, absl::StrCat(tracks_dir, "/", track, ".json")));
+  return KeysOf(profiles);
 }
 
 absl::StatusOr<std::vector<std::string>> ListTracks(const std::string& tracks_dir) {

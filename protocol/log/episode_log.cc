@@ -10,6 +10,7 @@
 #include "myograde/action_t.hpp"
 #include "myograde/log_text_t.hpp"
 #include "myograde/step_digest_t.hpp"
+#include "protocol/base/status_macros.h"
 #include "protocol/policy/channels.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/log/event_log.h"
@@ -42,10 +43,8 @@ absl::StatusOr<LogHeader> HeaderFromJson(const Json& json) {
   header.first = reader.Boolean("first");
   header.begun = reader.Boolean("begun");
   header.seed = static_cast<uint64_t>(reader.Integer("seed", 0, INT64_MAX));
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  absl::StatusOr<TrackConfig> config = ParseTrackConfig(track, "the log's header: track");
-  if (!config.ok()) return config.status();
-  header.track = *std::move(config);
+  RETURN_IF_ERROR(reader.Finish());
+  ASSIGN_OR_RETURN(header.track, ParseTrackConfig(track, "the log's header: track"));
   return header;
 }
 
@@ -55,10 +54,8 @@ absl::StatusOr<LogStart> StartFromJson(const Json& json) {
   start.convention =
       reader.Boolean("direct") ? ActionConvention::kDirect : ActionConvention::kNormalized;
   const Json& sets = reader.Object("leg_sets");
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  absl::StatusOr<LegParameterSets> read = LegSetsFromJson(sets);
-  if (!read.ok()) return read.status();
-  start.sets = *read;
+  RETURN_IF_ERROR(reader.Finish());
+  ASSIGN_OR_RETURN(start.sets, LegSetsFromJson(sets));
   return start;
 }
 
@@ -91,7 +88,7 @@ absl::StatusOr<LogEnd> EndFromJson(const Json& json, std::string& checksum) {
   end.end = reader.String("end");
   end.digest = reader.String("digest");
   checksum = reader.String("checksum");
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return end;
 }
 
@@ -125,10 +122,9 @@ class Parser {
   absl::StatusOr<EpisodeLog> Parse() {
     EventLogReader reader(bytes_);
     while (true) {
-      absl::StatusOr<std::optional<LogEvent>> event = reader.Next();
-      if (!event.ok()) return event.status();
-      if (!event->has_value()) break;
-      if (absl::Status status = Take(**event); !status.ok()) return status;
+      ASSIGN_OR_RETURN(std::optional<LogEvent> event, reader.Next());
+      if (!event.has_value()) break;
+      RETURN_IF_ERROR(Take(*event));
     }
     if (!ended_) return absl::DataLossError("the log is cut: its last event is missing");
     return std::move(log_);
@@ -139,22 +135,19 @@ class Parser {
     if (event.number != number_++ || ended_) return OutOfTurn(event);
     if (event.channel == kActionChannel) return TakeAction(event);
     if (event.channel == kLogDigestChannel) return TakeDigest(event);
-    absl::StatusOr<Json> json = TextOf(event);
-    if (!json.ok()) return json.status();
+    ASSIGN_OR_RETURN(Json json, TextOf(event));
     if (event.channel == kLogHeaderChannel && event.number == 0) {
-      absl::StatusOr<LogHeader> header = HeaderFromJson(*json);
-      if (!header.ok()) return header.status();
-      log_.header = *std::move(header);
+      ASSIGN_OR_RETURN(LogHeader header, HeaderFromJson(json));
+      log_.header = std::move(header);
       log_.action_size = ActionOf(*log_.header.track.kind).size();
       return absl::OkStatus();
     }
     if (event.channel == kLogStartChannel && event.number == 1) {
-      absl::StatusOr<LogStart> start = StartFromJson(*json);
-      if (!start.ok()) return start.status();
-      log_.start = *start;
+      ASSIGN_OR_RETURN(LogStart start, StartFromJson(json));
+      log_.start = start;
       return absl::OkStatus();
     }
-    if (event.channel == kLogEndChannel && event.number > 0) return TakeEnd(event, *json);
+    if (event.channel == kLogEndChannel && event.number > 0) return TakeEnd(event, json);
     return OutOfTurn(event);
   }
 
@@ -197,20 +190,19 @@ class Parser {
 
   absl::Status TakeEnd(const LogEvent& event, const Json& json) {
     std::string checksum;
-    absl::StatusOr<LogEnd> end = EndFromJson(json, checksum);
-    if (!end.ok()) return end.status();
+    ASSIGN_OR_RETURN(LogEnd end, EndFromJson(json, checksum));
     const std::string before = Sha256Hex(bytes_.substr(0, event.offset));
     // The last event must be, byte for byte, the one that such a log ends with.
     EpisodeLogEncoder encoder(log_.header.track.kind->control_period_s);
     std::string seal;
     encoder.Resume(event.number, log_.steps());
-    encoder.End(*end, before, seal);
-    if (checksum != ChecksumOf(before, *end) || seal != bytes_.substr(event.offset)) {
+    encoder.End(end, before, seal);
+    if (checksum != ChecksumOf(before, end) || seal != bytes_.substr(event.offset)) {
       return absl::DataLossError(
           "the log was altered or damaged: its bytes do not fit the checksum at its end");
     }
-    if (half_ || end->logged != log_.steps() || end->logged > end->steps) return OutOfTurn(event);
-    log_.end = *std::move(end);
+    if (half_ || end.logged != log_.steps() || end.logged > end.steps) return OutOfTurn(event);
+    log_.end = std::move(end);
     ended_ = true;
     return absl::OkStatus();
   }
@@ -301,26 +293,24 @@ void EpisodeLogEncoder::End(const LogEnd& end, const std::string& before, std::s
 }
 
 absl::StatusOr<std::optional<int64_t>> LogBytesLimit(std::string_view begin) {
-  const absl::StatusOr<std::optional<size_t>> size = EventBytes(begin);
-  if (!size.ok()) return size.status();
-  if (!size->has_value()) return std::nullopt;
-  if (**size > kMaxTextBytes) {
+  ASSIGN_OR_RETURN(const std::optional<size_t> size, EventBytes(begin));
+  if (!size.has_value()) return std::nullopt;
+  if (*size > kMaxTextBytes) {
     return absl::DataLossError("the file's first event is too long for the header of a log");
   }
-  if (begin.size() < **size) return std::nullopt;
-  EventLogReader reader(begin.substr(0, **size));
-  absl::StatusOr<std::optional<LogEvent>> event = reader.Next();
-  if (!event.ok()) return event.status();
-  if ((*event)->channel != kLogHeaderChannel) {
+  if (begin.size() < *size) return std::nullopt;
+  EventLogReader reader(begin.substr(0, *size));
+  ASSIGN_OR_RETURN(std::optional<LogEvent> event, reader.Next());
+  if (event->channel != kLogHeaderChannel) {
     return absl::DataLossError("the file does not begin with the header of an episode's log");
   }
-  absl::StatusOr<Json> json = TextOf(**event);
+  absl::StatusOr<Json> json = TextOf(*event);
   if (!json.ok()) return absl::DataLossError(json.status().message());
   absl::StatusOr<LogHeader> header = HeaderFromJson(*json);
   if (!header.ok()) return absl::DataLossError(header.status().message());
   const absl::StatusOr<int64_t> steps = header->track.kind->max_steps(header->track.rules);
   if (!steps.ok()) return absl::DataLossError(steps.status().message());
-  const auto texts = static_cast<int64_t>(**size + 2 * kMaxTextBytes);  // start and end
+  const auto texts = static_cast<int64_t>(*size + 2 * kMaxTextBytes);  // start and end
   // An action's fingerprint, episode, step, size and values; a digest's message.
   const size_t action = 28 + 8 * static_cast<size_t>(ActionOf(*header->track.kind).size());
   const auto digest = static_cast<size_t>(step_digest_t().getEncodedSize());

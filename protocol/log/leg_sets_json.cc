@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 namespace {
@@ -34,7 +35,7 @@ absl::Status ReadState(const Json& json, const std::string& where, LegStateParam
   const std::vector<double> ankle = reader.Numbers("ankle", 3, kFinite);
   const std::vector<double> kinds = reader.Numbers("threshold_kinds", kLegQuantities, {0, 2});
   const std::vector<double> values = reader.Numbers("thresholds", kLegQuantities, kFinite);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   state.knee_stiffness = knee[0];
   state.knee_damping = knee[1];
   state.knee_target = knee[2];
@@ -75,9 +76,7 @@ absl::StatusOr<LegParameterSets> LegSetsFromJson(const nlohmann::json& json) {
     sets.present |= 1u << number;
     for (size_t i = 0; i < kLegStates; ++i) {
       const std::string where = absl::StrCat("leg set ", number, ", state ", i);
-      if (absl::Status status = ReadState(states[i], where, sets.set[number][i]); !status.ok()) {
-        return status;
-      }
+      RETURN_IF_ERROR(ReadState(states[i], where, sets.set[number][i]));
     }
   }
   return sets;

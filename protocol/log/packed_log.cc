@@ -12,6 +12,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
 
 namespace myograde {
@@ -31,10 +32,9 @@ class Bounded {
     size_ += std::ssize(piece);
     if (!limit_.has_value()) {
       begin_.append(piece);
-      absl::StatusOr<std::optional<int64_t>> limit = LogBytesLimit(begin_);
-      if (!limit.ok()) return limit.status();
-      if (limit->has_value()) {
-        limit_ = std::min(**limit, kMaxLogBytes);
+      ASSIGN_OR_RETURN(std::optional<int64_t> limit, LogBytesLimit(begin_));
+      if (limit.has_value()) {
+        limit_ = std::min(*limit, kMaxLogBytes);
         begin_ = std::string();
       }
     }
@@ -72,9 +72,7 @@ class Unpacker {
             absl::StrCat("the log can't be unpacked (", ZSTD_getErrorName(left_),
                          "); the file was altered or damaged"));
       }
-      if (absl::Status status = log_.Take({block_.data(), out.pos}); !status.ok()) {
-        return status;
-      }
+      RETURN_IF_ERROR(log_.Take({block_.data(), out.pos}));
       full = out.pos == out.size && left_ != 0;  // more output may be pending
     }
     return absl::OkStatus();
@@ -109,7 +107,7 @@ class LogUnpacker::Impl {
   }
   absl::Status End() {
     if (!known_) {
-      if (absl::Status status = PassBegin(); !status.ok()) return status;
+      RETURN_IF_ERROR(PassBegin());
     }
     return unpacker_ ? unpacker_->End() : absl::OkStatus();
   }
@@ -150,12 +148,11 @@ absl::StatusOr<std::string> Collect(
     return absl::OkStatus();
   });
   for (;;) {
-    absl::StatusOr<std::string_view> piece = next();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) break;
-    if (absl::Status status = unpacker.Take(*piece); !status.ok()) return status;
+    ASSIGN_OR_RETURN(std::string_view piece, next());
+    if (piece.empty()) break;
+    RETURN_IF_ERROR(unpacker.Take(piece));
   }
-  if (absl::Status status = unpacker.End(); !status.ok()) return status;
+  RETURN_IF_ERROR(unpacker.End());
   return log;
 }
 

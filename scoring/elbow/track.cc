@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "protocol/base/status_macros.h"
 #include "scoring/config.h"
 #include "scoring/elbow/judge.h"
 
@@ -41,11 +42,10 @@ absl::StatusOr<TrackScoring> Parse(const nlohmann::json& scoring, const std::str
   result.judge = [judging](const EpisodeFacts& facts) { return Judge(facts, judging); };
   result.official_figures = judging.time == TimeSource::kReported;
   result.team = ReadTeam(reader);
-  const absl::StatusOr<TieredBoard> board =
-      FinishWithTieredBoard(reader, RankedPlace(kMetrics, Place::kTime),
-                            RankedPlace(kMetrics, Place::kEffort));
-  if (!board.ok()) return board.status();
-  result.boards[kMainBoard] = {*board, {Place::kTime, Place::kEffort}};
+  ASSIGN_OR_RETURN(const TieredBoard board,
+                   FinishWithTieredBoard(reader, RankedPlace(kMetrics, Place::kTime),
+                                         RankedPlace(kMetrics, Place::kEffort)));
+  result.boards[kMainBoard] = {board, {Place::kTime, Place::kEffort}};
   return result;
 }
 

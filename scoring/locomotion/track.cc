@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "protocol/base/status_macros.h"
 #include "scoring/config.h"
 
 namespace myograde::scoring {
@@ -69,7 +70,7 @@ absl::StatusOr<TrackScoring> ParseLocomotion(const nlohmann::json& scoring,
   const DistanceBoard distance = ReadDistance(main, on_course);
   const PhysiologicalBoard body = ReadPhysiological(physiological, on_course);
   for (ConfigReader* part : {&reader, &boards, &main, &physiological}) {
-    if (absl::Status status = part->Finish(); !status.ok()) return status;
+    RETURN_IF_ERROR(part->Finish());
   }
   const bool steps = body.means == MeansOver::kSteps;
   result.boards[kMainBoard] = {distance,

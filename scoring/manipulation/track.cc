@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "protocol/base/status_macros.h"
 #include "scoring/config.h"
 
 namespace myograde::scoring {
@@ -46,13 +47,12 @@ absl::StatusOr<TrackScoring> ParseManipulation(const nlohmann::json& scoring,
   result.judge = [judging](const EpisodeFacts& facts) { return Judge(facts, judging); };
   result.official_figures = judging.time == TimeSource::kReported;
   result.team = ReadTeam(reader);
-  const absl::StatusOr<TieredBoard> board =
-      FinishWithTieredBoard(reader, RankedPlace(kManipulationMetrics, Place::kTime),
-                            RankedPlace(kManipulationMetrics, Place::kEffort));
-  if (!board.ok()) return board.status();
+  ASSIGN_OR_RETURN(const TieredBoard board,
+                   FinishWithTieredBoard(reader, RankedPlace(kManipulationMetrics, Place::kTime),
+                                         RankedPlace(kManipulationMetrics, Place::kEffort)));
   std::vector<size_t> columns = {Place::kTime, Place::kEffort};
   if (result.official_figures) columns.push_back(Place::kMaxTouch);
-  result.boards[kMainBoard] = {*board, std::move(columns)};
+  result.boards[kMainBoard] = {board, std::move(columns)};
   return result;
 }
 

@@ -4,6 +4,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
 
 namespace myograde::server {
@@ -15,9 +16,8 @@ constexpr size_t kRandomBytes = 32;
 }  // namespace
 
 absl::StatusOr<std::string> NewTokenText() {
-  const absl::StatusOr<std::string> bytes = RandomBytes(kRandomBytes);
-  if (!bytes.ok()) return bytes.status();
-  return absl::StrCat(std::string(kPrefix), absl::BytesToHexString(*bytes));
+  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(kRandomBytes));
+  return absl::StrCat(std::string(kPrefix), absl::BytesToHexString(bytes));
 }
 
 bool IsTokenText(std::string_view text) {

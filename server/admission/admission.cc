@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/base/counted.h"
 #include "server/challenge/find_phase.h"
@@ -102,15 +103,13 @@ absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request
   absl::StatusOr<ReceivedArtefact> received =
       uploads_.Take(archive, request.from, check, request.stopping);
   if (!absl::IsInvalidArgument(received.status())) return received;
-  if (absl::Status charged = ChargeRefusal(request, received.status()); !charged.ok()) {
-    return charged;
-  }
+  RETURN_IF_ERROR(ChargeRefusal(request, received.status()));
   return WithErrorCode(received.status(), "bad_artefact");
 }
 
 absl::Status Admission::CheckTries(const std::string& team, const std::string& track) {
   return readers_.Read([&](Reader& reader) {
-    if (absl::Status status = reader.CheckTeam(team); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.CheckTeam(team));
     const QuotaUse use = reader.Quota(reader.TeamOf(team), track, absl::ToUnixMillis(clock_.Now()));
     return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
   });
@@ -135,35 +134,31 @@ absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::
 }
 
 absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const std::string& who) {
-  absl::StatusOr<std::optional<Accepted>> earlier = FindEarlier(readers_, who, request.key);
-  if (!earlier.ok()) return earlier.status();
-  if (earlier->has_value()) return **earlier;
+  ASSIGN_OR_RETURN(std::optional<Accepted> earlier, FindEarlier(readers_, who, request.key));
+  if (earlier.has_value()) return *earlier;
   const absl::Time now = Now();
-  const absl::StatusOr<Entry> entry = EntryOf(request, now);
-  if (!entry.ok()) return entry.status();
-  const TrackConfig& config = entry->track->config;
-  const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(request, config);
-  if (!seeds.ok()) return seeds.status();
+  ASSIGN_OR_RETURN(const Entry entry, EntryOf(request, now));
+  const TrackConfig& config = entry.track->config;
+  ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOf(request, config));
   absl::Status allowed;
-  if (entry->phase != nullptr) allowed = CheckInvited(request.team, entry->phase->config);
+  if (entry.phase != nullptr) allowed = CheckInvited(request.team, entry.phase->config);
   if (!allowed.ok()) return allowed;
   if (request.seeds.has_value() || request.episodes.has_value()) {
-    allowed = CheckPractice(request.seeds.value_or(*seeds), config, tracks_, phases_);
+    allowed = CheckPractice(request.seeds.value_or(seeds), config, tracks_, phases_);
   }
   if (!allowed.ok()) return allowed;
-  const absl::StatusOr<ArtefactRow> artefact = CheckedArtefact(request, who, config);
-  if (!artefact.ok()) return artefact.status();
-  NewSubmission submission = Compose(request, *entry, *seeds, *artefact);
+  ASSIGN_OR_RETURN(const ArtefactRow artefact, CheckedArtefact(request, who, config));
+  NewSubmission submission = Compose(request, entry, seeds, artefact);
   submission.extra_observations = ShowsExtraObservations(
-      artefact->extra_observations, !artefact->adapter.empty(), config);
+      artefact.extra_observations, !artefact.adapter.empty(), config);
   submission.request_key = request.key;
   submission.founding = request.founding;
   if (submission.ranked) allowed = CheckRankedHere(*config.kind);
   if (!allowed.ok()) return allowed;
   AdmissionRules rules = options_.config.quota.of(config.id);
-  if (entry->phase != nullptr) {
-    rules = PhaseRules(entry->phase->config, rules);
-    submission.closed = CheckOpen(entry->phase->config, now);
+  if (entry.phase != nullptr) {
+    rules = PhaseRules(entry.phase->config, rules);
+    submission.closed = CheckOpen(entry.phase->config, now);
   }
   return engine_.Submit(submission, rules, who, options_.config.http.request);
 }
@@ -204,11 +199,10 @@ absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const s
                                                     const RequestKey& key) {
   if (key.key.empty()) return std::optional<Accepted>();
   absl::StatusOr<std::optional<Accepted>> earlier = absl::InternalError("");
-  const absl::Status status = readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
     earlier = reader.FindRequest(who, key);
     return earlier.status();
-  });
-  if (!status.ok()) return status;
+  }));
   return earlier;
 }
 

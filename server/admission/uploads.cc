@@ -19,6 +19,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/share_files.h"
 #include "server/artefact/unpack_process.h"
 #include "server/base/names.h"
@@ -117,12 +118,11 @@ absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const N
                                                const ArtefactCheck& check,
                                                const std::function<bool()>& stopping) {
   if (archive.size() == 0) return absl::InvalidArgumentError("the archive is empty");
-  const absl::StatusOr<std::string> sha256 = HashOf(archive, stopping);
-  if (!sha256.ok()) return sha256.status();
-  absl::StatusOr<ArtefactRow> known = Known(*sha256);
+  ASSIGN_OR_RETURN(const std::string sha256, HashOf(archive, stopping));
+  absl::StatusOr<ArtefactRow> known = Known(sha256);
   if (known.ok()) {
-    if (absl::Status good = check(known->adapter); !good.ok()) return good;
-    if (absl::Status held = Hold(*known, from).status(); !held.ok()) return held;
+    RETURN_IF_ERROR(check(known->adapter));
+    RETURN_IF_ERROR(Hold(*known, from).status());
     return ReceivedArtefact{*std::move(known)};
   }
   if (!absl::IsNotFound(known.status())) return known.status();
@@ -135,25 +135,23 @@ absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const N
     fs::remove(file, error);
     fs::remove_all(folder, error);
   };
-  if (absl::Status moved = archive.MoveTo(file); !moved.ok()) return moved;
-  const absl::StatusOr<Artefact> artefact = Unpack(file, folder, stopping);
-  if (!artefact.ok()) return artefact.status();
-  if (absl::Status good = check(artefact->manifest.adapter); !good.ok()) return good;
-  absl::StatusOr<ReceivedArtefact> kept = Keep(*artefact, folder, from);
-  if (kept.ok()) known_archives_.Learn(*sha256, kept->artefact.hash);
+  RETURN_IF_ERROR(archive.MoveTo(file));
+  ASSIGN_OR_RETURN(const Artefact artefact, Unpack(file, folder, stopping));
+  RETURN_IF_ERROR(check(artefact.manifest.adapter));
+  absl::StatusOr<ReceivedArtefact> kept = Keep(artefact, folder, from);
+  if (kept.ok()) known_archives_.Learn(sha256, kept->artefact.hash);
   return kept;
 }
 
 absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
   const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
   if (!artefact.has_value()) return absl::NotFoundError("not seen before");
-  if (absl::Status status = HasArtefactFiles(data_dir_, *artefact); !status.ok()) return status;
+  RETURN_IF_ERROR(HasArtefactFiles(data_dir_, *artefact));
   absl::StatusOr<ArtefactRow> row = absl::InternalError("");
-  const absl::Status status = readers_.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
     row = reader.Artefact(*artefact);
     return row.status();
-  });
-  if (!status.ok()) return status;
+  }));
   return row;
 }
 
@@ -179,9 +177,8 @@ absl::StatusOr<Artefact> Uploads::Unpack(const std::string& file, const std::str
   absl::StatusOr<Artefact> artefact =
       UnpackInProcess(file, folder, {.bytes = limits.bytes, .files = limits.files}, budget);
   if (!artefact.ok()) return TroubleOf(artefact.status());
-  absl::Status status = CheckStart(
-      artefact->manifest, folder, Runtimes(config_.runtimes, config_.runtimes_dir));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(
+      CheckStart(artefact->manifest, folder, Runtimes(config_.runtimes, config_.runtimes_dir)));
   return artefact;
 }
 
@@ -193,9 +190,7 @@ absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const s
   absl::Status status =
       readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
   if (absl::IsNotFound(status)) {
-    absl::StatusOr<std::string> clean = CleanName(row.name, "policy.json: \"name\"");
-    if (!clean.ok()) return clean.status();
-    row.name = *std::move(clean);
+    ASSIGN_OR_RETURN(row.name, CleanName(row.name, "policy.json: \"name\""));
   }
   // The row comes first: whose the files are is known before there are any.
   if (status.ok()) status = HasArtefactFiles(data_dir_, row.hash);

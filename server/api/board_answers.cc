@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/phase_sight.h"
 #include "server/api/requests.h"
 
@@ -15,9 +16,8 @@ absl::StatusOr<std::shared_ptr<const std::string>> BoardAnswers::TextOf(Reader& 
   const KeptBoards::Key key{config, asked.config_in_force, asked.board, asked.view(), asked.at_ms};
   const int64_t changes = reader.BoardChanges();
   if (auto found = kept.Find(key, changes); found != nullptr) return found;
-  absl::StatusOr<std::string> made = make_(reader, asked);
-  if (!made.ok()) return made.status();
-  auto text = std::make_shared<const std::string>(*std::move(made));
+  ASSIGN_OR_RETURN(std::string made, make_(reader, asked));
+  auto text = std::make_shared<const std::string>(std::move(made));
   kept.Keep(key, changes, text);
   return text;
 }
@@ -27,14 +27,11 @@ ApiResult BoardAnswers::Get(const httplib::Request& request) {
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
-    if (!asked.ok()) return asked.status();
-    absl::StatusOr<std::shared_ptr<const std::string>> text = TextOf(reader, *asked);
-    if (!text.ok()) return text.status();
-    answer.text = *std::move(text);
-    const absl::StatusOr<bool> open = IsPhasePublic(reader, context_, asked->track->config.phase);
-    if (!open.ok()) return open.status();
-    answer.for_all_origins = *open;
+    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
+    ASSIGN_OR_RETURN(std::shared_ptr<const std::string> text, TextOf(reader, asked));
+    answer.text = std::move(text);
+    ASSIGN_OR_RETURN(answer.for_all_origins,
+                     IsPhasePublic(reader, context_, asked.track->config.phase));
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
 #include "server/api/caller.h"
 #include "server/api/requests.h"
@@ -68,7 +69,7 @@ absl::StatusOr<TrackPtr> NamedTrack(const httplib::Request& request, Reader& rea
   absl::StatusOr<TrackPtr> track =
       TrackOfPhase(reader, context, request.get_param_value("phase"));
   if (!track.ok()) return track;
-  if (absl::Status named = CheckNamed(request, (*track)->config); !named.ok()) return named;
+  RETURN_IF_ERROR(CheckNamed(request, (*track)->config));
   return track;
 }
 
@@ -114,7 +115,7 @@ absl::StatusOr<TrackPtr> FindTracks(const httplib::Request& request, Reader& rea
   const absl::StatusOr<TrackPtr> found =
       FindConfig(request.get_param_value("config"), reader, context);
   if (!found.ok()) return found;
-  if (absl::Status named = CheckNamed(request, (*found)->config); !named.ok()) return named;
+  RETURN_IF_ERROR(CheckNamed(request, (*found)->config));
   asked = *found;
   absl::StatusOr<TrackPtr> live = LiveTrack(reader, context, asked->config);
   // A track that is not on offer any more has no other config either.
@@ -145,9 +146,8 @@ absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now
                        BoardQuery& asked) {
   const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
   if (phase == nullptr) return absl::OkStatus();
-  const auto events = reader.PhaseEvents(phase->name);
-  if (!events.ok()) return events.status();
-  const PhaseStatus status = StatusOfPhase(*phase, *events, now);
+  ASSIGN_OR_RETURN(const auto events, reader.PhaseEvents(phase->name));
+  const PhaseStatus status = StatusOfPhase(*phase, events, now);
   const bool ever = phase->freezes != absl::InfiniteFuture();
   if (!ever || status.published || status.revealed) return absl::OkStatus();
   asked.freezes = phase->freezes;
@@ -162,11 +162,10 @@ absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now
 absl::Status AddConfigs(const httplib::Request& request, Reader& reader, const TrackPtr& live,
                         BoardQuery& asked) {
   const BoardMoment moment = asked.moment();
-  const absl::StatusOr<TrackPtr> then = TrackAt(reader, live, moment.before_ms);
-  if (!then.ok()) return then.status();
-  asked.config_in_force = (*then)->config.hash;
+  ASSIGN_OR_RETURN(const TrackPtr then, TrackAt(reader, live, moment.before_ms));
+  asked.config_in_force = then->config.hash;
   if (request.has_param("config")) return absl::OkStatus();
-  absl::StatusOr<TrackPtr> shown = *then;
+  absl::StatusOr<TrackPtr> shown = then;
   if (asked.frozen && !asked.whole) shown = TrackAt(reader, live, moment.results_before_ms());
   if (!shown.ok()) return shown.status();
   asked.track = *std::move(shown);
@@ -184,10 +183,9 @@ std::vector<std::string> BoardParametersAnd(const std::vector<std::string>& othe
 absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, Reader& reader,
                                            const ApiContext& context) {
   const absl::Time now = context.clock.Now();
-  const absl::StatusOr<int64_t> at = ReadMoment(request, now);
-  if (!at.ok()) return at.status();
+  ASSIGN_OR_RETURN(const int64_t at, ReadMoment(request, now));
   BoardQuery asked;
-  asked.at_ms = *at;
+  asked.at_ms = at;
   asked.board =
       request.has_param("board") ? request.get_param_value("board") : scoring::kMainBoard;
   absl::StatusOr<TrackPtr> live = request.has_param("config")

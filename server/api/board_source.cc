@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/engine/standings.h"
 #include "server/grading/stored_track.h"
 
@@ -19,9 +20,8 @@ absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row)
   if (!row.standing.aggregate_json.empty() && row.standing.ranked.names == names) {
     return absl::OkStatus();
   }
-  absl::StatusOr<Standing> standing = ReadStanding(reader, row.evaluation);
-  if (!standing.ok()) return standing.status();
-  row.standing = *std::move(standing);
+  ASSIGN_OR_RETURN(Standing standing, ReadStanding(reader, row.evaluation));
+  row.standing = std::move(standing);
   return absl::OkStatus();
 }
 
@@ -66,30 +66,27 @@ absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track,
     return absl::InvalidArgumentError(
         absl::StrCat("track \"", track.config.id, "\" has no board \"", board, "\""));
   }
-  absl::StatusOr<BoardSource> source = SourceOf(reader, track, moment);
-  if (!source.ok()) return source.status();
-  absl::StatusOr<Leaderboard> made = MakeLeaderboard(source->standings, source->marks,
-                                                     rules->second.rules, track.scoring.team);
-  if (!made.ok()) return made.status();
-  made->damaged.insert(made->damaged.begin(), source->damaged.begin(), source->damaged.end());
+  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, track, moment));
+  ASSIGN_OR_RETURN(
+      Leaderboard made,
+      MakeLeaderboard(source.standings, source.marks, rules->second.rules, track.scoring.team));
+  made.damaged.insert(made.damaged.begin(), source.damaged.begin(), source.damaged.end());
   return made;
 }
 
 absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t before_ms) {
   const TrackConfig& config = live->config;
   if (before_ms == INT64_MAX) return live;
-  const absl::StatusOr<std::string> hash =
-      reader.ConfigAt({config.phase, config.id, config.profile}, before_ms);
-  if (!hash.ok()) return hash.status();
-  if (hash->empty() || *hash == config.hash) return live;
-  return StoredTrack(reader, *hash);
+  ASSIGN_OR_RETURN(const std::string hash,
+                   reader.ConfigAt({config.phase, config.id, config.profile}, before_ms));
+  if (hash.empty() || hash == config.hash) return live;
+  return StoredTrack(reader, hash);
 }
 
 absl::StatusOr<Leaderboard> BoardAt(Reader& reader, const TrackPtr& live, const std::string& board,
                                     const BoardMoment& moment) {
-  const absl::StatusOr<TrackPtr> track = TrackAt(reader, live, moment.results_before_ms());
-  if (!track.ok()) return track.status();
-  return BoardUnder(reader, **track, board, moment);
+  ASSIGN_OR_RETURN(const TrackPtr track, TrackAt(reader, live, moment.results_before_ms()));
+  return BoardUnder(reader, *track, board, moment);
 }
 
 }  // namespace myograde::server

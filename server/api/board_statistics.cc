@@ -3,6 +3,7 @@
 #include <map>
 #include <utility>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/further_episodes.h"
 #include "server/challenge/challenge.h"
 #include "server/engine/stored.h"
@@ -40,23 +41,19 @@ class RowReader {
 
   // Nothing of a row counts if a part can't be read.
   absl::StatusOr<TestedRow> Read(const LeaderboardRow& row, TestedPlace& place) {
-    const absl::StatusOr<std::vector<EpisodeRow>> rows = reader_.Episodes(row.source.evaluation);
-    if (!rows.ok()) return rows.status();
-    absl::StatusOr<std::vector<JudgedEpisode>> episodes =
-        JudgedEpisodes(*track_.scoring.track, *rows);
-    if (!episodes.ok()) return episodes.status();
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader_.Episodes(row.source.evaluation));
+    ASSIGN_OR_RETURN(std::vector<JudgedEpisode> episodes,
+                     JudgedEpisodes(*track_.scoring.track, rows));
     const absl::StatusOr<EvaluationRow> evaluation = reader_.Evaluation(row.source.evaluation);
     if (!evaluation.ok()) return evaluation.status();
-    const absl::Status whole =
-        CheckResults(reader_, *evaluation, *rows, track_.config.seed_salt);
-    if (!whole.ok()) return whole;
-    place.over_steps = SpreadsOf(track_, rules_, *episodes);
-    absl::StatusOr<Further> further = FurtherEpisodes(
-        reader_, track_, further_[row.source.submission], before_ms_, indices_);
-    if (!further.ok()) return further.status();
-    place.further = std::ssize(further->episodes);
-    episodes->insert(episodes->end(), further->episodes.begin(), further->episodes.end());
-    return TestedRow{row.ranked, *std::move(episodes), std::move(further->looks)};
+    RETURN_IF_ERROR(CheckResults(reader_, *evaluation, rows, track_.config.seed_salt));
+    place.over_steps = SpreadsOf(track_, rules_, episodes);
+    ASSIGN_OR_RETURN(
+        Further further,
+        FurtherEpisodes(reader_, track_, further_[row.source.submission], before_ms_, indices_));
+    place.further = std::ssize(further.episodes);
+    episodes.insert(episodes.end(), further.episodes.begin(), further.episodes.end());
+    return TestedRow{row.ranked, std::move(episodes), std::move(further.looks)};
   }
 
  private:
@@ -86,9 +83,8 @@ absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
                                              const scoring::GroupRules& group_rules,
                                              int64_t before_ms,
                                              const std::function<bool()>& stopped) {
-  absl::StatusOr<FurtherItems> further = FurtherItemsOf(reader, track.config.hash);
-  if (!further.ok()) return further.status();
-  RowReader row_reader(reader, track, rules, *std::move(further), before_ms);
+  ASSIGN_OR_RETURN(FurtherItems further, FurtherItemsOf(reader, track.config.hash));
+  RowReader row_reader(reader, track, rules, std::move(further), before_ms);
   BoardStatistics statistics;
   std::vector<TestedRow> tested;
   for (size_t i = 0; i < board.rows.size(); ++i) {

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/views.h"
@@ -57,10 +58,9 @@ void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
 absl::Status PublishGroups(Reader& reader, const BoardQuery& asked,
                            const scoring::GroupRules& group_rules, const Leaderboard& board,
                            KeptStatistics& kept, std::vector<Damage>& damaged, Json& json) {
-  const auto statistics = kept.Of(reader, asked, board, group_rules);
-  if (!statistics.ok()) return statistics.status();
-  damaged.insert(damaged.end(), (*statistics)->damaged.begin(), (*statistics)->damaged.end());
-  const std::vector<int64_t> ranks = PublishedRanks(board, **statistics);
+  ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, group_rules));
+  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
+  const std::vector<int64_t> ranks = PublishedRanks(board, *statistics);
   for (size_t i = 0; i < ranks.size(); ++i) {
     if (ranks[i] != 0) json["rows"][i]["rank"] = ranks[i];
   }
@@ -120,23 +120,21 @@ absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
                                const scoring::StatisticsConfig& statistics,
                                KeptStatistics& kept) {
   const TrackConfig& config = asked.track->config;
-  absl::StatusOr<BoardSource> source = SourceOf(reader, *asked.track, asked.moment());
-  if (!source.ok()) return source.status();
-  absl::StatusOr<Leaderboard> board = MakeLeaderboard(
-      source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
-  if (!board.ok()) return board.status();
-  Json json = BoardToJson(*board);
+  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, *asked.track, asked.moment()));
+  ASSIGN_OR_RETURN(Leaderboard board,
+                   MakeLeaderboard(source.standings, source.marks, asked.rules->rules,
+                                   asked.track->scoring.team));
+  Json json = BoardToJson(board);
   if (statistics.ranks == scoring::StatisticsConfig::Ranks::kGroups) {
-    const absl::Status grouped =
-        PublishGroups(reader, asked, statistics.groups, *board, kept, source->damaged, json);
-    if (!grouped.ok()) return grouped;
+    RETURN_IF_ERROR(
+        PublishGroups(reader, asked, statistics.groups, board, kept, source.damaged, json));
   }
   json["ranks"] = scoring::StatisticsToJson(statistics)["ranks"];
-  AddBuilds(reader, *board, json);
+  AddBuilds(reader, board, json);
   AddOtherConfigs(reader, asked, json);
-  source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
-  json["unreadable"] = DamagedToJson(source->damaged);
-  AddBoardAsked(asked, source->withheld, json);
+  source.damaged.insert(source.damaged.end(), board.damaged.begin(), board.damaged.end());
+  json["unreadable"] = DamagedToJson(source.damaged);
+  AddBoardAsked(asked, source.withheld, json);
   json["rules"] = config.scoring["boards"][asked.board];
   json["official_figures"] = asked.track->scoring.official_figures;
   json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);

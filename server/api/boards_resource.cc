@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/board_feeds.h"
 #include "server/api/board_query.h"
 #include "server/api/board_source.h"
@@ -63,14 +64,11 @@ std::optional<ApiError> BoardsResource::Badge(const httplib::Request& request,
   }
   if (!status.ok()) return ErrorOf(status);
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
-    if (!asked.ok()) return asked.status();
-    const auto text = answers_.TextOf(reader, *asked);
-    if (!text.ok()) return text.status();
-    const auto badge =
-        BadgeOf(Json::parse(**text), reader.TeamOf(request.get_param_value("team")));
-    if (!badge.ok()) return badge.status();
-    SendDrawing(*badge, response);
+    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
+    ASSIGN_OR_RETURN(const auto text, answers_.TextOf(reader, asked));
+    ASSIGN_OR_RETURN(const auto badge,
+                     BadgeOf(Json::parse(*text), reader.TeamOf(request.get_param_value("team"))));
+    SendDrawing(badge, response);
     return absl::OkStatus();
   });
   return status.ok() ? std::nullopt : std::optional(ErrorOf(status));
@@ -81,11 +79,9 @@ std::optional<ApiError> BoardsResource::Feed(const httplib::Request& request,
   absl::Status status = CheckParameters(request, BoardParametersAnd({}));
   if (!status.ok()) return ErrorOf(status);
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
-    if (!asked.ok()) return asked.status();
-    const auto text = answers_.TextOf(reader, *asked);
-    if (!text.ok()) return text.status();
-    const Json board = Json::parse(**text);
+    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
+    ASSIGN_OR_RETURN(const auto text, answers_.TextOf(reader, asked));
+    const Json board = Json::parse(*text);
     std::map<int64_t, std::string> ended;
     for (const Json& row : board["rows"]) {
       const auto evaluation = row["evaluation"].get<int64_t>();
@@ -95,7 +91,7 @@ std::optional<ApiError> BoardsResource::Feed(const httplib::Request& request,
       ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
     }
     const Json last = TimeToJson(reader.BoardChangedAt(
-        asked->track->config.hash, asked->track->config.phase, asked->moment()));
+        asked.track->config.hash, asked.track->config.phase, asked.moment()));
     const std::string changed = last.is_null() ? "1970-01-01T00:00:00.000Z"  // an empty board
                                                : last.get<std::string>();
     response.set_header("Cache-Control", "no-cache");
@@ -119,23 +115,21 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
-    if (!asked.ok()) return asked.status();
-    const BoardQuery& board = *asked;
-    const absl::StatusOr<BoardSource> source = SourceOf(reader, *board.track, board.moment());
-    if (!source.ok()) return source.status();
-    const auto explanation = ExplainOrder(source->standings, source->marks, board.rules->rules,
-                                          board.track->scoring.team,
-                                          reader.TeamOf(request.get_param_value("a")),
-                                          reader.TeamOf(request.get_param_value("b")));
-    if (!explanation.ok()) return explanation.status();
+    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
+    const BoardQuery& board = asked;
+    ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
+    ASSIGN_OR_RETURN(const auto explanation,
+                     ExplainOrder(source.standings, source.marks, board.rules->rules,
+                                  board.track->scoring.team,
+                                  reader.TeamOf(request.get_param_value("a")),
+                                  reader.TeamOf(request.get_param_value("b"))));
     answer.body = {{"track", board.track->config.id},
                    {"profile", board.track->config.profile},
                    {"phase", TextOrNull(board.track->config.phase)},
                    {"board", board.board},
-                   {"above", RowToJson(explanation->above)},
-                   {"below", RowToJson(explanation->below)},
-                   {"why", explanation->sentence}};
+                   {"above", RowToJson(explanation.above)},
+                   {"below", RowToJson(explanation.below)},
+                   {"why", explanation.sentence}};
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

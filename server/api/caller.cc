@@ -3,6 +3,7 @@
 #include <absl/strings/strip.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -46,17 +47,15 @@ absl::Status Require(const std::string& team, const absl::Status& missing) {
 
 absl::Status RequireSubmission(Reader& reader, int64_t id) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  const absl::StatusOr<std::string> team = reader.TeamOfSubmission(id);
-  if (!team.ok()) return team.status();
-  return Require(*team, absl::NotFoundError(absl::StrCat("there is no submission ", id)));
+  ASSIGN_OR_RETURN(const std::string team, reader.TeamOfSubmission(id));
+  return Require(team, absl::NotFoundError(absl::StrCat("there is no submission ", id)));
 }
 
 absl::Status RequireEvaluation(Reader& reader, int64_t id) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  const absl::StatusOr<std::string> team = reader.TeamOfEvaluation(id);
-  if (!team.ok()) return team.status();
+  ASSIGN_OR_RETURN(const std::string team, reader.TeamOfEvaluation(id));
   const absl::Status missing = absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
-  if (absl::Status may = Require(*team, missing); !may.ok()) return may;
+  RETURN_IF_ERROR(Require(team, missing));
   return CallerSees(reader.RejudgeOfEvaluation(id)) ? absl::OkStatus() : missing;
 }
 

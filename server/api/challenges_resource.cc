@@ -5,6 +5,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/phase_view.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
@@ -36,12 +37,11 @@ absl::Status CheckAct(const PhaseConfig& phase, const std::string& event, absl::
 
 // Whether the team of a submission may choose it now.
 absl::Status CheckChoice(Reader& reader, const SubmissionRow& row, const ApiContext& context) {
-  absl::StatusOr<TrackPtr> track = StoredTrack(reader, row.config);
-  if (!track.ok()) return track.status();
-  if ((*track)->scoring.team != scoring::TeamRule::kChosen) {
+  ASSIGN_OR_RETURN(TrackPtr track, StoredTrack(reader, row.config));
+  if (track->scoring.team != scoring::TeamRule::kChosen) {
     return absl::FailedPreconditionError(absl::StrCat(
         "submission ", row.id, " can't be chosen: on its board a team stands with its ",
-        std::string(TeamRuleName((*track)->scoring.team)), " submission, so there is nothing to choose"));
+        std::string(TeamRuleName(track->scoring.team)), " submission, so there is nothing to choose"));
   }
   if (row.phase.empty()) return absl::OkStatus();
   if (const PhaseConfig* phase = context.phases.ConfigOf(row.phase)) {
@@ -123,9 +123,8 @@ ApiResult ChallengesResource::Act(const std::string& phase, const std::string& e
   Json state;
   if (status.ok() && config != nullptr) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-      const auto events = reader.PhaseEvents(phase);
-      if (!events.ok()) return events.status();
-      state = PhaseStateName(StatusOfPhase(*config, *events, context_.clock.Now()).state);
+      ASSIGN_OR_RETURN(const auto events, reader.PhaseEvents(phase));
+      state = PhaseStateName(StatusOfPhase(*config, events, context_.clock.Now()).state);
       return absl::OkStatus();
     });
   }
@@ -144,10 +143,8 @@ ApiResult ChallengesResource::Choose(const httplib::Request& request, const Json
   const int64_t id = IdOf(request);
   SubmissionRow row;
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    if (absl::Status own = RequireSubmission(reader, id); !own.ok()) return own;
-    absl::StatusOr<SubmissionRow> read = reader.Submission(id);
-    if (!read.ok()) return read.status();
-    row = *std::move(read);
+    RETURN_IF_ERROR(RequireSubmission(reader, id));
+    ASSIGN_OR_RETURN(row, reader.Submission(id));
     return CheckChoice(reader, row, context_);
   });
   if (!status.ok()) return ErrorOf(status);

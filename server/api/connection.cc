@@ -12,6 +12,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
 
 namespace myograde::server {
@@ -65,9 +66,8 @@ ssize_t Body::ReadAt(char* to, size_t size, int64_t offset) const {
 
 absl::Status Body::MoveTo(const std::string& path) {
   if (!spooled()) {
-    absl::StatusOr<Fd> fd = NewFile(path);
-    if (!fd.ok()) return fd.status();
-    const absl::Status written = WriteToDisk(fd->get(), memory_);
+    ASSIGN_OR_RETURN(Fd fd, NewFile(path));
+    const absl::Status written = WriteToDisk(fd.get(), memory_);
     if (!written.ok()) ::unlink(path.c_str());
     return written;
   }
@@ -80,9 +80,7 @@ absl::Status Body::MoveTo(const std::string& path) {
 }
 
 absl::Status Body::Spool(const std::string& path) {
-  absl::StatusOr<Fd> fd = NewFile(path);
-  if (!fd.ok()) return fd.status();
-  file_ = *std::move(fd);
+  ASSIGN_OR_RETURN(file_, NewFile(path));
   path_ = path;
   const absl::Status written = WriteToDisk(file_.get(), memory_);
   memory_ = std::string();

@@ -8,6 +8,7 @@
 #include <absl/strings/str_join.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/grading/episode_order.h"
@@ -128,10 +129,9 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
     by_index[rows[i].index] = &rows[i];
   }
   json["details_summary"] = summary.Result();
-  const absl::StatusOr<std::vector<int64_t>> order = EpisodesInOrder(track.scoring, logged);
-  if (!order.ok()) return order.status();
+  ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(track.scoring, logged));
   Json& highlights = json["highlights"] = Json::object();
-  for (const PickedEpisode& picked : BestMedianWorst(*order)) {
+  for (const PickedEpisode& picked : BestMedianWorst(order)) {
     highlights[std::string(picked.place)] =
         EpisodeToJson(*by_index.at(picked.index), track.config.seed_salt);
   }

@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/episode_rows.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
@@ -62,11 +63,10 @@ absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
                          const std::vector<scoring::JudgedEpisode>& judged,
                          const EpisodeSelection& selection, Json& json) {
   if (selection.needs_details()) {
-    absl::StatusOr<std::map<int64_t, std::string>> details = reader.EpisodeDetails(evaluation);
-    if (!details.ok()) return details.status();
+    ASSIGN_OR_RETURN(auto details, reader.EpisodeDetails(evaluation));
     for (EpisodeRow& row : rows) {
-      const auto its = details->find(row.index);
-      if (its != details->end()) row.details_json = std::move(its->second);
+      const auto its = details.find(row.index);
+      if (its != details.end()) row.details_json = std::move(its->second);
     }
   }
   if (selection.rows) json["episode_rows"] = RowsToJson(rows, track.config.seed_salt, selection);
@@ -87,78 +87,64 @@ absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluatio
                                   const std::vector<EpisodeRow>& rows,
                                   const std::string& seed_salt) {
   if (evaluation.kind != EvaluationKind::kRerun) return Json();
-  const absl::StatusOr<EvaluationRow> original = reader.Original(evaluation.submission);
-  if (!original.ok()) return original.status();
-  const absl::StatusOr<std::vector<EpisodeRow>> its = reader.Episodes(original->id);
-  if (!its.ok()) return its.status();
+  ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(evaluation.submission));
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> its, reader.Episodes(original.id));
   // A re-run has the config of its original.
-  const absl::Status whole = CheckResults(reader, *original, *its, seed_salt);
-  if (!whole.ok()) return whole;
-  return CompareRows(original->id, *its, evaluation, rows);
+  RETURN_IF_ERROR(CheckResults(reader, original, its, seed_salt));
+  return CompareRows(original.id, its, evaluation, rows);
 }
 
 absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
                                       const EpisodeSelection& selection) {
-  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
-  if (!evaluation.ok()) return evaluation.status();
-  absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
+  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.Evaluation(id));
+  absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
   if (!submission.ok()) return submission.status();
-  const absl::StatusOr<TrackPtr> track = StoredTrack(reader, ConfigOf(*evaluation, *submission));
-  if (!track.ok()) return track.status();
-  const TrackConfig& config = (*track)->config;
-  const scoring::TrackScoring& scoring = (*track)->scoring;
-  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
-  if (!sight.ok()) return sight.status();
-  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
-  if (!leases.ok()) return leases.status();
-  absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(id);
-  if (!read.ok()) return read.status();
-  if (!sight->progress) DropUnended(*leases, *read);
-  const std::vector<EpisodeRow>& rows = *read;
-  const absl::StatusOr<std::vector<scoring::JudgedEpisode>> judged =
-      JudgedEpisodes(*scoring.track, rows);
-  if (!judged.ok()) return judged.status();
-  const absl::StatusOr<scoring::Aggregate> aggregate =
-      scoring::AggregateEpisodes(scoring.track->metrics, *judged);
-  if (!aggregate.ok()) return aggregate.status();
-  const absl::Status whole = CheckResults(reader, *evaluation, rows, config.seed_salt);
-  if (!whole.ok()) return whole;
-  const absl::StatusOr<std::vector<RepeatRow>> repeats = reader.Repeats(id);
-  if (!repeats.ok()) return repeats.status();
+  ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, *submission)));
+  const TrackConfig& config = track->config;
+  const scoring::TrackScoring& scoring = track->scoring;
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
+  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.Leases(id));
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> read, reader.Episodes(id));
+  if (!sight.progress) DropUnended(leases, read);
+  const std::vector<EpisodeRow>& rows = read;
+  ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
+                   JudgedEpisodes(*scoring.track, rows));
+  ASSIGN_OR_RETURN(const scoring::Aggregate aggregate,
+                   scoring::AggregateEpisodes(scoring.track->metrics, judged));
+  RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, config.seed_salt));
+  ASSIGN_OR_RETURN(const std::vector<RepeatRow> repeats, reader.Repeats(id));
 
-  Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id, !sight->progress));
-  json["kind"] = EvaluationKindName(evaluation->kind);
+  Json json = SubmissionToJson(*submission, evaluation, reader.Counts(id, !sight.progress));
+  json["kind"] = EvaluationKindName(evaluation.kind);
   json["rejudge"] = IdOrNull(reader.RejudgeOfEvaluation(id).rejudge);
-  json["ranked"] = submission->ranked && evaluation->kind == EvaluationKind::kOriginal;
+  json["ranked"] = submission->ranked && evaluation.kind == EvaluationKind::kOriginal;
   json["track_kind"] = config.kind->name;
-  json["reason"] = TextOrNull(evaluation->reason);
-  json["first"] = evaluation->first;
-  json["last"] = evaluation->last;
-  json["started_at"] = TimeToJson(evaluation->started_at);
+  json["reason"] = TextOrNull(evaluation.reason);
+  json["first"] = evaluation.first;
+  json["last"] = evaluation.last;
+  json["started_at"] = TimeToJson(evaluation.started_at);
   AddOutcomes(rows, json);
-  json["aggregate"] = AggregateToJson(*scoring.track, *aggregate);
+  json["aggregate"] = AggregateToJson(*scoring.track, aggregate);
   json["official_figures"] = scoring.official_figures;
   json["metrics"] = ShownMetrics(scoring);
   json["hashes"] = {{"artefact", submission->artefact},
-                    {"config", ConfigOf(*evaluation, *submission)},
-                    {"seeds", SeedsOf(*evaluation, *submission)},
+                    {"config", ConfigOf(evaluation, *submission)},
+                    {"seeds", SeedsOf(evaluation, *submission)},
                     {"results", ResultsHash(rows, config.seed_salt)}};
   json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows, config.seed_salt));
-  json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
+  json["grader"] = Json::parse(evaluation.grader_json, nullptr, false);
   json["limits"] = LimitsToJson(config);
-  json["output"] = OutputToJson(*leases, rows);
+  json["output"] = OutputToJson(leases, rows);
   json["not_repeatable"] = Json::array();
-  for (const RepeatRow& repeat : *repeats) {
+  for (const RepeatRow& repeat : repeats) {
     json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});
   }
-  const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows, config.seed_salt);
-  if (!comparison.ok()) return comparison.status();
-  json["comparison"] = *comparison;
+  ASSIGN_OR_RETURN(const Json comparison, ComparisonOf(reader, evaluation, rows, config.seed_salt));
+  json["comparison"] = comparison;
   if (selection.rows || selection.summary) {
-    const absl::Status added = AddEpisodes(reader, **track, id, rows, *judged, selection, json);
-    if (!added.ok()) return added;
+    RETURN_IF_ERROR(AddEpisodes(reader, *track, id, rows, judged, selection, json));
   }
-  RedactEvaluation(json, *sight);
+  RedactEvaluation(json, sight);
   if (selection.rows && !selection.fields.empty()) {
     json["episode_columns"] = ColumnsOf(selection.fields, json["episode_rows"]);
     json.erase("episode_rows");
@@ -180,15 +166,13 @@ absl::Status CheckFurtherLook(Reader& reader, const ApiContext& context,
 // What is to be played again, all of which can be read.
 absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, int64_t submission,
                                    const RerunRequest& wanted) {
-  if (absl::Status known = reader.Submission(submission).status(); !known.ok()) return known;
-  const absl::StatusOr<EvaluationRow> evaluation = reader.Original(submission);
-  if (!evaluation.ok()) return evaluation.status();
+  RETURN_IF_ERROR(reader.Submission(submission).status());
+  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.Original(submission));
   // What can't be played must not be there afterwards.
   StoredContent content;
-  const absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, evaluation->id, content);
-  if (!stored.ok()) return stored.status();
-  if (absl::Status may = CheckFurtherLook(reader, context, *stored); !may.ok()) return may;
-  const EvaluationRow& original = stored->evaluation;
+  ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, evaluation.id, content));
+  RETURN_IF_ERROR(CheckFurtherLook(reader, context, stored));
+  const EvaluationRow& original = stored.evaluation;
   if (!IsFinal(original.state)) {
     return absl::FailedPreconditionError(absl::StrCat(
         "submission ", submission,
@@ -200,14 +184,12 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
                      submission, " is ", original.last));
   }
   const Runtimes runtimes(context.config.runtimes, context.config.runtimes_dir);
-  NewRerun rerun{submission, stored->submission.artefact,
-                 CanonicalJson(WithRuntimes(GraderBuild(context.cache_dir, {stored->artefact.adapter}),
-                                            RuntimeDigests(runtimes, stored->artefact.runtimes))),
+  NewRerun rerun{submission, stored.submission.artefact,
+                 CanonicalJson(WithRuntimes(GraderBuild(context.cache_dir, {stored.artefact.adapter}),
+                                            RuntimeDigests(runtimes, stored.artefact.runtimes))),
                  {}};
-  if (absl::Status files = HasArtefactFiles(context.data_dir, rerun.artefact); !files.ok()) {
-    return files;
-  }
-  for (const LeaseRow& lease : stored->leases) {
+  RETURN_IF_ERROR(HasArtefactFiles(context.data_dir, rerun.artefact));
+  for (const LeaseRow& lease : stored.leases) {
     const bool wants = lease.last >= wanted.first.value_or(0) &&
                        lease.first <= wanted.last.value_or(original.last);
     if (wants) rerun.blocks.emplace_back(lease.first, lease.last);
@@ -236,15 +218,13 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-      const absl::Status own =
-          of_submission ? RequireSubmission(reader, id) : RequireEvaluation(reader, id);
-      if (!own.ok()) return own;
+      RETURN_IF_ERROR(
+          of_submission ? RequireSubmission(reader, id) : RequireEvaluation(reader, id));
       int64_t evaluation = id;
       if (of_submission) {
-        if (absl::Status found = reader.Submission(id).status(); !found.ok()) return found;
-        const absl::StatusOr<EvaluationRow> original = reader.Original(id);
-        if (!original.ok()) return original.status();
-        evaluation = original->id;
+        RETURN_IF_ERROR(reader.Submission(id).status());
+        ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(id));
+        evaluation = original.id;
       }
       absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, *selection);
       if (json.ok()) answer.body = *std::move(json);
@@ -275,7 +255,7 @@ ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json
   const int64_t submission = IdOf(request);
   absl::StatusOr<NewRerun> rerun = absl::InternalError("");
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    if (absl::Status own = RequireSubmission(reader, submission); !own.ok()) return own;
+    RETURN_IF_ERROR(RequireSubmission(reader, submission));
     rerun = MakeRerun(reader, context_, submission, *wanted);
     return rerun.status();
   });

@@ -6,29 +6,26 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/status_macros.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {
 namespace {
 
 absl::StatusOr<bool> IsDropped(Reader& reader, int64_t rejudge) {
-  const absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(rejudge);
-  if (!events.ok()) return events.status();
-  return !events->empty() && events->back().event == RejudgeEvent::kDropped;
+  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge));
+  return !events.empty() && events.back().event == RejudgeEvent::kDropped;
 }
 
 absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& all) {
-  const absl::StatusOr<bool> dropped = IsDropped(reader, rejudge.id);
-  if (!dropped.ok()) return dropped.status();
-  const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOfRejudge(reader, rejudge);
-  if (!seeds.ok()) return seeds.status();
-  const absl::StatusOr<std::vector<RejudgeItemRow>> items = reader.RejudgeItems(rejudge.id);
-  if (!items.ok()) return items.status();
-  for (const RejudgeItemRow& item : *items) {
+  ASSIGN_OR_RETURN(const bool dropped, IsDropped(reader, rejudge.id));
+  ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
+  ASSIGN_OR_RETURN(const std::vector<RejudgeItemRow> items, reader.RejudgeItems(rejudge.id));
+  for (const RejudgeItemRow& item : items) {
     const bool has_none = item.state == EvaluationState::kCancelled ||
                           item.state == EvaluationState::kGraderError;
     if (has_none) continue;
-    all[item.submission].push_back({rejudge.id, item.evaluation, item.state, *seeds, *dropped});
+    all[item.submission].push_back({rejudge.id, item.evaluation, item.state, seeds, dropped});
   }
   return absl::OkStatus();
 }
@@ -36,9 +33,8 @@ absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& a
 }  // namespace
 
 absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(Reader& reader, const RejudgeRow& rejudge) {
-  const absl::StatusOr<std::string> text = reader.SeedsJson(rejudge.seeds);
-  if (!text.ok()) return text.status();
-  const nlohmann::json json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  ASSIGN_OR_RETURN(const std::string text, reader.SeedsJson(rejudge.seeds));
+  const nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
   return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
 }
 
@@ -47,7 +43,7 @@ absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& c
   const Listed<RejudgeRow> rejudges = reader.Rejudges();
   for (auto rejudge = rejudges.rows.rbegin(); rejudge != rejudges.rows.rend(); ++rejudge) {
     if (rejudge->purpose != RejudgePurpose::kSeeds || rejudge->from_config != config) continue;
-    if (absl::Status added = AddItems(reader, *rejudge, all); !added.ok()) return added;
+    RETURN_IF_ERROR(AddItems(reader, *rejudge, all));
   }
   return all;
 }
@@ -66,13 +62,11 @@ absl::StatusOr<Further> FurtherEpisodes(
     seen.insert(item.seeds.begin(), item.seeds.end());
     further.looks.insert(std::ssize(seen));
     if (item.dropped) continue;
-    absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(item.evaluation);
-    if (!rows.ok()) return rows.status();
-    for (EpisodeRow& row : *rows) row.index = indices.Of(row.seed);
-    const absl::StatusOr<std::vector<scoring::JudgedEpisode>> judged =
-        JudgedEpisodes(*track.scoring.track, *rows);
-    if (!judged.ok()) return judged.status();
-    for (const scoring::JudgedEpisode& episode : *judged) {
+    ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(item.evaluation));
+    for (EpisodeRow& row : rows) row.index = indices.Of(row.seed);
+    ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
+                     JudgedEpisodes(*track.scoring.track, rows));
+    for (const scoring::JudgedEpisode& episode : judged) {
       if (there.insert(episode.index).second) further.episodes.push_back(episode);
     }
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/unix_http_server.h"
 #include "server/store/quota.h"
 
@@ -44,11 +45,10 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
   --waiting_;
   if (!own.owns_lock()) return busy;
   if (Made made = Find(key); made != nullptr) return made;
-  absl::StatusOr<BoardStatistics> computed =
-      StatisticsOf(reader, *asked.track, asked.rules->rules, board, rules, moment.results_before_ms(),
-                   UnixHttpServer::IsOver);
-  if (!computed.ok()) return computed.status();
-  auto made = std::make_shared<const BoardStatistics>(*std::move(computed));
+  ASSIGN_OR_RETURN(BoardStatistics computed,
+                   StatisticsOf(reader, *asked.track, asked.rules->rules, board, rules,
+                                moment.results_before_ms(), UnixHttpServer::IsOver));
+  auto made = std::make_shared<const BoardStatistics>(std::move(computed));
   const MutexLock lock(mutex_);
   made_.emplace_front(key, made);
   if (made_.size() > kMostKeptStatistics) made_.pop_back();

@@ -4,6 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/caller.h"
 #include "server/api/phase_sight.h"
 
@@ -23,9 +24,8 @@ absl::Status RequireLog(Reader& reader, const std::string& hash) {
 // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
 absl::Status CheckLogShown(Reader& reader, const ApiContext& context, const std::string& hash) {
   for (const std::string& phase : reader.PhasesOfLog(hash)) {
-    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, phase);
-    if (!sight.ok()) return sight.status();
-    if (SeesLogs(*sight)) continue;
+    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, phase));
+    if (SeesLogs(sight)) continue;
     return WithheldError(absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
   }
   return absl::OkStatus();

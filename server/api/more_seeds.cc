@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
@@ -70,15 +71,14 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(Reader& reader, const ApiContext
         absl::StrCat("the board has ", chosen.size(), " rows at the places ", request.places.first,
                      " to ", request.places.second, "; it takes two to compare"));
   }
-  const absl::StatusOr<BoardStatistics> statistics =
-      StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, *board,
-                   StatisticsConfigOf(context, request.phase).groups, INT64_MAX,
-                   UnixHttpServer::IsOver);
-  if (!statistics.ok()) return statistics.status();
-  chosen = UndecidedOf(*board, *statistics);
+  ASSIGN_OR_RETURN(const BoardStatistics statistics,
+                   StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, *board,
+                                StatisticsConfigOf(context, request.phase).groups, INT64_MAX,
+                                UnixHttpServer::IsOver));
+  chosen = UndecidedOf(*board, statistics);
   if (!chosen.empty()) return chosen;
   return absl::FailedPreconditionError(
-      absl::StrCat("no two of the ", statistics->places.size(), " tested places share a group, so "
+      absl::StrCat("no two of the ", statistics.places.size(), " tested places share a group, so "
                    "their order is decided; name \"places\" for others"));
 }
 
@@ -98,12 +98,10 @@ absl::StatusOr<NewRejudge> RejudgeWith(const TrackConfig& live, const std::strin
                                        const std::vector<uint64_t>& seeds,
                                        const std::string& reason) {
   const PhaseSecrets secrets = SecretsOfPhase(secret, live.phase);
-  const absl::StatusOr<TrackConfig> to =
-      WithPhase(live, {{"phase", live.phase},
+  ASSIGN_OR_RETURN(const TrackConfig to, WithPhase(live, {{"phase", live.phase},
                        {"seeds", seeds},
                        {"policy_seed_secret", secrets.policy_seed_secret},
-                       {"seed_salt", secrets.seed_salt}});
-  if (!to.ok()) return to.status();
+                       {"seed_salt", secrets.seed_salt}}));
   NewRejudge rejudge;
   rejudge.purpose = RejudgePurpose::kSeeds;
   rejudge.phase = live.phase;
@@ -111,11 +109,11 @@ absl::StatusOr<NewRejudge> RejudgeWith(const TrackConfig& live, const std::strin
   rejudge.profile = live.profile;
   rejudge.from_config = live.hash;
   rejudge.from_config_json = CanonicalJson(live.effective);
-  rejudge.to_config = to->hash;
-  rejudge.to_config_json = CanonicalJson(to->effective);
-  rejudge.seeds_json = CanonicalJson(Json(to->seeds));
+  rejudge.to_config = to.hash;
+  rejudge.to_config_json = CanonicalJson(to.effective);
+  rejudge.seeds_json = CanonicalJson(Json(to.seeds));
   rejudge.seeds = Sha256Hex(rejudge.seeds_json);
-  rejudge.seed_count = static_cast<int64_t>(to->seeds.size());
+  rejudge.seed_count = static_cast<int64_t>(to.seeds.size());
   rejudge.method = RejudgeMethod::kPlay;
   rejudge.why = reason;
   return rejudge;
@@ -139,7 +137,7 @@ absl::StatusOr<MoreSeedsRequest> ParseMoreSeeds(const Json& body, const std::str
   request.episodes = reader.Integer("episodes", 1, kMaxEpisodes);
   request.places = ReadPlaces(reader);
   request.reason = ReadReason(reader);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return request;
 }
 
@@ -156,12 +154,10 @@ absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(Reader& reader, const s
   size_t own = 0;
   for (const RejudgeRow& rejudge : reader.Rejudges().rows) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.phase != phase) continue;
-    const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOfRejudge(reader, rejudge);
-    if (!seeds.ok()) return seeds.status();
-    const absl::StatusOr<TrackConfig> config = StoredConfig(reader, rejudge.from_config);
-    if (!config.ok()) return config.status();
-    own = config->seeds.size();
-    played.insert(seeds->begin(), seeds->end());
+    ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
+    ASSIGN_OR_RETURN(const TrackConfig config, StoredConfig(reader, rejudge.from_config));
+    own = config.seeds.size();
+    played.insert(seeds.begin(), seeds.end());
   }
   if (played.empty()) return std::vector<uint64_t>();
   std::vector<uint64_t> further =
@@ -174,35 +170,31 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(Reader& reader,
                                                             const ApiContext& context,
                                                             const MoreSeedsRequest& request,
                                                             const std::string& secret) {
-  const absl::StatusOr<TrackPtr> track = TrackInForce(reader, context, request.phase, "", "");
-  if (!track.ok()) return track.status();
-  const TrackConfig& live = (*track)->config;
-  if (absl::Status fits = CheckCount(live, request.episodes); !fits.ok()) return fits;
-  const absl::StatusOr<std::vector<int64_t>> rows = ChosenRows(reader, context, **track, request);
-  if (!rows.ok()) return rows.status();
-  absl::StatusOr<FurtherItems> items = FurtherItemsOf(reader, live.hash);
-  if (!items.ok()) return items.status();
+  ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, request.phase, "", ""));
+  const TrackConfig& live = track->config;
+  RETURN_IF_ERROR(CheckCount(live, request.episodes));
+  ASSIGN_OR_RETURN(const std::vector<int64_t> rows, ChosenRows(reader, context, *track, request));
+  ASSIGN_OR_RETURN(FurtherItems items, FurtherItemsOf(reader, live.hash));
   const std::vector<uint64_t> seeds =
       FurtherSeeds(secret, request.phase, live.seeds.size(), request.episodes);
   std::map<size_t, std::vector<int64_t>> lacking;  // submissions by what they have
-  for (const int64_t submission : *rows) {
-    const size_t had = SeedsHad((*items)[submission], seeds);
+  for (const int64_t submission : rows) {
+    const size_t had = SeedsHad(items[submission], seeds);
     if (had < seeds.size()) lacking[had].push_back(submission);
   }
   if (lacking.empty()) {
     return absl::FailedPreconditionError(
-        absl::StrCat("each of the ", rows->size(), " submissions has ", request.episodes,
+        absl::StrCat("each of the ", rows.size(), " submissions has ", request.episodes,
                      " further episodes already; ask for more"));
   }
   std::vector<NewRejudge> rejudges;
   for (auto& [had, submissions] : lacking) {
     const std::vector<uint64_t> missing(seeds.begin() + static_cast<std::ptrdiff_t>(had),
                                         seeds.end());
-    absl::StatusOr<NewRejudge> rejudge = RejudgeWith(live, secret, missing, request.reason);
-    if (!rejudge.ok()) return rejudge.status();
-    rejudge->submissions = std::move(submissions);
-    std::sort(rejudge->submissions.begin(), rejudge->submissions.end());
-    rejudges.push_back(*std::move(rejudge));
+    ASSIGN_OR_RETURN(NewRejudge rejudge, RejudgeWith(live, secret, missing, request.reason));
+    rejudge.submissions = std::move(submissions);
+    std::sort(rejudge.submissions.begin(), rejudge.submissions.end());
+    rejudges.push_back(std::move(rejudge));
   }
   return rejudges;
 }

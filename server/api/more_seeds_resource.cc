@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/more_seeds.h"
 #include "server/api/rejudge_document.h"
 #include "server/api/rejudge_plan.h"
@@ -36,9 +37,8 @@ absl::StatusOr<std::string> MoreSeedsResource::SecretOf(const std::string& phase
   absl::StatusOr<std::string> secret = absl::InternalError("");
   bool hidden = false;
   absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<TrackPtr> track = TrackInForce(reader, context_, phase, "", "");
-    if (!track.ok()) return track.status();
-    hidden = !(*track)->config.seed_salt.empty();
+    ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context_, phase, "", ""));
+    hidden = !track->config.seed_salt.empty();
     secret = reader.PhaseSecret(phase);
     return absl::OkStatus();
   });

@@ -13,6 +13,7 @@
 #include <optional>
 #include <utility>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
 
 namespace myograde::server {
@@ -127,22 +128,19 @@ absl::StatusOr<std::unique_ptr<NetworkDoor>> NetworkDoor::Open(const ListenConfi
     return absl::InvalidArgumentError(absl::StrCat(config.address, ": is no IP address"));
   }
   if (handed.valid()) {
-    absl::Status usable = CheckHanded(config, PlaceOf(handed.get()));
-    if (!usable.ok()) return usable;
+    RETURN_IF_ERROR(CheckHanded(config, PlaceOf(handed.get())));
   }
-  absl::StatusOr<std::shared_ptr<const TlsContext>> context = LoadContext(config);
-  if (!context.ok()) return context.status();
-  absl::StatusOr<Fd> socket =
-      handed.valid() ? std::move(handed)
-                     : ListenOn(*address, static_cast<uint16_t>(config.port),
-                                absl::StrCat(address->UrlHost(), ":", config.port));
-  if (!socket.ok()) return socket.status();
-  LogWarning(context->get());
-  const Place place = PlaceOf(socket->get());
-  std::string url = absl::StrCat(*context == nullptr ? "http" : "https", "://",
+  ASSIGN_OR_RETURN(std::shared_ptr<const TlsContext> context, LoadContext(config));
+  ASSIGN_OR_RETURN(Fd socket,
+                   handed.valid() ? std::move(handed) : ListenOn(
+                       *address, static_cast<uint16_t>(config.port),
+                       absl::StrCat(address->UrlHost(), ":", config.port)));
+  LogWarning(context.get());
+  const Place place = PlaceOf(socket.get());
+  std::string url = absl::StrCat(context == nullptr ? "http" : "https", "://",
                                  place.address.value_or(*address).UrlHost(), ":", place.port);
   return std::unique_ptr<NetworkDoor>(
-      new NetworkDoor(config, *std::move(socket), std::move(url), *std::move(context)));
+      new NetworkDoor(config, std::move(socket), std::move(url), std::move(context)));
 }
 
 NetworkDoor::NetworkDoor(ListenConfig config, Fd socket, std::string url,

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/node_view_json.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
@@ -29,7 +30,7 @@ absl::StatusOr<NodeAct> ParseNodeAct(const Json& body) {
   NodeAct act;
   act.drain = reader.Choice("state", {"drained", "admitted"}) == "drained";
   if (act.drain) act.why = ReadReason(reader);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return act;
 }
 

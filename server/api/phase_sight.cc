@@ -4,6 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/caller.h"
 #include "server/challenge/phases.h"
 #include "server/store/quota.h"
@@ -14,14 +15,13 @@ namespace {
 
 absl::StatusOr<PhaseSight> KnownOf(Reader& reader, const ApiContext& context,
                                    const std::string& phase) {
-  const absl::StatusOr<std::vector<PhaseEventRow>> events = reader.PhaseEvents(phase);
-  if (!events.ok()) return events.status();
+  ASSIGN_OR_RETURN(const std::vector<PhaseEventRow> events, reader.PhaseEvents(phase));
   PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
   if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
     known.shown = config->shown;
     known.committed = config->committed != 0;
   }
-  for (const PhaseEventRow& event : *events) {
+  for (const PhaseEventRow& event : events) {
     if (event.phase != phase) continue;
     known.published = known.published || event.event == kPublishedEvent;
     known.revealed = known.revealed || event.event == kRevealedEvent;
@@ -34,11 +34,10 @@ absl::StatusOr<PhaseSight> KnownOf(Reader& reader, const ApiContext& context,
 absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
                                    const std::string& phase) {
   if (phase.empty()) return true;
-  const absl::StatusOr<PhaseSight> known = KnownOf(reader, context, phase);
-  if (!known.ok()) return known.status();
-  if (known->published || known->revealed) return true;
+  ASSIGN_OR_RETURN(const PhaseSight known, KnownOf(reader, context, phase));
+  if (known.published || known.revealed) return true;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
-  const Visibility sight = SightOf(Role::kParticipant, *known);
+  const Visibility sight = SightOf(Role::kParticipant, known);
   return config != nullptr && config->freezes == absl::InfiniteFuture() && sight.aggregate &&
          SeesReceipt(sight);
 }
@@ -47,9 +46,8 @@ absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& contex
                                         const std::string& phase) {
   const Role role = Caller().role;
   if (phase.empty() || role >= Role::kOrganiser) return Visibility{};
-  const absl::StatusOr<PhaseSight> known = KnownOf(reader, context, phase);
-  if (!known.ok()) return known.status();
-  return SightOf(role, *known);
+  ASSIGN_OR_RETURN(const PhaseSight known, KnownOf(reader, context, phase));
+  return SightOf(role, known);
 }
 
 absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,

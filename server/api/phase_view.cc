@@ -8,6 +8,7 @@
 
 #include <absl/strings/escaping.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/views.h"
 
 namespace myograde::server {
@@ -113,19 +114,17 @@ Json FormerPhases(const std::map<std::string, PhaseUse>& uses, const Phases& pha
 }  // namespace
 
 absl::StatusOr<nlohmann::json> ChallengesToJson(Reader& reader, const ApiContext& context) {
-  const absl::StatusOr<Events> events = reader.PhaseEvents(std::nullopt);
-  if (!events.ok()) return events.status();
-  absl::StatusOr<std::vector<PhaseUse>> listed = reader.PhasesInUse();
-  if (!listed.ok()) return listed.status();
+  ASSIGN_OR_RETURN(const Events events, reader.PhaseEvents(std::nullopt));
+  ASSIGN_OR_RETURN(std::vector<PhaseUse> listed, reader.PhasesInUse());
   std::map<std::string, PhaseUse> uses;
-  for (PhaseUse& use : *listed) uses.emplace(use.phase, std::move(use));
+  for (PhaseUse& use : listed) uses.emplace(use.phase, std::move(use));
   Json challenges = Json::array();
   for (const ChallengeConfig& challenge : context.phases.challenges()) {
     Json phases = Json::array();
     for (const PhasePtr& phase : context.phases.entries()) {
       if (phase->config.challenge != challenge.name) continue;
       const auto use = uses.find(phase->config.name);
-      phases.push_back(PhaseToJson(reader, context, *phase, *events,
+      phases.push_back(PhaseToJson(reader, context, *phase, events,
                                    use == uses.end() ? 0 : use->second.waiting));
     }
     challenges.push_back({{"challenge", challenge.name},
@@ -137,7 +136,7 @@ absl::StatusOr<nlohmann::json> ChallengesToJson(Reader& reader, const ApiContext
     unusable.push_back({{"phase", name}, {"message", std::string(why.message())}});
   }
   return Json{{"now", TimeToJson(absl::ToUnixMillis(context.clock.Now()))},
-              {"paused", PauseOfAll(*events)},
+              {"paused", PauseOfAll(events)},
               {"challenges", std::move(challenges)},
               {"former_phases", FormerPhases(uses, context.phases)},
               {"unusable", std::move(unusable)}};

@@ -9,6 +9,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
 #include "server/api/caller.h"
@@ -31,9 +32,8 @@ Packing PackingFor(const PictureKey& key, const httplib::Request& request) {
 
 // For the few clients that take no compressed answer.
 absl::Status SendUnpacked(const std::string& path, const char* type, httplib::Response& response) {
-  absl::StatusOr<std::string> packed = ReadFile(path);
-  if (!packed.ok()) return packed.status();
-  absl::StatusOr<std::string> bytes = UnpackZstd(*packed, kMostTrajectoryFileBytes);
+  ASSIGN_OR_RETURN(std::string packed, ReadFile(path));
+  absl::StatusOr<std::string> bytes = UnpackZstd(packed, kMostTrajectoryFileBytes);
   if (bytes.ok()) response.set_content(*std::move(bytes), type);
   return bytes.status();
 }

@@ -9,6 +9,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/log_access.h"
 #include "server/api/phase_sight.h"
 #include "server/api/receipt_view.h"
@@ -54,8 +55,7 @@ absl::Status CheckFailureShown(Reader& reader, const ApiContext& context,
 absl::StatusOr<EvaluationRow> AskedEvaluation(const httplib::Request& request, Reader& reader,
                                               int64_t submission) {
   int64_t id = 0;
-  absl::Status status = ReadNumber(request, "evaluation", INT64_MAX, id);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(ReadNumber(request, "evaluation", INT64_MAX, id));
   if (id == 0) return reader.Original(submission);
   absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
   if (!evaluation.ok()) return evaluation;
@@ -88,20 +88,16 @@ absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Rea
   absl::Status status = CheckParameters(request, {"evaluation", "public", "reason"});
   if (status.ok()) status = RequireSubmission(reader, IdOf(request));
   if (!status.ok()) return status;
-  const absl::StatusOr<bool> everybody = ReadFlag(request, "public");
-  if (!everybody.ok()) return everybody.status();
-  const absl::StatusOr<SubmissionRow> submission = reader.Submission(IdOf(request));
-  if (!submission.ok()) return submission.status();
-  const absl::StatusOr<EvaluationRow> evaluation =
-      AskedEvaluation(request, reader, submission->id);
-  if (!evaluation.ok()) return evaluation.status();
-  status = CheckRejudgeShown(reader, *evaluation, *everybody);
-  if (status.ok()) status = CheckReceiptShown(reader, context, *submission, *everybody);
-  if (status.ok() && evaluation->state == EvaluationState::kFailed) {
-    status = CheckFailureShown(reader, context, *submission);
+  ASSIGN_OR_RETURN(const bool everybody, ReadFlag(request, "public"));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(IdOf(request)));
+  ASSIGN_OR_RETURN(const EvaluationRow evaluation, AskedEvaluation(request, reader, submission.id));
+  status = CheckRejudgeShown(reader, evaluation, everybody);
+  if (status.ok()) status = CheckReceiptShown(reader, context, submission, everybody);
+  if (status.ok() && evaluation.state == EvaluationState::kFailed) {
+    status = CheckFailureShown(reader, context, submission);
   }
   if (!status.ok()) return status;
-  return ReceiptOf(reader, context.record, *submission, *evaluation);
+  return ReceiptOf(reader, context.record, submission, evaluation);
 }
 
 // What a copy of the record has in place of a receipt that AskedReceipt answered with `why`; the same
@@ -123,9 +119,8 @@ absl::StatusOr<WithheldReceipt> WithheldFor(const httplib::Request& request, Rea
   withheld.reason = unreadable                                     ? "unreadable"
                     : rejudge.rejudge != 0 && !rejudge.ever_applied ? "rejudge"
                                                                     : "phase";
-  absl::StatusOr<RecordHead> head = context.record.Head(reader);
-  if (!head.ok()) return head.status();
-  withheld.head = *std::move(head);
+  ASSIGN_OR_RETURN(RecordHead head, context.record.Head(reader));
+  withheld.head = std::move(head);
   return withheld;
 }
 

@@ -8,6 +8,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/queue_view.h"
 #include "server/api/requests.h"
 
@@ -48,14 +49,12 @@ void QueueResource::Install(Routes& routes) {
 
 absl::StatusOr<QueueResource::Snapshot> QueueResource::Make() const {
   Snapshot made;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    absl::StatusOr<Json> view = QueueView(reader, context_);
-    if (!view.ok()) return view.status();
-    made.text = CanonicalJson(*view);
-    made.stable = StableText(*std::move(view));
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(Json view, QueueView(reader, context_));
+    made.text = CanonicalJson(view);
+    made.stable = StableText(std::move(view));
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   made.made = context_.clock.Monotonic();
   return made;
 }

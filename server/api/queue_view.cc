@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/caller.h"
 #include "server/api/phase_sight.h"
 #include "server/api/readiness.h"
@@ -32,17 +33,15 @@ absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, Reader& reader) {
   if (absl::IsNotFound(evaluation.status())) return std::nullopt;  // it is newer than what is read
   if (!evaluation.ok()) return evaluation.status();
   if (IsFinal(evaluation->state)) return std::nullopt;
-  absl::StatusOr<SubmissionRow> row = reader.Submission(evaluation->submission);
-  if (!row.ok()) return row.status();
-  return Waiting{*std::move(row), *std::move(evaluation)};
+  ASSIGN_OR_RETURN(SubmissionRow row, reader.Submission(evaluation->submission));
+  return Waiting{std::move(row), *std::move(evaluation)};
 }
 
 absl::StatusOr<Json> EntryOf(const Waiting& waiting, Reader& reader, const ApiContext& context) {
-  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, waiting.row.phase);
-  if (!sight.ok()) return sight.status();
-  const EpisodeCounts counts = reader.Counts(waiting.evaluation.id, !sight->progress);
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, waiting.row.phase));
+  const EpisodeCounts counts = reader.Counts(waiting.evaluation.id, !sight.progress);
   Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
-  RedactListed(entry, *sight);
+  RedactListed(entry, sight);
   AddOutlook(context, waiting.evaluation, counts, entry);
   return entry;
 }
@@ -78,9 +77,8 @@ absl::StatusOr<nlohmann::json> QueueView(Reader& reader, const ApiContext& conte
       --total;
       continue;
     }
-    absl::StatusOr<Json> entry = EntryOf(**found, reader, context);
-    if (!entry.ok()) return entry.status();
-    entries.push_back(*std::move(entry));
+    ASSIGN_OR_RETURN(Json entry, EntryOf(**found, reader, context));
+    entries.push_back(std::move(entry));
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();

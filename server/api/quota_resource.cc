@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/paging.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
@@ -45,10 +46,9 @@ absl::Status AddLedger(Reader& reader, const ApiContext& context,
                        const Listed<LedgerRow>& ledger, Json& body) {
   body["ledger"] = Json::array();
   for (const LedgerRow& row : ledger.rows) {
-    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, row.phase);
-    if (!sight.ok()) return sight.status();
+    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
     body["ledger"].push_back(LedgerToJson(row));
-    RedactLedgerRow(body["ledger"].back(), *sight);
+    RedactLedgerRow(body["ledger"].back(), sight);
   }
   body["unreadable"] = DamagedToJson(ledger.damaged);
   return absl::OkStatus();
@@ -139,7 +139,7 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    if (absl::Status own = RequireTeam(reader, asked); !own.ok()) return own;
+    RETURN_IF_ERROR(RequireTeam(reader, asked));
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);

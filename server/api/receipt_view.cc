@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_seed.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
@@ -38,14 +39,13 @@ absl::StatusOr<Json> CommitmentOf(Reader& reader, const std::string& phase) {
 
 // Takes everything out of a receipt from which its seeds follow.
 absl::Status HideSeeds(Reader& reader, const TrackConfig& config, Json& receipt) {
-  absl::StatusOr<Json> commitment = CommitmentOf(reader, config.phase);
-  if (!commitment.ok()) return commitment.status();
+  ASSIGN_OR_RETURN(Json commitment, CommitmentOf(reader, config.phase));
   receipt["format"] = 2;
   receipt["policy_seeds"] = nullptr;
   for (const char* key : {"seeds", "policy_seed_secret", "seed_salt"}) {
     receipt["track_config"].erase(key);
   }
-  receipt["hidden"] = {{"commitment", *std::move(commitment)}, {"count", config.seeds.size()}};
+  receipt["hidden"] = {{"commitment", std::move(commitment)}, {"count", config.seeds.size()}};
   return absl::OkStatus();
 }
 
@@ -75,46 +75,38 @@ absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const Submissi
                      "; there is a receipt once it is done or failed"));
   }
   const std::string& hash = ConfigOf(evaluation, submission);
-  const absl::StatusOr<std::string> config = reader.ConfigJson(hash);
-  if (!config.ok()) return config.status();
-  const absl::StatusOr<TrackConfig> track = StoredConfig(reader, hash);
-  if (!track.ok()) return track.status();
-  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(evaluation.id);
-  if (!read.ok()) return read.status();
-  const std::vector<EpisodeRow>& rows = *read;
-  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track->kind->name);
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
-  if (!aggregate.ok()) return aggregate.status();
-  const absl::Status whole = CheckResults(reader, evaluation, rows, track->seed_salt);
-  if (!whole.ok()) return whole;
+  ASSIGN_OR_RETURN(const std::string config, reader.ConfigJson(hash));
+  ASSIGN_OR_RETURN(const TrackConfig track, StoredConfig(reader, hash));
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> read, reader.Episodes(evaluation.id));
+  const std::vector<EpisodeRow>& rows = read;
+  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track.kind->name);
+  ASSIGN_OR_RETURN(scoring::Aggregate aggregate, AggregateRows(scored, rows));
+  RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, track.seed_salt));
   Json episodes = Json::array();
-  for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row, track->seed_salt));
+  for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row, track.seed_salt));
   Json receipt = {{"format", 1},
                   {"submission", submission.id},
                   {"evaluation", evaluation.id},
                   {"team", submission.team},
                   {"name", submission.artefact_name},
                   {"track", submission.track},
-                  {"track_kind", track->kind->name},
+                  {"track_kind", track.kind->name},
                   {"profile", submission.profile},
                   {"ranked", submission.ranked},
                   {"state", EvaluationStateName(evaluation.state)},
                   {"artefact", ArtefactCommitment(submission.id, submission.artefact)},
                   {"config", hash},
-                  {"track_config", Json::parse(*config)},
+                  {"track_config", Json::parse(config)},
                   {"seeds", SeedsOf(evaluation, submission)},
-                  {"policy_seeds", PolicySeedsOf(*track, rows)},
+                  {"policy_seeds", PolicySeedsOf(track, rows)},
                   {"grader", Json::parse(evaluation.grader_json, nullptr, false)},
-                  {"aggregate", AggregateToJson(scored, *aggregate)},
-                  {"results", ResultsHash(rows, track->seed_salt)},
-                  {"merkle_root", MerkleRootOf(rows, track->seed_salt)},
+                  {"aggregate", AggregateToJson(scored, aggregate)},
+                  {"results", ResultsHash(rows, track.seed_salt)},
+                  {"merkle_root", MerkleRootOf(rows, track.seed_salt)},
                   {"episodes", std::move(episodes)}};
-  if (absl::Status added = AddRecord(reader, record, evaluation, receipt); !added.ok()) {
-    return added;
-  }
-  if (track->seed_salt.empty()) return receipt;
-  const absl::Status hidden = HideSeeds(reader, *track, receipt);
-  if (!hidden.ok()) return hidden;
+  RETURN_IF_ERROR(AddRecord(reader, record, evaluation, receipt));
+  if (track.seed_salt.empty()) return receipt;
+  RETURN_IF_ERROR(HideSeeds(reader, track, receipt));
   return receipt;
 }
 

@@ -5,6 +5,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/record_check.h"
 
 namespace myograde::server {
@@ -47,13 +48,13 @@ absl::Status RecordLog::Follow(Reader& reader) {
 
 absl::StatusOr<std::vector<Damage>> RecordLog::Damaged(Reader& reader) {
   const MutexLock lock(mutex_);
-  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  RETURN_IF_ERROR(Follow(reader));
   return damaged_;
 }
 
 absl::StatusOr<RecordHead> RecordLog::Head(Reader& reader) {
   const MutexLock lock(mutex_);
-  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  RETURN_IF_ERROR(Follow(reader));
   RecordHead head;
   head.size = reader.RecordSize();
   head.root = tree_.Root(head.size);
@@ -75,7 +76,7 @@ absl::StatusOr<EntryProof> RecordLog::Prove(Reader& reader, int64_t entry, int64
     return DamagedRow({"record", absl::StrCat(entry), "it is gone"});
   }
   const MutexLock lock(mutex_);
-  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  RETURN_IF_ERROR(Follow(reader));
   return EntryProof{.index = entry,
                     .content = nlohmann::json::parse(row.rows.front().entry_json),
                     .size = size,
@@ -90,7 +91,7 @@ absl::StatusOr<RecordLog::Consistency> RecordLog::Compare(Reader& reader, int64_
   if (to < 0 || to > whole) return OutOfRange("to", to, 0, whole);
   if (from < 0 || from > to) return OutOfRange("from", from, 0, to);
   const MutexLock lock(mutex_);
-  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  RETURN_IF_ERROR(Follow(reader));
   return Consistency{tree_.Root(from), tree_.Root(to), tree_.ConsistencyProof(from, to)};
 }
 

@@ -11,6 +11,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/record_log.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
@@ -127,13 +128,12 @@ ApiResult RecordResource::Compare(const httplib::Request& request) const {
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) {
-    const auto compared = context_.record.Compare(reader, from, to);
-    if (!compared.ok()) return compared.status();
+    ASSIGN_OR_RETURN(const auto compared, context_.record.Compare(reader, from, to));
     answer.body = {{"from", from},
                    {"to", to == 0 ? reader.RecordSize() : to},
-                   {"from_root", HexOf(compared->from_root)},
-                   {"to_root", HexOf(compared->to_root)},
-                   {"proof", ProofToJson(compared->proof)}};
+                   {"from_root", HexOf(compared.from_root)},
+                   {"to_root", HexOf(compared.to_root)},
+                   {"proof", ProofToJson(compared.proof)}};
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

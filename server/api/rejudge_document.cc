@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/views.h"
 #include "server/proof/signing_key.h"
 
@@ -30,9 +31,8 @@ Json ResultsOf(const std::vector<RejudgeItemRow>& items) {
 // The document is made of what was written before the act. A result that is written along with the
 // act would be missing from it.
 absl::Status CheckComplete(Reader& reader, const RejudgeRow& rejudge) {
-  const absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(rejudge);
-  if (!progress.ok()) return progress.status();
-  if (progress->complete) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
+  if (progress.complete) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(
       "rejudge ", rejudge.id, " got another result just now; look at it, and try again"));
 }
@@ -70,18 +70,14 @@ absl::StatusOr<SignRejudge> RejudgeSigner(const ApiContext& context) {
              const RejudgeEventRow& event) -> absl::StatusOr<SignedDocument> {
     std::vector<RejudgeItemRow> items;
     if (event.event == RejudgeEvent::kApplied) {
-      const absl::Status read = readers.Read([&](Reader& reader) -> absl::Status {
-        absl::StatusOr<std::vector<RejudgeItemRow>> all = reader.RejudgeItems(rejudge.id);
-        if (!all.ok()) return all.status();
-        items = *std::move(all);
+      RETURN_IF_ERROR(readers.Read([&](Reader& reader) -> absl::Status {
+        ASSIGN_OR_RETURN(items, reader.RejudgeItems(rejudge.id));
         return CheckComplete(reader, rejudge);
-      });
-      if (!read.ok()) return read;
+      }));
     }
     SignedDocument signed_document = {CanonicalJson(RejudgeDocument(rejudge, event, items)), ""};
-    absl::StatusOr<std::string> signature = key->Sign(signed_document.json);
-    if (!signature.ok()) return signature.status();
-    signed_document.signature = *std::move(signature);
+    ASSIGN_OR_RETURN(std::string signature, key->Sign(signed_document.json));
+    signed_document.signature = std::move(signature);
     return signed_document;
   };
 }

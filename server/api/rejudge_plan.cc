@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "server/api/requests.h"
 #include "server/engine/stored.h"
@@ -72,15 +73,12 @@ absl::StatusOr<TrackPtr> NewTrack(const ApiContext& context, const TrackConfig& 
       context.tracks_dir, live.id, live.profile, file, kWhereSent);
   if (!config.ok()) return config.status();
   // Checked first: another environment lacks most of this one's keys.
-  if (absl::Status fits = config->kind == live.kind ? absl::OkStatus() : CheckFits(live, *config);
-      !fits.ok()) {
-    return fits;
-  }
+  RETURN_IF_ERROR(config->kind == live.kind ? absl::OkStatus() : CheckFits(live, *config));
   if (!live.phase.empty()) {
     config = WithPhase(*config, KeysOfPhase(context, live));
     if (!config.ok()) return config.status();
   }
-  if (absl::Status fits = CheckFits(live, *config); !fits.ok()) return fits;
+  RETURN_IF_ERROR(CheckFits(live, *config));
   return MakeTrack(*std::move(config));
 }
 
@@ -127,7 +125,7 @@ absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
   }
   if (reader.Has("repeats")) request.repeats = reader.Integer("repeats", 1, kMostRepeats);
   request.reason = ReadReason(reader);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return request;
 }
 
@@ -145,7 +143,7 @@ absl::StatusOr<ApplyRequest> ParseApply(const Json& body) {
       }
     }
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   std::sort(request.without.begin(), request.without.end());
   const auto twice = std::unique(request.without.begin(), request.without.end());
   request.without.erase(twice, request.without.end());
@@ -167,11 +165,10 @@ absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
 
 absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context,
                                        const RejudgeRequest& request) {
-  const absl::StatusOr<TrackPtr> live =
-      TrackInForce(reader, context, request.phase, request.track, request.profile);
-  if (!live.ok()) return live.status();
-  const TrackConfig& from = (*live)->config;
-  absl::StatusOr<TrackPtr> next = *live;
+  ASSIGN_OR_RETURN(const TrackPtr live,
+                   TrackInForce(reader, context, request.phase, request.track, request.profile));
+  const TrackConfig& from = live->config;
+  absl::StatusOr<TrackPtr> next = live;
   if (request.config.has_value()) next = NewTrack(context, from, *request.config);
   if (!next.ok()) return next.status();
   const TrackConfig& to = (*next)->config;

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/base/status_macros.h"
 #include "scoring/track.h"
 #include "server/api/board_source.h"
 #include "server/api/rejudge_plan.h"
@@ -62,10 +63,9 @@ absl::StatusOr<Json> WithoutResultToJson(Reader& reader, const RejudgeRow& rejud
                                          const RejudgeProgress& progress) {
   Json without = Json::array();
   if (progress.without_result.empty()) return without;
-  const absl::StatusOr<std::vector<RejudgeItemRow>> items = reader.RejudgeItems(rejudge.id);
-  if (!items.ok()) return items.status();
+  ASSIGN_OR_RETURN(const std::vector<RejudgeItemRow> items, reader.RejudgeItems(rejudge.id));
   std::map<int64_t, const RejudgeItemRow*> first;
-  for (const RejudgeItemRow& item : *items) first.try_emplace(item.submission, &item);
+  for (const RejudgeItemRow& item : items) first.try_emplace(item.submission, &item);
   for (const int64_t submission : progress.without_result) {
     const RejudgeItemRow& item = *first.at(submission);
     without.push_back({{"submission", submission},
@@ -124,13 +124,12 @@ struct RejudgeMoments {
 };
 
 absl::StatusOr<RejudgeMoments> MomentsOf(Reader& reader, const RejudgeRow& rejudge) {
-  const absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(rejudge.id);
-  if (!events.ok()) return events.status();
+  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge.id));
   RejudgeMoments moments;
   moments.after.assumed_rejudge = rejudge.id;
-  if (!events->empty() && events->back().event == RejudgeEvent::kApplied) {
-    moments.before.before_ms = events->back().at;
-    moments.after.before_ms = events->back().at + 1;
+  if (!events.empty() && events.back().event == RejudgeEvent::kApplied) {
+    moments.before.before_ms = events.back().at;
+    moments.after.before_ms = events.back().at + 1;
   }
   return moments;
 }
@@ -166,10 +165,9 @@ absl::StatusOr<Json> BoardChanges(Reader& reader, const Track& from, const Track
 }
 
 absl::StatusOr<Json> NotRepeatableToJson(Reader& reader, int64_t rejudge) {
-  const absl::StatusOr<std::vector<Unrepeatable>> found = reader.UnrepeatableOf(rejudge);
-  if (!found.ok()) return found.status();
+  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.UnrepeatableOf(rejudge));
   Json list = Json::array();
-  for (const Unrepeatable& one : *found) {
+  for (const Unrepeatable& one : found) {
     Json episodes = Json::array();
     for (const Unrepeatable::Episode& episode : one.episodes) {
       episodes.push_back({{"index", episode.index},
@@ -186,50 +184,38 @@ absl::StatusOr<Json> NotRepeatableToJson(Reader& reader, int64_t rejudge) {
 }  // namespace
 
 absl::StatusOr<Json> RejudgeToJson(Reader& reader, const RejudgeRow& rejudge) {
-  const absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(rejudge);
-  if (!progress.ok()) return progress.status();
-  return SummaryOf(rejudge, *progress);
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
+  return SummaryOf(rejudge, progress);
 }
 
 absl::StatusOr<Json> WholeRejudgeToJson(Reader& reader, const RejudgeRow& rejudge) {
-  const absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(rejudge);
-  if (!progress.ok()) return progress.status();
-  absl::StatusOr<Json> without = WithoutResultToJson(reader, rejudge, *progress);
-  if (!without.ok()) return without.status();
-  Json json = SummaryOf(rejudge, *progress);
-  json["without_result"] = *std::move(without);
-  const absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(rejudge.id);
-  if (!events.ok()) return events.status();
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
+  ASSIGN_OR_RETURN(Json without, WithoutResultToJson(reader, rejudge, progress));
+  Json json = SummaryOf(rejudge, progress);
+  json["without_result"] = std::move(without);
+  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge.id));
   json["events"] = Json::array();
-  for (const RejudgeEventRow& event : *events) json["events"].push_back(EventToJson(event));
-  const absl::StatusOr<std::string> from = reader.ConfigJson(rejudge.from_config);
-  if (!from.ok()) return from.status();
-  const absl::StatusOr<std::string> to = reader.ConfigJson(rejudge.to_config);
-  if (!to.ok()) return to.status();
-  json["differs"] = DifferingKeys(Json::parse(*from), Json::parse(*to));
+  for (const RejudgeEventRow& event : events) json["events"].push_back(EventToJson(event));
+  ASSIGN_OR_RETURN(const std::string from, reader.ConfigJson(rejudge.from_config));
+  ASSIGN_OR_RETURN(const std::string to, reader.ConfigJson(rejudge.to_config));
+  json["differs"] = DifferingKeys(Json::parse(from), Json::parse(to));
   return json;
 }
 
 absl::Status AddRejudgeChanges(Reader& reader, const RejudgeRow& rejudge, Json& json) {
   json["boards"] = Json::array();
-  absl::StatusOr<Json> unlike = NotRepeatableToJson(reader, rejudge.id);
-  if (!unlike.ok()) return unlike.status();
-  json["not_repeatable"] = *std::move(unlike);
+  ASSIGN_OR_RETURN(Json unlike, NotRepeatableToJson(reader, rejudge.id));
+  json["not_repeatable"] = std::move(unlike);
   std::vector<Damage> damaged;
   if (rejudge.purpose == RejudgePurpose::kRules) {
-    const absl::StatusOr<TrackPtr> from = StoredTrack(reader, rejudge.from_config);
-    if (!from.ok()) return from.status();
-    const absl::StatusOr<TrackPtr> to = StoredTrack(reader, rejudge.to_config);
-    if (!to.ok()) return to.status();
-    const absl::StatusOr<RejudgeMoments> moments = MomentsOf(reader, rejudge);
-    if (!moments.ok()) return moments.status();
-    auto names = (*from)->scoring.boards;
-    names.insert((*to)->scoring.boards.begin(), (*to)->scoring.boards.end());
+    ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
+    ASSIGN_OR_RETURN(const TrackPtr to, StoredTrack(reader, rejudge.to_config));
+    ASSIGN_OR_RETURN(const RejudgeMoments moments, MomentsOf(reader, rejudge));
+    auto names = from->scoring.boards;
+    names.insert(to->scoring.boards.begin(), to->scoring.boards.end());
     for (const auto& [name, board] : names) {
-      absl::StatusOr<Json> changes =
-          BoardChanges(reader, **from, **to, name, *moments, damaged);
-      if (!changes.ok()) return changes.status();
-      json["boards"].push_back(*std::move(changes));
+      ASSIGN_OR_RETURN(Json changes, BoardChanges(reader, *from, *to, name, moments, damaged));
+      json["boards"].push_back(std::move(changes));
     }
   }
   json["unreadable"] = DamagedToJson(damaged);

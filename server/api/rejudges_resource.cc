@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/paging.h"
 #include "server/api/rejudge_document.h"
 #include "server/api/rejudge_plan.h"
@@ -52,9 +53,8 @@ ApiResult RejudgesResource::List(const httplib::Request& request) const {
     Listed<RejudgeRow> listed = reader.Rejudges(page->before, page->limit);
     answer.body["rejudges"] = Json::array();
     for (const RejudgeRow& row : listed.rows) {
-      absl::StatusOr<Json> json = RejudgeToJson(reader, row);
-      if (!json.ok()) return json.status();
-      answer.body["rejudges"].push_back(*std::move(json));
+      ASSIGN_OR_RETURN(Json json, RejudgeToJson(reader, row));
+      answer.body["rejudges"].push_back(std::move(json));
     }
     answer.body["unreadable"] = DamagedToJson(listed.damaged);
     AddNextPage(request, *page, listed, answer);
@@ -73,12 +73,9 @@ ApiResult RejudgesResource::Get(const httplib::Request& request) const {
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<RejudgeRow> row = reader.Rejudge(IdOf(request));
-    if (!row.ok()) return row.status();
-    absl::StatusOr<Json> json = WholeRejudgeToJson(reader, *row);
-    if (!json.ok()) return json.status();
-    answer.body = *std::move(json);
-    return changes == "1" ? AddRejudgeChanges(reader, *row, answer.body) : absl::OkStatus();
+    ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(IdOf(request)));
+    ASSIGN_OR_RETURN(answer.body, WholeRejudgeToJson(reader, row));
+    return changes == "1" ? AddRejudgeChanges(reader, row, answer.body) : absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
@@ -87,9 +84,8 @@ ApiResult RejudgesResource::Get(const httplib::Request& request) const {
 ApiResult RejudgesResource::Show(int64_t id, int http, Json more) const {
   ApiAnswer answer{http};
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<RejudgeRow> row = reader.Rejudge(id);
-    if (!row.ok()) return row.status();
-    absl::StatusOr<Json> json = WholeRejudgeToJson(reader, *row);
+    ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
+    absl::StatusOr<Json> json = WholeRejudgeToJson(reader, row);
     if (json.ok()) answer.body = *std::move(json);
     return json.status();
   });
@@ -119,16 +115,13 @@ ApiResult RejudgesResource::Create(const httplib::Request&, const Json& body) co
 
 absl::StatusOr<std::string> RejudgesResource::ConfigInForce(int64_t id) const {
   std::string hash;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<RejudgeRow> row = reader.Rejudge(id);
-    if (!row.ok()) return row.status();
-    const absl::StatusOr<TrackPtr> live =
-        TrackInForce(reader, context_, row->phase, row->track, row->profile);
-    if (!live.ok()) return live.status();
-    hash = (*live)->config.hash;
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
+    ASSIGN_OR_RETURN(const TrackPtr live,
+                     TrackInForce(reader, context_, row.phase, row.track, row.profile));
+    hash = live->config.hash;
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return hash;
 }
 

@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "server/api/paging.h"
 #include "server/grading/leaderboard.h"
@@ -56,12 +57,10 @@ absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   if (!IsHash(request.artefact)) {
     reader.Fail("artefact", "must be the id of an artefact: 64 lower-case hexadecimal digits");
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  if (absl::Status status = CheckTeam(request.team); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
+  RETURN_IF_ERROR(CheckTeam(request.team));
   if (seeds != nullptr) {
-    absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*seeds, "request: \"seeds\"");
-    if (!parsed.ok()) return parsed.status();
-    request.seeds = *std::move(parsed);
+    ASSIGN_OR_RETURN(request.seeds, ParseSeeds(*seeds, "request: \"seeds\""));
   }
   return request;
 }
@@ -76,7 +75,7 @@ absl::StatusOr<RerunRequest> ParseRerun(const nlohmann::json& body) {
   } else if (request.first && *request.last < *request.first) {
     reader.Fail("last", absl::StrCat("is ", *request.last, ", which is before first"));
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return request;
 }
 
@@ -84,7 +83,7 @@ absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);
   std::string reason = "cancelled by request";
   if (reader.Has("reason")) reason = ReadReason(reader);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return reason;
 }
 
@@ -112,14 +111,14 @@ absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body) {
   if (request.set && request.mark == kDisqualified && request.reason.empty()) {
     reader.Fail("reason", "is missing: a disqualification needs one");
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return request;
 }
 
 absl::StatusOr<std::string> ParseReason(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);
   std::string reason = ReadReason(reader);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return reason;
 }
 
@@ -137,8 +136,8 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
                      .value_or(Budget::kRanked);
   grant.amount = reader.Integer("amount", 1, 1'000'000);
   grant.why = ReadReason(reader);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  if (absl::Status status = CheckTeam(grant.team); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
+  RETURN_IF_ERROR(CheckTeam(grant.team));
   return grant;
 }
 

@@ -10,6 +10,7 @@
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/more_seeds.h"
 #include "server/api/requests.h"
 #include "server/challenge/phases.h"
@@ -58,18 +59,16 @@ absl::Status NothingToReveal(const std::string& phase) {
 
 absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& context,
                                           const std::string& name) {
-  const absl::StatusOr<TrackConfig> config = ConfigOf(reader, context.phases, name);
-  if (!config.ok()) return config.status();
-  const bool is_public = config->seed_salt.empty();
+  ASSIGN_OR_RETURN(const TrackConfig config, ConfigOf(reader, context.phases, name));
+  const bool is_public = config.seed_salt.empty();
   absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
   if (absl::IsNotFound(secret.status()) && is_public) return NothingToReveal(name);
   if (const PhaseConfig* phase = context.phases.ConfigOf(name)) {
-    const absl::StatusOr<std::vector<PhaseEventRow>> events = reader.PhaseEvents(name);
-    if (!events.ok()) return events.status();
+    ASSIGN_OR_RETURN(const std::vector<PhaseEventRow> events, reader.PhaseEvents(name));
     const absl::Time now = context.clock.Now();
     const absl::Status over = CheckOver(*phase, now);
     // To move its close afterwards hides nothing again.
-    if (!over.ok() && !StatusOfPhase(*phase, *events, now).revealed) return over;
+    if (!over.ok() && !StatusOfPhase(*phase, events, now).revealed) return over;
   }
   if (absl::IsNotFound(secret.status())) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -78,10 +77,9 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& cont
         "--secret\""));
   }
   if (!secret.ok()) return secret.status();
-  absl::StatusOr<std::vector<uint64_t>> further = PlayedFurtherSeeds(reader, name, *secret);
-  if (!further.ok()) return further.status();
-  if (is_public && further->empty()) return NothingToReveal(name);
-  return HiddenSeeds{*std::move(secret), config->seeds, *std::move(further)};
+  ASSIGN_OR_RETURN(std::vector<uint64_t> further, PlayedFurtherSeeds(reader, name, *secret));
+  if (is_public && further.empty()) return NothingToReveal(name);
+  return HiddenSeeds{*std::move(secret), config.seeds, std::move(further)};
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/board_query.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
@@ -21,23 +22,19 @@ using Json = nlohmann::json;
 absl::StatusOr<std::string> MakeStatisticsText(Reader& reader, const ApiContext& context,
                                                const BoardQuery& asked, KeptStatistics& kept) {
   const Track& track = *asked.track;
-  absl::StatusOr<BoardSource> source = SourceOf(reader, track, asked.moment());
-  if (!source.ok()) return source.status();
+  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, track, asked.moment()));
   const scoring::BoardRules& rules = asked.rules->rules;
-  const absl::StatusOr<Leaderboard> board =
-      MakeLeaderboard(source->standings, source->marks, rules, track.scoring.team);
-  if (!board.ok()) return board.status();
+  ASSIGN_OR_RETURN(const Leaderboard board,
+                   MakeLeaderboard(source.standings, source.marks, rules, track.scoring.team));
   const scoring::StatisticsConfig config = StatisticsConfigOf(context, track.config.phase);
-  const auto statistics = kept.Of(reader, asked, *board, config.groups);
-  if (!statistics.ok()) return statistics.status();
-  absl::StatusOr<Json> json = StatisticsAnswer(reader, track, rules, *board, **statistics, config);
-  if (!json.ok()) return json.status();
-  AddBoardAsked(asked, source->withheld, *json);
-  std::vector<Damage> damaged = source->damaged;
-  damaged.insert(damaged.end(), board->damaged.begin(), board->damaged.end());
-  damaged.insert(damaged.end(), (*statistics)->damaged.begin(), (*statistics)->damaged.end());
-  (*json)["unreadable"] = DamagedToJson(damaged);
-  return CanonicalJson(*json) + "\n";
+  ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, config.groups));
+  ASSIGN_OR_RETURN(Json json, StatisticsAnswer(reader, track, rules, board, *statistics, config));
+  AddBoardAsked(asked, source.withheld, json);
+  std::vector<Damage> damaged = source.damaged;
+  damaged.insert(damaged.end(), board.damaged.begin(), board.damaged.end());
+  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
+  json["unreadable"] = DamagedToJson(damaged);
+  return CanonicalJson(json) + "\n";
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/caller.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
@@ -25,13 +26,11 @@ Json Ahead(const std::optional<absl::Duration>& duration, absl::Time now) {
 }
 
 absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t evaluation) {
-  absl::StatusOr<std::vector<TransitionRow>> rows = reader.Transitions("submission", submission);
-  if (!rows.ok()) return rows.status();
-  absl::StatusOr<std::vector<TransitionRow>> more = reader.Transitions("evaluation", evaluation);
-  if (!more.ok()) return more.status();
-  rows->insert(rows->end(), more->begin(), more->end());
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> rows, reader.Transitions("submission", submission));
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> more, reader.Transitions("evaluation", evaluation));
+  rows.insert(rows.end(), more.begin(), more.end());
   Json history = Json::array();
-  for (const TransitionRow& row : *rows) {
+  for (const TransitionRow& row : rows) {
     history.push_back({{"at", TimeToJson(row.at)},
                        {"of", row.entity},
                        {"from", TextOrNull(row.from)},
@@ -145,40 +144,33 @@ QueueOutlook AddOutlook(const ApiContext& context, const EvaluationRow& evaluati
 
 absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext& context,
                                                 int64_t id) {
-  absl::StatusOr<SubmissionRow> row = reader.Submission(id);
-  if (!row.ok()) return row.status();
-  const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.Evaluations(id);
-  if (!evaluations.ok()) return evaluations.status();
-  const EvaluationRow& original = evaluations->front();
-  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(original.id);
-  if (!leases.ok()) return leases.status();
-  const absl::StatusOr<std::vector<LeaseRunRow>> runs = reader.LeaseRunsOf(original.id);
-  if (!runs.ok()) return runs.status();
-  const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
-  if (!marks.ok()) return marks.status();
-  absl::StatusOr<Json> history = HistoryToJson(reader, id, original.id);
-  if (!history.ok()) return history.status();
-  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, row->phase);
-  if (!sight.ok()) return sight.status();
-  const EpisodeCounts counts = reader.Counts(original.id, !sight->progress);
-  Json json = SubmissionToJson(*row, original, counts);
+  ASSIGN_OR_RETURN(SubmissionRow row, reader.Submission(id));
+  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations, reader.Evaluations(id));
+  const EvaluationRow& original = evaluations.front();
+  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.Leases(original.id));
+  ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.LeaseRunsOf(original.id));
+  ASSIGN_OR_RETURN(const std::vector<MarkRow> marks, reader.MarkHistory(id));
+  ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
+  const EpisodeCounts counts = reader.Counts(original.id, !sight.progress);
+  Json json = SubmissionToJson(row, original, counts);
   const QueueOutlook outlook = AddOutlook(context, original, counts, json);
   json["reason"] = TextOrNull(original.reason);
   json["owner"] = TextOrNull(outlook.owner);
   json["deadline_at"] = Ahead(outlook.deadline, context.clock.Now());
-  json["history"] = *std::move(history);
+  json["history"] = std::move(history);
   std::set<int64_t> ids;
-  for (const LeaseRow& lease : *leases) ids.insert(lease.id);
+  for (const LeaseRow& lease : leases) ids.insert(lease.id);
   const std::map<int64_t, LiveLease> running = context.engine.RunningAmong(ids);
   json["leases"] = Json::array();
-  for (const LeaseRow& lease : *leases) {
+  for (const LeaseRow& lease : leases) {
     const auto live = running.find(lease.id);
     json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
-    json["leases"].back()["attempts"] = AttemptsToJson(*runs, lease.id);
+    json["leases"].back()["attempts"] = AttemptsToJson(runs, lease.id);
   }
-  json["marks"] = MarksToJson(*marks);
+  json["marks"] = MarksToJson(marks);
   json["evaluations"] = Json::array();
-  for (const EvaluationRow& evaluation : *evaluations) {
+  for (const EvaluationRow& evaluation : evaluations) {
     const RejudgeSight rejudge = reader.RejudgeOfEvaluation(evaluation.id);
     if (!CallerSees(rejudge)) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
@@ -187,9 +179,9 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
                                    {"first", evaluation.first},
                                    {"last", evaluation.last},
                                    {"rejudge", IdOrNull(rejudge.rejudge)},
-                                   {"config", ConfigOf(evaluation, *row)}});
+                                   {"config", ConfigOf(evaluation, row)}});
   }
-  RedactStatus(json, *sight);
+  RedactStatus(json, sight);
   return json;
 }
 

@@ -10,6 +10,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/founding.h"
 #include "server/api/paging.h"
 #include "server/api/phase_sight.h"
@@ -52,11 +53,10 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     for (const SubmissionRow& row : found.rows) {
       const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
       if (original.ok()) {
-        const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row.phase);
-        if (!sight.ok()) return sight.status();
+        ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context_, row.phase));
         list.push_back(SubmissionToJson(
-            row, *original, reader.Counts(original->id, !sight->progress)));
-        RedactListed(list.back(), *sight);
+            row, *original, reader.Counts(original->id, !sight.progress)));
+        RedactListed(list.back(), sight);
       } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
         found.damaged.push_back(*damage);
       } else {
@@ -76,9 +76,7 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
 ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
   ApiAnswer answer;
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    absl::StatusOr<Json> json = SubmissionStatus(reader, context_, submission);
-    if (!json.ok()) return json.status();
-    answer.body = *std::move(json);
+    ASSIGN_OR_RETURN(answer.body, SubmissionStatus(reader, context_, submission));
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
@@ -121,11 +119,10 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
   const int64_t id = IdOf(request);
   absl::StatusOr<Visibility> sight = Visibility{};
   absl::Status status = context_.readers.Read([&](Reader& reader) {
-    if (absl::Status own = RequireSubmission(reader, id); !own.ok()) return own;
-    const absl::StatusOr<SubmissionRow> row = reader.Submission(id);
-    if (!row.ok()) return row.status();
+    RETURN_IF_ERROR(RequireSubmission(reader, id));
+    ASSIGN_OR_RETURN(const SubmissionRow row, reader.Submission(id));
     // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
-    sight = SightOfPhase(reader, context_, row->phase);
+    sight = SightOfPhase(reader, context_, row.phase);
     return sight.status();
   });
   if (!status.ok()) return ErrorOf(status);
@@ -172,18 +169,16 @@ ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json&
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-      absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
-      if (!submission.ok()) return submission.status();
-      const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
-      if (!marks.ok()) return marks.status();
+      ASSIGN_OR_RETURN(SubmissionRow submission, reader.Submission(id));
+      ASSIGN_OR_RETURN(const std::vector<MarkRow> marks, reader.MarkHistory(id));
       answer.body = {{"submission", id},
-                     {"team", submission->team},
-                     {"track", submission->track},
-                     {"profile", submission->profile},
+                     {"team", submission.team},
+                     {"track", submission.track},
+                     {"profile", submission.profile},
                      {"mark", wanted->mark},
                      {"set", wanted->set},
                      {"changed", *changed},
-                     {"marks", MarksToJson(*marks)}};
+                     {"marks", MarksToJson(marks)}};
       return absl::OkStatus();
     });
   }

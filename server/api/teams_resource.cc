@@ -9,6 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
@@ -63,11 +64,10 @@ void AddHistory(Reader& reader, const std::string& team, Json& body) {
 }
 
 absl::StatusOr<Json> WholeTeam(Reader& reader, const std::string& name) {
-  const absl::StatusOr<TeamRow> team = reader.Team(name);
-  if (!team.ok()) return team.status();
-  Json body = TeamToJson(*team);
-  body["submissions"] = reader.SubmissionsOf(team->name);
-  AddHistory(reader, team->name, body);
+  ASSIGN_OR_RETURN(const TeamRow team, reader.Team(name));
+  Json body = TeamToJson(team);
+  body["submissions"] = reader.SubmissionsOf(team.name);
+  AddHistory(reader, team.name, body);
   return body;
 }
 
@@ -146,7 +146,7 @@ ApiResult TeamsResource::Get(const httplib::Request& request) const {
   if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<Json> body = absl::InternalError("");
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    if (absl::Status own = RequireTeam(reader, TeamIn(request)); !own.ok()) return own;
+    RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
     body = WholeTeam(reader, TeamIn(request));
     return body.status();
   });
@@ -187,8 +187,7 @@ ApiResult TeamsResource::Create(const httplib::Request&, const Json& body) const
   NoteAct(absl::StrCat("team ", team), "created");
   return Change(team,
                 [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
-                  const absl::StatusOr<std::string> made = writer.CreateTeam(team, who, why);
-                  if (!made.ok()) return made.status();
+                  RETURN_IF_ERROR(writer.CreateTeam(team, who, why).status());
                   return true;
                 },
                 201);
@@ -243,15 +242,14 @@ ApiResult TeamsResource::Ban(const httplib::Request& request, const Json& body) 
 absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
                                                    const std::string& into) const {
   Json body;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    if (absl::Status mergeable = reader.CheckMerge(team, into); !mergeable.ok()) return mergeable;
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+    RETURN_IF_ERROR(reader.CheckMerge(team, into));
     const std::string from = reader.TeamOf(team);
     const std::string to = reader.TeamOf(into);
     std::set<std::string> members;
     for (const std::string& one : {from, to}) {
-      const absl::StatusOr<TeamRow> row = reader.Team(one);
-      if (!row.ok()) return row.status();
-      members.insert(row->members.begin(), row->members.end());
+      ASSIGN_OR_RETURN(const TeamRow row, reader.Team(one));
+      members.insert(row.members.begin(), row.members.end());
     }
     const int64_t submissions = reader.SubmissionsOf(from);
     body = {{"team", from},
@@ -280,8 +278,7 @@ absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
       body["phases"].push_back(std::move(sums));
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return body;
 }
 

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <utility>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 
 namespace myograde::server {
@@ -49,7 +50,7 @@ int NoPassphrase(char*, int, int, void* asked) {
 using Key = std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)>;
 
 absl::StatusOr<Key> ReadKey(const std::string& path) {
-  if (absl::Status status = CheckFileReadable(path, "key"); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckFileReadable(path, "key"));
   const std::unique_ptr<BIO, decltype(&BIO_free)> file(BIO_new_file(path.c_str(), "r"), BIO_free);
   bool asked = false;
   Key key(file == nullptr ? nullptr
@@ -214,19 +215,18 @@ absl::StatusOr<std::shared_ptr<const TlsContext>> TlsContext::Load(const std::st
   Context context(SSL_CTX_new(TLS_server_method()));
   if (context == nullptr) return absl::InternalError(absl::StrCat("OpenSSL: ", TlsReason()));
   SetRules(context.get());
-  if (absl::Status status = CheckFileReadable(certificate, "certificate"); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckFileReadable(certificate, "certificate"));
   if (SSL_CTX_use_certificate_chain_file(context.get(), certificate.c_str()) != 1) {
     return WrongFile(certificate, absl::StrCat("holds no certificate in PEM that can be used (",
                                                TlsReason(), ")"));
   }
-  const absl::StatusOr<Key> private_key = ReadKey(key);
-  if (!private_key.ok()) return private_key.status();
+  ASSIGN_OR_RETURN(const Key private_key, ReadKey(key));
   const X509* own = SSL_CTX_get0_certificate(context.get());
-  if (X509_check_private_key(own, private_key->get()) != 1) {
+  if (X509_check_private_key(own, private_key.get()) != 1) {
     ERR_clear_error();
     return WrongFile(key, absl::StrCat("is not the key of the certificate ", certificate));
   }
-  if (SSL_CTX_use_PrivateKey(context.get(), private_key->get()) != 1) {
+  if (SSL_CTX_use_PrivateKey(context.get(), private_key.get()) != 1) {
     return WrongFile(key, absl::StrCat("the key can't be used (", TlsReason(), ")"));
   }
   std::string warning = WarningOf(certificate, own, key);

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/access/token_text.h"
 #include "server/api/paging.h"
 #include "server/api/requests.h"
@@ -80,9 +81,9 @@ absl::StatusOr<NewToken> ParseToken(const Json& body, int64_t now_ms) {
                                            : "is only for tokens of participants; leave it out");
   }
   token.expires_at = ReadExpiry(reader, now_ms);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   if (!token.team.empty()) {
-    if (absl::Status status = CheckTeam(token.team); !status.ok()) return status;
+    RETURN_IF_ERROR(CheckTeam(token.team));
   }
   return token;
 }
@@ -176,9 +177,8 @@ ApiResult TokensResource::Revoke(const httplib::Request& request, const Json& bo
 ApiResult TokensResource::Show(int64_t id, int http, Json more) const {
   ApiAnswer answer{http};
   const absl::Status status = context_.readers.Read([&](Reader& reader) {
-    const absl::StatusOr<TokenRow> token = reader.Token(id);
-    if (!token.ok()) return token.status();
-    answer.body = TokenToJson(*token, absl::ToUnixMillis(context_.clock.Now()));
+    ASSIGN_OR_RETURN(const TokenRow token, reader.Token(id));
+    answer.body = TokenToJson(token, absl::ToUnixMillis(context_.clock.Now()));
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

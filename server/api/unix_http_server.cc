@@ -19,6 +19,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/peer_key.h"
 
 namespace myograde::server {
@@ -280,16 +281,15 @@ BodyRule UnixHttpServer::RuleOf(const RequestHead& head) const {
 }
 
 absl::Status UnixHttpServer::Bind(const std::string& path) {
-  absl::StatusOr<sockaddr_un> address = AddressOf(path);
-  if (!address.ok()) return address.status();
-  if (absl::Status status = MakeRoom(path, *address); !status.ok()) return status;
+  ASSIGN_OR_RETURN(sockaddr_un address, AddressOf(path));
+  RETURN_IF_ERROR(MakeRoom(path, address));
   listener_ = Fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!listener_.valid()) return Failed(path, "made");
   // Born with no rights for others; they come before anybody can connect. The kernel takes the
   // socket's own mode for its file; the mask would be the whole process', whose other threads make
   // files at this moment.
   if (fchmod(listener_.get(), 0600) != 0) return Failed(path, "given its rights");
-  if (bind(listener_.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof(*address)) != 0) {
+  if (bind(listener_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
     return Failed(path, "bound; check the folder's rights");
   }
   path_ = path;
@@ -299,9 +299,7 @@ absl::Status UnixHttpServer::Bind(const std::string& path) {
 }
 
 absl::Status UnixHttpServer::OpenNetwork(const ListenConfig& config, Fd handed) {
-  absl::StatusOr<std::unique_ptr<NetworkDoor>> door = NetworkDoor::Open(config, std::move(handed));
-  if (!door.ok()) return door.status();
-  network_ = *std::move(door);
+  ASSIGN_OR_RETURN(network_, NetworkDoor::Open(config, std::move(handed)));
   return absl::OkStatus();
 }
 
@@ -310,7 +308,7 @@ void UnixHttpServer::ReloadCertificate() {
 }
 
 absl::Status UnixHttpServer::Start(const std::string& path) {
-  if (absl::Status status = Bind(path); !status.ok()) return status;
+  RETURN_IF_ERROR(Bind(path));
   Begin();
   return absl::OkStatus();
 }

@@ -10,6 +10,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/artefact/archive_errors.h"
 
 namespace myograde::server {
@@ -57,9 +58,8 @@ absl::StatusOr<std::string_view> CheckedStream::Next() {
 
 absl::Status CheckedStream::Finish() {
   for (;;) {
-    const absl::StatusOr<std::string_view> piece = Next();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) break;
+    ASSIGN_OR_RETURN(const std::string_view piece, Next());
+    if (piece.empty()) break;
   }
   sha256_ = hash_.FinishHex();
   return absl::OkStatus();
@@ -128,11 +128,10 @@ absl::Status StreamArchive::Failure(std::string_view what) const {
 absl::StatusOr<std::string_view> DecompressedStream::Next() {
   if (!open_) {
     open_ = true;
-    if (absl::Status status = archive_.Open(); !status.ok()) return status;
+    RETURN_IF_ERROR(archive_.Open());
     archive_entry* entry = nullptr;
-    const absl::StatusOr<bool> content = archive_.NextEntry(&entry);
-    if (!content.ok()) return content.status();
-    empty_ = !*content;
+    ASSIGN_OR_RETURN(const bool content, archive_.NextEntry(&entry));
+    empty_ = !content;
   }
   if (empty_) return std::string_view();
   return archive_.NextData();

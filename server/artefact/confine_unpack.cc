@@ -22,6 +22,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/listing.h"
 
 namespace myograde::server {
@@ -79,7 +80,7 @@ absl::Status EnterUserNamespace() {
   for (const auto& [path, text] : {std::pair("/proc/self/setgroups", std::string("deny")),
                                    std::pair("/proc/self/gid_map", gid),
                                    std::pair("/proc/self/uid_map", uid)}) {
-    if (absl::Status status = Write(path, text); !status.ok()) return status;
+    RETURN_IF_ERROR(Write(path, text));
   }
   return absl::OkStatus();
 }
@@ -88,7 +89,7 @@ absl::Status EnterFolder(int folder) {
   if (::fchdir(folder) != 0) return HostError("can't enter the folder to unpack into");
   if (::chroot(".") == 0) return absl::OkStatus();
   if (errno != EPERM) return HostError("can't make the folder to unpack into its own root");
-  if (absl::Status status = EnterUserNamespace(); !status.ok()) return status;
+  RETURN_IF_ERROR(EnterUserNamespace());
   return ::chroot(".") == 0 ? absl::OkStatus()
                             : HostError("can't make the folder to unpack into its own root");
 }
@@ -140,8 +141,8 @@ absl::Status LoadFilter() {
 
 absl::Status ConfineUnpacking(int folder) {
   UseLibrariesOnce();
-  if (absl::Status status = EnterFolder(folder); !status.ok()) return status;
-  if (absl::Status status = DropRights(); !status.ok()) return status;
+  RETURN_IF_ERROR(EnterFolder(folder));
+  RETURN_IF_ERROR(DropRights());
   return LoadFilter();
 }
 

@@ -10,6 +10,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/archive_errors.h"
 
 namespace myograde::server {
@@ -70,11 +71,10 @@ std::string PlainMemberName(const std::string& name) {
 absl::StatusOr<std::string_view> MemberStream::Next() {
   if (!open_) {
     open_ = true;
-    if (absl::Status status = archive_.Open(); !status.ok()) return status;
+    RETURN_IF_ERROR(archive_.Open());
     archive_entry* entry = nullptr;
-    const absl::StatusOr<bool> found = archive_.NextEntry(&entry);
-    if (!found.ok()) return found.status();
-    if (!*found) return absl::InvalidArgumentError("a member of the image is cut off");
+    ASSIGN_OR_RETURN(const bool found, archive_.NextEntry(&entry));
+    if (!found) return absl::InvalidArgumentError("a member of the image is cut off");
   }
   return archive_.NextData();
 }
@@ -105,17 +105,14 @@ bool ImageArchive::MayBe(int file) {
 absl::StatusOr<ImageArchive> ImageArchive::Index(int file) {
   FileStream stream(file);
   StreamArchive archive(stream, StreamArchive::Form::kTar);
-  if (absl::Status status = archive.Open(); !status.ok()) return status;
+  RETURN_IF_ERROR(archive.Open());
   ImageArchive image;
   image.file_ = file;
   for (;;) {
     archive_entry* entry = nullptr;
-    const absl::StatusOr<bool> found = archive.NextEntry(&entry);
-    if (!found.ok()) return found.status();
-    if (!*found) return image;
-    if (absl::Status status = image.Take(entry, archive.header_position()); !status.ok()) {
-      return status;
-    }
+    ASSIGN_OR_RETURN(const bool found, archive.NextEntry(&entry));
+    if (!found) return image;
+    RETURN_IF_ERROR(image.Take(entry, archive.header_position()));
   }
 }
 
@@ -139,9 +136,8 @@ absl::Status ImageArchive::Take(archive_entry* entry, int64_t position) {
     return BadImage(absl::StrCat("has the member ", Quoted(name), ", which is a sparse file"));
   }
   if (const auto [there, added] = members_.emplace(name, member); !added) {
-    const absl::StatusOr<bool> equal = Equal(there->second, member);
-    if (!equal.ok()) return equal.status();
-    if (!*equal) {
+    ASSIGN_OR_RETURN(const bool equal, Equal(there->second, member));
+    if (!equal) {
       return BadImage(absl::StrCat("has the member ", Quoted(name), " twice, with other content"));
     }
   }
@@ -157,7 +153,7 @@ absl::StatusOr<bool> ImageArchive::Equal(const Member& a, const Member& b) const
     MemberStream stream(file_, i == 0 ? a.position : b.position);
     int64_t left = a.size;
     CheckedStream checked(stream, "a member", left);
-    if (absl::Status read = checked.Finish(); !read.ok()) return read;
+    RETURN_IF_ERROR(checked.Finish());
     digests[i] = checked.sha256();
   }
   return digests[0] == digests[1];
@@ -186,50 +182,45 @@ absl::StatusOr<std::string> ImageArchive::Find(const std::string& name) const {
 }
 
 absl::StatusOr<std::string> ImageArchive::TextOf(const std::string& name) const {
-  const absl::StatusOr<std::string> member = Find(name);
-  if (!member.ok()) return member.status();
-  if (SizeOf(*member) > kMaxImageJson) {
+  ASSIGN_OR_RETURN(const std::string member, Find(name));
+  if (SizeOf(member) > kMaxImageJson) {
     return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
   }
-  const std::unique_ptr<MemberStream> stream = Open(*member);
+  const std::unique_ptr<MemberStream> stream = Open(member);
   std::string text;
   while (std::ssize(text) <= kMaxImageJson) {
-    const absl::StatusOr<std::string_view> piece = stream->Next();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) return text;
-    text += *piece;
+    ASSIGN_OR_RETURN(const std::string_view piece, stream->Next());
+    if (piece.empty()) return text;
+    text += piece;
   }
   return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
 }
 
 absl::StatusOr<Json> ImageArchive::JsonOf(const std::string& name) const {
-  const absl::StatusOr<std::string> text = TextOf(name);
-  if (!text.ok()) return text.status();
-  return ParseJson(*text, absl::StrCat("the image's ", Quoted(name)));
+  ASSIGN_OR_RETURN(const std::string text, TextOf(name));
+  return ParseJson(text, absl::StrCat("the image's ", Quoted(name)));
 }
 
 absl::StatusOr<Json> ImageArchive::BlobOf(const Described& described, const std::string& what) const {
-  const absl::StatusOr<std::string> text = TextOf(BlobName(described.sha256));
-  if (!text.ok()) return text.status();
-  if (std::ssize(*text) != described.size) {
-    return BadImage(absl::StrCat("has a ", what, " of ", text->size(), " bytes where its archive states ",
+  ASSIGN_OR_RETURN(const std::string text, TextOf(BlobName(described.sha256)));
+  if (std::ssize(text) != described.size) {
+    return BadImage(absl::StrCat("has a ", what, " of ", text.size(), " bytes where its archive states ",
                                  described.size, "; save the image again"));
   }
-  if (Sha256Hex(*text) != described.sha256) {
+  if (Sha256Hex(text) != described.sha256) {
     return BadImage(absl::StrCat("has a ", what, " whose digest is not the stated one; save the image again"));
   }
-  return ParseJson(*text, absl::StrCat("the image's ", what));
+  return ParseJson(text, absl::StrCat("the image's ", what));
 }
 
 absl::StatusOr<ImageArchive::Described> ImageArchive::Descriptor(const nlohmann::json& json,
                                                                  const std::string& where) const {
-  const absl::StatusOr<std::string> sha256 = DigestOf(TextAt(json, "digest"), where);
-  if (!sha256.ok()) return sha256.status();
+  ASSIGN_OR_RETURN(const std::string sha256, DigestOf(TextAt(json, "digest"), where));
   const nlohmann::json& size = At(json, "size");
   if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
     return BadImage(absl::StrCat("states no size for its ", where));
   }
-  return Described{*sha256, size.get<int64_t>(), ""};
+  return Described{sha256, size.get<int64_t>(), ""};
 }
 
 absl::StatusOr<ImageContent> ImageArchive::Read() const {
@@ -248,62 +239,54 @@ absl::StatusOr<ImageContent> ImageArchive::Read() const {
 }
 
 absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
-  const absl::StatusOr<nlohmann::json> images = JsonOf("manifest.json");
-  if (!images.ok()) return images.status();
-  if (images->contains("schemaVersion")) {
+  ASSIGN_OR_RETURN(const nlohmann::json images, JsonOf("manifest.json"));
+  if (images.contains("schemaVersion")) {
     return absl::InvalidArgumentError(
         "the archive holds an image as \"skopeo copy IMAGE dir:FOLDER\" writes it; save it with "
         "\"skopeo copy IMAGE oci-archive:FILE.tar\"");
   }
-  if (!ListsOneImage(*images)) {
+  if (!ListsOneImage(images)) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the archive's manifest.json lists ", images->is_array() ? images->size() : 0,
+        "the archive's manifest.json lists ", images.is_array() ? images.size() : 0,
         " images; save exactly one"));
   }
-  const nlohmann::json& image = (*images)[0];
+  const nlohmann::json& image = images[0];
   const std::string config_name = TextAt(image, "Config");
-  const absl::StatusOr<std::string> text = TextOf(config_name);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text, TextOf(config_name));
   // Its name is its digest, wherever tools put it.
   const std::string base = config_name.substr(config_name.rfind('/') + 1);
-  if (IsHexDigest(base) && Sha256Hex(*text) != base.substr(0, kHexDigits)) {
+  if (IsHexDigest(base) && Sha256Hex(text) != base.substr(0, kHexDigits)) {
     return BadImage("has a config whose digest is not its name; save the image again");
   }
-  const absl::StatusOr<nlohmann::json> config = ParseJson(*text, "the image's config");
-  if (!config.ok()) return config.status();
-  absl::StatusOr<ImageConfig> read = ReadImageConfig(*config);
-  if (!read.ok()) return read.status();
-  ImageContent content = {.config = *std::move(read), .layers = {}, .tag = {}};
+  ASSIGN_OR_RETURN(const nlohmann::json config, ParseJson(text, "the image's config"));
+  ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
+  ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
   for (const nlohmann::json& layer : At(image, "Layers")) {
     if (!layer.is_string()) return BadImage("lists a layer that is no name");
-    absl::StatusOr<std::string> member = Find(layer.get<std::string>());
-    if (!member.ok()) return member.status();
-    content.layers.push_back({.member = *std::move(member), .sha256 = {}, .diff_id = {}});
+    ASSIGN_OR_RETURN(std::string member, Find(layer.get<std::string>()));
+    content.layers.push_back({.member = std::move(member), .sha256 = {}, .diff_id = {}});
   }
-  content.tag = TagOfDockerManifest(*images);
+  content.tag = TagOfDockerManifest(images);
   return content;
 }
 
 absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const nlohmann::json& entry) const {
   absl::StatusOr<Described> described = Descriptor(entry, "index");
   if (!described.ok()) return described;
-  if (absl::Status found = Find(BlobName(described->sha256)).status(); !found.ok()) return found;
+  RETURN_IF_ERROR(Find(BlobName(described->sha256)).status());
   described->variant = TextAt(At(entry, "platform"), "variant");
   return described;
 }
 
 absl::StatusOr<nlohmann::json> ImageArchive::ConfigOf(const nlohmann::json& manifest) const {
-  const absl::StatusOr<Described> about = Descriptor(At(manifest, "config"), "config");
-  if (!about.ok()) return about.status();
-  return BlobOf(*about, "config");
+  ASSIGN_OR_RETURN(const Described about, Descriptor(At(manifest, "config"), "config"));
+  return BlobOf(about, "config");
 }
 
 absl::StatusOr<std::string> ImageArchive::PlatformOf(const Described& described) const {
-  const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
-  if (!manifest.ok()) return manifest.status();
-  const absl::StatusOr<nlohmann::json> config = ConfigOf(*manifest);
-  if (!config.ok()) return config.status();
-  return PlatformName(*config);
+  ASSIGN_OR_RETURN(const nlohmann::json manifest, BlobOf(described, "manifest"));
+  ASSIGN_OR_RETURN(const nlohmann::json config, ConfigOf(manifest));
+  return PlatformName(config);
 }
 
 absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
@@ -326,31 +309,27 @@ absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
     }
     if (is_index) {
       if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
-      const absl::StatusOr<nlohmann::json> inner = BlobOf(*described, "index");
-      if (!inner.ok()) return inner.status();
-      if (absl::Status status = Collect(*inner, depth + 1, candidates); !status.ok()) return status;
+      ASSIGN_OR_RETURN(const nlohmann::json inner, BlobOf(*described, "index"));
+      RETURN_IF_ERROR(Collect(inner, depth + 1, candidates));
       continue;
     }
-    const absl::StatusOr<bool> image = IsOfImage(*described);
-    if (!image.ok()) return image.status();
-    if (!*image) continue;
-    const absl::StatusOr<std::string> name =
-        platform.is_object() ? PlatformName(platform) : PlatformOf(*described);
-    if (!name.ok()) return name.status();
-    if (*name == kPlatform) {
+    ASSIGN_OR_RETURN(const bool image, IsOfImage(*described));
+    if (!image) continue;
+    ASSIGN_OR_RETURN(const std::string name,
+                     platform.is_object() ? PlatformName(platform) : PlatformOf(*described));
+    if (name == kPlatform) {
       candidates.fitting.emplace(described->sha256, *described);
     } else {
-      other(*name);
+      other(name);
     }
   }
   return absl::OkStatus();
 }
 
 absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
-  const absl::StatusOr<nlohmann::json> index = JsonOf("index.json");
-  if (!index.ok()) return index.status();
+  ASSIGN_OR_RETURN(const nlohmann::json index, JsonOf("index.json"));
   Candidates candidates;
-  if (absl::Status collected = Collect(*index, 1, candidates); !collected.ok()) return collected;
+  RETURN_IF_ERROR(Collect(index, 1, candidates));
   std::map<std::string, Described>& fitting = candidates.fitting;
   if (fitting.empty() && !candidates.unusable.ok()) return candidates.unusable;
   if (fitting.empty() && !candidates.others.empty()) {
@@ -367,21 +346,20 @@ absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
   }
   absl::StatusOr<ImageContent> content = ReadManifest(fitting.begin()->second);
   if (!content.ok()) return content;
-  content->tag = TagOfIndex(*index);
+  content->tag = TagOfIndex(index);
   return content;
 }
 
 absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
-  const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
-  if (!manifest.ok()) return manifest.status();
-  if (!TextAt(*manifest, "artifactType").empty() || manifest->contains("subject")) return false;
-  const std::string kind = TextAt(At(*manifest, "config"), "mediaType");
+  ASSIGN_OR_RETURN(const nlohmann::json manifest, BlobOf(described, "manifest"));
+  if (!TextAt(manifest, "artifactType").empty() || manifest.contains("subject")) return false;
+  const std::string kind = TextAt(At(manifest, "config"), "mediaType");
   if (kind != "application/vnd.oci.image.config.v1+json" &&
       kind != "application/vnd.docker.container.image.v1+json") {
     return false;
   }
   // Signatures have an image's config, and layers that are no archives.
-  const nlohmann::json& layers = At(*manifest, "layers");
+  const nlohmann::json& layers = At(manifest, "layers");
   return std::all_of(layers.begin(), layers.end(), [](const nlohmann::json& layer) {
     const std::string layer_kind = TextAt(layer, "mediaType");
     return layer_kind.find("layer") != std::string::npos || layer_kind.find("rootfs") != std::string::npos;
@@ -389,26 +367,21 @@ absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
 }
 
 absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& described) const {
-  const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
-  if (!manifest.ok()) return manifest.status();
-  const absl::StatusOr<nlohmann::json> config = ConfigOf(*manifest);
-  if (!config.ok()) return config.status();
-  absl::StatusOr<ImageConfig> read = ReadImageConfig(*config);
-  if (!read.ok()) return read.status();
-  ImageContent content = {.config = *std::move(read), .layers = {}, .tag = {}};
-  for (const nlohmann::json& layer : At(*manifest, "layers")) {
+  ASSIGN_OR_RETURN(const nlohmann::json manifest, BlobOf(described, "manifest"));
+  ASSIGN_OR_RETURN(const nlohmann::json config, ConfigOf(manifest));
+  ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
+  ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
+  for (const nlohmann::json& layer : At(manifest, "layers")) {
     const std::string kind = TextAt(layer, "mediaType");
     if (kind.find("encrypted") != std::string::npos || kind.find("foreign") != std::string::npos) {
       return BadImage(absl::StrCat("has a layer of the kind ", Quoted(kind),
                                    ", which is not in the archive as it is; save it without"));
     }
-    const absl::StatusOr<Described> stated = Descriptor(layer, "layer");
-    if (!stated.ok()) return stated.status();
-    absl::StatusOr<std::string> member = Find(BlobName(stated->sha256));
-    if (!member.ok()) return member.status();
-    content.layers.push_back({.member = *std::move(member),
-                              .sha256 = stated->sha256,
-                              .size = stated->size,
+    ASSIGN_OR_RETURN(const Described stated, Descriptor(layer, "layer"));
+    ASSIGN_OR_RETURN(std::string member, Find(BlobName(stated.sha256)));
+    content.layers.push_back({.member = std::move(member),
+                              .sha256 = stated.sha256,
+                              .size = stated.size,
                               .diff_id = {}});
   }
   return content;

@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/artefact/listing.h"
 
 namespace myograde::server {
@@ -38,10 +39,9 @@ absl::StatusOr<std::vector<std::string>> Texts(const Json& json, std::string_vie
 }
 
 absl::Status ReadVariables(const Json& config, PolicyImage& image) {
-  const absl::StatusOr<std::vector<std::string>> variables = Texts(config, "Env");
-  if (!variables.ok()) return variables.status();
+  ASSIGN_OR_RETURN(const std::vector<std::string> variables, Texts(config, "Env"));
   size_t bytes = 0;
-  for (const std::string& variable : *variables) {
+  for (const std::string& variable : variables) {
     const size_t equals = variable.find('=');
     if (equals == 0 || equals == std::string::npos) continue;
     const std::string name = variable.substr(0, equals);
@@ -136,11 +136,10 @@ absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
   ImageConfig read;
   const Json& config = At(json, "config");
   for (const char* key : {"Entrypoint", "Cmd"}) {
-    const absl::StatusOr<std::vector<std::string>> words = Texts(config, key);
-    if (!words.ok()) return words.status();
-    read.command.insert(read.command.end(), words->begin(), words->end());
+    ASSIGN_OR_RETURN(const std::vector<std::string> words, Texts(config, key));
+    read.command.insert(read.command.end(), words.begin(), words.end());
   }
-  if (absl::Status status = ReadVariables(config, read.image); !status.ok()) return status;
+  RETURN_IF_ERROR(ReadVariables(config, read.image));
   read.user = TextAt(config, "User");
   if (const std::string folder = TextAt(config, "WorkingDir"); !folder.empty()) {
     read.image.working_dir = folder;
@@ -148,16 +147,14 @@ absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
   if (!read.image.working_dir.starts_with('/')) {
     return BadConfig("has a working folder that is no absolute path");
   }
-  absl::StatusOr<std::vector<std::string>> ids = Texts(At(json, "rootfs"), "diff_ids");
-  if (!ids.ok()) return ids.status();
-  if (ids->empty() || ids->size() > kMaxLayers) {
-    return BadConfig(absl::StrCat("lists ", ids->size(), " layers; 1 to ", kMaxLayers,
+  ASSIGN_OR_RETURN(std::vector<std::string> ids, Texts(At(json, "rootfs"), "diff_ids"));
+  if (ids.empty() || ids.size() > kMaxLayers) {
+    return BadConfig(absl::StrCat("lists ", ids.size(), " layers; 1 to ", kMaxLayers,
                                   " are possible"));
   }
-  for (const std::string& id : *ids) {
-    absl::StatusOr<std::string> hex = DigestOf(id, "config");
-    if (!hex.ok()) return hex.status();
-    read.diff_ids.push_back(*std::move(hex));
+  for (const std::string& id : ids) {
+    ASSIGN_OR_RETURN(std::string hex, DigestOf(id, "config"));
+    read.diff_ids.push_back(std::move(hex));
   }
   return read;
 }

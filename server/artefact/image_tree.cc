@@ -13,6 +13,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/image_config.h"
 
@@ -52,12 +53,11 @@ absl::Status ImageTree::AddLayer(StreamArchive& layer) {
   ++layer_;
   for (;;) {
     archive_entry* entry = nullptr;
-    const absl::StatusOr<bool> found = layer.NextEntry(&entry);
-    if (!found.ok()) return found.status();
-    if (!*found) return absl::OkStatus();
+    ASSIGN_OR_RETURN(const bool found, layer.NextEntry(&entry));
+    if (!found) return absl::OkStatus();
     // Layers name again what they change, so there may be more headers than files.
     if (++headers_ > 2 * limits_.files) return names_.TooManyEntries("its layers");
-    if (absl::Status status = Take(layer, entry); !status.ok()) return status;
+    RETURN_IF_ERROR(Take(layer, entry));
   }
 }
 
@@ -69,23 +69,21 @@ absl::Status ImageTree::Take(StreamArchive& layer, archive_entry* entry) {
   // An image's paths begin at its root, with or without a slash.
   std::string_view from_root = raw;
   while (from_root.starts_with('/')) from_root.remove_prefix(1);
-  const absl::StatusOr<std::string> clean = names_.CleanPath(from_root);
-  if (!clean.ok()) return clean.status();
-  if (clean->empty()) {
+  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(from_root));
+  if (clean.empty()) {
     return archive_entry_filetype(entry) == AE_IFDIR
                ? absl::OkStatus()
                : BadEntry("/", "is no folder, and an image's top must be one");
   }
-  const absl::StatusOr<std::string> path = Real(*clean, /*last=*/false);
-  if (!path.ok()) return path.status();
-  const std::string name = LastName(*path);
-  if (name == kOpaque) return Remove(FolderName(*path), /*itself=*/false, /*of_this_layer=*/false);
+  ASSIGN_OR_RETURN(const std::string path, Real(clean, /*last=*/false));
+  const std::string name = LastName(path);
+  if (name == kOpaque) return Remove(FolderName(path), /*itself=*/false, /*of_this_layer=*/false);
   if (name.starts_with(kEngineOwn)) return absl::OkStatus();
   if (name.starts_with(kWhiteout)) {
-    return Whiteout(FolderName(*path), name.substr(kWhiteout.size()));
+    return Whiteout(FolderName(path), name.substr(kWhiteout.size()));
   }
-  if (IsReplaced(*path)) return absl::OkStatus();
-  return Put(*path, layer, entry);
+  if (IsReplaced(path)) return absl::OkStatus();
+  return Put(path, layer, entry);
 }
 
 absl::Status ImageTree::Whiteout(const std::string& folder, const std::string& name) {
@@ -110,10 +108,8 @@ absl::Status ImageTree::Put(const std::string& path, StreamArchive& layer, archi
     return BadEntry(path, "is a device node, a named pipe or a socket; images may have devices "
                           "in /dev only, which the sandbox replaces by its own");
   }
-  if (absl::Status removed = Remove(path, /*itself=*/true, /*of_this_layer=*/true); !removed.ok()) {
-    return removed;
-  }
-  if (absl::Status made = MakeFoldersOf(path); !made.ok()) return made;
+  RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
+  RETURN_IF_ERROR(MakeFoldersOf(path));
   if (folder) return MakeFolder(path);
   if (type == AE_IFREG) return PutFile(path, layer, entry);
   const char* target = archive_entry_symlink(entry);
@@ -126,8 +122,7 @@ absl::Status ImageTree::PutFile(const std::string& path, StreamArchive& layer,
                  .time = KeptTime(archive_entry_mtime(entry))};
   // A claimed size proves nothing, but one above the limit can be rejected at once.
   if (archive_entry_size_is_set(entry) != 0) {
-    absl::Status fits = names_.CheckRoom(path, archive_entry_size(entry));
-    if (!fits.ok()) return fits;
+    RETURN_IF_ERROR(names_.CheckRoom(path, archive_entry_size(entry)));
   }
   return Write(path, std::move(about), [&] { return layer.NextData(); });
 }
@@ -135,26 +130,22 @@ absl::Status ImageTree::PutFile(const std::string& path, StreamArchive& layer,
 absl::Status ImageTree::PutHardLink(const std::string& path, const std::string& target) {
   std::string_view from_root = target;
   while (from_root.starts_with('/')) from_root.remove_prefix(1);
-  const absl::StatusOr<std::string> clean = names_.CleanPath(from_root);
-  if (!clean.ok()) return clean.status();
-  const absl::StatusOr<std::string> real = Real(*clean, /*last=*/false);
-  if (!real.ok()) return real.status();
-  if (*real == path) return absl::OkStatus();
-  if (absl::Status removed = Remove(path, /*itself=*/true, /*of_this_layer=*/true); !removed.ok()) {
-    return removed;
-  }
-  const auto found = nodes_.find(*real);
+  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(from_root));
+  ASSIGN_OR_RETURN(const std::string real, Real(clean, /*last=*/false));
+  if (real == path) return absl::OkStatus();
+  RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
+  const auto found = nodes_.find(real);
   if (found == nodes_.end() || found->second.entry.type == EntryType::kFolder) {
     return BadEntry(path, absl::StrCat("is a hard link to ", Quoted(target),
                                        ", which is no file of the image"));
   }
-  if (absl::Status made = MakeFoldersOf(path); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFoldersOf(path));
   const Entry original = found->second.entry;
   if (original.type == EntryType::kLink) return PutLink(path, original.target);
   // A copy: the file system's own links could be made to lead elsewhere, and need a further system
   // call. Equal files share their place on the disk later (share_files.h).
-  const Fd source = OpenBeneath(root_, *real, O_RDONLY | O_NONBLOCK);
-  if (!source.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(*real)));
+  const Fd source = OpenBeneath(root_, real, O_RDONLY | O_NONBLOCK);
+  if (!source.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(real)));
   FileStream bytes(source.get());
   return Write(path, Entry{.executable = original.executable, .time = original.time},
                [&] { return bytes.Next(); });
@@ -164,12 +155,10 @@ absl::Status ImageTree::PutLink(const std::string& path, const std::string& targ
   if (target.empty() || target.size() >= PATH_MAX) {
     return BadEntry(path, "is a symbolic link without a target, or with one that is too long");
   }
-  if (absl::Status plain = CheckLinkText(path, target); !plain.ok()) return plain;
-  const absl::StatusOr<Node*> node = Add(path, {.type = EntryType::kLink, .target = target});
-  if (!node.ok()) return node.status();
-  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
-  if (!folder.ok()) return folder.status();
-  if (::symlinkat(target.c_str(), folder->get(), LastName(path).c_str()) != 0) {
+  RETURN_IF_ERROR(CheckLinkText(path, target));
+  RETURN_IF_ERROR(Add(path, {.type = EntryType::kLink, .target = target}).status());
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
+  if (::symlinkat(target.c_str(), folder.get(), LastName(path).c_str()) != 0) {
     return HostError(absl::StrCat("can't make the link ", Quoted(path)));
   }
   return absl::OkStatus();
@@ -177,25 +166,22 @@ absl::Status ImageTree::PutLink(const std::string& path, const std::string& targ
 
 absl::Status ImageTree::Write(const std::string& path, Entry about,
                               const std::function<absl::StatusOr<std::string_view>()>& next) {
-  const absl::StatusOr<Node*> node = Add(path, std::move(about));
-  if (!node.ok()) return node.status();
-  Entry& entry = (*node)->entry;
-  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
-  if (!folder.ok()) return folder.status();
-  const Fd file(::openat(folder->get(), LastName(path).c_str(),
+  ASSIGN_OR_RETURN(Node* const node, Add(path, std::move(about)));
+  Entry& entry = node->entry;
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
+  const Fd file(::openat(folder.get(), LastName(path).c_str(),
                          O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
   Sha256 hash;
   for (;;) {
-    const absl::StatusOr<std::string_view> piece = next();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) break;
-    const auto size = static_cast<int64_t>(piece->size());
-    if (absl::Status counted = names_.AddBytes(path, size); !counted.ok()) return counted;
-    hash.Update(*piece);
+    ASSIGN_OR_RETURN(const std::string_view piece, next());
+    if (piece.empty()) break;
+    const auto size = static_cast<int64_t>(piece.size());
+    RETURN_IF_ERROR(names_.AddBytes(path, size));
+    hash.Update(piece);
     for (int64_t done = 0; done < size;) {
       const ssize_t put =
-          ::write(file.get(), piece->data() + done, static_cast<size_t>(size - done));
+          ::write(file.get(), piece.data() + done, static_cast<size_t>(size - done));
       if (put < 0 && errno == EINTR) continue;
       if (put <= 0) return HostError(absl::StrCat("can't write the file ", Quoted(path)));
       done += put;
@@ -251,7 +237,7 @@ absl::Status ImageTree::MakeFoldersOf(const std::string& path) {
     const std::string above = path.substr(0, slash);
     const auto found = nodes_.find(above);
     if (found == nodes_.end()) {
-      if (absl::Status made = MakeFolder(above); !made.ok()) return made;
+      RETURN_IF_ERROR(MakeFolder(above));
     } else {
       found->second.layer = layer_;
     }
@@ -260,13 +246,11 @@ absl::Status ImageTree::MakeFoldersOf(const std::string& path) {
 }
 
 absl::Status ImageTree::MakeFolder(const std::string& path) {
-  const absl::StatusOr<Node*> node = Add(path, {.type = EntryType::kFolder});
-  if (!node.ok()) return node.status();
-  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
-  if (!folder.ok()) return folder.status();
+  RETURN_IF_ERROR(Add(path, {.type = EntryType::kFolder}).status());
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
   const std::string name = LastName(path);
-  if (::mkdirat(folder->get(), name.c_str(), 0755) != 0 ||
-      ::fchmodat(folder->get(), name.c_str(), 0755, 0) != 0) {
+  if (::mkdirat(folder.get(), name.c_str(), 0755) != 0 ||
+      ::fchmodat(folder.get(), name.c_str(), 0755, 0) != 0) {
     return HostError(absl::StrCat("can't make the folder ", Quoted(path)));
   }
   return absl::OkStatus();
@@ -295,16 +279,15 @@ absl::Status ImageTree::Remove(const std::string& path, bool itself, bool of_thi
   // (Without std::views, whose form in GCC 12's library clang 14 can't compile.)
   for (auto one = chosen.rbegin(); one != chosen.rend(); ++one) {
     if (!of_this_layer && nodes_.at(*one).layer == layer_) continue;
-    if (absl::Status removed = RemoveOne(*one); !removed.ok()) return removed;
+    RETURN_IF_ERROR(RemoveOne(*one));
   }
   return absl::OkStatus();
 }
 
 absl::Status ImageTree::RemoveOne(const std::string& path) {
-  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
-  if (!folder.ok()) return folder.status();
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
   const bool is_folder = nodes_.at(path).entry.type == EntryType::kFolder;
-  if (::unlinkat(folder->get(), LastName(path).c_str(), is_folder ? AT_REMOVEDIR : 0) != 0) {
+  if (::unlinkat(folder.get(), LastName(path).c_str(), is_folder ? AT_REMOVEDIR : 0) != 0) {
     return HostError(absl::StrCat("can't remove ", Quoted(path)));
   }
   nodes_.erase(path);
@@ -319,53 +302,47 @@ absl::StatusOr<Fd> ImageTree::OpenFolderOf(const std::string& path) const {
 }
 
 absl::StatusOr<std::string> ImageTree::ReadText(const std::string& path) const {
-  const absl::StatusOr<std::string> real = Real(path, /*last=*/true);
-  if (!real.ok()) return real.status();
-  const auto found = nodes_.find(*real);
+  ASSIGN_OR_RETURN(const std::string real, Real(path, /*last=*/true));
+  const auto found = nodes_.find(real);
   if (found == nodes_.end() || found->second.entry.type != EntryType::kFile) return std::string();
   if (found->second.entry.size > kMaxUserFile) {
     return BadEntry(path, absl::StrCat("has more than ", kMaxUserFile, " bytes"));
   }
-  const Fd file = OpenBeneath(root_, *real, O_RDONLY | O_NONBLOCK);
-  if (!file.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(*real)));
+  const Fd file = OpenBeneath(root_, real, O_RDONLY | O_NONBLOCK);
+  if (!file.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(real)));
   std::string text;
   FileStream stream(file.get());
   for (;;) {
-    const absl::StatusOr<std::string_view> piece = stream.Next();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) return text;
-    text += *piece;
+    ASSIGN_OR_RETURN(const std::string_view piece, stream.Next());
+    if (piece.empty()) return text;
+    text += piece;
   }
 }
 
 absl::Status ImageTree::AddText(const std::string& path, std::string_view text) {
-  if (absl::Status removed = Remove(path, /*itself=*/true, /*of_this_layer=*/true); !removed.ok()) {
-    return removed;
-  }
-  if (absl::Status made = MakeFoldersOf(path); !made.ok()) return made;
+  RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
+  RETURN_IF_ERROR(MakeFoldersOf(path));
   return Write(path, Entry{}, [&] { return std::exchange(text, std::string_view()); });
 }
 
 absl::Status ImageTree::PlaceWorkingFolder(PolicyImage& image) {
   std::string_view from_root = image.working_dir;
   while (from_root.starts_with('/')) from_root.remove_prefix(1);
-  const absl::StatusOr<std::string> clean = names_.CleanPath(from_root);
-  if (!clean.ok()) return clean.status();
-  const absl::StatusOr<std::string> real = Real(*clean, /*last=*/true);
-  if (!real.ok()) return real.status();
-  image.working_dir = "/" + *real;
-  if (real->empty() || *real == "tmp") return absl::OkStatus();
-  if (IsReplaced(*real)) {
+  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(from_root));
+  ASSIGN_OR_RETURN(const std::string real, Real(clean, /*last=*/true));
+  image.working_dir = "/" + real;
+  if (real.empty() || real == "tmp") return absl::OkStatus();
+  if (IsReplaced(real)) {
     return BadEntry(image.working_dir, "is its working folder, which the sandbox replaces by its "
                                        "own; choose another WORKDIR");
   }
   // Engines make it if it is missing.
-  const auto found = nodes_.find(*real);
+  const auto found = nodes_.find(real);
   if (found != nodes_.end() && found->second.entry.type != EntryType::kFolder) {
     return BadEntry(image.working_dir, "is its working folder, but no folder");
   }
-  if (absl::Status made = MakeFoldersOf(*real); !made.ok()) return made;
-  return found == nodes_.end() ? MakeFolder(*real) : absl::OkStatus();
+  RETURN_IF_ERROR(MakeFoldersOf(real));
+  return found == nodes_.end() ? MakeFolder(real) : absl::OkStatus();
 }
 
 absl::Status ImageTree::Finish(std::string_view user, PolicyImage& image) {
@@ -378,22 +355,18 @@ absl::Status ImageTree::Finish(std::string_view user, PolicyImage& image) {
   if (nodes_.contains("etc/ld.so.preload")) {
     return BadEntry("/etc/ld.so.preload", "is not allowed; set LD_PRELOAD in the image's ENV");
   }
-  if (absl::Status placed = PlaceWorkingFolder(image); !placed.ok()) return placed;
-  absl::Status removed = Remove("etc/resolv.conf", /*itself=*/true, /*of_this_layer=*/true);
-  if (!removed.ok()) return removed;
-  absl::Status hosts = AddText("etc/hosts", kImageHosts);
-  if (!hosts.ok()) return hosts;
+  RETURN_IF_ERROR(PlaceWorkingFolder(image));
+  RETURN_IF_ERROR(Remove("etc/resolv.conf", /*itself=*/true, /*of_this_layer=*/true));
+  RETURN_IF_ERROR(AddText("etc/hosts", kImageHosts));
   size_t tops = 0;
   for (const auto& [path, node] : nodes_) tops += path.find('/') == std::string::npos ? 1 : 0;
   if (tops > kMaxTopNames) {
     return BadEntry("/", absl::StrCat("has ", tops, " names; put them into folders, of which it "
                                       "may have ", kMaxTopNames));
   }
-  const absl::StatusOr<std::string> passwd = ReadText("etc/passwd");
-  if (!passwd.ok()) return passwd.status();
-  const absl::StatusOr<std::string> group = ReadText("etc/group");
-  if (!group.ok()) return group.status();
-  if (absl::Status found = FindUser(user, *passwd, *group, image); !found.ok()) return found;
+  ASSIGN_OR_RETURN(const std::string passwd, ReadText("etc/passwd"));
+  ASSIGN_OR_RETURN(const std::string group, ReadText("etc/group"));
+  RETURN_IF_ERROR(FindUser(user, passwd, group, image));
   // Without such a folder the sandbox's own HOME serves better, which can be written.
   const std::string& home = image.environment["HOME"];
   const absl::StatusOr<std::string> real = Real(home, /*last=*/true);
@@ -406,16 +379,14 @@ absl::Status ImageTree::Finish(std::string_view user, PolicyImage& image) {
 
 absl::Status ImageTree::ListIn(Listing& listing) const {
   for (const auto& [path, node] : nodes_) {
-    const absl::StatusOr<std::string> clean =
-        listing.CleanPath(absl::StrCat(kImageFolder, "/", path));
-    if (!clean.ok()) return clean.status();
-    const absl::StatusOr<Entry*> entry = listing.Add(*clean, node.entry.type);
+    ASSIGN_OR_RETURN(const std::string clean,
+                     listing.CleanPath(absl::StrCat(kImageFolder, "/", path)));
+    const absl::StatusOr<Entry*> entry = listing.Add(clean, node.entry.type);
     if (!entry.ok()) return entry.status();
     const bool stated = (*entry)->stated;
     **entry = node.entry;
     (*entry)->stated = stated;
-    absl::Status counted = listing.AddBytes(*clean, node.entry.size);
-    if (!counted.ok()) return counted;
+    RETURN_IF_ERROR(listing.AddBytes(clean, node.entry.size));
   }
   return absl::OkStatus();
 }

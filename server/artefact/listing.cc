@@ -9,6 +9,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -148,7 +149,7 @@ absl::Status CheckLinkText(std::string_view path, std::string_view target) {
 }
 
 absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
-  if (absl::Status plain = CheckLinkText(path, target); !plain.ok()) return plain;
+  RETURN_IF_ERROR(CheckLinkText(path, target));
   if (target == ".." || target.starts_with("../") || target.ends_with("/..") ||
       target.find("/../") != std::string_view::npos) {
     return Broken(path, absl::StrCat("is a symbolic link to ", Quoted(target),

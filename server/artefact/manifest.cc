@@ -14,6 +14,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/program_head.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
@@ -253,7 +254,7 @@ absl::StatusOr<ArtefactManifest> ParseKeys(const nlohmann::json& json, std::stri
   CheckName(reader, manifest.name);
   if (own_command) CheckCommand(reader, manifest.command);
   CheckRuntimes(reader, manifest.runtimes);
-  if (absl::Status read = reader.Finish(); !read.ok()) return read;
+  RETURN_IF_ERROR(reader.Finish());
   return manifest;
 }
 
@@ -266,9 +267,8 @@ absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
 }
 
 absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
-  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(folder);
-  if (!submitted.ok()) return submitted.status();
-  return std::move(submitted->manifest);
+  ASSIGN_OR_RETURN(SubmittedManifest submitted, ReadSubmittedManifest(folder));
+  return std::move(submitted.manifest);
 }
 
 absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json) {
@@ -276,25 +276,21 @@ absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json) {
 }
 
 absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder, const std::string& name) {
-  const absl::StatusOr<std::string> text = ReadManifestText(folder);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "policy.json");
-  if (!json.ok()) return json.status();
-  if (!name.empty() && json->is_object()) (*json)["name"] = name;
+  ASSIGN_OR_RETURN(const std::string text, ReadManifestText(folder));
+  ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(text, "policy.json"));
+  if (!name.empty() && json.is_object()) json["name"] = name;
   SubmittedManifest submitted;
-  absl::StatusOr<ArtefactManifest> manifest = ParseKeys(*json, &submitted.image_file);
-  if (!manifest.ok()) return manifest.status();
-  submitted.manifest = *std::move(manifest);
-  submitted.json = *std::move(json);
+  ASSIGN_OR_RETURN(ArtefactManifest manifest, ParseKeys(json, &submitted.image_file));
+  submitted.manifest = std::move(manifest);
+  submitted.json = std::move(json);
   std::vector<std::string>& command = submitted.manifest.command;
   if (!submitted.image_file.empty()) {
-    if (absl::Status image = CheckImageFile(folder, submitted.image_file); !image.ok()) return image;
+    RETURN_IF_ERROR(CheckImageFile(folder, submitted.image_file));
     return submitted;
   }
   NameOwnProgram(folder, command[0]);
   if (command[0].find('/') != std::string::npos && command[0][0] != '/') {
-    const absl::Status program = CheckProgram(folder, command[0]);
-    if (!program.ok()) return program;
+    RETURN_IF_ERROR(CheckProgram(folder, command[0]));
   }
   return submitted;
 }

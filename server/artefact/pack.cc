@@ -18,6 +18,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/program_head.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
@@ -69,36 +70,33 @@ class FolderLister {
       if (name == nullptr) return errno == 0 ? absl::OkStatus() : Unreadable(folder);
       const std::string base = name->d_name;
       if (base == "." || base == "..") continue;
-      const absl::Status taken = Take(at, base, folder.empty() ? base : folder + "/" + base);
-      if (!taken.ok()) return taken;
+      RETURN_IF_ERROR(Take(at, base, folder.empty() ? base : folder + "/" + base));
     }
   }
 
  private:
   absl::Status Take(int at, const std::string& base, const std::string& raw_path) {
-    const absl::StatusOr<std::string> path = listing_.CleanPath(raw_path);
-    if (!path.ok()) return path.status();
+    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw_path));
     struct stat info = {};
-    if (::fstatat(at, base.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) return Unreadable(*path);
+    if (::fstatat(at, base.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) return Unreadable(path);
     if (S_ISDIR(info.st_mode)) {
-      const absl::StatusOr<Entry*> entry = listing_.Add(*path, EntryType::kFolder);
-      return entry.ok() ? List(*path) : entry.status();
+      const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kFolder);
+      return entry.ok() ? List(path) : entry.status();
     }
-    if (S_ISLNK(info.st_mode)) return TakeLink(at, base, *path);
+    if (S_ISLNK(info.st_mode)) return TakeLink(at, base, path);
     if (!S_ISREG(info.st_mode)) {
       return absl::InvalidArgumentError(
-          absl::StrCat(Quoted(*path), " is no file, folder or symbolic link; remove it"));
+          absl::StrCat(Quoted(path), " is no file, folder or symbolic link; remove it"));
     }
     if ((info.st_mode & (S_ISUID | S_ISGID)) != 0) {
       return absl::InvalidArgumentError(absl::StrCat(
-          Quoted(*path), " has the setuid or setgid bit; remove it with chmod a-s"));
+          Quoted(path), " has the setuid or setgid bit; remove it with chmod a-s"));
     }
-    const absl::StatusOr<Entry*> entry = listing_.Add(*path, EntryType::kFile);
-    if (!entry.ok()) return entry.status();
-    (*entry)->size = info.st_size;
-    (*entry)->time = KeptTime(info.st_mtim.tv_sec);
-    (*entry)->executable = (info.st_mode & 0111) != 0;
-    return listing_.AddBytes(*path, info.st_size);
+    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kFile));
+    entry->size = info.st_size;
+    entry->time = KeptTime(info.st_mtim.tv_sec);
+    entry->executable = (info.st_mode & 0111) != 0;
+    return listing_.AddBytes(path, info.st_size);
   }
 
   absl::Status TakeLink(int at, const std::string& base, const std::string& path) {
@@ -106,11 +104,9 @@ class FolderLister {
     const ssize_t size = ::readlinkat(at, base.c_str(), target.data(), target.size());
     if (size < 0) return Unreadable(path);
     const std::string text(target.data(), static_cast<size_t>(size));
-    const absl::Status good = CheckLinkTarget(path, text);
-    if (!good.ok()) return good;
-    const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kLink);
-    if (!entry.ok()) return entry.status();
-    (*entry)->target = text;
+    RETURN_IF_ERROR(CheckLinkTarget(path, text));
+    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kLink));
+    entry->target = text;
     return absl::OkStatus();
   }
 
@@ -190,8 +186,7 @@ absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& 
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return Unreadable(path);
     if (got == 0) return changed();
-    const absl::Status written = tar.Write(buffer.data(), static_cast<size_t>(got));
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(tar.Write(buffer.data(), static_cast<size_t>(got)));
     packed.Add(got);
     left -= got;
   }
@@ -206,49 +201,44 @@ std::string ManifestText(const nlohmann::json& manifest) {
 // Writes the listed files of a folder. `about`: what to write as policy.json; "": the file itself.
 absl::Status WriteFolder(int root, const Listing& listing, const std::string& about,
                          const std::string& archive, const ByteProgress& progress) {
-  absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
-  if (!tar.ok()) return tar.status();
+  ASSIGN_OR_RETURN(TarWriter tar, TarWriter::Create(archive));
   PackedBytes packed(listing.bytes(), progress);
   for (const auto& [path, listed] : listing.entries()) {
     Entry entry = listed;
     const bool replaced = path == kManifestFile && !about.empty();
     if (replaced) entry.size = static_cast<int64_t>(about.size());
-    absl::Status status = tar->Begin(path, entry);
+    absl::Status status = tar.Begin(path, entry);
     if (status.ok() && replaced) {
-      status = tar->Write(about.data(), about.size());
+      status = tar.Write(about.data(), about.size());
     } else if (status.ok() && entry.type == EntryType::kFile) {
       const Fd fd = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
-      status = fd.valid() ? CopyFile(fd.get(), path, entry.size, *tar, packed) : Unreadable(path);
+      status = fd.valid() ? CopyFile(fd.get(), path, entry.size, tar, packed) : Unreadable(path);
     }
     if (!status.ok()) return status;
   }
-  return tar->Close();
+  return tar.Close();
 }
 
 absl::StatusOr<ArtefactManifest> PackFolder(const std::string& folder, const Packing& packing) {
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!root.valid()) return Unreadable(folder);
-  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(root.get(), packing.name);
-  if (!submitted.ok()) return submitted.status();
-  const absl::StatusOr<std::string> clean =
-      CleanName(submitted->manifest.name, "policy.json: \"name\"");
-  if (!clean.ok()) return clean.status();
+  ASSIGN_OR_RETURN(SubmittedManifest submitted, ReadSubmittedManifest(root.get(), packing.name));
+  RETURN_IF_ERROR(CleanName(submitted.manifest.name, "policy.json: \"name\"").status());
   Listing listing(packing.limits);
   absl::Status status = FolderLister(root.get(), listing).List("");
-  const std::string about = packing.name.empty() ? "" : ManifestText(submitted->json);
+  const std::string about = packing.name.empty() ? "" : ManifestText(submitted.json);
   if (status.ok()) {
     status = WriteFolder(root.get(), listing, about, packing.archive, packing.progress);
   }
   if (!status.ok()) return status;
-  return std::move(submitted->manifest);
+  return std::move(submitted.manifest);
 }
 
 // Packs one file with the manifest that belongs to it.
 absl::Status PackWithManifest(const std::string& source, const std::string& name, bool executable,
                               const nlohmann::json& about_it, const Packing& packing) {
   Listing listing(packing.limits);
-  const absl::StatusOr<std::string> clean = listing.CleanPath(name);
-  if (!clean.ok()) return clean.status();
+  RETURN_IF_ERROR(listing.CleanPath(name).status());
   const std::string manifest = ManifestText(about_it);
   const Fd fd(::open(source.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   struct stat info = {};
@@ -264,17 +254,16 @@ absl::Status PackWithManifest(const std::string& source, const std::string& name
   (*file)->time = KeptTime(info.st_mtim.tv_sec);
   (*file)->executable = executable;
   (*about)->size = static_cast<int64_t>(manifest.size());
-  absl::StatusOr<TarWriter> tar = TarWriter::Create(packing.archive);
-  if (!tar.ok()) return tar.status();
+  ASSIGN_OR_RETURN(TarWriter tar, TarWriter::Create(packing.archive));
   PackedBytes packed(info.st_size, packing.progress);
   for (const auto& [path, entry] : listing.entries()) {
-    status = tar->Begin(path, entry);
+    status = tar.Begin(path, entry);
     if (!status.ok()) return status;
-    status = path == name ? CopyFile(fd.get(), path, entry.size, *tar, packed)
-                          : tar->Write(manifest.data(), manifest.size());
+    status = path == name ? CopyFile(fd.get(), path, entry.size, tar, packed)
+                          : tar.Write(manifest.data(), manifest.size());
     if (!status.ok()) return status;
   }
-  return tar->Close();
+  return tar.Close();
 }
 
 absl::StatusOr<ArtefactManifest> PackProgram(const std::string& program, const Packing& packing) {
@@ -282,10 +271,8 @@ absl::StatusOr<ArtefactManifest> PackProgram(const std::string& program, const P
   ArtefactManifest manifest;
   manifest.name = packing.name.empty() ? PolicyNameOf(base) : packing.name;
   manifest.command = {"./" + base};
-  const absl::Status packed =
-      PackWithManifest(program, base, /*executable=*/true,
-                       {{"name", manifest.name}, {"command", manifest.command}}, packing);
-  if (!packed.ok()) return packed;
+  RETURN_IF_ERROR(PackWithManifest(program, base, /*executable=*/true,
+                       {{"name", manifest.name}, {"command", manifest.command}}, packing));
   return manifest;
 }
 
@@ -301,9 +288,8 @@ absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packi
     manifest.name = SavedName(
         file.get(), stem.substr(0, absl::AsciiStrToLower(stem).find(".tar")), packing.limits);
   }
-  const absl::Status packed = PackWithManifest(
-      image, kName, /*executable=*/false, {{"name", manifest.name}, {"image", kName}}, packing);
-  if (!packed.ok()) return packed;
+  RETURN_IF_ERROR(PackWithManifest(
+      image, kName, /*executable=*/false, {{"name", manifest.name}, {"image", kName}}, packing));
   return manifest;
 }
 
@@ -311,9 +297,7 @@ absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packi
 // and what is sent is canonical.
 absl::StatusOr<ArtefactManifest> Repack(const std::string& source, const Packing& packing) {
   const std::string folder = packing.archive + ".unpacked";
-  const absl::Status unpacked =
-      UnpackSubmission(source, folder, packing.limits, packing.progress);
-  if (!unpacked.ok()) return unpacked;
+  RETURN_IF_ERROR(UnpackSubmission(source, folder, packing.limits, packing.progress));
   absl::StatusOr<ArtefactManifest> packed = PackFolder(folder, packing);
   std::error_code ignored;
   std::filesystem::remove_all(folder, ignored);
@@ -395,7 +379,7 @@ absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std
                                               const std::string& name) {
   const Utf8Names utf8_names;
   if (!name.empty()) {
-    if (absl::Status clean = CleanName(name, "the name").status(); !clean.ok()) return clean;
+    RETURN_IF_ERROR(CleanName(name, "the name").status());
   }
   const Packing packing = {archive, limits, progress, name};
   struct stat info = {};

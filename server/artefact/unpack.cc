@@ -16,6 +16,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/archive_errors.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
@@ -90,52 +91,47 @@ absl::Status Unpacker::Take(archive_entry* entry) {
   if (raw == nullptr) {
     return absl::InvalidArgumentError("an entry of the archive has no name that is UTF-8");
   }
-  absl::StatusOr<std::string> path = listing_.CleanPath(raw);
-  if (!path.ok()) return path.status();
+  ASSIGN_OR_RETURN(std::string path, listing_.CleanPath(raw));
   if (archive_entry_hardlink(entry) != nullptr) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the entry ", Quoted(*path), " is a hard link; put the file itself there"));
+        "the entry ", Quoted(path), " is a hard link; put the file itself there"));
   }
   const mode_t type = archive_entry_filetype(entry);
   if ((archive_entry_perm(entry) & (S_ISUID | S_ISGID)) != 0) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the entry ", Quoted(*path), " has the setuid or setgid bit; remove it with chmod a-s"));
+        "the entry ", Quoted(path), " has the setuid or setgid bit; remove it with chmod a-s"));
   }
   if ((archive_entry_perm(entry) & S_ISVTX) != 0) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the entry ", Quoted(*path), " has the sticky bit; remove it with chmod -t"));
+        "the entry ", Quoted(path), " has the sticky bit; remove it with chmod -t"));
   }
   if (archive_entry_is_encrypted(entry) != 0) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the entry ", Quoted(*path), " is encrypted; make the archive without a password"));
+        "the entry ", Quoted(path), " is encrypted; make the archive without a password"));
   }
-  if (type == AE_IFDIR) return path->empty() ? absl::OkStatus() : MakeFolder(*path);
-  if (path->empty()) {
+  if (type == AE_IFDIR) return path.empty() ? absl::OkStatus() : MakeFolder(path);
+  if (path.empty()) {
     return absl::InvalidArgumentError("the archive's top is not a folder");
   }
-  if (type == AE_IFREG) return TakeFile(*path, entry);
+  if (type == AE_IFREG) return TakeFile(path, entry);
   if (type != AE_IFLNK) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the entry ", Quoted(*path), " is ", std::string(KindName(type)),
+        absl::StrCat("the entry ", Quoted(path), " is ", std::string(KindName(type)),
                      "; only files, folders and symbolic links are allowed"));
   }
   const char* target = archive_entry_symlink(entry);
-  const absl::Status good_target = CheckLinkTarget(*path, target == nullptr ? "" : target);
-  if (!good_target.ok()) return good_target;
-  absl::StatusOr<Entry*> link = listing_.Add(*path, EntryType::kLink);
-  if (!link.ok()) return link.status();
-  (*link)->target = target;
-  const absl::StatusOr<Fd> folder = FolderOf(*path);
-  if (!folder.ok()) return folder.status();
-  if (::symlinkat(target, folder->get(), std::string(BaseName(*path)).c_str()) != 0) {
-    return HostError(absl::StrCat("can't make the link ", Quoted(*path)));
+  RETURN_IF_ERROR(CheckLinkTarget(path, target == nullptr ? "" : target));
+  ASSIGN_OR_RETURN(Entry* link, listing_.Add(path, EntryType::kLink));
+  link->target = target;
+  ASSIGN_OR_RETURN(const Fd folder, FolderOf(path));
+  if (::symlinkat(target, folder.get(), std::string(BaseName(path)).c_str()) != 0) {
+    return HostError(absl::StrCat("can't make the link ", Quoted(path)));
   }
   return absl::OkStatus();
 }
 
 absl::Status Unpacker::MakeFolder(const std::string& path) {
-  absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kFolder);
-  if (!entry.ok()) return entry.status();
+  RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
   return FolderOf(path + "/").status();
 }
 
@@ -159,27 +155,23 @@ absl::StatusOr<Fd> Unpacker::FolderOf(const std::string& path) {
 }
 
 absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
-  absl::StatusOr<Entry*> file = listing_.Add(path, EntryType::kFile);
-  if (!file.ok()) return file.status();
-  (*file)->executable = (archive_entry_perm(entry) & 0111) != 0;
+  ASSIGN_OR_RETURN(Entry* file, listing_.Add(path, EntryType::kFile));
+  file->executable = (archive_entry_perm(entry) & 0111) != 0;
   // A claimed size proves nothing, but one above the limit can be rejected at once.
   if (archive_entry_size_is_set(entry) != 0) {
-    const absl::Status fits = listing_.CheckRoom(path, archive_entry_size(entry));
-    if (!fits.ok()) return fits;
+    RETURN_IF_ERROR(listing_.CheckRoom(path, archive_entry_size(entry)));
   }
-  const absl::StatusOr<Fd> folder = FolderOf(path);
-  if (!folder.ok()) return folder.status();
-  const Fd fd(::openat(folder->get(), std::string(BaseName(path)).c_str(),
+  ASSIGN_OR_RETURN(const Fd folder, FolderOf(path));
+  const Fd fd(::openat(folder.get(), std::string(BaseName(path)).c_str(),
                        O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!fd.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
-  const absl::Status copied = CopyContent(path, fd.get(), **file);
-  if (!copied.ok()) return copied;
+  RETURN_IF_ERROR(CopyContent(path, fd.get(), *file));
   // Python uses a compiled module only if its source still has the time recorded in it.
   const timespec time = {KeptTime(archive_entry_mtime(entry)), 0};
   if (const timespec times[] = {time, time}; ::futimens(fd.get(), times) != 0) {
     return HostError(absl::StrCat("can't set the time of ", Quoted(path)));
   }
-  if (::fchmod(fd.get(), (*file)->executable ? 0755 : 0644) != 0) {
+  if (::fchmod(fd.get(), file->executable ? 0755 : 0644) != 0) {
     return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
   }
   return absl::OkStatus();
@@ -198,8 +190,7 @@ absl::Status Unpacker::CopyContent(const std::string& path, int fd, Entry& file)
                                                      Quoted(path), ": ", ArchiveReason(reader_)));
     }
     if (got == 0) break;
-    const absl::Status counted = listing_.AddBytes(path, got);
-    if (!counted.ok()) return counted;
+    RETURN_IF_ERROR(listing_.AddBytes(path, got));
     const std::string_view piece(buffer.data(), static_cast<size_t>(got));
     if (file.size == 0 && piece.starts_with("version https://git-lfs.github.com/spec/")) {
       return absl::InvalidArgumentError(absl::StrCat(
@@ -300,11 +291,10 @@ absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimit
       return broken(
           "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, zip)");
     }
-    const absl::Status taken = unpacker.Take(entry);
-    if (!taken.ok()) return taken;
+    RETURN_IF_ERROR(unpacker.Take(entry));
   }
   Listing listing = unpacker.listing();
-  if (absl::Status status = AddModes(folder, listing); !status.ok()) return status;
+  RETURN_IF_ERROR(AddModes(folder, listing));
   return listing;
 }
 
@@ -345,20 +335,18 @@ absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
 
 absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits,
                                       const ByteProgress& progress) {
-  if (absl::Status good = CheckLimits(limits); !good.ok()) return good;
+  RETURN_IF_ERROR(CheckLimits(limits));
   const Utf8Names utf8_names;
   if (IsImageArchive(archive, folder, limits)) {
     return UnpackImage(archive, folder, nlohmann::json::object(), limits, [] {});
   }
-  const absl::StatusOr<Listing> listing = UnpackFiles(archive, folder, limits, progress);
-  if (!listing.ok()) return listing.status();
-  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(folder);
-  if (!submitted.ok()) return submitted.status();
-  if (!submitted->image_file.empty()) return UnpackImageFile(*submitted, folder, limits);
-  return Artefact{.digest = listing->Digest(),
-                  .manifest = std::move(submitted->manifest),
-                  .bytes = listing->bytes(),
-                  .files = static_cast<int64_t>(listing->entries().size())};
+  ASSIGN_OR_RETURN(const Listing listing, UnpackFiles(archive, folder, limits, progress));
+  ASSIGN_OR_RETURN(SubmittedManifest submitted, ReadSubmittedManifest(folder));
+  if (!submitted.image_file.empty()) return UnpackImageFile(submitted, folder, limits);
+  return Artefact{.digest = listing.Digest(),
+                  .manifest = std::move(submitted.manifest),
+                  .bytes = listing.bytes(),
+                  .files = static_cast<int64_t>(listing.entries().size())};
 }
 
 namespace {
@@ -367,9 +355,8 @@ namespace {
 template <typename Result, typename Unpack>
 Result UnpackInto(const std::string& archive, const std::string& destination,
                   const Unpack& unpack) {
-  const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
-  if (!place.ok()) return place.status();
-  Result result = unpack(place->archive.get(), place->folder.get());
+  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
+  Result result = unpack(place.archive.get(), place.folder.get());
   if (!result.ok()) {
     std::error_code ignored;  // the first error is the one to report
     std::filesystem::remove_all(destination, ignored);
@@ -389,7 +376,7 @@ absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::s
 
 absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
                               const ArtefactLimits& limits, const ByteProgress& progress) {
-  if (absl::Status good = CheckLimits(limits); !good.ok()) return good;
+  RETURN_IF_ERROR(CheckLimits(limits));
   return UnpackInto<absl::Status>(archive, destination, [&](int file, int folder) {
     return UnpackFiles(file, folder, limits, progress).status();
   });

@@ -11,6 +11,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/image_archive.h"
 #include "server/artefact/image_tree.h"
@@ -92,12 +93,11 @@ absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer,
 
 // Writes the policy.json of the artefact and adds it to the listing.
 absl::Status WriteManifest(int folder, const std::string& text, Listing& listing) {
-  const absl::StatusOr<Entry*> entry = listing.Add("policy.json", EntryType::kFile);
-  if (!entry.ok()) return entry.status();
+  ASSIGN_OR_RETURN(Entry* const entry, listing.Add("policy.json", EntryType::kFile));
   const auto size = static_cast<int64_t>(text.size());
-  if (absl::Status counted = listing.AddBytes("policy.json", size); !counted.ok()) return counted;
-  (*entry)->size = size;
-  (*entry)->sha256 = Sha256Hex(text);
+  RETURN_IF_ERROR(listing.AddBytes("policy.json", size));
+  entry->size = size;
+  entry->sha256 = Sha256Hex(text);
   const Fd file(::openat(folder, "policy.json",
                          O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   const timespec times[] = {{0, 0}, {0, 0}};
@@ -121,20 +121,16 @@ absl::StatusOr<Fd> MakeTreeFolder(int folder) {
 absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent content, int folder,
                                      nlohmann::json manifest, const ArtefactLimits& limits,
                                      const std::function<void()>& read) {
-  const absl::StatusOr<Fd> root = MakeTreeFolder(folder);
-  if (!root.ok()) return root.status();
-  ImageTree tree(root->get(), limits);
+  ASSIGN_OR_RETURN(const Fd root, MakeTreeFolder(folder));
+  ImageTree tree(root.get(), limits);
   int64_t left = StreamLimit(limits);
   for (size_t i = 0; i < content.layers.size(); ++i) {
     const std::string place = absl::StrCat(i + 1, " of ", content.layers.size());
-    absl::Status added = AddLayer(archive, content.layers[i], place, left, tree);
-    if (!added.ok()) return added;
+    RETURN_IF_ERROR(AddLayer(archive, content.layers[i], place, left, tree));
     read();
   }
   PolicyImage& image = content.config.image;
-  if (absl::Status finished = tree.Finish(content.config.user, image); !finished.ok()) {
-    return finished;
-  }
+  RETURN_IF_ERROR(tree.Finish(content.config.user, image));
   if (!manifest.contains("name")) {
     manifest["name"] = content.tag.empty() ? "image" : NameOfTag(content.tag);
   }
@@ -144,16 +140,15 @@ absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent c
                                       "or give a \"command\" in policy.json");
   }
   manifest.erase("image");
-  absl::StatusOr<ArtefactManifest> parsed = ParseManifest(manifest);
-  if (!parsed.ok()) return parsed.status();
-  parsed->image = image;
+  ASSIGN_OR_RETURN(ArtefactManifest parsed, ParseManifest(manifest));
+  parsed.image = image;
   manifest["image"] = PolicyImageToJson(image);
   Listing listing(limits);
   absl::Status listed = tree.ListIn(listing);
   if (listed.ok()) listed = WriteManifest(folder, CanonicalJson(manifest) + "\n", listing);
   if (!listed.ok()) return listed;
   return Artefact{.digest = listing.Digest(),
-                  .manifest = *std::move(parsed),
+                  .manifest = std::move(parsed),
                   .bytes = listing.bytes(),
                   .files = static_cast<int64_t>(listing.entries().size())};
 }
@@ -184,9 +179,7 @@ absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manife
                                      const std::function<void()>& read) {
   Fd plain;
   if (IsCompressed(file)) {
-    absl::StatusOr<Fd> made = Decompressed(file, folder, StreamLimit(limits));
-    if (!made.ok()) return made.status();
-    plain = *std::move(made);
+    ASSIGN_OR_RETURN(plain, Decompressed(file, folder, StreamLimit(limits)));
   }
   const absl::StatusOr<ImageArchive> archive =
       ImageArchive::Index(plain.valid() ? plain.get() : file);
@@ -196,9 +189,8 @@ absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manife
         "the image is not in a form that is accepted: write it with podman save, docker save or "
         "buildah push IMAGE oci-archive:FILE.tar");
   }
-  absl::StatusOr<ImageContent> content = archive->Read();
-  if (!content.ok()) return content.status();
-  return FromContent(*archive, *std::move(content), folder, std::move(manifest), limits, read);
+  ASSIGN_OR_RETURN(ImageContent content, archive->Read());
+  return FromContent(*archive, std::move(content), folder, std::move(manifest), limits, read);
 }
 
 }  // namespace myograde::server

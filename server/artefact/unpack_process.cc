@@ -26,6 +26,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/confine_unpack.h"
 #include "server/artefact/listing.h"
 
@@ -85,15 +86,12 @@ absl::Status LimitThisProcess(int64_t memory_bytes, int64_t cpu_s, pid_t parent)
 absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::string& destination,
                                        const ArtefactLimits& limits, int64_t memory_bytes,
                                        int64_t cpu_s, pid_t parent) {
-  const absl::Status limited = LimitThisProcess(memory_bytes, cpu_s, parent);
-  if (!limited.ok()) return limited;
+  RETURN_IF_ERROR(LimitThisProcess(memory_bytes, cpu_s, parent));
   const Utf8Names utf8_names;  // their table is a system file
-  const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
-  if (!place.ok()) return place.status();
-  const absl::Status confined = ConfineUnpacking(place->folder.get());
-  if (!confined.ok()) return confined;
+  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
+  RETURN_IF_ERROR(ConfineUnpacking(place.folder.get()));
   try {
-    return UnpackOpened(place->archive.get(), place->folder.get(), limits);
+    return UnpackOpened(place.archive.get(), place.folder.get(), limits);
   } catch (const std::bad_alloc&) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the archive takes more than ", memory_bytes,
@@ -118,14 +116,12 @@ std::string UnpackProgram() {
 }
 
 absl::StatusOr<Process> Start(std::vector<std::string> words) {
-  absl::StatusOr<Pipe> answer = MakePipe();
-  if (!answer.ok()) return answer.status();
+  ASSIGN_OR_RETURN(Pipe answer, MakePipe());
   SpawnOrder order = {UnpackProgram(), std::move(words)};
-  order.out = answer->write.get();
+  order.out = answer.write.get();
   order.nice = kNice;
-  const absl::StatusOr<pid_t> pid = Spawn(std::move(order));
-  if (!pid.ok()) return pid.status();
-  return Process{*pid, std::move(answer->read)};
+  ASSIGN_OR_RETURN(const pid_t pid, Spawn(std::move(order)));
+  return Process{pid, std::move(answer.read)};
 }
 
 // Everything it writes until it exits.
@@ -140,7 +136,7 @@ absl::StatusOr<std::string> ReadAnswer(const Process& process, const UnpackBudge
                                                       absl::FormatDuration(budget.time),
                                                       ", as the host is too busy; send it again"));
     }
-    if (absl::Status status = budget.go_on(); !status.ok()) return status;
+    RETURN_IF_ERROR(budget.go_on());
     pollfd entry = {process.answer.get(), POLLIN, 0};
     const timespec wait = absl::ToTimespec(std::min(left, kAskEvery));
     if (::ppoll(&entry, 1, &wait, nullptr) <= 0) continue;
@@ -194,12 +190,11 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);
   if (reader.Has("image")) {
-    absl::StatusOr<PolicyImage> image =
-        PolicyImageFromJson(reader.Object("image"), "unpacking: image");
-    if (!image.ok()) return image.status();
-    artefact.manifest.image = *std::move(image);
+    ASSIGN_OR_RETURN(PolicyImage image,
+                     PolicyImageFromJson(reader.Object("image"), "unpacking: image"));
+    artefact.manifest.image = std::move(image);
   }
-  if (const absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return artefact;
 }
 

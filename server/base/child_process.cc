@@ -16,6 +16,8 @@
 #include <absl/strings/str_split.h>
 #include <absl/strings/strip.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -30,13 +32,11 @@ std::string LastLineOf(std::string_view text) {
 }
 
 absl::StatusOr<ChildProcess> ChildProcess::Start(SpawnOrder order) {
-  absl::StatusOr<Pipe> err = MakeOutputPipe();
-  if (!err.ok()) return err.status();
-  order.err = err->write.get();
+  ASSIGN_OR_RETURN(Pipe err, MakeOutputPipe());
+  order.err = err.write.get();
   const std::string name = std::filesystem::path(order.program).filename();
-  const absl::StatusOr<pid_t> pid = Spawn(std::move(order));
-  if (!pid.ok()) return pid.status();
-  return ChildProcess(name, *pid, std::move(err->read));
+  ASSIGN_OR_RETURN(const pid_t pid, Spawn(std::move(order)));
+  return ChildProcess(name, pid, std::move(err.read));
 }
 
 ChildProcess::ChildProcess(std::string name, pid_t pid, Fd err)

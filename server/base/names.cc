@@ -13,6 +13,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -219,15 +220,15 @@ absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view wh
   }
   if (name.size() > kMaxNameBytes) return bad("is too long");
   const icu::UnicodeString raw = FromUtf8(name);
-  if (absl::Status status = CheckEach(raw, what); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckEach(raw, what));
   icu::UnicodeString text = Normal(Compatible(), raw);
-  if (absl::Status status = CheckEach(text, what); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckEach(text, what));
   JoinSpaces(text);
   std::string clean = ToUtf8(text);
   if (clean.empty()) return bad("is empty");
   if (clean.front() == ' ' || clean.back() == ' ') return bad("begins or ends with a space");
   if (clean.size() > kMaxNameBytes) return bad("is too long when it is normalised");
-  if (absl::Status status = CheckShape(text, what); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckShape(text, what));
   return clean;
 }
 

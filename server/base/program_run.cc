@@ -14,6 +14,7 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/paths.h"
 
@@ -43,9 +44,8 @@ void Drain(Fd& fd, std::string& out) {
 absl::StatusOr<std::string> ProgramPath(const std::string& program) {
   std::string path = program;
   if (program.find('/') == std::string::npos) {
-    const absl::StatusOr<std::string> bin_dir = BinDir();
-    if (!bin_dir.ok()) return bin_dir.status();
-    path = absl::StrCat(*bin_dir, "/", program);
+    ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
+    path = absl::StrCat(bin_dir, "/", program);
   }
   if (access(path.c_str(), X_OK) == 0) return path;
   return absl::InternalError(absl::StrCat("no program ", path, " (", std::strerror(errno), ")"));
@@ -62,26 +62,22 @@ std::string ProgramEnd::LastError() const { return LastLineOf(errors); }
 
 absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
                                       const std::function<bool()>& stopped) {
-  const absl::StatusOr<std::string> found = ProgramPath(order.program);
-  if (!found.ok()) return found.status();
-  const std::string& path = *found;
-  absl::StatusOr<Fd> in = InputFile(order.input);
-  if (!in.ok()) return in.status();
-  absl::StatusOr<Pipe> out = MakeOutputPipe();
-  if (!out.ok()) return out.status();
+  ASSIGN_OR_RETURN(const std::string found, ProgramPath(order.program));
+  const std::string& path = found;
+  ASSIGN_OR_RETURN(Fd in, InputFile(order.input));
+  ASSIGN_OR_RETURN(Pipe out, MakeOutputPipe());
   std::vector<std::string> words = {path};
   words.insert(words.end(), order.words.begin(), order.words.end());
-  absl::StatusOr<ChildProcess> child = ChildProcess::Start(
-      {.program = path, .words = words, .in = in->get(), .out = out->write.get(), .nice = order.nice,
-       .environment = order.environment});
-  if (!child.ok()) return child.status();
-  out->write.reset();
+  ASSIGN_OR_RETURN(ChildProcess child, ChildProcess::Start(
+      {.program = path, .words = words, .in = in.get(), .out = out.write.get(), .nice = order.nice,
+       .environment = order.environment}));
+  out.write.reset();
   ProgramEnd end;
   const Deadline deadline(order.deadline);
-  while (!child->Look() || out->read.valid() || child->err_fd() >= 0) {
-    pollfd entries[] = {{out->read.get(), POLLIN, 0}, {child->err_fd(), POLLIN, 0}};
+  while (!child.Look() || out.read.valid() || child.err_fd() >= 0) {
+    pollfd entries[] = {{out.read.get(), POLLIN, 0}, {child.err_fd(), POLLIN, 0}};
     poll(entries, std::size(entries), kPollMilliseconds);
-    if (entries[0].revents != 0) Drain(out->read, end.output);
+    if (entries[0].revents != 0) Drain(out.read, end.output);
     if (end.output.size() > order.most_output) {
       return absl::ResourceExhaustedError(
           absl::StrCat(order.program, " printed more than ", order.most_output, " bytes"));
@@ -92,9 +88,9 @@ absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
           order.program, " was not done after ", absl::FormatDuration(order.deadline)));
     }
   }
-  const int status = child->wait_status();
+  const int status = child.wait_status();
   end.exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  end.errors = child->said();
+  end.errors = child.said();
   return end;
 }
 

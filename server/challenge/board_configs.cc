@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/grading/stored_track.h"
 
 namespace myograde::server {
@@ -59,33 +60,30 @@ absl::Status SwitchConfig(const TrackPtr& track, Tracks& tracks, Phases& phases)
 
 absl::Status SwitchConfig(Reader& reader, const std::string& config_hash, Tracks& tracks,
                           Phases& phases) {
-  const absl::StatusOr<TrackPtr> track = StoredTrack(reader, config_hash);
-  if (!track.ok()) return track.status();
-  return SwitchConfig(*track, tracks, phases);
+  ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, config_hash));
+  return SwitchConfig(track, tracks, phases);
 }
 
 absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& phases) {
-  absl::StatusOr<std::vector<BoardConfigRow>> all = reader.BoardConfigs();
-  if (!all.ok()) return all.status();
+  ASSIGN_OR_RETURN(std::vector<BoardConfigRow> all, reader.BoardConfigs());
   std::map<BoardName, std::vector<BoardConfigRow>> rows;
-  for (BoardConfigRow& row : *all) rows[row.board].push_back(std::move(row));
+  for (BoardConfigRow& row : all) rows[row.board].push_back(std::move(row));
   Overlaid overlaid;
   for (const FileBoard& file : BoardsOfFiles(tracks, phases)) {
     const std::string& hash = file.track->config.hash;
     const std::vector<BoardConfigRow>& own = rows[file.board];
-    const absl::StatusOr<std::string> before = reader.ConfigAt(file.board, INT64_MAX);
-    if (!before.ok()) return before.status();
-    if (before->empty() || *before == hash) continue;
+    ASSIGN_OR_RETURN(const std::string before, reader.ConfigAt(file.board, INT64_MAX));
+    if (before.empty() || before == hash) continue;
     if (!FileConfigsBehind(own).contains(hash)) {
       overlaid.changed.push_back({file.board, hash, CanonicalJson(file.track->config.effective)});
       overlaid.warnings.push_back(absl::StrCat(
           ShownBoard(file.board), " was changed after it got submissions: they stand under its "
-          "earlier config ", *before, ", and not on its board"));
+          "earlier config ", before, ", and not on its board"));
       continue;
     }
-    const absl::Status switched = SwitchConfig(reader, *before, tracks, phases);
+    const absl::Status switched = SwitchConfig(reader, before, tracks, phases);
     if (switched.ok()) {
-      overlaid.notes.push_back(absl::StrCat(ShownBoard(file.board), " has the config ", *before,
+      overlaid.notes.push_back(absl::StrCat(ShownBoard(file.board), " has the config ", before,
                                             " of rejudge ", own.back().rejudge,
                                             ", not that of its files, ", hash));
       continue;

@@ -9,6 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -77,9 +78,8 @@ absl::Status ReadSeedsOfPhase(const nlohmann::json& json, const std::string& whe
     phase.committed = reader.Integer("committed", 1, kMaxEpisodes);
     return reader.Finish();
   }
-  absl::StatusOr<std::vector<uint64_t>> seeds = ParseSeeds(json, where);
-  if (!seeds.ok()) return seeds.status();
-  phase.seeds = *std::move(seeds);
+  ASSIGN_OR_RETURN(std::vector<uint64_t> seeds, ParseSeeds(json, where));
+  phase.seeds = std::move(seeds);
   return absl::OkStatus();
 }
 

@@ -12,6 +12,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
 #include "protocol/lease/track_config.h"
 #include "server/proof/seed_list.h"
@@ -98,10 +99,9 @@ absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, con
         phases.unusable_.emplace(config.name, secret.status());
         continue;
       }
-      absl::StatusOr<TrackPtr> own = PhaseTrack(config, **track, *secret);
-      if (!own.ok()) return own.status();
+      ASSIGN_OR_RETURN(TrackPtr own, PhaseTrack(config, **track, *secret));
       entries.push_back(std::make_shared<const Phase>(
-          Phase{config, *std::move(own),
+          Phase{config, std::move(own),
                 secret->empty() ? "" : Sha256Hex(absl::BytesToHexString(*secret))}));
     }
   }
@@ -216,8 +216,7 @@ PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRo
 
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
     std::span<const ChallengeConfig> challenges, Reader& reader, absl::Time now) {
-  const absl::StatusOr<std::vector<PhaseEventRow>> events = reader.PhaseEvents(std::nullopt);
-  if (!events.ok()) return events.status();
+  ASSIGN_OR_RETURN(const std::vector<PhaseEventRow> events, reader.PhaseEvents(std::nullopt));
   std::vector<std::string> found;
   for (const ChallengeConfig& challenge : challenges) {
     for (const PhaseConfig& phase : challenge.phases) {
@@ -232,7 +231,7 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
             place, "this store has committed to hidden seeds for it, and its file gives other ones, so nobody "
             "can check what it plays; set \"seeds\" back to {\"committed\": N}, or give the phase another "
             "name"));
-      } else if (StatusOfPhase(phase, *events, now).revealed && now < phase.closes) {
+      } else if (StatusOfPhase(phase, events, now).revealed && now < phase.closes) {
         found.push_back(absl::StrCat(
             place, "its seeds were revealed in this store, so it takes nothing any more, and its "
             "times would keep it open; set \"closes_at\" back to when it closed, or give a new phase "

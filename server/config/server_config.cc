@@ -9,6 +9,7 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
 #include "server/base/names.h"
 #include "server/base/paths.h"
@@ -47,7 +48,7 @@ absl::Status ReadRuntimes(const nlohmann::json& json, const std::string& where,
     const std::string path =
         absl::StrReplaceAll(reader.String("path"), {{"${cache}", cache_dir}});
     if (!path.starts_with('/')) reader.Fail("path", "must be absolute, or begin with ${cache}");
-    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.Finish());
     config.runtimes[name] = path;
   }
   return absl::OkStatus();
@@ -169,7 +170,7 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   }
   reader.Ignore("listen");
   const bool listens = reader.Has("listen") && !json["listen"].is_null();
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return listens ? ReadListen(json["listen"], absl::StrCat(where, ": listen"), config)
                  : absl::OkStatus();
 }
@@ -198,7 +199,7 @@ absl::StatusOr<UserRule> ReadUserRule(const nlohmann::json& json, const std::str
   } else if (reader.Has("team") && !IsPlainText(rule.team, kMaxNameBytes)) {
     reader.Fail("team", absl::StrCat("must be 1 to ", kMaxNameBytes, " bytes of text"));
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return rule;
 }
 
@@ -210,11 +211,11 @@ absl::Status ReadAccess(const nlohmann::json& json, const std::string& where,
       IntegerOr(reader, "teams_of_a_user", access.teams_of_a_user, 1, kMany);
   const nlohmann::json users =
       reader.Has("users") ? reader.Array("users") : nlohmann::json::array();
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   for (size_t i = 0; i < users.size(); ++i) {
-    absl::StatusOr<UserRule> rule = ReadUserRule(users[i], absl::StrCat(where, ": users[", i, "]"));
-    if (!rule.ok()) return rule.status();
-    access.users.push_back(*std::move(rule));
+    ASSIGN_OR_RETURN(UserRule rule,
+                     ReadUserRule(users[i], absl::StrCat(where, ": users[", i, "]")));
+    access.users.push_back(std::move(rule));
   }
   return absl::OkStatus();
 }
@@ -264,7 +265,7 @@ absl::StatusOr<AdmissionRules> ReadAdmission(ConfigReader& reader) {
   rules.quota.failed.total = reader.Integer("failed_total", 1, kMax);
   rules.quota.waiting = reader.Integer("waiting", 1, kMax);
   rules.one_for_everyone = reader.Choice("same_artefact", {"team", "everyone"}) == "everyone";
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return rules;
 }
 
@@ -273,9 +274,8 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
                        ServerConfig& config) {
   ConfigReader reader(json, where);
   const nlohmann::json tracks = reader.Object("tracks");
-  absl::StatusOr<AdmissionRules> usual = ReadAdmission(reader);
-  if (!usual.ok()) return usual.status();
-  config.quota.usual = *usual;
+  ASSIGN_OR_RETURN(AdmissionRules usual, ReadAdmission(reader));
+  config.quota.usual = usual;
   for (const auto& [name, own] : tracks.items()) {
     if (name.starts_with("//")) continue;
     const std::string place = absl::StrCat(where, ": tracks: ", name);
@@ -286,9 +286,8 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
     merged.erase("tracks");
     merged.update(own);  // not a merge patch: null must not remove a limit
     ConfigReader track(merged, place);
-    absl::StatusOr<AdmissionRules> rules = ReadAdmission(track);
-    if (!rules.ok()) return rules.status();
-    config.quota.tracks[name] = *rules;
+    ASSIGN_OR_RETURN(AdmissionRules rules, ReadAdmission(track));
+    config.quota.tracks[name] = rules;
   }
   return absl::OkStatus();
 }
@@ -296,13 +295,12 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
 // The object is read, and its mistakes found, wherever leases run.
 absl::Status ReadExecutor(const nlohmann::json& json, const std::string& where,
                           ServerConfig& config) {
-  const absl::StatusOr<SlurmConfig> slurm = ReadSlurm(json, where);
-  if (!slurm.ok()) return slurm.status();
-  config.slurm = *slurm;
+  ASSIGN_OR_RETURN(const SlurmConfig slurm, ReadSlurm(json, where));
+  config.slurm = slurm;
   if (!config.on_cluster) return absl::OkStatus();
-  config.scheduler.slots = slurm->most_jobs;
+  config.scheduler.slots = slurm.most_jobs;
   config.scheduler.begins_later = true;
-  return CheckSlurmIsUsable(*slurm, where);
+  return CheckSlurmIsUsable(slurm, where);
 }
 
 absl::Status ReadStatisticsOf(const nlohmann::json& json, const std::string& where,
@@ -403,9 +401,7 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   if (status.ok()) status = ReadStatisticsOf(statistics, path + ": statistics", config);
   if (status.ok()) status = ReadMetrics(metrics, path + ": metrics", config);
   if (!status.ok()) return status;
-  absl::StatusOr<std::vector<WebhookConfig>> hooks = ReadWebhooks(webhooks, path + ": webhooks");
-  if (!hooks.ok()) return hooks.status();
-  config.webhooks = *std::move(hooks);
+  ASSIGN_OR_RETURN(config.webhooks, ReadWebhooks(webhooks, path + ": webhooks"));
   return config;
 }
 

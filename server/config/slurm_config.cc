@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -101,7 +102,7 @@ absl::StatusOr<SlurmConfig> ReadSlurm(const nlohmann::json& json, const std::str
   config.queue_wait = SecondsOr(reader, "queue_wait_s", config.queue_wait, {1, 30.0 * 86400});
   config.claim = SecondsOr(reader, "claim_s", config.claim, {1, 86400});
   config.poll = SecondsOr(reader, "poll_s", config.poll, {0.1, 3600});
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return config;
 }
 

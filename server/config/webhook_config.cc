@@ -6,6 +6,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/store/deliveries.h"
 
 namespace myograde::server {
@@ -58,7 +59,7 @@ absl::StatusOr<WebhookConfig> ReadWebhook(const nlohmann::json& json, const std:
   if (reader.Has("give_up_after_h")) {
     webhook.give_up_after = absl::Hours(1) * reader.Number("give_up_after_h", {0.001, 720});
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return webhook;
 }
 
@@ -74,13 +75,12 @@ absl::StatusOr<std::vector<WebhookConfig>> ReadWebhooks(const nlohmann::json& js
   }
   for (size_t i = 0; i < json.size(); ++i) {
     const std::string place = absl::StrCat(where, "[", i, "]");
-    absl::StatusOr<WebhookConfig> webhook = ReadWebhook(json[i], place);
-    if (!webhook.ok()) return webhook.status();
-    if (!names.insert(webhook->name).second) {
+    ASSIGN_OR_RETURN(WebhookConfig webhook, ReadWebhook(json[i], place));
+    if (!names.insert(webhook.name).second) {
       return absl::InvalidArgumentError(
-          absl::StrCat(place, ": \"name\" is \"", webhook->name, "\", as that of an earlier one"));
+          absl::StrCat(place, ": \"name\" is \"", webhook.name, "\", as that of an earlier one"));
     }
-    webhooks.push_back(*std::move(webhook));
+    webhooks.push_back(std::move(webhook));
   }
   return webhooks;
 }

@@ -8,6 +8,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/access/token_text.h"
 #include "server/api/network_door.h"
 #include "server/base/paths.h"
@@ -74,34 +75,28 @@ DaemonOptions WithDefaults(DaemonOptions options) {
 }
 
 absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
-  absl::StatusOr<ServerConfig> server =
-      LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);
-  if (!server.ok()) return server.status();
-  absl::Status named = ResolveNames(options.configs_dir + "/server.json", server->access);
-  if (!named.ok()) return named;
-  if (server->listen.has_value()) {
-    const absl::Status usable = CheckCertificate(*server->listen);
-    if (!usable.ok()) return usable;
+  ASSIGN_OR_RETURN(ServerConfig server,
+                   LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir));
+  RETURN_IF_ERROR(ResolveNames(options.configs_dir + "/server.json", server.access));
+  if (server.listen.has_value()) {
+    RETURN_IF_ERROR(CheckCertificate(*server.listen));
   }
-  absl::StatusOr<std::vector<Webhook>> webhooks = LoadWebhooks(server->webhooks);
+  absl::StatusOr<std::vector<Webhook>> webhooks = LoadWebhooks(server.webhooks);
   if (!webhooks.ok()) return webhooks.status();
-  absl::StatusOr<std::string> metrics_token = LoadMetricsToken(server->metrics_token_file);
-  if (!metrics_token.ok()) return metrics_token.status();
-  absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
-  if (!tracks.ok()) return tracks.status();
+  ASSIGN_OR_RETURN(std::string metrics_token, LoadMetricsToken(server.metrics_token_file));
+  ASSIGN_OR_RETURN(Tracks tracks, Tracks::Load(options.configs_dir + "/tracks"));
   // The runners read it; better to report a mistake once now than in every lease.
-  absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
-  if (!sandbox.ok()) return sandbox.status();
+  RETURN_IF_ERROR(LoadSandboxConfig(options.configs_dir).status());
   std::vector<std::string> mistakes;
   std::vector<ChallengeConfig> challenges =
       ReadChallenges(options.configs_dir + "/challenges", mistakes);
   if (mistakes.empty()) {
-    mistakes = CheckChallenges(challenges, *tracks, absl::InfinitePast()).mistakes;
+    mistakes = CheckChallenges(challenges, tracks, absl::InfinitePast()).mistakes;
   }
-  AddStatisticsMistakes(challenges, server->statistics, mistakes);
+  AddStatisticsMistakes(challenges, server.statistics, mistakes);
   if (!mistakes.empty()) return MistakesToStatus(mistakes);
-  return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges),
-                       *std::move(webhooks), *std::move(metrics_token)};
+  return DaemonConfigs{std::move(server), std::move(tracks), std::move(challenges),
+                       *std::move(webhooks), std::move(metrics_token)};
 }
 
 }  // namespace myograde::server

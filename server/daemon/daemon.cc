@@ -16,6 +16,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
 #include "server/artefact/adapters.h"
@@ -214,12 +215,10 @@ absl::StatusOr<std::string> AdoptData(const std::string& data_dir) {
     return absl::NotFoundError(
         absl::StrCat(path, ": there is no store; name a daemon's data folder with --data"));
   }
-  const absl::StatusOr<DataLock> lock = DataLock::Take(data_dir);
-  if (!lock.ok()) return lock.status();
-  if (absl::Status opened = Store::Open(path, SystemClock()).status(); !opened.ok()) return opened;
-  const absl::StatusOr<HomeFound> found = FindHome(data_dir, /*on_cluster=*/true, /*adopt=*/true);
-  if (!found.ok()) return found.status();
-  return absl::StrCat("The store is at home in ", found->home.place,
+  RETURN_IF_ERROR(DataLock::Take(data_dir).status());
+  RETURN_IF_ERROR(Store::Open(path, SystemClock()).status());
+  ASSIGN_OR_RETURN(const HomeFound found, FindHome(data_dir, /*on_cluster=*/true, /*adopt=*/true));
+  return absl::StrCat("The store is at home in ", found.home.place,
                       " now; start the daemon as usual.");
 }
 
@@ -229,14 +228,12 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const Clock& clock = SystemClock();
   const ServerConfig& config = configs.server;
   Tracks& tracks = configs.tracks;
-  absl::StatusOr<ServiceManager> manager = ServiceManager::FromEnvironment();
-  if (!manager.ok()) return manager.status();
-  if (absl::Status status = RaiseDescriptorLimit(config); !status.ok()) return status;
+  ASSIGN_OR_RETURN(ServiceManager manager, ServiceManager::FromEnvironment());
+  RETURN_IF_ERROR(RaiseDescriptorLimit(config));
   std::error_code unmade;  // what is not there can't be locked
   fs::create_directories(options.data_dir, unmade);
-  absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
-  if (!lock.ok()) return lock.status();
-  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
+  RETURN_IF_ERROR(DataLock::Take(options.data_dir).status());
+  RETURN_IF_ERROR(MakeFolders(options.data_dir));
   StartLog(config.log_level, config.log_format);
   CheckSandboxes(config);
   ControlGroup::RemoveStale();
@@ -246,47 +243,39 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
 
   const std::string path = options.data_dir + "/store.db";
   WarnOfLostStore(options.data_dir, path);
-  absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
-  if (!store.ok()) return store.status();
-  if (const auto& migration = (*store)->migration()) {
+  ASSIGN_OR_RETURN(std::unique_ptr<Store> store, Store::Open(path, clock));
+  if (const auto& migration = store->migration()) {
     spdlog::info("the store had schema {} and now has {}; {} keeps it as it was", migration->from,
                  migration->to, migration->copy);
   }
-  if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
-  if (absl::Status status = SetWebhooks(configs.webhooks, **store); !status.ok()) return status;
+  if (store->mended()) spdlog::error("{}", DamageText(*store->mended()));
+  RETURN_IF_ERROR(SetWebhooks(configs.webhooks, *store));
   const auto metrics = std::make_shared<Metrics>();
   ReaderPool readers(path);
   readers.SetObserver([&](absl::Duration took) { metrics->ObserveStoreRead(took); });
   readers.SetCorruptObserver(
-      [&](const absl::Status& status) { (*store)->Distrust(std::string(status.message())); });
-  absl::StatusOr<Phases> phases = MakePhases(configs, **store);
-  if (!phases.ok()) return phases.status();
-  absl::Status overlaid = TakeConfigsInForce(**store, readers, tracks, *phases);
-  if (!overlaid.ok()) return overlaid;
-  if (absl::Status status = LogPhases(*phases, readers, clock.Now()); !status.ok()) return status;
-  const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
-  if (!damaged.ok()) return damaged.status();
-  for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
-  StoreDisk disk(**store, metrics.get());
-  const absl::StatusOr<HomeFound> home =
-      FindHome(options.data_dir, config.on_cluster, /*adopt=*/false);
-  if (!home.ok()) return home.status();
-  const absl::StatusOr<LeaseHosts> hosts =
-      MakeLeaseHosts(options, config, (*store)->policy_secret(), *home);
-  if (!hosts.ok()) return hosts.status();
+      [&](const absl::Status& status) { store->Distrust(std::string(status.message())); });
+  ASSIGN_OR_RETURN(Phases phases, MakePhases(configs, *store));
+  RETURN_IF_ERROR(TakeConfigsInForce(*store, readers, tracks, phases));
+  RETURN_IF_ERROR(LogPhases(phases, readers, clock.Now()));
+  ASSIGN_OR_RETURN(const std::vector<Damage> damaged, FillStandings(*store, readers));
+  for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
+  StoreDisk disk(*store, metrics.get());
+  ASSIGN_OR_RETURN(const HomeFound home,
+                   FindHome(options.data_dir, config.on_cluster, /*adopt=*/false));
+  ASSIGN_OR_RETURN(const LeaseHosts hosts,
+                   MakeLeaseHosts(options, config, store->policy_secret(), home));
   Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers,
-                *hosts->executor, clock);
+                *hosts.executor, clock);
   // Grading needs no key: without one, the daemon serves everything but receipts.
   KeyFile receipts_key(options.data_dir + "/receipts.key");
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
     spdlog::error("no receipt can be signed: {}", std::string(status.message()));
   }
   RecordLog record;
-  if (absl::Status status = StartRecord(**store, readers, receipts_key, record); !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(StartRecord(*store, readers, receipts_key, record));
   const SignalGuard signals(engine);
-  if (absl::Status status = engine.Recover(); !status.ok()) return status;
+  RETURN_IF_ERROR(engine.Recover());
 
   const ReferenceCheck reference(
       {.folder = options.configs_dir + "/reference",
@@ -305,7 +294,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                            [&](std::string_view kind, absl::Duration timeout) {
                              return reference.Result(kind, timeout);
                            }},
-                      tracks, *phases, engine, readers, clock);
+                      tracks, phases, engine, readers, clock);
   AccessLog access_log(
       [&](AccessLog::Change change) {
         return engine.Change(std::move(change), config.http.request);
@@ -337,14 +326,13 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                          },
                      .quiet = config.pictures_ahead,
                      .suggestions = [&] { return ended.Pictures(); }});
-  const absl::StatusOr<Documents> documents = LoadDocuments(DocsDir());
-  if (!documents.ok()) return documents.status();
+  ASSIGN_OR_RETURN(const Documents documents, LoadDocuments(DocsDir()));
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
            .tracks_dir = options.configs_dir + "/tracks",
            .tracks = tracks,
-           .phases = *phases,
+           .phases = phases,
            .admission = admission,
            .engine = engine,
            .readers = readers,
@@ -354,20 +342,19 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .pictures = pictures,
            .metrics = *metrics,
            .webhooks = webhooks,
-           .documents = *documents,
+           .documents = documents,
            .metrics_token = configs.metrics_token,
-           .leases = hosts->door,
-           .challenge = phases->any(),
+           .leases = hosts.door,
+           .challenge = phases.any(),
            .clock = clock,
            .started_at = clock.Now(),
            .began = clock.Monotonic()});
   UnixHttpServer server(config.http, options.data_dir + "/spool");
   api.Install(server);
-  Fd network_socket = manager->TakeNetworkSocket();
+  Fd network_socket = manager.TakeNetworkSocket();
   WarnOfFilteredPackets(configs, network_socket.valid());
   if (config.listen.has_value()) {
-    absl::Status opened = server.OpenNetwork(*config.listen, std::move(network_socket));
-    if (!opened.ok()) return opened;
+    RETURN_IF_ERROR(server.OpenNetwork(*config.listen, std::move(network_socket)));
   } else if (network_socket.valid()) {
     return absl::InvalidArgumentError(
         "the service manager listens on a TCP port, but server.json has no \"listen\" with the "
@@ -375,7 +362,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   }
   // Before the socket answers, so that whoever waits for that finds the URL.
   const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
-  if (Fd socket = manager->TakeSocket(); socket.valid()) {
+  if (Fd socket = manager.TakeSocket(); socket.valid()) {
     server.StartOn(std::move(socket));
   } else if (absl::Status status = server.Start(options.socket); !status.ok()) {
     return status;
@@ -384,7 +371,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   access_log.Start();
   webhooks.Start();
   std::optional<absl::Time> trusted;
-  if (const auto ms = (*store)->trusted_time_ms()) trusted = absl::FromUnixMillis(*ms);
+  if (const auto ms = store->trusted_time_ms()) trusted = absl::FromUnixMillis(*ms);
   const Retention retention(config.retention, config.artefacts.disk_reserve, options.data_dir, engine,
                             readers, clock, trusted);
   const Rejudger rejudger({.data_dir = options.data_dir,
@@ -395,20 +382,20 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                            }},
                           engine, readers);
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
-               config.scheduler.slots, tracks.entries().size(), phases->entries().size());
+               config.scheduler.slots, tracks.entries().size(), phases.entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
-  manager->Tell("READY=1");
-  engine.SetHeartbeat(std::min(manager->watchdog() / kBeatsPerWatchdog, kTrimEvery),
+  manager.Tell("READY=1");
+  engine.SetHeartbeat(std::min(manager.watchdog() / kBeatsPerWatchdog, kTrimEvery),
                       [&, trimmed = clock.Monotonic()]() mutable {
-                        if (manager->watchdog() < absl::InfiniteDuration()) {
-                          manager->Tell("WATCHDOG=1");
+                        if (manager.watchdog() < absl::InfiniteDuration()) {
+                          manager.Tell("WATCHDOG=1");
                         }
                         if (clock.Monotonic() - trimmed < kTrimEvery) return;
                         malloc_trim(0);
                         trimmed = clock.Monotonic();
                       });
   const absl::Status status = engine.Run();
-  manager->Tell("STOPPING=1");
+  manager.Tell("STOPPING=1");
   EndSoon(status.ok() ? 0 : 4, config.on_cluster ? kLeaveClusterWithin : kLeaveWithin);
   server_to_stop = nullptr;
   pictures.Stop();
@@ -417,7 +404,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   access_log.Stop();
   // The engine, the store's only writer until now, has ended.
   const absl::Status recorded = access_log.WriteAll(
-      [&](AccessLog::Change change) { return (*store)->Write(change); });
+      [&](AccessLog::Change change) { return store->Write(change); });
   if (!recorded.ok()) {
     spdlog::error("the last denied requests and acts are not recorded: {}",
                   std::string(recorded.message()));

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
 #include "server/executor/local/local_executor.h"
 #include "server/executor/slurm/slurm_executor.h"
@@ -27,10 +28,8 @@ absl::StatusOr<LeaseHosts> MakeLeaseHosts(const DaemonOptions& options, const Se
                           SlotProcesses(uid_base, options.data_dir + "/slots")),
                       nullptr};
   }
-  const absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
-  if (!sandbox.ok()) return sandbox.status();
-  const absl::StatusOr<std::string> bin_dir = BinDir();
-  if (!bin_dir.ok()) return bin_dir.status();
+  ASSIGN_OR_RETURN(const SandboxConfig sandbox, LoadSandboxConfig(options.configs_dir));
+  ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
   absl::StatusOr<std::unique_ptr<SlurmExecutor>> slurm = SlurmExecutor::Make(
       {.config = config.slurm,
        // Shown in the cluster's queue: tells nothing of the secret.
@@ -40,9 +39,9 @@ absl::StatusOr<LeaseHosts> MakeLeaseHosts(const DaemonOptions& options, const Se
        .data_dir = options.data_dir,
        .cache_dir = options.cache_dir,
        .configs_dir = options.configs_dir,
-       .bin_dir = *bin_dir,
+       .bin_dir = bin_dir,
        .uid_base = uid_base,
-       .log_bytes = sandbox->sim.log_bytes,
+       .log_bytes = sandbox.sim.log_bytes,
        .grader = [cache = options.cache_dir](const std::vector<std::string>& adapters) {
          return GraderBuild(cache, adapters);
        }});

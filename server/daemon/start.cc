@@ -9,6 +9,7 @@
 #include <absl/strings/str_join.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
 #include "server/base/packet_filter.h"
 #include "server/challenge/board_configs.h"
@@ -18,15 +19,13 @@ namespace myograde::server {
 
 absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
   const std::string store = data + "/store.db";
-  absl::StatusOr<DataHome> here = HomeOf(data);
-  if (!here.ok()) return here.status();
-  const absl::StatusOr<std::optional<DataHome>> recorded = RecordedHome(store);
-  if (!recorded.ok()) return recorded.status();
-  HomeFound found = {*std::move(here), ""};
-  const bool copied = recorded->has_value() && (*recorded)->key != found.home.key;
+  ASSIGN_OR_RETURN(DataHome here, HomeOf(data));
+  ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
+  HomeFound found = {std::move(here), ""};
+  const bool copied = recorded.has_value() && recorded->key != found.home.key;
   if (copied && on_cluster && !adopt) {
     found.held_back = absl::StrCat(
-        found.home.place, " is a copy of the data folder ", (*recorded)->place,
+        found.home.place, " is a copy of the data folder ", recorded->place,
         ", which may still grade, so this daemon touches no job; if it takes that one's place, stop "
         "it, run \"myograde serve --data ", data, " --adopt\" once, and start it again");
     spdlog::error("{}", found.held_back);
@@ -34,10 +33,10 @@ absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, boo
   }
   if (copied && !adopt) {
     spdlog::warn("{} is a copy of the data folder {}, and a server of its own from now on",
-                 found.home.place, (*recorded)->place);
+                 found.home.place, recorded->place);
   }
-  if (!recorded->has_value() || copied || (*recorded)->place != found.home.place) {
-    if (absl::Status status = RecordHome(store, found.home); !status.ok()) return status;
+  if (!recorded.has_value() || copied || recorded->place != found.home.place) {
+    RETURN_IF_ERROR(RecordHome(store, found.home));
   }
   return found;
 }
@@ -57,19 +56,17 @@ absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
 absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks,
                                 Phases& phases) {
   absl::StatusOr<Overlaid> overlaid = absl::InternalError("");
-  const absl::Status read = readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
     overlaid = OverlayConfigs(reader, tracks, phases);
     return overlaid.status();
-  });
-  if (!read.ok()) return read;
+  }));
   for (const std::string& note : overlaid->notes) spdlog::info("{}", note);
   for (const std::string& warning : overlaid->warnings) spdlog::warn("{}", warning);
   for (const std::string& error : overlaid->errors) spdlog::error("{}", error);
   if (overlaid->changed.empty()) return absl::OkStatus();
   return store.Write([&](Writer& writer) {
     for (const NewBoardConfig& change : overlaid->changed) {
-      const absl::Status written = writer.SetBoardConfig(change, "daemon").status();
-      if (!written.ok()) return written;
+      RETURN_IF_ERROR(writer.SetBoardConfig(change, "daemon").status());
     }
     return absl::OkStatus();
   });
@@ -80,10 +77,9 @@ absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
   std::set<std::string> names;
   for (const Webhook& webhook : webhooks) names.insert(webhook.config.name);
   return store.Write([&](Writer& writer) -> absl::Status {
-    const absl::StatusOr<int64_t> given_up = writer.GiveUpStrangers(names);
-    if (!given_up.ok()) return given_up.status();
-    if (*given_up > 0) {
-      spdlog::warn("{} events are given up: server.json has not their webhooks any more", *given_up);
+    ASSIGN_OR_RETURN(const int64_t given_up, writer.GiveUpStrangers(names));
+    if (given_up > 0) {
+      spdlog::warn("{} events are given up: server.json has not their webhooks any more", given_up);
     }
     return absl::OkStatus();
   });
@@ -152,9 +148,8 @@ absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_ke
   }
   if (!status.ok()) return status;
   return readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<std::vector<Damage>> damaged = record.Damaged(reader);
-    if (!damaged.ok()) return damaged.status();
-    for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
+    ASSIGN_OR_RETURN(const std::vector<Damage> damaged, record.Damaged(reader));
+    for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
     return absl::OkStatus();
   });
 }

@@ -10,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/log_line.h"
 
 namespace myograde::server {
@@ -50,14 +51,14 @@ absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   AnswerCancels();
   PollSelfTest();
   Escalate();
-  if (absl::Status status = Flush(); !status.ok()) return status;
+  RETURN_IF_ERROR(Flush());
   if (journal_.empty()) {
     ProbeStore();
     if (clock_.Monotonic() >= next_disk_look_) LookAtDisk();
-    if (absl::Status status = EnqueueDeferred(); !status.ok()) return status;
-    if (absl::Status status = SettleAll(); !status.ok()) return status;
+    RETURN_IF_ERROR(EnqueueDeferred());
+    RETURN_IF_ERROR(SettleAll());
     if (!stopping_) StartLeases();
-    if (absl::Status status = Flush(); !status.ok()) return status;
+    RETURN_IF_ERROR(Flush());
   }
   return TimeToNext(clock_.Monotonic());
 }
@@ -146,14 +147,14 @@ void EngineCore::ClearJournal() {
 
 absl::Status EngineCore::WriteJournal(Writer& writer) const {
   for (const Entry& entry : journal_) {
-    if (absl::Status status = entry.change(writer); !status.ok()) return status;
+    RETURN_IF_ERROR(entry.change(writer));
   }
   return absl::OkStatus();
 }
 
 // The journal happened before this request, so it is written first.
 absl::Status EngineCore::RequireWritable() {
-  if (absl::Status status = Flush(); !status.ok()) return status;
+  RETURN_IF_ERROR(Flush());
   if (journal_.empty()) return absl::OkStatus();
   const MutexLock lock(mutex_);
   return absl::UnavailableError(

@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/log_line.h"
 #include "server/engine/engine_core.h"
@@ -324,10 +325,10 @@ absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, bool
                                            std::set<int64_t>& killed) {
   // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended is
   // about to get its result.
-  if (absl::Status status = RequireWritable(); !status.ok()) return status;
-  if (absl::Status status = EnqueueDeferred(); !status.ok()) return status;
-  if (absl::Status status = SettleAll(); !status.ok()) return status;
-  if (absl::Status status = RequireWritable(); !status.ok()) return status;
+  RETURN_IF_ERROR(RequireWritable());
+  RETURN_IF_ERROR(EnqueueDeferred());
+  RETURN_IF_ERROR(SettleAll());
+  RETURN_IF_ERROR(RequireWritable());
   // A job that waits for a node has shown nothing to anybody.
   const auto may_have_begun = [&](int64_t evaluation) {
     return !executor_.remote() || std::any_of(running_.begin(), running_.end(), [&](const auto& run) {
@@ -335,7 +336,7 @@ absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, bool
     });
   };
   std::vector<int64_t> open;
-  const absl::Status status = WriteNow([&](Writer& writer) -> absl::Status {
+  RETURN_IF_ERROR(WriteNow([&](Writer& writer) -> absl::Status {
     open = writer.OpenEvaluationsOf(submission, reruns);
     for (const int64_t evaluation : open) {
       if (charge && may_have_begun(evaluation)) writer.ChargeBegun(evaluation);
@@ -344,8 +345,7 @@ absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, bool
       if (!ended.ok()) return ended;
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   if (open.empty()) {
     return absl::FailedPreconditionError(
         absl::StrCat("submission ", submission, " has ended; there is nothing to cancel",

@@ -2,6 +2,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/engine/engine_core.h"
 #include "server/engine/stored.h"
@@ -18,10 +19,9 @@ absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
   }
   std::vector<std::string> runtimes;
   for (const auto& [name, digest] : context.runtimes) {
-    const absl::StatusOr<Runtime> runtime =
-        digest.empty() ? runtimes_.Find(name) : runtimes_.Find(name, digest);
-    if (!runtime.ok()) return runtime.status();
-    runtimes.push_back(runtime->folder);
+    ASSIGN_OR_RETURN(const Runtime runtime,
+                     digest.empty() ? runtimes_.Find(name) : runtimes_.Find(name, digest));
+    runtimes.push_back(runtime.folder);
   }
   const TrackConfig& track = context.track->config;
   const Form1PolicySeeds form1 = {disk_.policy_secret(), context.artefact};
@@ -158,9 +158,8 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   metrics().CountEpisode(run.context->track_name, OutcomeName(row->outcome),
                          /*participant_fault=*/!played);
   AddToJournal(run.context->evaluation, [row = *std::move(row)](Writer& writer) -> absl::Status {
-    absl::StatusOr<Recorded> recorded = writer.RecordEpisode(row);
-    if (!recorded.ok()) return recorded.status();
-    if (!recorded->differs.empty()) {
+    ASSIGN_OR_RETURN(Recorded recorded, writer.RecordEpisode(row));
+    if (!recorded.differs.empty()) {
       const LogScope about({.evaluation = row.evaluation, .lease = row.lease,
                             .attempt = row.attempt});
       spdlog::warn("evaluation {}, episode {}: played again with another result (policy not "

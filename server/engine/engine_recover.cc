@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/engine/engine_core.h"
 #include "server/grading/results.h"
 #include "server/base/peer_key.h"
@@ -73,16 +74,14 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
 
 absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
   Loaded loaded;
-  const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
-    absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, id, content_);
-    if (!stored.ok()) return stored.status();
-    loaded.context = ContextOf(*stored);
-    for (const LeaseRow& lease : stored->leases) {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(StoredEvaluation stored, LoadEvaluation(reader, id, content_));
+    loaded.context = ContextOf(stored);
+    for (const LeaseRow& lease : stored.leases) {
       if (!IsFinal(lease.state)) loaded.open.push_back(lease);
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return loaded;
 }
 
@@ -141,14 +140,14 @@ void EngineCore::FollowTeams() {
 
 absl::Status EngineCore::EnqueueDeferred() {
   for (const int64_t id : std::exchange(deferred_, {})) {
-    if (absl::Status status = Enqueue(id); !status.ok()) return status;
+    RETURN_IF_ERROR(Enqueue(id));
   }
   return absl::OkStatus();
 }
 
 absl::Status EngineCore::Recover() {
   CloseSlots();
-  if (absl::Status status = RecallDrained(); !status.ok()) return status;
+  RETURN_IF_ERROR(RecallDrained());
   Listed<EvaluationRow> unfinished;
   std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
   absl::Status status = readers_.Read([&](Reader& reader) {
@@ -208,13 +207,12 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
     return read.status();
   });
   if (!status.ok()) return status;
-  const absl::StatusOr<EvaluationResult> result = ResultOf(*context.track, rows);
-  if (!result.ok()) return result.status();
+  ASSIGN_OR_RETURN(const EvaluationResult result, ResultOf(*context.track, rows));
   status = WriteNow([&](Writer& writer) {
-    absl::Status written = writer.EndEvaluation(evaluation, result->state, result->reason,
-                                                result->results_hash, owner_);
-    if (result->state == EvaluationState::kDone && context.row.kind != EvaluationKind::kRerun) {
-      written.Update(writer.SetStanding(evaluation, result->standing));
+    absl::Status written = writer.EndEvaluation(evaluation, result.state, result.reason,
+                                                result.results_hash, owner_);
+    if (result.state == EvaluationState::kDone && context.row.kind != EvaluationKind::kRerun) {
+      written.Update(writer.SetStanding(evaluation, result.standing));
     }
     return written;
   });
@@ -223,8 +221,8 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
                           .submission = context.submission,
                           .team = context.team});
     spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
-                 std::string(EvaluationStateName(result->state)), result->successes,
-                 result->episodes);
+                 std::string(EvaluationStateName(result.state)), result.successes,
+                 result.episodes);
   }
   return status;
 }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/engine/engine.h"
 #include "server/proof/grader_build.h"
@@ -17,16 +18,13 @@ absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(Reader& reader, const NewRej
                                                     const std::string& data_dir) {
   std::vector<NewRejudgeItem> items;
   if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
-  absl::StatusOr<nlohmann::json> json = ParseJson(rejudge.to_config_json, "the new config");
-  if (!json.ok()) return json.status();
-  const absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "the new config");
-  if (!config.ok()) return config.status();
+  ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(rejudge.to_config_json, "the new config"));
+  ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(json, "the new config"));
   for (const RejudgeCandidate& candidate : reader.CandidatesFor(rejudge)) {
-    absl::StatusOr<NewRejudgeItem> item =
-        ItemToPlay(reader, candidate, /*rejudge=*/0, rejudge.grader_json, rejudge.seed_count,
-                   config->episodes_per_lease, data_dir);
-    if (!item.ok()) return item.status();
-    items.push_back(*std::move(item));
+    ASSIGN_OR_RETURN(NewRejudgeItem item,
+                     ItemToPlay(reader, candidate, /*rejudge=*/0, rejudge.grader_json,
+                                rejudge.seed_count, config.episodes_per_lease, data_dir));
+    items.push_back(std::move(item));
   }
   return items;
 }
@@ -36,15 +34,14 @@ using Evaluations = std::vector<int64_t>;
 // Adds an item, and its evaluation to `to_queue` if there is something to play.
 absl::Status AddItem(Writer& writer, const NewRejudgeItem& item, const std::string& who,
                      Evaluations& to_queue) {
-  const absl::StatusOr<Accepted> added = writer.AddRejudgeItem(item, who);
-  if (!added.ok()) return added.status();
-  if (added->is_new() && item.impossible.empty()) to_queue.push_back(added->evaluation);
+  ASSIGN_OR_RETURN(const Accepted added, writer.AddRejudgeItem(item, who));
+  if (added.is_new() && item.impossible.empty()) to_queue.push_back(added.evaluation);
   return absl::OkStatus();
 }
 
 absl::Status EnqueueAll(EngineCore& core, const Evaluations& evaluations) {
   for (const int64_t evaluation : evaluations) {
-    if (absl::Status status = core.Enqueue(evaluation); !status.ok()) return status;
+    RETURN_IF_ERROR(core.Enqueue(evaluation));
   }
   return absl::OkStatus();
 }
@@ -60,7 +57,7 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
     rejudge.grader_json = CanonicalJson(
         WithRuntimes(GraderBuild(cache_dir_, AdapterNames()), RuntimeDigests(runtimes_)));
   }
-  if (absl::Status status = CheckNewRejudge(rejudge); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckNewRejudge(rejudge));
   absl::StatusOr<RejudgePlan> plan = absl::InternalError("");
   absl::StatusOr<std::vector<NewRejudgeItem>> items = absl::InternalError("");
   absl::Status status = readers_.Read([&](Reader& reader) {
@@ -73,14 +70,13 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
   const auto to_queue = std::make_shared<Evaluations>();
   status = Ask(
       [=, items = *std::move(items)](Writer& writer) mutable -> absl::Status {
-        absl::StatusOr<RejudgeRow> row = writer.AddRejudge(rejudge, sign, who);
-        if (!row.ok()) return row.status();
+        ASSIGN_OR_RETURN(RejudgeRow row, writer.AddRejudge(rejudge, sign, who));
         to_queue->clear();
         for (NewRejudgeItem item : items) {
-          item.rejudge = row->id;
-          if (absl::Status added = AddItem(writer, item, who, *to_queue); !added.ok()) return added;
+          item.rejudge = row.id;
+          RETURN_IF_ERROR(AddItem(writer, item, who, *to_queue));
         }
-        *created = *std::move(row);
+        *created = std::move(row);
         return absl::OkStatus();
       },
       [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout);
@@ -106,11 +102,10 @@ absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
     std::function<absl::StatusOr<RejudgeDone>(Writer&)> act, absl::Duration timeout,
     AfterRejudge after) {
   const auto done = std::make_shared<RejudgeDone>();
-  const absl::Status status = Ask(
+  RETURN_IF_ERROR(Ask(
       [act = std::move(act), done](Writer& writer) -> absl::Status {
-        absl::StatusOr<RejudgeDone> acted = act(writer);
-        if (!acted.ok()) return acted.status();
-        *done = *std::move(acted);
+        ASSIGN_OR_RETURN(RejudgeDone acted, act(writer));
+        *done = std::move(acted);
         return absl::OkStatus();
       },
       [this, done, after = std::move(after)] {
@@ -118,8 +113,7 @@ absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
         if (after) after(*done);
         return absl::OkStatus();
       },
-      timeout);
-  if (!status.ok()) return status;
+      timeout));
   return *done;
 }
 
@@ -127,7 +121,7 @@ absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
     std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play, absl::Duration timeout) {
   const auto statuses = std::make_shared<std::vector<absl::Status>>();
   const auto to_queue = std::make_shared<Evaluations>();
-  const absl::Status status = Ask(
+  RETURN_IF_ERROR(Ask(
       [=, judged = std::move(judged), to_play = std::move(to_play)](Writer& writer) {
         statuses->clear();
         to_queue->clear();
@@ -146,8 +140,7 @@ absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
         }
         return passing;
       },
-      [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout);
-  if (!status.ok()) return status;
+      [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout));
   return *statuses;
 }
 

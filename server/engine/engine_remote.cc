@@ -2,6 +2,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/engine/engine_core.h"
 
 namespace myograde::server {
@@ -47,11 +48,10 @@ void EngineCore::AttendExecutor() {
 absl::Status EngineCore::RecallDrained() {
   if (!executor_.remote()) return absl::OkStatus();
   Listed<DrainedNodeRow> drained;
-  const absl::Status status = readers_.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
     drained = reader.DrainedNodes();
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   for (const Damage& damage : drained.damaged) spdlog::error("{}", DamageText(damage));
   for (const DrainedNodeRow& row : drained.rows) {
     const absl::Status kept = executor_.Drain(row.node, row.why);

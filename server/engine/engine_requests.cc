@@ -1,6 +1,7 @@
 // Requests that change the store; concurrent requests are written together.
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/engine/engine.h"
 
 namespace myograde::server {
@@ -43,22 +44,20 @@ absl::Status Engine::AdmitNode(const std::string& node, const std::string& who,
 absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
                                          const UnsubmittedLimits& limits, absl::Duration timeout) {
   const auto is_new = std::make_shared<bool>(false);
-  const absl::Status status = Ask(
+  RETURN_IF_ERROR(Ask(
       [artefact, upload, limits, is_new](Writer& writer) {
-        absl::StatusOr<bool> added = writer.AddArtefact(artefact);
-        if (!added.ok()) return added.status();
-        *is_new = *added;
+        ASSIGN_OR_RETURN(bool added, writer.AddArtefact(artefact));
+        *is_new = added;
         return writer.AddUpload(artefact, upload, limits);
       },
-      nullptr, timeout);
-  if (!status.ok()) return status;
+      nullptr, timeout));
   return *is_new;
 }
 
 absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
                                        absl::Duration timeout) {
   const auto accepted = std::make_shared<Accepted>();
-  const absl::Status status = Ask(
+  RETURN_IF_ERROR(Ask(
       [add = std::move(add), accepted](Writer& writer) {
         absl::StatusOr<Accepted> added = add(writer);
         if (added.ok()) *accepted = *std::move(added);
@@ -67,8 +66,7 @@ absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Wr
       [this, accepted] {
         return accepted->is_new() ? core_.Enqueue(accepted->evaluation) : absl::OkStatus();
       },
-      timeout);
-  if (!status.ok()) return status;
+      timeout));
   return *accepted;
 }
 
@@ -78,10 +76,8 @@ absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
   return Admit([this, submission, rules, who](Writer& writer) {
     return writer.Once(who, submission.request_key, [&]() -> absl::StatusOr<Accepted> {
       // Files are removed on the loop's thread too, so those that are there now stay.
-      if (absl::Status status = HasArtefactFiles(data_dir_, submission.artefact); !status.ok()) {
-        return status;
-      }
-      if (absl::Status status = Found(writer, submission); !status.ok()) return status;
+      RETURN_IF_ERROR(HasArtefactFiles(data_dir_, submission.artefact));
+      RETURN_IF_ERROR(Found(writer, submission));
       return writer.Accept(submission, rules, who);
     });
   }, timeout);
@@ -117,7 +113,7 @@ absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, bool reruns, boo
                                             const std::string& why, const std::string& who,
                                             absl::Duration timeout) {
   const auto report = std::make_shared<CancelReport>();
-  const absl::Status status = commands_.CallLater(
+  RETURN_IF_ERROR(commands_.CallLater(
       [this, submission, reruns, charge, why, who, report](CommandQueue::Answer answer) {
         core_.Cancel(submission, reruns, charge, why, who,
                      [report, answer](absl::StatusOr<CancelReport> done) {
@@ -125,8 +121,7 @@ absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, bool reruns, boo
           answer(done.status());
         });
       },
-      timeout);
-  if (!status.ok()) return status;
+      timeout));
   return *report;
 }
 

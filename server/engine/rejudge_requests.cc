@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/engine/stored.h"
 
 namespace myograde::server {
@@ -113,7 +114,7 @@ RejudgeMethod MethodOf(RejudgeMethod asked, int64_t repeats, bool same_facts,
 absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir) {
   const std::vector<RejudgeCandidate> candidates = reader.CandidatesFor(rejudge);
-  if (absl::Status status = CheckListed(rejudge, candidates); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckListed(rejudge, candidates));
   const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
                           HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
   const Json today = ParsedText(rejudge.grader_json);

@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 #include "server/grading/results.h"
 
@@ -35,20 +36,17 @@ absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
     return absl::InternalError(absl::StrCat("evaluation ", source->id, " has more episodes than the "
                                             "new config has seeds"));
   }
-  absl::StatusOr<std::vector<EpisodeRow>> rows = WholeEpisodes(reader, *source, seeds);
-  if (!rows.ok()) return rows.status();
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, WholeEpisodes(reader, *source, seeds));
   const absl::StatusOr<SubmissionRow> submission = reader.Submission(source->submission);
   if (!submission.ok()) return submission.status();
-  const absl::StatusOr<TrackConfig> before = StoredConfig(reader, ConfigOf(*source, *submission));
-  if (!before.ok()) return before.status();
-  const absl::Status whole = CheckResults(reader, *source, *rows, before->seed_salt);
-  if (!whole.ok()) return whole;
+  ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, ConfigOf(*source, *submission)));
+  RETURN_IF_ERROR(CheckResults(reader, *source, rows, before.seed_salt));
   JudgedItem item;
   item.rejudge = rejudge.id;
   item.submission = candidate.submission;
   item.repetition = candidate.repetition;
   item.source = candidate.source;
-  for (EpisodeRow& row : *rows) {
+  for (EpisodeRow& row : rows) {
     const absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(ParsedText(row.facts_json));
     if (!facts.ok()) return CantBeJudged(row, facts.status());
     absl::StatusOr<EpisodeRow> judged = JudgedRow(track, *facts);
@@ -57,13 +55,12 @@ absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
     row.reason = judged->reason;
     row.metrics_json = std::move(judged->metrics_json);
   }
-  absl::StatusOr<EvaluationResult> result = ResultOf(track, *rows);
-  if (!result.ok()) return result.status();
-  item.state = result->state;
-  item.reason = std::move(result->reason);
-  item.results_hash = std::move(result->results_hash);
-  item.standing = std::move(result->standing);
-  item.episodes = *std::move(rows);
+  ASSIGN_OR_RETURN(EvaluationResult result, ResultOf(track, rows));
+  item.state = result.state;
+  item.reason = std::move(result.reason);
+  item.results_hash = std::move(result.results_hash);
+  item.standing = std::move(result.standing);
+  item.episodes = std::move(rows);
   return item;
 }
 
@@ -112,9 +109,8 @@ absl::Status Rejudger::LookForWork() {
     return absl::OkStatus();
   });
   if (!status.ok() || newest == seen_) return status;
-  const absl::StatusOr<std::vector<Work>> open = OpenWork();
-  if (!open.ok()) return open.status();
-  for (const Work& work : *open) {
+  ASSIGN_OR_RETURN(const std::vector<Work> open, OpenWork());
+  for (const Work& work : open) {
     if (status = Carry(work); !status.ok()) return status;
   }
   if (!stopping()) seen_ = newest;
@@ -123,7 +119,7 @@ absl::Status Rejudger::LookForWork() {
 
 absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
   std::vector<Work> open;
-  const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) -> absl::Status {
     Listed<RejudgeRow> rejudges = reader.Rejudges();
     for (auto it = rejudges.rows.rbegin(); it != rejudges.rows.rend(); ++it) {
       const int64_t id = it->id;
@@ -136,22 +132,20 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
       }
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return open;
 }
 
 absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(Reader& reader, RejudgeRow rejudge) {
   Work work;
   work.rejudge = std::move(rejudge);
-  const absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(work.rejudge.id);
-  if (!events.ok()) return events.status();
-  if (events->back().event == RejudgeEvent::kDropped) return work;
+  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events,
+                   reader.RejudgeEvents(work.rejudge.id));
+  if (events.back().event == RejudgeEvent::kDropped) return work;
   work.missing = reader.MissingItems(work.rejudge);
   if (work.missing.empty()) return work;
-  absl::StatusOr<TrackPtr> track = content_.Track(reader, work.rejudge.to_config);
-  if (!track.ok()) return track.status();
-  work.track = *std::move(track);
+  ASSIGN_OR_RETURN(TrackPtr track, content_.Track(reader, work.rejudge.to_config));
+  work.track = std::move(track);
   absl::StatusOr<SeedsPtr> seeds = content_.Seeds(reader, work.rejudge.seeds);
   if (!seeds.ok()) return seeds.status();
   work.seeds = *std::move(seeds);
@@ -221,10 +215,10 @@ absl::Status Rejudger::Add(Reader& reader, const Work& work, const RejudgeCandid
 
 absl::Status Rejudger::Write(Batch batch) {
   if (batch.judged.empty() && batch.to_play.empty()) return absl::OkStatus();
-  const absl::StatusOr<std::vector<absl::Status>> statuses =
-      engine_.AddRejudgeItems(std::move(batch.judged), std::move(batch.to_play), kWrite);
-  if (!statuses.ok()) return statuses.status();
-  for (const absl::Status& status : *statuses) {
+  ASSIGN_OR_RETURN(
+      const std::vector<absl::Status> statuses,
+      engine_.AddRejudgeItems(std::move(batch.judged), std::move(batch.to_play), kWrite));
+  for (const absl::Status& status : statuses) {
     // One that was dropped meanwhile takes no more items.
     if (!status.ok()) spdlog::warn("an item is not added: {}", std::string(status.message()));
   }

@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/artefact/share_files.h"
 #include "server/engine/stored.h"
 #include "server/metrics/disk_space.h"
@@ -212,7 +213,7 @@ void Retention::Sweep() {
 
 absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
   std::vector<Choice> choices;
-  const absl::Status status = readers_.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
     for (const UploadRow& upload : reader.Uploads()) {
       if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
           choices.size() == kFewestAgedOut) {
@@ -224,14 +225,13 @@ absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
                                       absl::FormatDuration(limits_.upload_age))});
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return choices;
 }
 
 absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
   std::vector<KeptFile> files;
-  const absl::Status status = readers_.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
     for (const ArtefactUse& use : reader.ArtefactUses()) {
       KeptFile file{use.hash, ArtefactFolder(data_dir_, use.hash), use.bytes, use.last_use,
                     use.needed};
@@ -245,8 +245,7 @@ absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
       files.push_back(std::move(file));
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return files;
 }
 
@@ -267,15 +266,14 @@ std::vector<KeptFile> Retention::Logs() {
 }
 
 absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
-  const absl::Status status = readers_.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
     const std::set<std::string> needed = reader.NeededLogs();
     const int64_t old = absl::ToUnixMillis(time_.Now()) - kFreshMs;
     for (KeptFile& file : files) {
       file.needed = needed.contains(file.name) || file.last_use > old;
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return files;
 }
 
@@ -293,10 +291,9 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     const auto removed = std::make_shared<bool>(false);
     const absl::Status status = engine_.Change(
         [=](Writer& writer) {
-          absl::StatusOr<bool> row =
-              writer.Remove(kind, choice.file.name, choice.file.bytes, choice.why);
-          if (!row.ok()) return row.status();
-          *removed = *row;
+          ASSIGN_OR_RETURN(bool row,
+                           writer.Remove(kind, choice.file.name, choice.file.bytes, choice.why));
+          *removed = row;
           if (*removed && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
             return absl::InternalError(
                 absl::StrCat(from, ": can't be removed: ", std::strerror(errno)));

@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/grading/results.h"
 #include "server/store/damage.h"
 
@@ -22,9 +23,8 @@ absl::Status Unreadable(const char* table, const std::string& key, const absl::S
 
 absl::StatusOr<TrackPtr> StoredContent::Track(Reader& reader, const std::string& hash) {
   if (const auto it = tracks_.find(hash); it != tracks_.end()) return it->second;
-  absl::StatusOr<TrackPtr> track = StoredTrack(reader, hash);
-  if (!track.ok()) return track.status();
-  tracks_[hash] = *track;
+  ASSIGN_OR_RETURN(TrackPtr track, StoredTrack(reader, hash));
+  tracks_[hash] = track;
   return track;
 }
 
@@ -33,9 +33,8 @@ absl::StatusOr<SeedsPtr> StoredContent::Seeds(Reader& reader, const std::string&
   if (seeds_.size() > kSeedListsKept) {
     std::erase_if(seeds_, [](const auto& entry) { return entry.second.expired(); });
   }
-  absl::StatusOr<std::string> text = reader.SeedsJson(hash);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "its content");
+  ASSIGN_OR_RETURN(std::string text, reader.SeedsJson(hash));
+  absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
   if (!json.ok()) return Unreadable("seed_list", hash, json.status());
   absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*json, "its content");
   if (!parsed.ok()) return Unreadable("seed_list", hash, parsed.status());
@@ -47,9 +46,8 @@ absl::StatusOr<SeedsPtr> StoredContent::Seeds(Reader& reader, const std::string&
 absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
                                                 StoredContent& content) {
   StoredEvaluation stored;
-  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
-  if (!evaluation.ok()) return evaluation.status();
-  stored.evaluation = *std::move(evaluation);
+  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.Evaluation(id));
+  stored.evaluation = std::move(evaluation);
   const std::string key = absl::StrCat(id);
   // If a row that this one names is missing, then this one is damaged.
   absl::StatusOr<SubmissionRow> submission = reader.Submission(stored.evaluation.submission);
@@ -61,22 +59,19 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
   absl::StatusOr<ArtefactRow> artefact = reader.Artefact(stored.submission.artefact);
   if (!artefact.ok()) return artefact.status();
   stored.artefact = *std::move(artefact);
-  absl::StatusOr<TrackPtr> track =
-      content.Track(reader, ConfigOf(stored.evaluation, stored.submission));
-  if (!track.ok()) return track.status();
-  stored.track = *std::move(track);
-  absl::StatusOr<SeedsPtr> seeds =
-      content.Seeds(reader, SeedsOf(stored.evaluation, stored.submission));
-  if (!seeds.ok()) return seeds.status();
-  stored.seeds = *std::move(seeds);
+  ASSIGN_OR_RETURN(TrackPtr track,
+                   content.Track(reader, ConfigOf(stored.evaluation, stored.submission)));
+  stored.track = std::move(track);
+  ASSIGN_OR_RETURN(SeedsPtr seeds,
+                   content.Seeds(reader, SeedsOf(stored.evaluation, stored.submission)));
+  stored.seeds = std::move(seeds);
   if (stored.evaluation.last >= static_cast<int64_t>(stored.seeds->size())) {
     return DamagedRow({"evaluation", key, absl::StrCat("it ends with episode ",
                                                        stored.evaluation.last, ", and there are ",
                                                        stored.seeds->size(), " seeds")});
   }
-  absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
-  if (!leases.ok()) return leases.status();
-  stored.leases = *std::move(leases);
+  ASSIGN_OR_RETURN(std::vector<LeaseRow> leases, reader.Leases(id));
+  stored.leases = std::move(leases);
   int64_t next = stored.evaluation.first;
   for (const LeaseRow& lease : stored.leases) {
     if (lease.first != next) break;
@@ -142,15 +137,14 @@ absl::Status StatusOfList(const Listed<Row>& list) {
 
 // An evaluation with all that belongs to it.
 absl::Status CheckEvaluation(Reader& reader, int64_t id, StoredContent& content) {
-  const absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, id, content);
-  if (!stored.ok()) return stored.status();
+  ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, id, content));
   absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(id);
-  if (rows.ok() && stored->evaluation.state == EvaluationState::kDone) {
-    rows = WholeEpisodes(reader, stored->evaluation, *stored->seeds);
+  if (rows.ok() && stored.evaluation.state == EvaluationState::kDone) {
+    rows = WholeEpisodes(reader, stored.evaluation, *stored.seeds);
   }
   if (!rows.ok()) return rows.status();
   for (const EpisodeRow& row : *rows) {
-    const absl::Status judged = JudgementOf(*stored->track->scoring.track, row).status();
+    const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
     if (judged.ok() || DamageOf(judged).has_value()) {
       if (!judged.ok()) return judged;
       continue;
@@ -158,7 +152,7 @@ absl::Status CheckEvaluation(Reader& reader, int64_t id, StoredContent& content)
     return Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
   }
   absl::Status status =
-      CheckResults(reader, stored->evaluation, *rows, stored->track->config.seed_salt);
+      CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt);
   status.Update(reader.EpisodeDetails(id).status());
   status.Update(reader.Repeats(id).status());
   status.Update(reader.LeaseRunsOf(id).status());
@@ -193,19 +187,19 @@ absl::Status CheckRejudges(Reader& reader) {
 absl::Status CheckReadable(Reader& reader) {
   StoredContent content;
   for (const std::string& hash : reader.Hashes("artefact")) {
-    if (absl::Status read = reader.Artefact(hash).status(); !read.ok()) return read;
+    RETURN_IF_ERROR(reader.Artefact(hash).status());
   }
   for (const std::string& hash : reader.Hashes("config")) {
-    if (absl::Status read = content.Track(reader, hash).status(); !read.ok()) return read;
+    RETURN_IF_ERROR(content.Track(reader, hash).status());
   }
   for (const std::string& hash : reader.Hashes("seed_list")) {
-    if (absl::Status read = content.Seeds(reader, hash).status(); !read.ok()) return read;
+    RETURN_IF_ERROR(content.Seeds(reader, hash).status());
   }
-  if (absl::Status teams = CheckTeams(reader); !teams.ok()) return teams;
+  RETURN_IF_ERROR(CheckTeams(reader));
   SubmissionFilter all;
   all.limit = INT64_MAX;
   const Listed<SubmissionRow> submissions = reader.Submissions(all);
-  if (absl::Status listed = StatusOfList(submissions); !listed.ok()) return listed;
+  RETURN_IF_ERROR(StatusOfList(submissions));
   for (const SubmissionRow& submission : submissions.rows) {
     absl::Status status = reader.MarkHistory(submission.id).status();
     status.Update(reader.Transitions("submission", submission.id).status());

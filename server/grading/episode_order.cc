@@ -5,6 +5,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "scoring/board.h"
 
 namespace myograde::server {
@@ -15,9 +16,9 @@ absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
   std::set<int64_t> unranked;
   for (const scoring::JudgedEpisode& episode : episodes) {
     if (episode.judgement.reason.name() == kPhantom) continue;
-    const auto aggregate = scoring::AggregateEpisodes(scoring.track->metrics, {episode});
-    if (!aggregate.ok()) return aggregate.status();
-    scoring::BoardEntry entry = scoring::MakeEntry(scoring.track->metrics, *aggregate);
+    ASSIGN_OR_RETURN(const auto aggregate,
+                     scoring::AggregateEpisodes(scoring.track->metrics, {episode}));
+    scoring::BoardEntry entry = scoring::MakeEntry(scoring.track->metrics, aggregate);
     entry.submission = entry.team = absl::StrCat(episode.index);  // each stands for itself
     entry.acceptance = episode.index;
     if (!unranked.insert(episode.index).second) {
@@ -27,11 +28,10 @@ absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
     entries.push_back(std::move(entry));
   }
   const auto board = scoring.boards.find(scoring::kMainBoard);
-  const auto ranked =
-      scoring::Rank(entries, board->second.rules, scoring::TeamRule::kBest);
-  if (!ranked.ok()) return ranked.status();
+  ASSIGN_OR_RETURN(const auto ranked,
+                   scoring::Rank(entries, board->second.rules, scoring::TeamRule::kBest));
   std::vector<int64_t> order;
-  for (const scoring::RankedEntry& entry : *ranked) {
+  for (const scoring::RankedEntry& entry : ranked) {
     order.push_back(entry.entry.acceptance);
     unranked.erase(entry.entry.acceptance);
   }

@@ -7,6 +7,8 @@
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -91,10 +93,9 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
                                               const BoardRules& rules, TeamRule team) {
   std::vector<BoardEntry> entries = {baseline};
   for (const RankedEntry& entry : ranked) entries.push_back(entry.entry);
-  absl::StatusOr<std::vector<RankedEntry>> with = scoring::Rank(entries, rules, team);
-  if (!with.ok()) return with.status();
-  for (size_t i = 0; i < with->size(); ++i) {
-    if ((*with)[i].entry.acceptance == baseline.acceptance) return std::optional(i);
+  ASSIGN_OR_RETURN(std::vector<RankedEntry> with, scoring::Rank(entries, rules, team));
+  for (size_t i = 0; i < with.size(); ++i) {
+    if (with[i].entry.acceptance == baseline.acceptance) return std::optional(i);
   }
   return std::optional<size_t>();  // below the qualifying line of a board that shows only those
                                    // above it
@@ -110,9 +111,8 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
   // By place, then by acceptance, so that baselines at the same place have a fixed order.
   std::vector<std::pair<size_t, BoardEntry>> baselines;
   for (const BoardEntry& baseline : sorted.baselines) {
-    absl::StatusOr<std::optional<size_t>> place = PlaceOf(baseline, *ranked, rules, team);
-    if (!place.ok()) return place.status();
-    if (place->has_value()) baselines.emplace_back(**place, baseline);
+    ASSIGN_OR_RETURN(std::optional<size_t> place, PlaceOf(baseline, *ranked, rules, team));
+    if (place.has_value()) baselines.emplace_back(*place, baseline);
   }
   std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
     return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
@@ -179,33 +179,29 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
                                          const Marks& marks, const BoardRules& rules,
                                          TeamRule team, const std::string& a,
                                          const std::string& b) {
-  absl::StatusOr<Leaderboard> board = MakeLeaderboard(standings, marks, rules, team);
-  if (!board.ok()) return board.status();
-  absl::StatusOr<const LeaderboardRow*> first = FindRow(*board, a, standings, marks, team);
-  if (!first.ok()) return first.status();
-  absl::StatusOr<const LeaderboardRow*> second = FindRow(*board, b, standings, marks, team);
-  if (!second.ok()) return second.status();
-  if (*first == *second) {
+  ASSIGN_OR_RETURN(Leaderboard board, MakeLeaderboard(standings, marks, rules, team));
+  ASSIGN_OR_RETURN(const LeaderboardRow* first, FindRow(board, a, standings, marks, team));
+  ASSIGN_OR_RETURN(const LeaderboardRow* second, FindRow(board, b, standings, marks, team));
+  if (first == second) {
     return absl::InvalidArgumentError(
         absl::StrCat("\"", a, "\" and \"", b, "\" are the same row; name two"));
   }
   // The bands that decide are those of a ranking with both in it.
   std::vector<BoardEntry> entries;
-  for (const LeaderboardRow& row : board->rows) {
-    if (row.ranked.rank != 0 || &row == *first || &row == *second) {
+  for (const LeaderboardRow& row : board.rows) {
+    if (row.ranked.rank != 0 || &row == first || &row == second) {
       entries.push_back(row.ranked.entry);
     }
   }
-  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(entries, rules, team);
-  if (!ranked.ok()) return ranked.status();
+  ASSIGN_OR_RETURN(std::vector<RankedEntry> ranked, scoring::Rank(entries, rules, team));
   const auto place = [&](const LeaderboardRow& row) {
-    return std::find_if(ranked->begin(), ranked->end(), [&](const RankedEntry& entry) {
+    return std::find_if(ranked.begin(), ranked.end(), [&](const RankedEntry& entry) {
       return entry.entry.acceptance == row.ranked.entry.acceptance;
     });
   };
-  const bool in_order = place(**first) < place(**second);
-  const LeaderboardRow& above = in_order ? **first : **second;
-  const LeaderboardRow& below = in_order ? **second : **first;
+  const bool in_order = place(*first) < place(*second);
+  const LeaderboardRow& above = in_order ? *first : *second;
+  const LeaderboardRow& below = in_order ? *second : *first;
   RankedEntry upper = *place(above);
   RankedEntry lower = *place(below);
   upper.entry.team = above.source.team;  // a baseline's own name

@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 #include "protocol/tracks/registry.h"
 #include "protocol/base/sha256.h"
@@ -125,18 +126,16 @@ absl::StatusOr<std::vector<scoring::JudgedEpisode>> JudgedEpisodes(
     const scoring::ScoredTrack& track, const std::vector<EpisodeRow>& rows) {
   std::vector<scoring::JudgedEpisode> episodes;
   for (const EpisodeRow& row : rows) {
-    absl::StatusOr<scoring::Judgement> judgement = JudgementOf(track, row);
-    if (!judgement.ok()) return judgement.status();
-    episodes.push_back({row.index, *std::move(judgement)});
+    ASSIGN_OR_RETURN(scoring::Judgement judgement, JudgementOf(track, row));
+    episodes.push_back({row.index, std::move(judgement)});
   }
   return episodes;
 }
 
 absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,
                                                  const std::vector<EpisodeRow>& rows) {
-  absl::StatusOr<std::vector<scoring::JudgedEpisode>> episodes = JudgedEpisodes(track, rows);
-  if (!episodes.ok()) return episodes.status();
-  return scoring::AggregateEpisodes(track.metrics, *std::move(episodes));
+  ASSIGN_OR_RETURN(std::vector<scoring::JudgedEpisode> episodes, JudgedEpisodes(track, rows));
+  return scoring::AggregateEpisodes(track.metrics, std::move(episodes));
 }
 
 nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
@@ -174,18 +173,17 @@ Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate&
 absl::StatusOr<EvaluationResult> ResultOf(const Track& track,
                                           const std::vector<EpisodeRow>& rows) {
   const scoring::ScoredTrack& scored = *track.scoring.track;
-  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
-  if (!aggregate.ok()) return aggregate.status();
+  ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(scored, rows));
   EvaluationResult result;
-  result.state = aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
-  if (aggregate->failed) {
+  result.state = aggregate.failed ? EvaluationState::kFailed : EvaluationState::kDone;
+  if (aggregate.failed) {
     result.reason = absl::StrCat("every episode ended by a fault of the participant's program, the "
                                  "first as ", std::string(OutcomeName(rows.front().outcome)));
   }
   result.results_hash = ResultsHash(rows, track.config.seed_salt);
-  result.standing = StandingOf(scored, *aggregate);
-  result.episodes = aggregate->episodes;
-  result.successes = aggregate->successes;
+  result.standing = StandingOf(scored, aggregate);
+  result.episodes = aggregate.episodes;
+  result.successes = aggregate.successes;
   return result;
 }
 

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -14,9 +15,8 @@ absl::Status UnreadableConfig(const std::string& hash, const absl::Status& why) 
 }  // namespace
 
 absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash) {
-  absl::StatusOr<std::string> text = reader.ConfigJson(hash);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "its content");
+  ASSIGN_OR_RETURN(std::string text, reader.ConfigJson(hash));
+  absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
   if (!json.ok()) return UnreadableConfig(hash, json.status());
   absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "its content");
   if (!config.ok()) return UnreadableConfig(hash, config.status());
@@ -24,9 +24,8 @@ absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash
 }
 
 absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash) {
-  absl::StatusOr<TrackConfig> config = StoredConfig(reader, hash);
-  if (!config.ok()) return config.status();
-  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
+  ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, hash));
+  absl::StatusOr<TrackPtr> track = MakeTrack(std::move(config));
   if (!track.ok()) return UnreadableConfig(hash, track.status());
   return track;
 }

@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/practice_seeds.h"
 #include "server/store/quota.h"
 
@@ -34,26 +35,21 @@ absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config) {
 }
 
 absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
-  absl::StatusOr<std::vector<std::string>> names = ListTracks(dir);
-  if (!names.ok()) return names.status();
-  if (names->empty()) {
+  ASSIGN_OR_RETURN(std::vector<std::string> names, ListTracks(dir));
+  if (names.empty()) {
     return absl::NotFoundError(absl::StrCat(dir, ": holds no track config; give --configs the "
                                             "folder that has tracks/ in it"));
   }
   std::map<std::string, Entry> named;
-  for (const std::string& name : *names) {
-    absl::StatusOr<TrackConfig> usual = LoadTrackConfig(dir, name, "");
-    if (!usual.ok()) return usual.status();
+  for (const std::string& name : names) {
+    ASSIGN_OR_RETURN(TrackConfig usual, LoadTrackConfig(dir, name, ""));
     Entry& offer = named[name];
-    offer.default_profile = usual->profile;
-    absl::StatusOr<std::vector<std::string>> profiles = ListProfiles(dir, name);
-    if (!profiles.ok()) return profiles.status();
-    for (const std::string& profile : *profiles) {
-      absl::StatusOr<TrackConfig> config = LoadTrackConfig(dir, name, profile);
-      if (!config.ok()) return config.status();
-      absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
-      if (!track.ok()) return track.status();
-      offer.profiles[profile] = *std::move(track);
+    offer.default_profile = usual.profile;
+    ASSIGN_OR_RETURN(std::vector<std::string> profiles, ListProfiles(dir, name));
+    for (const std::string& profile : profiles) {
+      ASSIGN_OR_RETURN(TrackConfig config, LoadTrackConfig(dir, name, profile));
+      ASSIGN_OR_RETURN(TrackPtr track, MakeTrack(std::move(config)));
+      offer.profiles[profile] = std::move(track);
     }
   }
   Tracks tracks;

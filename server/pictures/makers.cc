@@ -8,6 +8,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/render_order.h"
 #include "protocol/lease/sim_channel.h"
 #include "server/base/program_run.h"
@@ -65,8 +66,7 @@ std::string ReasonOf(const ProgramEnd& end, const std::string& program) {
 
 absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
                                            const MakerOptions& options, const Stopped& stopped) {
-  const absl::StatusOr<WorkFolder> folder = WorkFolder::Make(options.work_dir);
-  if (!folder.ok()) return folder.status();
+  RETURN_IF_ERROR(WorkFolder::Make(options.work_dir).status());
   const std::string file = options.work_dir + "/trajectory";
   ReplayOrder order;
   order.track = episode.track;
@@ -106,34 +106,30 @@ absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const Ma
   order.height = kHeight;
   order.overlay = false;
   order.deadline_s = absl::ToDoubleSeconds(time);
-  const absl::StatusOr<ProgramEnd> end = RunProgram({.program = "myograde-render",
+  ASSIGN_OR_RETURN(const ProgramEnd end, RunProgram({.program = "myograde-render",
                                                      .words = {},
                                                      .input = RenderOrderToJson(order).dump(),
                                                      .most_output = kMostPictureBytes,
                                                      .deadline = time,
                                                      .nice = kPictureNice},
-                                                    stopped);
-  if (!end.ok()) return end.status();
-  if (end->exit_status == kRendered) return end->output;
-  const std::string why = ReasonOf(*end, "myograde-render");
-  return end->exit_status == kRenderLogFault ? absl::DataLossError(why) : absl::InternalError(why);
+                                                    stopped));
+  if (end.exit_status == kRendered) return end.output;
+  const std::string why = ReasonOf(end, "myograde-render");
+  return end.exit_status == kRenderLogFault ? absl::DataLossError(why) : absl::InternalError(why);
 }
 
 absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptions& options,
                                       const Stopped& stopped) {
-  const absl::StatusOr<WorkFolder> folder = WorkFolder::Make(options.work_dir);
-  if (!folder.ok()) return folder.status();
+  RETURN_IF_ERROR(WorkFolder::Make(options.work_dir).status());
   const std::string file = options.work_dir + "/model.glb";
-  const absl::StatusOr<ProgramEnd> end =
-      RunProgram({.program = "myograde-sim",
+  ASSIGN_OR_RETURN(const ProgramEnd end, RunProgram({.program = "myograde-sim",
                   .words = {"--model-file", track, file, options.cache_dir},
                   .input = "",
                   .most_output = 0,
                   .deadline = kPictureTime,
                   .nice = kPictureNice},
-                 stopped);
-  if (!end.ok()) return end.status();
-  if (end->exit_status != 0) return absl::InternalError(ReasonOf(*end, "myograde-sim"));
+                 stopped));
+  if (end.exit_status != 0) return absl::InternalError(ReasonOf(end, "myograde-sim"));
   absl::StatusOr<std::string> bytes = ReadFile(file);
   if (!bytes.ok()) return absl::InternalError(bytes.status().message());
   return bytes;

@@ -11,6 +11,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
 #include "server/grading/episode_order.h"
 #include "server/grading/stored_track.h"
@@ -42,55 +43,44 @@ absl::StatusOr<std::string> LogPath(const std::string& data_dir, const std::stri
 
 // The config that an evaluation was played under.
 absl::StatusOr<TrackConfig> ConfigOfEvaluation(Reader& reader, int64_t id) {
-  const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
-  if (!evaluation.ok()) return evaluation.status();
-  const absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
+  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.Evaluation(id));
+  const absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
   if (!submission.ok()) return submission.status();
-  return StoredConfig(reader, ConfigOf(*evaluation, *submission));
+  return StoredConfig(reader, ConfigOf(evaluation, *submission));
 }
 
 absl::StatusOr<PicturedEpisode> EpisodeIn(Reader& reader, const std::string& data_dir,
                                        const std::string& log) {
-  const absl::StatusOr<LoggedEpisode> found = reader.EpisodeOfLog(log);
-  if (!found.ok()) return found.status();
-  absl::StatusOr<TrackConfig> config = ConfigOfEvaluation(reader, found->evaluation);
-  if (!config.ok()) return config.status();
-  PicturedEpisode shown = {*std::move(config), {}, {}};
+  ASSIGN_OR_RETURN(const LoggedEpisode found, reader.EpisodeOfLog(log));
+  ASSIGN_OR_RETURN(TrackConfig config, ConfigOfEvaluation(reader, found.evaluation));
+  PicturedEpisode shown = {std::move(config), {}, {}};
   if (CarriesOver(shown.track)) {
-    const absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(found->evaluation);
-    if (!rows.ok()) return rows.status();
-    for (const EpisodeRow& row : *rows) {
-      if (row.lease != found->lease || row.index >= found->index) continue;
-      const absl::StatusOr<std::string> path = LogPath(data_dir, LogOf(row));
-      if (!path.ok()) return path.status();
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.Episodes(found.evaluation));
+    for (const EpisodeRow& row : rows) {
+      if (row.lease != found.lease || row.index >= found.index) continue;
+      ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, LogOf(row)));
       shown.episodes.push_back({row.index, row.seed, 0});
-      shown.logs.push_back(*path);
+      shown.logs.push_back(path);
     }
   }
-  const absl::StatusOr<std::string> path = LogPath(data_dir, log);
-  if (!path.ok()) return path.status();
-  shown.episodes.push_back({found->index, found->seed, 0});
-  shown.logs.push_back(*path);
+  ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, log));
+  shown.episodes.push_back({found.index, found.seed, 0});
+  shown.logs.push_back(path);
   return shown;
 }
 
 // Best, median and worst.
 absl::StatusOr<std::vector<PictureKey>> PicturesOf(Reader& reader, int64_t evaluation) {
-  const absl::StatusOr<TrackConfig> config = ConfigOfEvaluation(reader, evaluation);
-  if (!config.ok()) return config.status();
-  const absl::StatusOr<TrackPtr> track = MakeTrack(*config);
-  if (!track.ok()) return track.status();
-  const absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(evaluation);
-  if (!rows.ok()) return rows.status();
-  const scoring::TrackScoring& scoring = (*track)->scoring;
-  const auto judged = JudgedEpisodes(*scoring.track, *rows);
-  if (!judged.ok()) return judged.status();
-  const absl::StatusOr<std::vector<int64_t>> order = EpisodesInOrder(scoring, *judged);
-  if (!order.ok()) return order.status();
+  ASSIGN_OR_RETURN(const TrackConfig config, ConfigOfEvaluation(reader, evaluation));
+  ASSIGN_OR_RETURN(const TrackPtr track, MakeTrack(config));
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.Episodes(evaluation));
+  const scoring::TrackScoring& scoring = track->scoring;
+  ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, rows));
+  ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(scoring, judged));
   std::map<int64_t, std::string> logs;
-  for (const EpisodeRow& row : *rows) logs[row.index] = LogOf(row);
+  for (const EpisodeRow& row : rows) logs[row.index] = LogOf(row);
   std::vector<PictureKey> keys;
-  for (const PickedEpisode& picked : BestMedianWorst(*order)) {
+  for (const PickedEpisode& picked : BestMedianWorst(order)) {
     if (!logs[picked.index].empty()) keys.push_back({PictureKind::kPicture, logs[picked.index]});
   }
   return keys;
@@ -110,11 +100,10 @@ std::string PictureBuild(const std::string& cache_dir) {
 absl::StatusOr<PicturedEpisode> EpisodeToShow(ReaderPool& readers, const std::string& data_dir,
                                            const std::string& log) {
   absl::StatusOr<PicturedEpisode> shown = absl::InternalError("");
-  const absl::Status status = readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
     shown = EpisodeIn(reader, data_dir, log);
     return shown.status();
-  });
-  if (!status.ok()) return status;
+  }));
   return shown;
 }
 
@@ -122,10 +111,9 @@ absl::StatusOr<std::string> MakeFile(ReaderPool& readers, const std::string& dat
                                      const MakerOptions& makers, const PictureKey& key,
                                      const Stopped& stopped) {
   if (key.kind == PictureKind::kModel) return MakeModel(key.of, makers, stopped);
-  const absl::StatusOr<PicturedEpisode> episode = EpisodeToShow(readers, data_dir, key.of);
-  if (!episode.ok()) return episode.status();
-  return key.kind == PictureKind::kPicture ? MakePicture(*episode, makers, stopped)
-                                           : MakeTrajectory(*episode, makers, stopped);
+  ASSIGN_OR_RETURN(const PicturedEpisode episode, EpisodeToShow(readers, data_dir, key.of));
+  return key.kind == PictureKind::kPicture ? MakePicture(episode, makers, stopped)
+                                           : MakeTrajectory(episode, makers, stopped);
 }
 
 EndedEvaluations::EndedEvaluations(ReaderPool& readers) : readers_(readers) {

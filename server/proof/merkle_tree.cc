@@ -7,6 +7,8 @@
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -187,9 +189,8 @@ absl::StatusOr<MerkleProof> ProofOfJson(const nlohmann::json& json) {
   MerkleProof proof;
   for (const nlohmann::json& node : json) {
     if (!node.is_string()) return absl::InvalidArgumentError("a proof is a list of hashes");
-    const absl::StatusOr<Sha256Digest> digest = DigestOfHex(node.get_ref<const std::string&>());
-    if (!digest.ok()) return digest.status();
-    proof.push_back(*digest);
+    ASSIGN_OR_RETURN(const Sha256Digest digest, DigestOfHex(node.get_ref<const std::string&>()));
+    proof.push_back(digest);
   }
   return proof;
 }

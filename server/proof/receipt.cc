@@ -6,6 +6,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "server/proof/merkle.h"
 #include "server/proof/receipt_seeds.h"
@@ -72,9 +73,8 @@ ReceiptCheck CheckRecord(const Json& receipt) {
 }  // namespace
 
 absl::StatusOr<std::string> SignReceipt(const Json& receipt, const SigningKey& key) {
-  const absl::StatusOr<Json> json = key.SignJson("receipt", receipt);
-  if (!json.ok()) return json.status();
-  return CanonicalJson(*json) + "\n";
+  ASSIGN_OR_RETURN(const Json json, key.SignJson("receipt", receipt));
+  return CanonicalJson(json) + "\n";
 }
 
 absl::StatusOr<Json> ParseReceipt(std::string_view text) {

@@ -7,6 +7,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_seed.h"
 #include "protocol/lease/seed_commitment.h"
 #include "protocol/lease/track_config.h"
@@ -146,10 +147,9 @@ absl::StatusOr<Json> OpenedReceipt(const Json& receipt, const std::string& secre
   config["policy_seed_secret"] = secrets.policy_seed_secret;
   config["seed_salt"] = secrets.seed_salt;
   // The parser writes a list of seeds as it stands in the config that was hashed.
-  absl::StatusOr<TrackConfig> parsed = ParseTrackConfig(config, "track_config");
-  if (!parsed.ok()) return parsed.status();
+  ASSIGN_OR_RETURN(TrackConfig parsed, ParseTrackConfig(config, "track_config"));
   Json opened = receipt;
-  opened["track_config"] = parsed->effective;
+  opened["track_config"] = parsed.effective;
   opened["policy_seeds"] = Json::array();
   for (const Json& entry : receipt["episodes"]) {
     const auto index = entry["index"].get<int64_t>();

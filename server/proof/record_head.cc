@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -51,9 +52,8 @@ absl::StatusOr<RecordHead> HeadOfJson(const Json& json) {
 }  // namespace
 
 absl::StatusOr<std::string> SignHead(const RecordHead& head, const SigningKey& key) {
-  const absl::StatusOr<Json> json = key.SignJson("head", HeadToJson(head));
-  if (!json.ok()) return json.status();
-  return CanonicalJson(*json) + "\n";
+  ASSIGN_OR_RETURN(const Json json, key.SignJson("head", HeadToJson(head)));
+  return CanonicalJson(json) + "\n";
 }
 
 absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
@@ -117,10 +117,9 @@ absl::StatusOr<EntryProof> CheckEntryProof(const Json& json) {
       !root.ok()) {
     return absl::InvalidArgumentError("it is no proof of an entry");
   }
-  absl::StatusOr<MerkleProof> proof = ProofOfJson(At(json, "proof"));
-  if (!proof.ok()) return proof.status();
+  ASSIGN_OR_RETURN(MerkleProof proof, ProofOfJson(At(json, "proof")));
   read.root = *root;
-  read.proof = *std::move(proof);
+  read.proof = std::move(proof);
   if (!ProvesInclusion(LeafHash(CanonicalJson(read.content)), read.index, read.size, read.proof,
                        read.root)) {
     return absl::InvalidArgumentError(absl::StrCat(

@@ -9,6 +9,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/proof/replay_run.h"
 #include "server/proof/unpack_log.h"
 
@@ -19,21 +20,18 @@ namespace fs = std::filesystem;
 
 absl::StatusOr<ReplayRecord> PlayOne(const fs::path& file, const ReferenceOptions& options,
                                      const std::atomic<bool>& stop) {
-  absl::StatusOr<std::string> bytes = ReadLog(file);
-  if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
-  if (!log.ok()) return log.status();
+  ASSIGN_OR_RETURN(std::string bytes, ReadLog(file));
+  ASSIGN_OR_RETURN(EpisodeLog log, ParseEpisodeLog(bytes));
   ReplayOrder order;
-  order.track = log->header.track;
-  order.blocks = {{{{log->header.episode, log->header.seed, 0}}, {file}}};
+  order.track = log.header.track;
+  order.blocks = {{{{log.header.episode, log.header.seed, 0}}, {file}}};
   order.work_dir = options.work_dir;
   order.cache_dir = options.cache_dir;
   order.uid_base = options.uid;
-  absl::StatusOr<std::vector<ReplayRecord>> records =
-      RunReplay(order, {.progress = [](int64_t, int64_t) {},
-                        .stopped = [&] { return stop.load(); }});
-  if (!records.ok()) return records.status();
-  return records->front();
+  ASSIGN_OR_RETURN(
+      std::vector<ReplayRecord> records, RunReplay(order, {.progress = [](int64_t, int64_t) {},
+                            .stopped = [&] { return stop.load(); }}));
+  return records.front();
 }
 
 std::vector<fs::path> LogsIn(const std::string& folder) {

@@ -13,6 +13,7 @@
 
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -87,14 +88,13 @@ absl::StatusOr<SignedRelease> SignRelease(const std::string& folder, const std::
     return absl::InvalidArgumentError(
         "a release's name has 1 to 64 printable characters of ASCII");
   }
-  const absl::StatusOr<std::map<std::string, bool>> files = FilesOf(folder);
-  if (!files.ok()) return files.status();
-  if (files->empty()) {
+  ASSIGN_OR_RETURN(const auto files, FilesOf(folder));
+  if (files.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(folder, ": has no file to sign"));
   }
   SignedRelease release;
   release.sums = absl::StrCat(std::string(kFirstLine), name, "\n");
-  for (const auto& [path, special] : *files) {
+  for (const auto& [path, special] : files) {
     if (special) {
       return absl::InvalidArgumentError(absl::StrCat(
           folder, "/", path, ": is no regular file; a release holds files and folders only"));
@@ -103,42 +103,36 @@ absl::StatusOr<SignedRelease> SignRelease(const std::string& folder, const std::
       return absl::InvalidArgumentError(absl::StrCat(
           folder, "/", path, ": has a control character or a backslash in its name; rename it"));
     }
-    const absl::StatusOr<std::string> hash = Sha256File((fs::path(folder) / path).string());
-    if (!hash.ok()) return hash.status();
-    absl::StrAppend(&release.sums, *hash, "  ", path, "\n");
+    ASSIGN_OR_RETURN(const std::string hash, Sha256File((fs::path(folder) / path).string()));
+    absl::StrAppend(&release.sums, hash, "  ", path, "\n");
   }
   if (release.sums.size() > kMostSums) {
     return absl::InvalidArgumentError(absl::StrCat(
         folder, ": has more files than a release can list; pack them into archives"));
   }
-  const absl::StatusOr<std::string> signature = key.Sign(release.sums);
-  if (!signature.ok()) return signature.status();
-  release.signature = absl::HexStringToBytes(*signature);
-  release.files = std::ssize(*files);
+  ASSIGN_OR_RETURN(const std::string signature, key.Sign(release.sums));
+  release.signature = absl::HexStringToBytes(signature);
+  release.files = std::ssize(files);
   return release;
 }
 
 absl::StatusOr<ReleaseCheck> CheckRelease(const std::string& folder, const PublicKey& key) {
-  const absl::StatusOr<std::string> sums =
-      ReadFile((fs::path(folder) / kReleaseSums).string(), kMostSums);
-  if (!sums.ok()) return sums.status();
-  const absl::StatusOr<std::string> signature =
-      ReadFile((fs::path(folder) / kReleaseSignature).string(), kMostSignature);
-  if (!signature.ok()) return signature.status();
+  ASSIGN_OR_RETURN(const std::string sums,
+                   ReadFile((fs::path(folder) / kReleaseSums).string(), kMostSums));
+  ASSIGN_OR_RETURN(const std::string signature,
+                   ReadFile((fs::path(folder) / kReleaseSignature).string(), kMostSignature));
   ReleaseCheck check;
-  if (!sums->starts_with(kFirstLine) || !key.Verify(*sums, absl::BytesToHexString(*signature))) {
+  if (!sums.starts_with(kFirstLine) || !key.Verify(sums, absl::BytesToHexString(signature))) {
     check.wrong.push_back(absl::StrCat(kReleaseSums, " was not signed with this key"));
     return check;
   }
-  const absl::StatusOr<std::map<std::string, std::string>> listed = ListedFiles(*sums);
-  if (!listed.ok()) return listed.status();
-  const absl::StatusOr<std::map<std::string, bool>> files = FilesOf(folder);
-  if (!files.ok()) return files.status();
-  check.name = sums->substr(kFirstLine.size(), sums->find('\n') - kFirstLine.size());
-  check.files = std::ssize(*listed);
-  for (const auto& [path, hash] : *listed) {
-    const auto found = files->find(path);
-    if (found == files->end()) {
+  ASSIGN_OR_RETURN(const auto listed, ListedFiles(sums));
+  ASSIGN_OR_RETURN(const auto files, FilesOf(folder));
+  check.name = sums.substr(kFirstLine.size(), sums.find('\n') - kFirstLine.size());
+  check.files = std::ssize(listed);
+  for (const auto& [path, hash] : listed) {
+    const auto found = files.find(path);
+    if (found == files.end()) {
       check.wrong.push_back(absl::StrCat(path, " is missing"));
       continue;
     }
@@ -151,8 +145,8 @@ absl::StatusOr<ReleaseCheck> CheckRelease(const std::string& folder, const Publi
       check.wrong.push_back(absl::StrCat(path, " is not the file that was signed"));
     }
   }
-  for (const auto& [path, special] : *files) {
-    if (!listed->contains(path)) {
+  for (const auto& [path, special] : files) {
+    if (!listed.contains(path)) {
       check.wrong.push_back(absl::StrCat(path, " is no file of the release"));
     }
   }

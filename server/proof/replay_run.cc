@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 #include "server/runner/lease_order.h"
 #include "server/runner/lease_report.h"
 
@@ -39,13 +40,13 @@ class Run {
       if (hooks_.stopped()) return absl::CancelledError("the replay was interrupted");
       for (size_t slot = 0; slot < slots_.size() && next_ < order_.blocks.size(); ++slot) {
         if (slots_[slot].has_value()) continue;
-        if (absl::Status status = Start(slot); !status.ok()) return status;
+        RETURN_IF_ERROR(Start(slot));
       }
       Wait();
       bool busy = false;
       for (std::optional<Running>& slot : slots_) {
         if (!slot.has_value()) continue;
-        if (absl::Status status = Listen(slot); !status.ok()) return status;
+        RETURN_IF_ERROR(Listen(slot));
         busy = busy || slot.has_value();
       }
       hooks_.progress(done_, total_);

@@ -20,6 +20,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -111,11 +112,10 @@ class KeyMaker {
 void KeyDeleter::operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
 
 absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
-  absl::StatusOr<KeyMaker> maker = KeyMaker::Enter(path);
-  if (!maker.ok()) return maker.status();
-  maker->RemoveDrafts();
+  ASSIGN_OR_RETURN(KeyMaker maker, KeyMaker::Enter(path));
+  maker.RemoveDrafts();
   if (struct stat info; lstat(path.c_str(), &info) != 0 && errno == ENOENT) {
-    if (absl::Status status = maker->Make(); !status.ok()) return status;
+    RETURN_IF_ERROR(maker.Make());
   }
   absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
   if (absl::IsInvalidArgument(text.status())) text = "";  // nothing that large is a key
@@ -130,9 +130,8 @@ absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
 }
 
 absl::StatusOr<SigningKey> SigningKey::Read(const std::string& path) {
-  const absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
-  if (!text.ok()) return text.status();
-  KeyPtr key = PrivateKeyOf(*text);
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxPemBytes));
+  KeyPtr key = PrivateKeyOf(text);
   if (key == nullptr) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": holds no Ed25519 private key in PEM"));
@@ -143,9 +142,8 @@ absl::StatusOr<SigningKey> SigningKey::Read(const std::string& path) {
 absl::StatusOr<std::shared_ptr<const SigningKey>> KeyFile::Get() {
   const MutexLock lock(mutex_);
   if (key_ == nullptr) {
-    absl::StatusOr<SigningKey> key = SigningKey::LoadOrMake(path_);
-    if (!key.ok()) return key.status();
-    key_ = std::make_shared<const SigningKey>(*std::move(key));
+    ASSIGN_OR_RETURN(SigningKey key, SigningKey::LoadOrMake(path_));
+    key_ = std::make_shared<const SigningKey>(std::move(key));
   }
   return key_;
 }
@@ -170,9 +168,8 @@ std::string SigningKey::PublicPem() const {
 }
 
 absl::StatusOr<PublicKey> PublicKey::Read(const std::string& path) {
-  absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
-  if (!text.ok()) return text.status();
-  return Parse(*text, path);
+  ASSIGN_OR_RETURN(std::string text, ReadFile(path, kMaxPemBytes));
+  return Parse(text, path);
 }
 
 absl::StatusOr<PublicKey> PublicKey::Parse(const std::string& pem, const std::string& where) {
@@ -199,10 +196,9 @@ bool PublicKey::Verify(std::string_view message, const std::string& signature) c
 }
 
 absl::StatusOr<nlohmann::json> SigningKey::SignJson(const char* what, nlohmann::json content) const {
-  absl::StatusOr<std::string> signature = Sign(CanonicalJson(content));
-  if (!signature.ok()) return signature.status();
+  ASSIGN_OR_RETURN(std::string signature, Sign(CanonicalJson(content)));
   return nlohmann::json{{what, std::move(content)},
-                        {"signature", {{"algorithm", kAlgorithm}, {"value", *std::move(signature)}}}};
+                        {"signature", {{"algorithm", kAlgorithm}, {"value", std::move(signature)}}}};
 }
 
 bool PublicKey::IsSigned(const char* what, const nlohmann::json& json) const {

@@ -3,13 +3,13 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 
 absl::StatusOr<std::string> ReadLog(const std::string& path) {
-  const absl::StatusOr<Fd> file = OpenToRead(path);
-  if (!file.ok()) return file.status();
-  return ReadPackedLog(file->get());
+  ASSIGN_OR_RETURN(const Fd file, OpenToRead(path));
+  return ReadPackedLog(file.get());
 }
 
 absl::Status CheckLogHash(const std::string& named, const std::string& found) {

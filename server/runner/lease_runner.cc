@@ -20,6 +20,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/outcome.h"
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 #include "server/sandbox/seccomp_filter.h"
 
 namespace myograde::server {
@@ -99,12 +100,12 @@ bool LeaseRunner::Run() {
 }
 
 absl::Status LeaseRunner::Play() {
-  if (absl::Status status = StartSim(); !status.ok()) return status;
+  RETURN_IF_ERROR(StartSim());
   if (context_.order.replay.empty()) {
-    if (absl::Status status = PreparePolicy(); !status.ok()) return status;
+    RETURN_IF_ERROR(PreparePolicy());
   }
   while (!done_) {
-    if (absl::Status status = RunOnce(); !status.ok()) return status;
+    RETURN_IF_ERROR(RunOnce());
   }
   AwaitPolicyExit();
   sim_->Wait(kSimFarewell);
@@ -112,47 +113,43 @@ absl::Status LeaseRunner::Play() {
 }
 
 absl::Status LeaseRunner::StartSim() {
-  absl::StatusOr<std::pair<Fd, Fd>> channel = SocketPair();
-  if (!channel.ok()) return channel.status();
+  ASSIGN_OR_RETURN(auto channel, SocketPair());
   absl::StatusOr<Fd> order = MemoryFile("myograde-order", LeaseOrderToJson(context_.order).dump());
   if (!order.ok()) return order.status();
-  absl::StatusOr<Fd> page = MemoryFile("myograde-cpu", std::string(sizeof(CpuPage), '\0'));
-  if (!page.ok()) return page.status();
+  ASSIGN_OR_RETURN(Fd page, MemoryFile("myograde-cpu", std::string(sizeof(CpuPage), '\0')));
   void* memory =
-      mmap(nullptr, sizeof(CpuPage), PROT_READ | PROT_WRITE, MAP_SHARED, page->get(), 0);
+      mmap(nullptr, sizeof(CpuPage), PROT_READ | PROT_WRITE, MAP_SHARED, page.get(), 0);
   if (memory == MAP_FAILED) return Errno("can't share a page with the simulator");
   cpu_page_ = new (memory) CpuPage{};
-  absl::StatusOr<Pipe> errors = MakeOutputPipe();
-  if (!errors.ok()) return errors.status();
-  sim_stderr_ = std::move(errors->read);
+  ASSIGN_OR_RETURN(Pipe errors, MakeOutputPipe());
+  sim_stderr_ = std::move(errors.read);
   Fd nothing(open("/dev/null", O_RDWR | O_CLOEXEC));
   const SandboxSpec spec = MakeSimSandbox(context_.order, context_.config.sim, context_.bin_dir,
                                           context_.stage, context_.etc);
-  absl::StatusOr<Fd> filter = MakeSeccompFilter(context_.config.policy);
-  if (!filter.ok()) return filter.status();
+  ASSIGN_OR_RETURN(Fd filter, MakeSeccompFilter(context_.config.policy));
   GroupLimits limits = SimGroupLimits(context_.config.sim);
   limits.background = context_.order.background;
   sim_group_ = ControlGroup::Create(GroupName("sim"), limits);
   std::vector<SandboxFd> fds = {{nothing.get(), 0},
                                 {nothing.get(), 1},
-                                {errors->write.get(), 2},
-                                {channel->second.get(), kSimChannelFd},
+                                {errors.write.get(), 2},
+                                {channel.second.get(), kSimChannelFd},
                                 {order->get(), kSimOrderFd},
-                                {page->get(), kSimCpuPageFd}};
+                                {page.get(), kSimCpuPageFd}};
   if (context_.logs != nullptr) fds.push_back({context_.logs->writer(), kSimLogFd});
   if (context_.trajectory != nullptr) {
     fds.push_back({context_.trajectory->memory(), kSimTrajectoryFd});
   }
   absl::StatusOr<std::unique_ptr<Sandbox>> sim =
-      Sandbox::Start(spec, fds, sim_group_->join_fds(), *filter);
+      Sandbox::Start(spec, fds, sim_group_->join_fds(), filter);
   if (context_.logs != nullptr) context_.logs->CloseWriter();
   if (!sim.ok()) return sim.status();
   sim_ = *std::move(sim);
   if (!sim_group_->controllers().cpu_account) {
     sim_tree_.emplace(sim_->pid(), absl::Seconds(context_.config.policy.cpu_refresh_s));
   }
-  channel_ = std::move(channel->first);
-  cpu_page_fd_ = *std::move(page);
+  channel_ = std::move(channel.first);
+  cpu_page_fd_ = std::move(page);
   last_heard_ = SystemClock().Monotonic();
   return absl::OkStatus();
 }
@@ -188,15 +185,15 @@ absl::Status LeaseRunner::RunOnce() {
   }
   // After any waiting message, which may say where the log ends.
   if (entries[6].revents != 0 && entries[0].revents == 0) {
-    if (absl::Status status = context_.logs->Drain(); !status.ok()) return status;
+    RETURN_IF_ERROR(context_.logs->Drain());
   }
   if (entries[0].revents != 0) {
     if (absl::Status status = HandleSimMessage(); !status.ok() || done_) return status;
   }
   if (policy_requested_at_.has_value()) {
-    if (absl::Status status = SendPolicyWhenAlone(); !status.ok()) return status;
+    RETURN_IF_ERROR(SendPolicyWhenAlone());
   }
-  if (absl::Status status = CheckDeadlines(); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckDeadlines());
   return Heartbeat();
 }
 
@@ -247,7 +244,7 @@ absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
     return absl::InternalError("the simulator recorded an episode that was not its next");
   }
   if (facts != nullptr && context_.logs != nullptr) {
-    if (absl::Status status = context_.logs->Finish(facts->log); !status.ok()) return status;
+    RETURN_IF_ERROR(context_.logs->Finish(facts->log));
   }
   ++next_episode_;
   if (policy_ != nullptr) policy_->EpisodeOver();
@@ -273,13 +270,10 @@ absl::Status LeaseRunner::PreparePolicy() {
   if (runs_ > context_.order.track.budgets.restarts) {
     return absl::InternalError("the simulator wants more policies than the budget allows");
   }
-  absl::StatusOr<std::pair<Fd, Fd>> pair = SocketPair();
-  if (!pair.ok()) return pair.status();
-  absl::StatusOr<std::unique_ptr<PolicyRun>> run =
-      PolicyRun::Prepare(context_, runs_++, std::move(pair->second), stdout_, stderr_);
-  if (!run.ok()) return run.status();
-  prepared_ = *std::move(run);
-  prepared_channel_ = std::move(pair->first);
+  ASSIGN_OR_RETURN(auto pair, SocketPair());
+  ASSIGN_OR_RETURN(prepared_,
+                   PolicyRun::Prepare(context_, runs_++, std::move(pair.second), stdout_, stderr_));
+  prepared_channel_ = std::move(pair.first);
   return absl::OkStatus();
 }
 
@@ -290,7 +284,7 @@ absl::Status LeaseRunner::SendPolicy() {
     return absl::OkStatus();
   }
   if (prepared_ == nullptr) {
-    if (absl::Status status = PreparePolicy(); !status.ok()) return status;
+    RETURN_IF_ERROR(PreparePolicy());
   }
   policy_ = std::move(prepared_);
   policy_->Begin();

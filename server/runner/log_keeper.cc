@@ -11,6 +11,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -61,8 +63,7 @@ absl::StatusOr<size_t> LogKeeper::Take(size_t most) {
     const ssize_t n = read(reader_.get(), buffer.data(), buffer.size());
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return 0;
-    absl::Status status = Write(buffer.data(), static_cast<size_t>(n));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(Write(buffer.data(), static_cast<size_t>(n)));
     return static_cast<size_t>(n);
   }
 }
@@ -96,9 +97,8 @@ absl::Status LogKeeper::TooLarge() const {
 absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
   if (info.packed_bytes > budget_) return TooLarge();
   while (written_ < info.packed_bytes) {
-    absl::StatusOr<size_t> taken = Take(static_cast<size_t>(info.packed_bytes - written_));
-    if (!taken.ok()) return taken.status();
-    if (*taken == 0) break;
+    ASSIGN_OR_RETURN(size_t taken, Take(static_cast<size_t>(info.packed_bytes - written_)));
+    if (taken == 0) break;
   }
   if (!file_.valid() || written_ < info.packed_bytes || info.packed_bytes <= 0 ||
       !IsHash(info.sha256)) {

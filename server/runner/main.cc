@@ -25,6 +25,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 #include "server/base/harmless.h"
 #include "server/base/paths.h"
@@ -42,36 +43,32 @@ constexpr int kWrongUse = 2;
 constexpr int kGraderTrouble = 4;
 
 absl::StatusOr<LeaseOrder> ReadOrder(const std::string& path) {
-  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
-  if (!json.ok()) return json.status();
-  absl::StatusOr<LeaseOrder> order = LeaseOrderFromJson(*json, path);
-  if (!order.ok()) return order.status();
-  if (absl::Status status = CheckOrderPaths(*order); !status.ok()) return status;
-  if (order->uid == 0 || (order->uid < 0 && geteuid() == 0)) {
+  ASSIGN_OR_RETURN(nlohmann::json json, ReadJsonFile(path));
+  ASSIGN_OR_RETURN(LeaseOrder order, LeaseOrderFromJson(json, path));
+  RETURN_IF_ERROR(CheckOrderPaths(order));
+  if (order.uid == 0 || (order.uid < 0 && geteuid() == 0)) {
     return absl::InvalidArgumentError(absl::StrCat(
-        path, ": \"uid\" is ", order->uid,
+        path, ": \"uid\" is ", order.uid,
         "; as root a lease needs an unprivileged uid of its own, above 0"));
   }
-  if (order->uid > 0 && geteuid() != 0 && static_cast<uid_t>(order->uid) != geteuid()) {
+  if (order.uid > 0 && geteuid() != 0 && static_cast<uid_t>(order.uid) != geteuid()) {
     return absl::InvalidArgumentError(
-        absl::StrCat(path, ": \"uid\" is ", order->uid, "; only root can take another uid"));
+        absl::StrCat(path, ": \"uid\" is ", order.uid, "; only root can take another uid"));
   }
-  if (geteuid() != 0) order->uid = -1;
+  if (geteuid() != 0) order.uid = -1;
   return order;
 }
 
 absl::StatusOr<std::optional<LogKeeper>> OpenLogs(const LeaseOrder& order) {
   if (order.log_dir.empty()) return std::nullopt;
-  absl::StatusOr<LogKeeper> keeper = LogKeeper::Open(order.log_dir, order.lease, order.log_bytes);
-  if (!keeper.ok()) return keeper.status();
-  return std::optional<LogKeeper>(*std::move(keeper));
+  ASSIGN_OR_RETURN(LogKeeper keeper, LogKeeper::Open(order.log_dir, order.lease, order.log_bytes));
+  return std::optional<LogKeeper>(std::move(keeper));
 }
 
 absl::StatusOr<std::optional<TrajectoryFile>> OpenTrajectory(const LeaseOrder& order) {
   if (order.trajectory.empty()) return std::nullopt;
-  absl::StatusOr<TrajectoryFile> file = TrajectoryFile::Make(order.trajectory);
-  if (!file.ok()) return file.status();
-  return std::optional<TrajectoryFile>(*std::move(file));
+  ASSIGN_OR_RETURN(TrajectoryFile file, TrajectoryFile::Make(order.trajectory));
+  return std::optional<TrajectoryFile>(std::move(file));
 }
 
 absl::StatusOr<std::vector<Fd>> OpenReplays(const LeaseOrder& order) {

@@ -15,6 +15,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/sim_channel.h"
 #include "server/sandbox/seccomp_filter.h"
 
@@ -119,37 +120,29 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext
   const LeaseOrder& order = context.order;
   const Budgets& budgets = order.track.budgets;
   std::unique_ptr<PolicyRun> run(new PolicyRun(context, out, err));
-  absl::StatusOr<std::string> scratch =
-      context.stage.MountScratch(number, budgets.scratch_bytes, budgets.scratch_files);
-  if (!scratch.ok()) return scratch.status();
-  run->scratch_ = *std::move(scratch);
+  ASSIGN_OR_RETURN(
+      run->scratch_,
+      context.stage.MountScratch(number, budgets.scratch_bytes, budgets.scratch_files));
   run->err_mark_ = err.total();
   run->group_ = ControlGroup::Create(GroupName(std::to_string(number)), PolicyGroupLimits(budgets));
-  absl::StatusOr<Fd> filter = MakeSeccompFilter(context.config.policy);
-  if (!filter.ok()) return filter.status();
-  absl::StatusOr<Pipe> stdout_pipe = MakeOutputPipe();
-  if (!stdout_pipe.ok()) return stdout_pipe.status();
-  absl::StatusOr<Pipe> stderr_pipe = MakeOutputPipe();
-  if (!stderr_pipe.ok()) return stderr_pipe.status();
+  ASSIGN_OR_RETURN(Fd filter, MakeSeccompFilter(context.config.policy));
+  ASSIGN_OR_RETURN(Pipe stdout_pipe, MakeOutputPipe());
+  ASSIGN_OR_RETURN(Pipe stderr_pipe, MakeOutputPipe());
   Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
-  const absl::StatusOr<SandboxSpec> spec =
-      MakePolicySandbox(order, context.config.policy, context.bin_dir, context.stage, context.etc,
-                        run->scratch_, run->group_->controllers());
-  if (!spec.ok()) return spec.status();
-  absl::StatusOr<std::unique_ptr<Sandbox>> sandbox =
-      Sandbox::Start(*spec,
+  ASSIGN_OR_RETURN(const SandboxSpec spec,
+                   MakePolicySandbox(order, context.config.policy, context.bin_dir, context.stage,
+                                     context.etc, run->scratch_, run->group_->controllers()));
+  ASSIGN_OR_RETURN(run->sandbox_, Sandbox::Start(spec,
                      {{nothing.get(), 0},
-                      {stdout_pipe->write.get(), 1},
-                      {stderr_pipe->write.get(), 2},
+                      {stdout_pipe.write.get(), 1},
+                      {stderr_pipe.write.get(), 2},
                       {bridge_socket.get(), kBridgeSocketFd}},
-                     run->group_->join_fds(), *filter);
-  if (!sandbox.ok()) return sandbox.status();
-  run->sandbox_ = *std::move(sandbox);
+                     run->group_->join_fds(), filter));
   if (!run->group_->controllers().cpu_account) {
     run->tree_.emplace(run->sandbox_->pid(), absl::Seconds(context.config.policy.cpu_refresh_s));
   }
-  run->stdout_ = std::move(stdout_pipe->read);
-  run->stderr_ = std::move(stderr_pipe->read);
+  run->stdout_ = std::move(stdout_pipe.read);
+  run->stderr_ = std::move(stderr_pipe.read);
   return run;
 }
 

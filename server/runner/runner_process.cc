@@ -15,6 +15,7 @@
 
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -47,36 +48,31 @@ absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order) {
-  absl::StatusOr<std::string> bin_dir = BinDir();
-  if (!bin_dir.ok()) return bin_dir.status();
-  const std::string program = *bin_dir + "/myograde-runner";
+  ASSIGN_OR_RETURN(std::string bin_dir, BinDir());
+  const std::string program = bin_dir + "/myograde-runner";
   if (::access(program.c_str(), X_OK) != 0) {
     return absl::NotFoundError(absl::StrCat("no program ", program, " (", std::strerror(errno),
                                             "); build it or set MYOGRADE_BIN_DIR"));
   }
   const std::string order_path = order.work_dir + "/order.json";
-  if (absl::Status status = WriteOrder(order, order_path); !status.ok()) return status;
+  RETURN_IF_ERROR(WriteOrder(order, order_path));
 
-  absl::StatusOr<Pipe> in = MakePipe();
-  if (!in.ok()) return in.status();
-  absl::StatusOr<Pipe> out = MakeOutputPipe();
-  if (!out.ok()) return out.status();
-  absl::StatusOr<Pipe> err = MakeOutputPipe();
-  if (!err.ok()) return err.status();
+  ASSIGN_OR_RETURN(Pipe in, MakePipe());
+  ASSIGN_OR_RETURN(Pipe out, MakeOutputPipe());
+  ASSIGN_OR_RETURN(Pipe err, MakeOutputPipe());
 
-  const absl::StatusOr<pid_t> pid = Spawn({program,
+  ASSIGN_OR_RETURN(const pid_t pid, Spawn({program,
                                            {program, "--lifeline", order_path},
-                                           in->read.get(),
-                                           out->write.get(),
-                                           err->write.get(),
-                                           order.background ? kBackgroundNice : kNice});
-  if (!pid.ok()) return pid.status();
+                                           in.read.get(),
+                                           out.write.get(),
+                                           err.write.get(),
+                                           order.background ? kBackgroundNice : kNice}));
   std::unique_ptr<RunnerProcess> runner(new RunnerProcess());
   runner->lease_ = order.lease;
-  runner->pid_ = *pid;
-  runner->lifeline_ = std::move(in->write);
-  runner->stdout_ = std::move(out->read);
-  runner->stderr_ = std::move(err->read);
+  runner->pid_ = pid;
+  runner->lifeline_ = std::move(in.write);
+  runner->stdout_ = std::move(out.read);
+  runner->stderr_ = std::move(err.read);
   return runner;
 }
 
@@ -85,7 +81,7 @@ RunnerProcess::~RunnerProcess() { Kill(); }
 absl::StatusOr<std::vector<LeaseRecord>> RunnerProcess::Read() {
   DrainStderr();
   std::vector<LeaseRecord> records;
-  if (absl::Status status = DrainStdout(records); !status.ok()) return status;
+  RETURN_IF_ERROR(DrainStdout(records));
   return records;
 }
 

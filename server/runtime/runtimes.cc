@@ -11,6 +11,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/set_up.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -36,7 +37,7 @@ absl::Status ReadPackages(const Json& list, const std::string& where, Runtime& r
     RuntimePackage package{reader.String("name"), reader.String("version"),
                            reader.Choice("source", {"pypi", "debian"})};
     reader.Ignore("sha256");
-    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.Finish());
     runtime.packages.push_back(std::move(package));
   }
   return absl::OkStatus();

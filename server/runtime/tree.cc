@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/listing.h"
 
 namespace myograde::server {
@@ -55,7 +56,7 @@ absl::StatusOr<RuntimeTree> ReadRuntimeTree(const std::string& folder) {
   for (; !error && found != fs::recursive_directory_iterator(); found.increment(error)) {
     const std::string path = found->path().lexically_relative(folder).string();
     if (path == kRuntimeFile) continue;
-    if (absl::Status status = AddEntry(*found, path, listing); !status.ok()) return status;
+    RETURN_IF_ERROR(AddEntry(*found, path, listing));
   }
   if (error) return Unreadable(folder, error.message());
   return RuntimeTree{listing.Digest(), listing.bytes(), std::ssize(listing.entries())};
@@ -63,11 +64,10 @@ absl::StatusOr<RuntimeTree> ReadRuntimeTree(const std::string& folder) {
 
 absl::Status CheckRuntime(const Runtime& runtime) {
   if (runtime.digest.empty()) return absl::OkStatus();
-  const absl::StatusOr<RuntimeTree> tree = ReadRuntimeTree(runtime.folder);
-  if (!tree.ok()) return tree.status();
-  if (tree->digest == runtime.digest) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const RuntimeTree tree, ReadRuntimeTree(runtime.folder));
+  if (tree.digest == runtime.digest) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(
-      runtime.folder, ": was changed: its files have the digest ", tree->digest.substr(0, 12),
+      runtime.folder, ": was changed: its files have the digest ", tree.digest.substr(0, 12),
       ", and it was made with ", runtime.digest.substr(0, 12)));
 }
 

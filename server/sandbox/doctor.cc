@@ -20,6 +20,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/delegated_group.h"
@@ -232,28 +233,24 @@ LeaseOrder TrialOrder(const DoctorOptions& options) {
 absl::Status WithSandboxes(const DoctorOptions& options,
                            const std::function<absl::Status(const Sandboxes&)>& use) {
   const LeaseOrder order = TrialOrder(options);
-  if (absl::Status status = CheckOrderPaths(order); !status.ok()) return status;
-  absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(options.config_dir);
-  if (!config.ok()) return config.status();
-  absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(order, options.bin_dir));
-  if (!stage.ok()) return stage.status();
-  absl::StatusOr<EtcFiles> etc = StageEtcFiles(order, *stage);
-  if (!etc.ok()) return etc.status();
+  RETURN_IF_ERROR(CheckOrderPaths(order));
+  ASSIGN_OR_RETURN(SandboxConfig config, LoadSandboxConfig(options.config_dir));
+  ASSIGN_OR_RETURN(Stage stage, Stage::Enter(StagedSources(order, options.bin_dir)));
+  ASSIGN_OR_RETURN(EtcFiles etc, StageEtcFiles(order, stage));
   const Budgets& budgets = order.track.budgets;
-  absl::StatusOr<std::string> scratch =
-      stage->MountScratch(0, budgets.scratch_bytes, budgets.scratch_files);
-  if (!scratch.ok()) return scratch.status();
+  ASSIGN_OR_RETURN(std::string scratch,
+                   stage.MountScratch(0, budgets.scratch_bytes, budgets.scratch_files));
   const GroupControllers group =
       ControlGroup::Create(GroupName("doctor"), PolicyGroupLimits(budgets))->controllers();
   std::map<std::string, std::string> staged;
   for (const std::string& source : StagedSources(order, options.bin_dir)) {
-    staged[stage->PathOf(source)] = source;
+    staged[stage.PathOf(source)] = source;
   }
   absl::StatusOr<SandboxSpec> policy = MakePolicySandbox(
-      order, config->policy, options.bin_dir, *stage, *etc, *scratch, group);
+      order, config.policy, options.bin_dir, stage, etc, scratch, group);
   if (!policy.ok()) return policy.status();
   return use({*std::move(policy),
-              MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), *config, budgets,
+              MakeSimSandbox(order, config.sim, options.bin_dir, stage, etc), config, budgets,
               group, staged});
 }
 
@@ -277,14 +274,13 @@ ChildEnd InSandboxChild(const DoctorOptions& options,
 absl::Status Play(const SandboxSpec& spec, const std::vector<int>& join, const Fd& filter,
                   int exit_code) {
   const Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
-  absl::StatusOr<std::unique_ptr<Sandbox>> sandbox = Sandbox::Start(
-      spec, {{nothing.get(), 0}, {STDOUT_FILENO, 1}, {STDERR_FILENO, 2}}, join, filter);
-  if (!sandbox.ok()) return sandbox.status();
-  (*sandbox)->Release();
-  if (!(*sandbox)->Wait(kSandboxTime - absl::Seconds(5))) {
+  ASSIGN_OR_RETURN(std::unique_ptr<Sandbox> sandbox, Sandbox::Start(
+      spec, {{nothing.get(), 0}, {STDOUT_FILENO, 1}, {STDERR_FILENO, 2}}, join, filter));
+  sandbox->Release();
+  if (!sandbox->Wait(kSandboxTime - absl::Seconds(5))) {
     return absl::DeadlineExceededError("its command did not end");
   }
-  const SandboxEnd end = (*sandbox)->end();
+  const SandboxEnd end = sandbox->end();
   if (end.started && end.exit_code == exit_code) return absl::OkStatus();
   // Its own output says more, so the status values come after it.
   return absl::InternalError(end.started ? absl::StrCat("its command ended with ", end.exit_code)
@@ -297,10 +293,9 @@ void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks
     // Skip the bridge, which waits for a simulator.
     const auto separator = std::find(spec.command.begin(), spec.command.end(), "--");
     spec.command.erase(spec.command.begin(), separator + 1);
-    const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config.policy);
-    if (!filter.ok()) return filter.status();
+    ASSIGN_OR_RETURN(const Fd filter, MakeSeccompFilter(sandboxes.config.policy));
     const auto group = ControlGroup::Create(GroupName("doctor"), {1 << 30, 64, 1.0});
-    return Play(spec, group->join_fds(), *filter, 0);
+    return Play(spec, group->join_fds(), filter, 0);
   });
   if (end.exit_code == 0) {
     checks.push_back(
@@ -318,10 +313,9 @@ void CheckSimulatorSandbox(const DoctorOptions& options, std::vector<Check>& che
     SandboxSpec spec = sandboxes.simulator;
     // Loads its libraries, sets its own filter and exits.
     spec.command.push_back("--try");
-    const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config.policy);
-    if (!filter.ok()) return filter.status();
+    ASSIGN_OR_RETURN(const Fd filter, MakeSeccompFilter(sandboxes.config.policy));
     const auto group = ControlGroup::Create(GroupName("doctor-sim"), {1 << 30, 64, 1.0});
-    return Play(spec, group->join_fds(), *filter, 0);
+    return Play(spec, group->join_fds(), filter, 0);
   });
   if (end.exit_code == 0) {
     checks.push_back(Fine("simulator_sandbox",

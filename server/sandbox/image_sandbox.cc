@@ -15,6 +15,7 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
 
@@ -67,8 +68,7 @@ class ImageMounts {
     for (const std::string& name : sorted) {
       if (name == "." || name == "..") continue;
       if (folder.empty() && IsReplacedByTheSandbox(name)) continue;
-      absl::Status shown = Show(folder.empty() ? name : folder + "/" + name);
-      if (!shown.ok()) return shown;
+      RETURN_IF_ERROR(Show(folder.empty() ? name : folder + "/" + name));
     }
     return absl::OkStatus();
   }
@@ -166,8 +166,7 @@ absl::Status AddImage(const LeaseOrder& order, const Stage& stage, SandboxSpec& 
   const std::string staged = absl::StrCat(stage.PathOf(order.artefact_dir), "/", kImageFolder);
   const Fd root(::open(staged.c_str(), O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   if (!root.valid()) return Unreadable("/", "is missing");
-  absl::Status shown = ImageMounts(root.get(), staged, order.runtimes, spec).ShowAll("");
-  if (!shown.ok()) return shown;
+  RETURN_IF_ERROR(ImageMounts(root.get(), staged, order.runtimes, spec).ShowAll(""));
   spec.mounts.push_back({Kind::kReadOnly, "/usr", absl::StrCat(kHostPlace, "/usr")});
   return absl::OkStatus();
 }

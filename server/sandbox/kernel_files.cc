@@ -15,6 +15,7 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -105,8 +106,7 @@ bool IsReadable(const struct stat& info) {
 
 absl::StatusOr<std::string> StageSettings(const Stage& stage) {
   for (const char* folder : {"", "/kernel", "/kernel/random", "/net", "/net/core", "/vm"}) {
-    absl::StatusOr<std::string> made = stage.AddFolder(absl::StrCat("proc-sys", folder));
-    if (!made.ok()) return made.status();
+    RETURN_IF_ERROR(stage.AddFolder(absl::StrCat("proc-sys", folder)).status());
   }
   std::vector<std::pair<std::string, std::string>> files = {{kUuid, ""}};
   for (const std::string& name : Settings()) {
@@ -114,9 +114,8 @@ absl::StatusOr<std::string> StageSettings(const Stage& stage) {
   }
   std::string folder;
   for (const auto& [name, text] : files) {
-    absl::StatusOr<std::string> path = stage.AddFile("proc-sys/" + name, text);
-    if (!path.ok()) return path.status();
-    folder = path->substr(0, path->size() - name.size() - 1);
+    ASSIGN_OR_RETURN(std::string path, stage.AddFile("proc-sys/" + name, text));
+    folder = path.substr(0, path.size() - name.size() - 1);
   }
   return folder;
 }
@@ -125,14 +124,11 @@ absl::StatusOr<std::string> StageSettings(const Stage& stage) {
 
 absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
                                                            int64_t memory_bytes) {
-  absl::StatusOr<std::string> nothing = stage.AddFile("proc-nothing", "");
-  if (!nothing.ok()) return nothing.status();
-  absl::StatusOr<std::string> empty = stage.AddFolder("proc-empty");
-  if (!empty.ok()) return empty.status();
-  absl::StatusOr<std::string> settings = StageSettings(stage);
-  if (!settings.ok()) return settings.status();
-  std::vector<SandboxMount> mounts = {{Kind::kReadOnly, *empty, "/dev/pts"},
-                                      {Kind::kReadOnly, *settings, "/proc/sys"},
+  ASSIGN_OR_RETURN(std::string nothing, stage.AddFile("proc-nothing", ""));
+  ASSIGN_OR_RETURN(std::string empty, stage.AddFolder("proc-empty"));
+  ASSIGN_OR_RETURN(std::string settings, StageSettings(stage));
+  std::vector<SandboxMount> mounts = {{Kind::kReadOnly, empty, "/dev/pts"},
+                                      {Kind::kReadOnly, settings, "/proc/sys"},
                                       {Kind::kReadOnly, absl::StrCat("/proc/sys/", kUuid),
                                        absl::StrCat("/proc/sys/", kUuid)}};
   std::error_code error;
@@ -144,11 +140,9 @@ absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
         !IsReadable(info)) {
       continue;
     }
-    std::string source = S_ISDIR(info.st_mode) ? *empty : *nothing;
+    std::string source = S_ISDIR(info.st_mode) ? empty : nothing;
     if (const auto file = ProcFiles().find(name); file != ProcFiles().end()) {
-      absl::StatusOr<std::string> staged = stage.AddFile("proc-" + name, file->second(memory_bytes));
-      if (!staged.ok()) return staged.status();
-      source = *std::move(staged);
+      ASSIGN_OR_RETURN(source, stage.AddFile("proc-" + name, file->second(memory_bytes)));
     }
     mounts.push_back({Kind::kReadOnly, std::move(source), "/proc/" + name});
   }

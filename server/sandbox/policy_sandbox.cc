@@ -12,6 +12,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/policy/channels.h"
 #include "protocol/base/pinned_maths.h"
 #include "server/base/paths.h"
@@ -206,14 +207,12 @@ absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& sta
                  {&files.group, "group", "root:x:0:\npolicy:x:1000:\n"},
                  {&files.hosts, "hosts", kImageHosts}};
   for (const auto& entry : entries) {
-    absl::StatusOr<std::string> path = stage.AddFile(entry.name, entry.text);
-    if (!path.ok()) return path.status();
-    *entry.path = *std::move(path);
+    ASSIGN_OR_RETURN(std::string path, stage.AddFile(entry.name, entry.text));
+    *entry.path = std::move(path);
   }
-  absl::StatusOr<std::vector<SandboxMount>> kernel =
-      StageKernelFiles(stage, order.track.budgets.memory_bytes);
-  if (!kernel.ok()) return kernel.status();
-  files.kernel = *std::move(kernel);
+  ASSIGN_OR_RETURN(std::vector<SandboxMount> kernel,
+                   StageKernelFiles(stage, order.track.budgets.memory_bytes));
+  files.kernel = std::move(kernel);
   return files;
 }
 

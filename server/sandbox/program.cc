@@ -20,6 +20,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/program_head.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
 #include "server/sandbox/image_sandbox.h"
@@ -202,7 +203,7 @@ class ProgramCheck {
     if ((found->mode & 0111) == 0) {
       return Refused(absl::StrCat(start, "is not executable; set its bit with chmod +x"));
     }
-    if (absl::Status venv = CheckVenv(path, *found); !venv.ok()) return venv;
+    RETURN_IF_ERROR(CheckVenv(path, *found));
     const Fd file = view_.Open(found->path);
     const ProgramHead head = file.valid() ? ReadProgramHead(file.get()) : ProgramHead{};
     switch (head.kind) {
@@ -230,7 +231,7 @@ class ProgramCheck {
     const std::string interpreter = head.interpreter[0] == '/'
                                         ? head.interpreter
                                         : absl::StrCat(folder_, "/", head.interpreter);
-    if (absl::Status status = Check(interpreter, depth + 1); !status.ok()) return status;
+    RETURN_IF_ERROR(Check(interpreter, depth + 1));
     // "env python3" looks up the next word in turn; env's own options are not interpreted here.
     const std::string next = head.argument.substr(0, head.argument.find_first_of(" \t="));
     if (!interpreter.ends_with("/env") || next.empty() || next[0] == '-' ||
@@ -321,7 +322,7 @@ absl::Status CheckProgram(const ArtefactManifest& manifest, const std::string& f
   if (!manifest.image.has_value()) return ProgramCheck(manifest, root.get(), runtimes).Run();
   const Fd image = OpenBeneath(root.get(), kImageFolder, O_PATH | O_DIRECTORY);
   if (!image.valid()) return HostError(absl::StrCat("can't open the image in ", folder));
-  if (absl::Status shown = CheckImageMounts(image.get(), runtimes); !shown.ok()) return shown;
+  RETURN_IF_ERROR(CheckImageMounts(image.get(), runtimes));
   return ProgramCheck(manifest, image.get(), runtimes).Run();
 }
 

@@ -23,6 +23,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -217,21 +218,17 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
                                                         const std::vector<SandboxFd>& fds,
                                                         const std::vector<int>& join,
                                                         const Fd& filter) {
-  absl::StatusOr<Pipe> status = MakeOutputPipe();
-  if (!status.ok()) return status.status();
-  absl::StatusOr<Pipe> gate = spec.held ? MakePipe() : Pipe();
-  if (!gate.ok()) return gate.status();
+  ASSIGN_OR_RETURN(Pipe status, MakeOutputPipe());
+  ASSIGN_OR_RETURN(Pipe gate, spec.held ? MakePipe() : Pipe());
   std::optional<BusNetwork> network;
   if (spec.bus) {
-    absl::StatusOr<BusNetwork> made = BusNetwork::Make();
-    if (!made.ok()) return made.status();
-    network = *std::move(made);
+    ASSIGN_OR_RETURN(network, BusNetwork::Make());
   }
   std::vector<std::string> arguments = Arguments(spec, filter.valid());
   ChildPlan plan = {ExecVector(arguments), fds, join, &spec,
                     network.has_value() ? network->fd() : -1, getpid()};
-  plan.fds.push_back({status->write.get(), kStatusFd});
-  if (spec.held) plan.fds.push_back({gate->read.get(), kGateFd});
+  plan.fds.push_back({status.write.get(), kStatusFd});
+  if (spec.held) plan.fds.push_back({gate.read.get(), kGateFd});
   if (filter.valid()) {
     lseek(filter.get(), 0, SEEK_SET);
     plan.fds.push_back({filter.get(), kFilterFd});
@@ -245,8 +242,8 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
   std::unique_ptr<Sandbox> sandbox(new Sandbox());
   sandbox->pid_ = pid;
   sandbox->network_ = std::move(network);
-  sandbox->status_ = std::move(status->read);
-  sandbox->gate_ = std::move(gate->write);
+  sandbox->status_ = std::move(status.read);
+  sandbox->gate_ = std::move(gate.write);
   return sandbox;
 }
 

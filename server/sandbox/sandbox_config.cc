@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -30,9 +31,8 @@ std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
 }
 
 absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
-  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
-  if (!json.ok()) return json.status();
-  ConfigReader reader(*json, path);
+  ASSIGN_OR_RETURN(nlohmann::json json, ReadJsonFile(path));
+  ConfigReader reader(json, path);
   PolicySandboxConfig config;
   config.denied_system_calls = SystemCalls(reader, "denied_system_calls");
   config.unimplemented_system_calls = SystemCalls(reader, "unimplemented_system_calls");
@@ -53,14 +53,13 @@ absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
   config.kill_s = reader.Number("kill_s", {1, 60});
   // Absent in files of earlier versions.
   config.farewell_s = reader.Has("farewell_s") ? reader.Number("farewell_s", {0, 10}) : 1;
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return config;
 }
 
 absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
-  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
-  if (!json.ok()) return json.status();
-  ConfigReader reader(*json, path);
+  ASSIGN_OR_RETURN(nlohmann::json json, ReadJsonFile(path));
+  ConfigReader reader(json, path);
   SimSandboxConfig config;
   config.allowed_system_calls = SystemCalls(reader, "allowed_system_calls");
   config.tasks = reader.Integer("tasks", 4, 1000);
@@ -69,7 +68,7 @@ absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
   config.silence_s = reader.Number("silence_s", {2, 3600});
   config.lease_slack_s = reader.Number("lease_slack_s", {1, 86400});
   config.log_bytes = reader.Integer("log_bytes", 1 << 20, 256 << 20);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return config;
 }
 
@@ -80,11 +79,9 @@ bool IsSystemCall(const std::string& name) {
 }
 
 absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
-  absl::StatusOr<PolicySandboxConfig> policy = LoadPolicy(config_dir + "/sandbox/policy.json");
-  if (!policy.ok()) return policy.status();
-  absl::StatusOr<SimSandboxConfig> sim = LoadSim(config_dir + "/sandbox/sim.json");
-  if (!sim.ok()) return sim.status();
-  return SandboxConfig{*std::move(policy), *std::move(sim)};
+  ASSIGN_OR_RETURN(PolicySandboxConfig policy, LoadPolicy(config_dir + "/sandbox/policy.json"));
+  ASSIGN_OR_RETURN(SimSandboxConfig sim, LoadSim(config_dir + "/sandbox/sim.json"));
+  return SandboxConfig{std::move(policy), std::move(sim)};
 }
 
 }  // namespace myograde::server

@@ -22,6 +22,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -200,7 +202,7 @@ absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config) {
   for (const auto& [names, error] :
        {std::pair(&config.denied_system_calls, EPERM),
         std::pair(&config.unimplemented_system_calls, ENOSYS)}) {
-    if (absl::Status status = DenyByName(filter.get(), *names, error); !status.ok()) return status;
+    RETURN_IF_ERROR(DenyByName(filter.get(), *names, error));
   }
   result |= DenyByArgument(filter.get()) | PretendTo(filter.get()) |
             DenySockets(filter.get(), config.socket_families);

@@ -16,6 +16,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -99,7 +100,7 @@ absl::Status EnterNamespaces() {
 }  // namespace
 
 absl::StatusOr<Stage> Stage::Enter(const std::vector<std::string>& sources) {
-  if (absl::Status status = EnterNamespaces(); !status.ok()) return status;
+  RETURN_IF_ERROR(EnterNamespaces());
   std::map<std::string, Fd> trees;
   for (const std::string& source : sources) {
     Fd tree(

@@ -1,6 +1,7 @@
 // Accepts submissions: their rows, their quota, and one ranked evaluation per artefact.
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/content.h"
 #include "server/store/reader.h"
@@ -84,7 +85,7 @@ std::vector<std::string> Reader::HeldBack() {
 
 absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                                const UnsubmittedLimits& limits) {
-  if (absl::Status status = CheckNotBanned(db_, upload.team); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckNotBanned(db_, upload.team));
   const std::string team = KnownTeam(db_, upload.team);
   SQLite::Statement holder(db_, "INSERT INTO artefact_holder VALUES (?, ?, ?) ON CONFLICT DO NOTHING");
   SQLite::bind(holder, artefact.hash, upload.uploader, team);
@@ -148,9 +149,7 @@ absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, boo
                                 "t.id = s.team_id WHERE s.id = ?");
     team.bind(1, submission);
     const bool there = team.executeStep();
-    const absl::Status allowed =
-        there ? CheckNotBanned(db_, team.getColumn(0).getString()) : absl::OkStatus();
-    if (!allowed.ok()) return allowed;
+    RETURN_IF_ERROR(there ? CheckNotBanned(db_, team.getColumn(0).getString()) : absl::OkStatus());
     SQLite::Statement last(db_, "SELECT s.artefact, e.grader_json FROM submission AS s JOIN evaluation "
                                 "AS e ON e.submission = s.id WHERE s.id = ? ORDER BY e.id DESC LIMIT 1");
     last.bind(1, submission);
@@ -227,31 +226,23 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   // In this transaction, so that of two names that look alike the second is rejected.
   absl::StatusOr<std::string> team = TeamNamed(db_, asked.team);
   if (!team.ok()) return team.status();
-  if (absl::Status status = CheckNotBanned(db_, *team); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckNotBanned(db_, *team));
   NewSubmission submission = asked;
   submission.team = *std::move(team);
   if (submission.ranked) {
-    absl::StatusOr<std::optional<Accepted>> first = FindOfficial(submission, rules);
-    if (!first.ok()) return first.status();
-    if (first->has_value()) return **first;
+    ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, rules));
+    if (first.has_value()) return *first;
   }
   // A submission that was accepted before is found above, however late its answer is asked for.
   if (!submission.closed.ok()) return submission.closed;
-  if (absl::Status status = CheckTakesSubmissions(submission.phase); !status.ok()) return status;
-  if (absl::Status held = CheckNotHeldBack(db_, submission.artefact, submission.grader_json);
-      !held.ok()) {
-    return held;
-  }
+  RETURN_IF_ERROR(CheckTakesSubmissions(submission.phase));
+  RETURN_IF_ERROR(CheckNotHeldBack(db_, submission.artefact, submission.grader_json));
   const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
   const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, submission.phase, now_ms_);
-  if (absl::Status status =
-          CheckQuota(use, rules.quota, budget, submission.team, submission.track,
-                     submission.phase);
-      !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(
+      CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
   const int64_t team_id = AddTeam(db_, submission.team, now_ms_, who);
-  if (absl::Status status = AddContent(db_, submission, now_ms_); !status.ok()) return status;
+  RETURN_IF_ERROR(AddContent(db_, submission, now_ms_));
   SQLite::Statement insert(
       db_,
       "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "
@@ -270,18 +261,14 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
            "SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?");
   SQLite::bind(admission, std::string(BudgetName(budget)), use.day, id);
   admission.exec();
-  if (absl::Status status =
-          Audit("submission", id, "", "accepted", who, SameAs(db_, submission));
-      !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
   absl::StatusOr<Accepted> accepted = AddEvaluation({.submission = id,
                                                      .kind = EvaluationKind::kOriginal,
                                                      .grader_json = submission.grader_json,
                                                      .blocks = submission.blocks},
                                                     who);
   if (!accepted.ok()) return accepted;
-  if (absl::Status status = AppendRecord(kAcceptedEntry, id); !status.ok()) return status;
+  RETURN_IF_ERROR(AppendRecord(kAcceptedEntry, id));
   return accepted;
 }
 

@@ -10,6 +10,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/stored_row.h"
@@ -131,8 +132,7 @@ absl::StatusOr<bool> Writer::SetBoardConfig(const NewBoardConfig& change, const 
   SQLite::bind(insert, now_ms_, board.phase, board.track, board.profile, change.config,
                change.rejudge, who);
   insert.exec();
-  const absl::Status recorded = AppendRecord(kConfigEntry, db_.getLastInsertRowid());
-  if (!recorded.ok()) return recorded;
+  RETURN_IF_ERROR(AppendRecord(kConfigEntry, db_.getLastInsertRowid()));
   return true;
 }
 
@@ -404,9 +404,8 @@ RejudgeSight Reader::RejudgeOfEvaluation(int64_t evaluation) {
 }
 
 absl::Status Reader::CheckStandingRows(int64_t submission) {
-  const absl::StatusOr<SubmissionRow> row = Submission(submission);
-  if (!row.ok()) return row.status();
-  absl::Status status = Team(row->team).status();
+  ASSIGN_OR_RETURN(const SubmissionRow row, Submission(submission));
+  absl::Status status = Team(row.team).status();
   status.Update(MarkHistory(submission).status());
   SQLite::Statement items(db_, "SELECT evaluation, rejudge FROM rejudge_item WHERE submission = ?");
   items.bind(1, submission);

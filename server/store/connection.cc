@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/damage.h"
 
 namespace myograde::server {
@@ -40,10 +41,8 @@ absl::Status CheckLength(SQLite::Database& db, const std::string& path) {
 
 absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path) {
   const bool whole = SizeOf(path + "-wal") == 0;
-  if (absl::Status status = CheckSchema(db, path); !status.ok()) return status;
-  if (absl::Status status = whole ? CheckLength(db, path) : absl::OkStatus(); !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(CheckSchema(db, path));
+  RETURN_IF_ERROR(whole ? CheckLength(db, path) : absl::OkStatus());
   // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
   // would need an overflow page. Only effective before a new file's first page is written.
   if (db.execAndGet("PRAGMA user_version").getInt() == 0) db.exec("PRAGMA page_size = 8192");
@@ -112,7 +111,7 @@ absl::Status GuardSqlite(const std::string& path, const std::function<absl::Stat
 
 absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path) {
   OpenedStore opened;
-  const absl::Status status = GuardSqlite(path, [&] {
+  RETURN_IF_ERROR(GuardSqlite(path, [&] {
     const mode_t mask = umask(0077);
     try {
       opened.db = std::make_unique<SQLite::Database>(
@@ -125,20 +124,18 @@ absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path) {
     absl::StatusOr<std::optional<Migration>> migration = Prepare(*opened.db, path);
     if (migration.ok()) opened.migration = *std::move(migration);
     return migration.status();
-  });
-  if (!status.ok()) return status;
+  }));
   return opened;
 }
 
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::string& path) {
   std::unique_ptr<SQLite::Database> db;
-  const absl::Status status = GuardSqlite(path, [&] {
+  RETURN_IF_ERROR(GuardSqlite(path, [&] {
     db = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE, kBusyMs);
     db->exec("PRAGMA query_only = ON");
     db->exec("PRAGMA cache_size = -1024");  // KiB; the host keeps the file in memory as well
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return db;
 }
 

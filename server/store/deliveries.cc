@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
@@ -82,10 +83,9 @@ absl::Status Writer::Tell(const std::string& event, const std::string& about_jso
   if (subscriptions_ == nullptr) return absl::OkStatus();
   for (const Subscription& hook : *subscriptions_) {
     if (!hook.events.contains(event)) continue;
-    const absl::StatusOr<std::string> id = RandomBytes(kEventIdBytes);
-    if (!id.ok()) return id.status();
+    ASSIGN_OR_RETURN(const std::string id, RandomBytes(kEventIdBytes));
     Json body = Json::parse(about_json);
-    body["id"] = absl::BytesToHexString(*id);
+    body["id"] = absl::BytesToHexString(id);
     body["event"] = event;
     body["at"] = absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(now_ms_),
                                   absl::UTCTimeZone());

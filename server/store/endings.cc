@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/store.h"
 #include "server/store/stored_row.h"
@@ -36,10 +37,7 @@ std::vector<int64_t> Writer::OpenEvaluationsOf(int64_t submission, bool reruns) 
 absl::Status Writer::EndWithLeases(int64_t evaluation, EvaluationState state,
                                    const std::string& why, const std::string& who) {
   for (const int64_t lease : Ids(db_, kOpenLeases, evaluation)) {
-    if (absl::Status status = EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who, why);
-        !status.ok()) {
-      return status;
-    }
+    RETURN_IF_ERROR(EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who, why));
   }
   return EndEvaluation(evaluation, state, why, "", who);
 }
@@ -100,13 +98,12 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
     });
   }
   (void)part([&] { MendTypes("evaluation", evaluation); });
-  const absl::Status ended = part([&] {
+  RETURN_IF_ERROR(part([&] {
     SQLite::Statement update(db_, "UPDATE evaluation SET state = 'grader_error', reason = ?, "
                                   "finished_at = ? WHERE id = ?");
     SQLite::bind(update, why, now_ms_, evaluation);
     update.exec();
-  });
-  if (!ended.ok()) return ended;
+  }));
   (void)part([&] { SettleCharge(evaluation, EvaluationState::kGraderError, who); });
   (void)Part([&](Writer& writer) { return writer.AppendRecord(kGradedEntry, evaluation); });
   TellEnd(evaluation, EvaluationState::kGraderError);

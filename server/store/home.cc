@@ -9,6 +9,7 @@
 
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/host_name.h"
 #include "server/store/connection.h"
 
@@ -30,25 +31,22 @@ absl::StatusOr<DataHome> HomeOf(const std::string& dir) {
 
 absl::StatusOr<std::optional<DataHome>> RecordedHome(const std::string& store) {
   std::optional<DataHome> home;
-  const absl::Status status = GuardSqlite(store, [&]() -> absl::Status {
-    const auto db = OpenForReading(store);
-    if (!db.ok()) return db.status();
-    SQLite::Statement select(**db, "SELECT CAST(value AS TEXT) FROM meta WHERE key = 'home'");
+  RETURN_IF_ERROR(GuardSqlite(store, [&]() -> absl::Status {
+    ASSIGN_OR_RETURN(const auto db, OpenForReading(store));
+    SQLite::Statement select(*db, "SELECT CAST(value AS TEXT) FROM meta WHERE key = 'home'");
     if (!select.executeStep()) return absl::OkStatus();
     const std::string text = select.getColumn(0).getString();
     const size_t key = text.find('\n');
     home = {text.substr(0, key), key == std::string::npos ? "" : text.substr(key + 1)};
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return home;
 }
 
 absl::Status RecordHome(const std::string& store, const DataHome& home) {
   return GuardSqlite(store, [&]() -> absl::Status {
-    const absl::StatusOr<OpenedStore> opened = OpenForWriting(store);
-    if (!opened.ok()) return opened.status();
-    SQLite::Statement set(*opened->db, "INSERT INTO meta VALUES ('home', ?) ON CONFLICT (key) "
+    ASSIGN_OR_RETURN(const OpenedStore opened, OpenForWriting(store));
+    SQLite::Statement set(*opened.db, "INSERT INTO meta VALUES ('home', ?) ON CONFLICT (key) "
                                        "DO UPDATE SET value = excluded.value");
     const std::string text = absl::StrCat(home.key, "\n", home.place);
     set.bind(1, text.data(), static_cast<int>(text.size()));

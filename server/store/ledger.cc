@@ -1,6 +1,7 @@
 // The quota ledger; the rules are in quota.h.
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/stored_row.h"
@@ -56,9 +57,8 @@ void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::
 
 absl::Status Writer::ChargeFailure(const std::string& team, const std::string& track,
                                    const std::string& who, const std::string& why) {
-  const absl::StatusOr<std::string> name = TeamNamed(db_, team);
-  if (!name.ok()) return name.status();
-  const int64_t id = AddTeam(db_, *name, now_ms_, who);
+  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, team));
+  const int64_t id = AddTeam(db_, name, now_ms_, who);
   SQLite::Statement insert(
       db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, who, why) "
            "VALUES (?, ?, ?, ?, 'failed', 'charge', 1, ?, ?)");
@@ -68,9 +68,8 @@ absl::Status Writer::ChargeFailure(const std::string& team, const std::string& t
 }
 
 absl::Status Writer::Grant(const NewGrant& grant, const std::string& who) {
-  const absl::StatusOr<std::string> name = TeamNamed(db_, grant.team);
-  if (!name.ok()) return name.status();
-  const int64_t id = AddTeam(db_, *name, now_ms_, who);
+  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, grant.team));
+  const int64_t id = AddTeam(db_, name, now_ms_, who);
   SQLite::Statement insert(
       db_, "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, who, why) "
            "VALUES (?, ?, ?, ?, ?, ?, 'grant', ?, ?, ?)");

@@ -8,6 +8,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -45,13 +47,13 @@ absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
   if (mkdir(kept.c_str(), 0700) != 0 && errno != EEXIST) return CantWrite(kept, ": can't be made");
   Fd folder(open(kept.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(kept, ": can't be opened"));
-  if (absl::Status status = Lock(folder.get(), kept, dir); !status.ok()) return status;
+  RETURN_IF_ERROR(Lock(folder.get(), kept, dir));
   const std::string path = dir + "/lock";
   Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!fd.valid()) {
     return CantWrite(path, ": can't be opened for writing; check the data folder's rights");
   }
-  if (absl::Status status = Lock(fd.get(), path, dir); !status.ok()) return status;
+  RETURN_IF_ERROR(Lock(fd.get(), path, dir));
   const std::string pid = absl::StrCat(getpid(), "\n");
   if (ftruncate(fd.get(), 0) != 0 ||
       pwrite(fd.get(), pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size())) {

@@ -4,6 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/stored_row.h"
@@ -53,8 +54,7 @@ absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, b
                                 "VALUES (?, ?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, submission, mark, set ? 1 : 0, who, why);
   insert.exec();
-  const absl::Status recorded = AppendRecord(kMarkedEntry, db_.getLastInsertRowid());
-  if (!recorded.ok()) return recorded;
+  RETURN_IF_ERROR(AppendRecord(kMarkedEntry, db_.getLastInsertRowid()));
   return true;
 }
 

@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/names.h"
 #include "server/store/connection.h"
@@ -58,15 +59,14 @@ absl::Status CheckFree(SQLite::Database& db, const std::string& clean, int64_t t
   const int64_t row = TeamRowNamed(db, clean);
   if (row == 0) return CheckLooks(db, clean, team);
   if (row == team) return absl::OkStatus();  // a former name of its own
-  const absl::StatusOr<TeamInForce> holder = TeamOfRow(db, row);
-  if (!holder.ok()) return holder.status();
-  if (team != 0 && holder->id == team) {
+  ASSIGN_OR_RETURN(const TeamInForce holder, TeamOfRow(db, row));
+  if (team != 0 && holder.id == team) {
     return Conflict(absl::StrCat("\"", clean, "\" is the name of a team that was merged into \"",
-                               holder->name, "\", and keeps finding it; choose another name"));
+                               holder.name, "\", and keeps finding it; choose another name"));
   }
-  return Conflict(holder->name == clean
+  return Conflict(holder.name == clean
                     ? absl::StrCat("there is a team \"", clean, "\" already; choose another name")
-                    : absl::StrCat("\"", clean, "\" is a former name of team \"", holder->name,
+                    : absl::StrCat("\"", clean, "\" is a former name of team \"", holder.name,
                                    "\", and keeps finding it; choose another name"));
 }
 
@@ -93,19 +93,17 @@ struct MergePair {
 
 absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& team,
                                     const std::string& into) {
-  const absl::StatusOr<TeamInForce> from = Unmerged(db, team);
-  if (!from.ok()) return from.status();
-  const absl::StatusOr<TeamInForce> to = Unmerged(db, into);
-  if (!to.ok()) return to.status();
-  if (from->id == to->id) {
-    return Conflict(absl::StrCat("team \"", from->name, "\" can't be merged into itself"));
+  ASSIGN_OR_RETURN(const TeamInForce from, Unmerged(db, team));
+  ASSIGN_OR_RETURN(const TeamInForce to, Unmerged(db, into));
+  if (from.id == to.id) {
+    return Conflict(absl::StrCat("team \"", from.name, "\" can't be merged into itself"));
   }
-  for (const TeamInForce& one : {*from, *to}) {
+  for (const TeamInForce& one : {from, to}) {
     if (!one.banned) continue;
     return Conflict(absl::StrCat("team \"", one.name, "\" is banned, and a merge would hide that; "
                                "unban it first"));
   }
-  return MergePair{*from, *to};
+  return MergePair{from, to};
 }
 
 std::vector<std::string> MembersOf(SQLite::Database& db, int64_t team) {
@@ -130,10 +128,9 @@ absl::StatusOr<std::string> Writer::CreateTeam(const std::string& team, const st
 }
 
 absl::Status Writer::FoundTeam(const std::string& team, const std::string& person, int64_t most) {
-  const absl::StatusOr<std::string> name = TeamNamed(db_, team);
-  if (!name.ok()) return name.status();
+  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, team));
   std::set<std::string> teams = Reader(db_).TeamsOf(person);
-  if (teams.contains(*name)) return absl::OkStatus();
+  if (teams.contains(name)) return absl::OkStatus();
   // Also of teams that were merged into it, and those who were removed; a team may also be of people
   // with tokens, or of somebody for whom an organiser submits.
   const std::string rows = RowsOfTeam(1);
@@ -142,9 +139,9 @@ absl::Status Writer::FoundTeam(const std::string& team, const std::string& perso
                         " UNION ALL SELECT 1 FROM token WHERE team_id IN ", rows,
                         " UNION ALL SELECT 1 FROM submission WHERE team_id IN ", rows,
                         " AND accepted_by != ?2 LIMIT 1"));
-  SQLite::bind(others, KnownTeamId(db_, *name), person);
+  SQLite::bind(others, KnownTeamId(db_, name), person);
   if (others.executeStep()) {
-    return Forbid(absl::StrCat("team \"", *name, "\" belongs to others, and ", person,
+    return Forbid(absl::StrCat("team \"", name, "\" belongs to others, and ", person,
                                " is no member of it; choose another name, or ask an organiser to "
                                "add you"));
   }
@@ -154,49 +151,45 @@ absl::Status Writer::FoundTeam(const std::string& team, const std::string& perso
                                teams.size() == 1 ? "that one" : "one of those",
                                ", or ask an organiser"));
   }
-  AddMember(db_, now_ms_, AddTeam(db_, *name, now_ms_, person), person, true, person);
+  AddMember(db_, now_ms_, AddTeam(db_, name, now_ms_, person), person, true, person);
   return absl::OkStatus();
 }
 
 absl::StatusOr<bool> Writer::RenameTeam(const std::string& team, const std::string& name,
                                         const std::string& who, const std::string& why) {
-  const absl::StatusOr<TeamInForce> found = FindTeam(db_, team);
-  if (!found.ok()) return found.status();
-  const absl::StatusOr<std::string> clean = CleanName(name, "the team's new name");
-  if (!clean.ok()) return clean.status();
-  if (*clean == found->name) return false;
-  if (absl::Status status = CheckFree(db_, *clean, found->id); !status.ok()) return status;
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
+  ASSIGN_OR_RETURN(const std::string clean, CleanName(name, "the team's new name"));
+  if (clean == found.name) return false;
+  RETURN_IF_ERROR(CheckFree(db_, clean, found.id));
   MendBoardState();
   SQLite::Statement taken(db_, "DELETE FROM former_name WHERE name = ? AND team_id = ?");
-  SQLite::bind(taken, *clean, found->id);
+  SQLite::bind(taken, clean, found.id);
   taken.exec();
   SQLite::Statement update(db_, "UPDATE team SET name = ? WHERE id = ?");
-  SQLite::bind(update, *clean, found->id);
+  SQLite::bind(update, clean, found.id);
   update.exec();
   SQLite::Statement former(db_, "INSERT INTO former_name (name, team_id) VALUES (?, ?)");
-  SQLite::bind(former, found->name, found->id);
+  SQLite::bind(former, found.name, found.id);
   former.exec();
-  AddLooks(db_, found->id, *clean);
-  RenameUploads(db_, found->name, *clean);
-  AddTeamEvent(db_, {.at = now_ms_, .event = "renamed", .detail = found->name, .who = who,
-                     .why = why}, found->id);
+  AddLooks(db_, found.id, clean);
+  RenameUploads(db_, found.name, clean);
+  AddTeamEvent(db_, {.at = now_ms_, .event = "renamed", .detail = found.name, .who = who,
+                     .why = why}, found.id);
   return true;
 }
 
 absl::StatusOr<bool> Writer::SetMember(const std::string& team, const std::string& person,
                                        bool belongs, const std::string& who) {
-  const absl::StatusOr<TeamInForce> found = FindTeam(db_, team);
-  if (!found.ok()) return found.status();
-  if (Belongs(db_, found->id, person) == belongs) return false;
-  AddMember(db_, now_ms_, found->id, person, belongs, who);
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
+  if (Belongs(db_, found.id, person) == belongs) return false;
+  AddMember(db_, now_ms_, found.id, person, belongs, who);
   return true;
 }
 
 absl::Status Writer::MergeTeams(const std::string& team, const std::string& into,
                                 const std::string& who, const std::string& why) {
-  const absl::StatusOr<MergePair> pair = Mergeable(db_, team, into);
-  if (!pair.ok()) return pair.status();
-  const auto& [from, to] = *pair;
+  ASSIGN_OR_RETURN(const MergePair pair, Mergeable(db_, team, into));
+  const auto& [from, to] = pair;
   MendBoardState();
   // Teams that were merged into the first follow it, so that no row leads to another merged one.
   SQLite::Statement update(
@@ -215,15 +208,14 @@ absl::Status Writer::MergeTeams(const std::string& team, const std::string& into
 
 absl::StatusOr<bool> Writer::BanTeam(const std::string& team, bool banned, const std::string& who,
                                      const std::string& why) {
-  const absl::StatusOr<TeamInForce> found = FindTeam(db_, team);
-  if (!found.ok()) return found.status();
-  if (found->banned == banned) return false;
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
+  if (found.banned == banned) return false;
   MendBoardState();
   SQLite::Statement update(db_, "UPDATE team SET banned = ? WHERE id = ?");
-  SQLite::bind(update, banned ? 1 : 0, found->id);
+  SQLite::bind(update, banned ? 1 : 0, found.id);
   update.exec();
   AddTeamEvent(db_, {.at = now_ms_, .event = banned ? "banned" : "unbanned", .who = who,
-                     .why = why}, found->id);
+                     .why = why}, found.id);
   return true;
 }
 
@@ -316,19 +308,18 @@ Listed<TeamRow> Reader::Teams(int64_t before, int64_t limit) {
 }
 
 absl::StatusOr<TeamRow> Reader::Team(const std::string& name) {
-  const absl::StatusOr<TeamInForce> found = FindTeam(db_, name);
-  if (!found.ok()) return found.status();
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, name));
   SQLite::Statement select(db_, absl::StrCat(kTeamColumns, "WHERE t.id = ?"));
-  select.bind(1, found->id);
+  select.bind(1, found.id);
   select.executeStep();
   TeamRow team;
   if (const StoredRow row = TeamRowOf(select, team); !row.ok()) return row.status();
   SQLite::Statement names(
       db_, absl::StrCat("SELECT name FROM former_name WHERE team_id IN ", RowsOfTeam(1),
                         " UNION SELECT name FROM team WHERE merged_into = ?1 ORDER BY 1"));
-  names.bind(1, found->id);
+  names.bind(1, found.id);
   while (names.executeStep()) team.other_names.push_back(names.getColumn(0).getString());
-  for (const MemberRow& member : Members(found->name).rows) team.members.push_back(member.person);
+  for (const MemberRow& member : Members(found.name).rows) team.members.push_back(member.person);
   return team;
 }
 

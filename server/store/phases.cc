@@ -5,6 +5,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
@@ -138,39 +139,35 @@ absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::
   if (phase.empty() && !pauses) {
     return absl::InvalidArgumentError(absl::StrCat("only a phase can be ", event));
   }
-  const absl::StatusOr<std::optional<PhaseEventRow>> newest =
-      pauses ? Newest(db_, phase, kPausedEvent, kResumedEvent)
-             : Newest(db_, phase, event.c_str(), event.c_str());
-  if (!newest.ok()) return newest.status();
-  const bool there = newest->has_value() && (*newest)->event == event;
-  const bool same = event != kPausedEvent || (there && (*newest)->why == why);
+  ASSIGN_OR_RETURN(const std::optional<PhaseEventRow> newest,
+                   pauses ? Newest(db_, phase, kPausedEvent, kResumedEvent) : Newest(
+                       db_, phase, event.c_str(), event.c_str()));
+  const bool there = newest.has_value() && newest->event == event;
+  const bool same = event != kPausedEvent || (there && newest->why == why);
   if (there && same) return false;
-  if (event == kResumedEvent && !newest->has_value()) return false;
+  if (event == kResumedEvent && !newest.has_value()) return false;
   MendBoardState();
   SQLite::Statement insert(
       db_, "INSERT INTO phase_event (at, phase, event, who, why) VALUES (?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, phase, event, who, why);
   insert.exec();
-  const absl::Status recorded = AppendRecord(kPhaseEntry, db_.getLastInsertRowid());
-  if (!recorded.ok()) return recorded;
+  RETURN_IF_ERROR(AppendRecord(kPhaseEntry, db_.getLastInsertRowid()));
   if (!pauses) return true;
   const nlohmann::json named = phase.empty() ? nlohmann::json() : nlohmann::json(phase);
-  const absl::Status told = Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
-                                 CanonicalJson({{"phase", named}, {"reason", why}}));
-  if (!told.ok()) return told;
+  RETURN_IF_ERROR(Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
+                                 CanonicalJson({{"phase", named}, {"reason", why}})));
   return true;
 }
 
 absl::Status Writer::CheckTakesSubmissions(const std::string& phase) {
   if (!phase.empty() && IsRevealed(db_, phase)) return RevealedError(phase);
   for (const std::string& scope : {std::string(), phase}) {
-    const absl::StatusOr<std::optional<PhaseEventRow>> newest =
-        Newest(db_, scope, kPausedEvent, kResumedEvent);
-    if (!newest.ok()) return newest.status();
-    if (!newest->has_value() || (*newest)->event == kResumedEvent) continue;
+    ASSIGN_OR_RETURN(const std::optional<PhaseEventRow> newest,
+                     Newest(db_, scope, kPausedEvent, kResumedEvent));
+    if (!newest.has_value() || newest->event == kResumedEvent) continue;
     const std::string what =
         scope.empty() ? "submissions are" : absl::StrCat("phase \"", scope, "\" is");
-    std::string why = (*newest)->why;
+    std::string why = newest->why;
     while (why.ends_with('.')) why.pop_back();
     return WithErrorCode(
         absl::FailedPreconditionError(absl::StrCat(what, " paused by the organiser: ", why,
@@ -182,33 +179,29 @@ absl::Status Writer::CheckTakesSubmissions(const std::string& phase) {
 
 absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase,
                                                 const std::string& challenge) {
-  absl::StatusOr<std::optional<SecretRow>> there = FindSecret(db_, phase);
-  if (!there.ok()) return there.status();
-  if (!there->has_value()) return DrawSecret(phase, challenge, /*further=*/false);
-  if (absl::Status status = CheckBelongs(db_, phase, **there, challenge); !status.ok()) return status;
-  if ((*there)->challenge.empty() && !challenge.empty()) {
+  ASSIGN_OR_RETURN(std::optional<SecretRow> there, FindSecret(db_, phase));
+  if (!there.has_value()) return DrawSecret(phase, challenge, /*further=*/false);
+  RETURN_IF_ERROR(CheckBelongs(db_, phase, *there, challenge));
+  if (there->challenge.empty() && !challenge.empty()) {
     SQLite::Statement update(db_, "UPDATE phase_secret SET challenge = ? WHERE phase = ?");
     SQLite::bind(update, challenge, phase);
     update.exec();
   }
-  return (*std::move(*there)).secret;
+  return (*std::move(there)).secret;
 }
 
 absl::StatusOr<std::string> Writer::FurtherSecret(const std::string& phase) {
-  absl::StatusOr<std::optional<SecretRow>> there = FindSecret(db_, phase);
-  if (!there.ok()) return there.status();
-  if (there->has_value()) return (*std::move(*there)).secret;
+  ASSIGN_OR_RETURN(std::optional<SecretRow> there, FindSecret(db_, phase));
+  if (there.has_value()) return (*std::move(there)).secret;
   return DrawSecret(phase, "", /*further=*/true);
 }
 
 absl::StatusOr<std::string> Writer::DrawSecret(const std::string& phase,
                                                const std::string& challenge, bool further) {
-  if (absl::Status status = CheckNeverUsed(db_, phase, further); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckNeverUsed(db_, phase, further));
   absl::StatusOr<std::string> secret = RandomBytes(kPhaseSecretBytes);
   if (!secret.ok()) return secret;
-  const absl::Status recorded =
-      AppendRecord(kCommitmentEntry, AddSecret(phase, challenge, *secret));
-  if (!recorded.ok()) return recorded;
+  RETURN_IF_ERROR(AppendRecord(kCommitmentEntry, AddSecret(phase, challenge, *secret)));
   return secret;
 }
 
@@ -225,8 +218,7 @@ int64_t Writer::AddSecret(const std::string& phase, const std::string& challenge
 }
 
 absl::StatusOr<bool> Writer::TakeSecret(const std::string& phase, const std::string& secret) {
-  const absl::StatusOr<std::optional<SecretRow>> there = FindSecret(db_, phase);
-  if (!there.ok()) return there.status();
+  ASSIGN_OR_RETURN(const std::optional<SecretRow> there, FindSecret(db_, phase));
   const std::vector<std::string> commitments = CommitmentsOf(db_, phase);
   if (commitments.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -240,8 +232,8 @@ absl::StatusOr<bool> Writer::TakeSecret(const std::string& phase, const std::str
         ", and the record has ", commitments.front(), "; give the file that \"myograde seeds "
         "export\" wrote where the phase was held"));
   }
-  if (there->has_value() && (*there)->secret == secret) return false;
-  if (there->has_value()) {
+  if (there.has_value() && there->secret == secret) return false;
+  if (there.has_value()) {
     return absl::FailedPreconditionError(absl::StrCat(
         "phase \"", phase, "\" has another secret here, and a secret is never changed"));
   }
@@ -277,8 +269,7 @@ absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) 
       db_, "INSERT INTO choice (at, team_id, phase, submission, who) VALUES (?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, team, select.getColumn(1).getString(), submission, who);
   insert.exec();
-  const absl::Status recorded = AppendRecord(kChosenEntry, db_.getLastInsertRowid());
-  if (!recorded.ok()) return recorded;
+  RETURN_IF_ERROR(AppendRecord(kChosenEntry, db_.getLastInsertRowid()));
   return true;
 }
 
@@ -292,16 +283,14 @@ absl::StatusOr<std::vector<PhaseEventRow>> Reader::PhaseEvents(
 }
 
 absl::StatusOr<std::string> Reader::PhaseSecret(const std::string& phase) {
-  absl::StatusOr<std::optional<SecretRow>> secret = FindSecret(db_, phase);
-  if (!secret.ok()) return secret.status();
-  if (secret->has_value()) return (*std::move(*secret)).secret;
+  ASSIGN_OR_RETURN(std::optional<SecretRow> secret, FindSecret(db_, phase));
+  if (secret.has_value()) return (*std::move(secret)).secret;
   return absl::NotFoundError(absl::StrCat("phase \"", phase, "\" has no committed seeds"));
 }
 
 absl::Status Reader::CheckPhaseSecret(const std::string& phase, const std::string& challenge) {
-  const absl::StatusOr<std::optional<SecretRow>> secret = FindSecret(db_, phase);
-  if (!secret.ok()) return secret.status();
-  if (secret->has_value()) return CheckBelongs(db_, phase, **secret, challenge);
+  ASSIGN_OR_RETURN(const std::optional<SecretRow> secret, FindSecret(db_, phase));
+  if (secret.has_value()) return CheckBelongs(db_, phase, *secret, challenge);
   return CheckNeverUsed(db_, phase, /*further=*/false);
 }
 

@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/store/teams.h"
 
@@ -155,9 +156,7 @@ absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget b
                                " of ", place, " waiting, and ", limits.waiting,
                                " may wait; hand in more when one of them has started"));
   }
-  if (absl::Status status = CheckBudget(use, limits, budget, team, place); !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(CheckBudget(use, limits, budget, team, place));
   return CheckBudget(use, limits, Budget::kFailed, team, place);
 }
 

@@ -6,6 +6,7 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/store/artefact_options.h"
@@ -207,9 +208,8 @@ absl::StatusOr<std::vector<EvaluationRow>> Reader::Evaluations(int64_t submissio
 }
 
 absl::StatusOr<EvaluationRow> Reader::Original(int64_t submission) {
-  absl::StatusOr<std::vector<EvaluationRow>> rows = Evaluations(submission);
-  if (!rows.ok()) return rows.status();
-  return std::move(rows->front());
+  ASSIGN_OR_RETURN(std::vector<EvaluationRow> rows, Evaluations(submission));
+  return std::move(rows.front());
 }
 
 Listed<EvaluationRow> Reader::Unfinished() {

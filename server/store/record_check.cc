@@ -6,6 +6,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -22,7 +24,7 @@ std::string ChainMistake(const std::string& before, const RecordRow* entry) {
 
 absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most) {
   std::vector<Damage> damaged;
-  const absl::Status read = readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
     const int64_t size = reader.RecordSize();
     std::string chain;
     int64_t next = 0;
@@ -43,8 +45,7 @@ absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t
       while (next < end) add(nullptr);
     }
     return absl::OkStatus();
-  });
-  if (!read.ok()) return read;
+  }));
   return damaged;
 }
 

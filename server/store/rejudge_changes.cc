@@ -4,6 +4,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/content.h"
 #include "server/store/reader.h"
@@ -78,10 +79,9 @@ absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudg
   row.event = event;
   row.who = who;
   row.why = why;
-  absl::StatusOr<SignedDocument> document = sign(rejudge, row);
-  if (!document.ok()) return document.status();
-  row.document_json = std::move(document->json);
-  row.signature = std::move(document->signature);
+  ASSIGN_OR_RETURN(SignedDocument document, sign(rejudge, row));
+  row.document_json = std::move(document.json);
+  row.signature = std::move(document.signature);
   MendBoardState();
   SQLite::Statement insert(db_, "INSERT INTO rejudge_event (at, rejudge, event, who, why, "
                                 "document_json, signature) VALUES (?, ?, ?, ?, ?, ?, ?)");
@@ -89,7 +89,7 @@ absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudg
                row.document_json, row.signature);
   insert.exec();
   row.id = db_.getLastInsertRowid();
-  if (absl::Status status = AppendRecord(kRejudgeEntry, row.id); !status.ok()) return status;
+  RETURN_IF_ERROR(AppendRecord(kRejudgeEntry, row.id));
   return row;
 }
 
@@ -109,26 +109,21 @@ absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge,
                rejudge.seeds, std::string(RejudgeMethodName(rejudge.method)), rejudge.repeats, who,
                rejudge.why);
   insert.exec();
-  absl::StatusOr<RejudgeRow> row = Reader(db_).Rejudge(db_.getLastInsertRowid());
-  if (!row.ok()) return row.status();
-  absl::StatusOr<RejudgeEventRow> event =
-      AddRejudgeEvent(*row, RejudgeEvent::kCreated, rejudge.why, sign, who);
-  if (!event.ok()) return event.status();
+  ASSIGN_OR_RETURN(RejudgeRow row, Reader(db_).Rejudge(db_.getLastInsertRowid()));
+  RETURN_IF_ERROR(AddRejudgeEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
   return row;
 }
 
 absl::StatusOr<std::optional<RejudgeRow>> Writer::RejudgeWithout(int64_t id, int64_t submission,
                                                                  int64_t repetition) {
-  absl::StatusOr<RejudgeRow> rejudge = Reader(db_).Rejudge(id);
-  if (!rejudge.ok()) return rejudge.status();
+  ASSIGN_OR_RETURN(RejudgeRow rejudge, Reader(db_).Rejudge(id));
   SQLite::Statement there(db_, "SELECT 1 FROM rejudge_item WHERE rejudge = ? AND submission = ? "
                                "AND repetition = ?");
   SQLite::bind(there, id, submission, repetition);
   if (there.executeStep()) return std::optional<RejudgeRow>();
-  absl::StatusOr<std::vector<RejudgeEventRow>> events = Reader(db_).RejudgeEvents(id);
-  if (!events.ok()) return events.status();
-  if (events->back().event == RejudgeEvent::kDropped) return Refused(*rejudge, "was dropped");
-  return std::optional(*std::move(rejudge));
+  ASSIGN_OR_RETURN(std::vector<RejudgeEventRow> events, Reader(db_).RejudgeEvents(id));
+  if (events.back().event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
+  return std::optional(std::move(rejudge));
 }
 
 void Writer::AddItemRow(const RejudgeItemRow& item) {
@@ -146,24 +141,22 @@ absl::StatusOr<Accepted> Writer::AddRejudgeItem(const NewRejudgeItem& item,
   if (!rejudge.ok()) return rejudge.status();
   Accepted repeated{.submission = item.submission, .repeated = true};
   if (!rejudge->has_value()) return repeated;
-  absl::StatusOr<Accepted> added = AddEvaluation({.submission = item.submission,
+  ASSIGN_OR_RETURN(Accepted added, AddEvaluation({.submission = item.submission,
                                                   .kind = EvaluationKind::kRejudge,
                                                   .config = (*rejudge)->to_config,
                                                   .seeds = (*rejudge)->seeds,
                                                   .grader_json = item.grader_json,
                                                   .blocks = item.blocks},
-                                                 who);
-  if (!added.ok()) return added.status();
+                                                 who));
   AddItemRow({.rejudge = item.rejudge,
               .submission = item.submission,
               .repetition = item.repetition,
               .source = item.source,
               .method = item.method,
-              .evaluation = added->evaluation});
+              .evaluation = added.evaluation});
   if (item.impossible.empty()) return added;
-  const absl::Status ended =
-      EndWithLeases(added->evaluation, EvaluationState::kGraderError, item.impossible, who);
-  if (!ended.ok()) return ended;
+  RETURN_IF_ERROR(
+      EndWithLeases(added.evaluation, EvaluationState::kGraderError, item.impossible, who));
   return added;
 }
 
@@ -238,13 +231,12 @@ std::string Writer::BoardConfigOf(const RejudgeRow& rejudge, const std::string& 
 absl::StatusOr<RejudgeDone> Writer::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                               const std::string& who) {
   if (done.config_after == done.config_before) return done;
-  const absl::Status status = SetBoardConfig({.board = {rejudge.phase, rejudge.track,
+  RETURN_IF_ERROR(SetBoardConfig({.board = {rejudge.phase, rejudge.track,
                                                         rejudge.profile},
                                               .config = done.config_after,
                                               .rejudge = rejudge.id},
                                              who)
-                                  .status();
-  if (!status.ok()) return status;
+                                  .status());
   return done;
 }
 
@@ -253,18 +245,16 @@ absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const Si
   Reader reader(db_);
   absl::StatusOr<RejudgeRow> rejudge = reader.Rejudge(act.rejudge);
   if (!rejudge.ok()) return rejudge.status();
-  absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(*rejudge);
-  if (!progress.ok()) return progress.status();
+  ASSIGN_OR_RETURN(RejudgeProgress progress, reader.ProgressOf(*rejudge));
   RejudgeDone done;
   done.config_before = BoardConfigOf(*rejudge, act.in_force);
-  if (const std::string why = WhyNotApplied(*rejudge, *progress, act.without, done.config_before);
+  if (const std::string why = WhyNotApplied(*rejudge, progress, act.without, done.config_before);
       !why.empty()) {
     return Refused(*rejudge, why);
   }
-  absl::StatusOr<RejudgeEventRow> event =
-      AddRejudgeEvent(*rejudge, RejudgeEvent::kApplied, act.why, sign, who);
-  if (!event.ok()) return event.status();
-  done.event = *std::move(event);
+  ASSIGN_OR_RETURN(RejudgeEventRow event,
+                   AddRejudgeEvent(*rejudge, RejudgeEvent::kApplied, act.why, sign, who));
+  done.event = std::move(event);
   done.config_after = rejudge->to_config;
   return MoveBoard(*rejudge, std::move(done), who);
 }
@@ -274,9 +264,8 @@ absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const Sig
   Reader reader(db_);
   absl::StatusOr<RejudgeRow> rejudge = reader.Rejudge(act.rejudge);
   if (!rejudge.ok()) return rejudge.status();
-  absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(act.rejudge);
-  if (!events.ok()) return events.status();
-  const RejudgeEventRow& last = events->back();
+  ASSIGN_OR_RETURN(std::vector<RejudgeEventRow> events, reader.RejudgeEvents(act.rejudge));
+  const RejudgeEventRow& last = events.back();
   if (last.event == RejudgeEvent::kDropped) return Refused(*rejudge, "was dropped already");
   const bool applied = last.event == RejudgeEvent::kApplied;
   if (applied) {
@@ -303,15 +292,13 @@ absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const Sig
   open.bind(1, rejudge->id);
   while (open.executeStep()) done.cancelled.push_back(open.getColumn(0).getInt64());
   for (const int64_t evaluation : done.cancelled) {
-    const absl::Status ended =
+    RETURN_IF_ERROR(
         EndWithLeases(evaluation, EvaluationState::kCancelled,
-                      absl::StrCat("rejudge ", rejudge->id, " was dropped"), who);
-    if (!ended.ok()) return ended;
+                      absl::StrCat("rejudge ", rejudge->id, " was dropped"), who));
   }
-  absl::StatusOr<RejudgeEventRow> event =
-      AddRejudgeEvent(*rejudge, RejudgeEvent::kDropped, act.why, sign, who);
-  if (!event.ok()) return event.status();
-  done.event = *std::move(event);
+  ASSIGN_OR_RETURN(RejudgeEventRow event,
+                   AddRejudgeEvent(*rejudge, RejudgeEvent::kDropped, act.why, sign, who));
+  done.event = std::move(event);
   return MoveBoard(*rejudge, std::move(done), who);
 }
 

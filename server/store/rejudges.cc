@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/differences.h"
 #include "server/store/name_table.h"
@@ -200,13 +201,11 @@ absl::StatusOr<std::optional<RejudgeItemRow>> Reader::RejudgeItemOf(int64_t eval
 }
 
 absl::StatusOr<RejudgeProgress> Reader::ProgressOf(const RejudgeRow& rejudge) {
-  absl::StatusOr<std::vector<RejudgeEventRow>> events = RejudgeEvents(rejudge.id);
-  if (!events.ok()) return events.status();
-  absl::StatusOr<std::vector<RejudgeItemRow>> items = RejudgeItems(rejudge.id);
-  if (!items.ok()) return items.status();
+  ASSIGN_OR_RETURN(std::vector<RejudgeEventRow> events, RejudgeEvents(rejudge.id));
+  ASSIGN_OR_RETURN(std::vector<RejudgeItemRow> items, RejudgeItems(rejudge.id));
   RejudgeProgress progress;
   std::set<int64_t> submissions;
-  for (const RejudgeItemRow& item : *items) {
+  for (const RejudgeItemRow& item : items) {
     submissions.insert(item.submission);
     ++progress.items;
     ++(item.method == RejudgeMethod::kFacts ? progress.facts : progress.play);
@@ -231,10 +230,10 @@ absl::StatusOr<RejudgeProgress> Reader::ProgressOf(const RejudgeRow& rejudge) {
   episodes.executeStep();
   progress.episodes = episodes.getColumn(0).getInt64();
   progress.episodes_done = episodes.getColumn(1).getInt64();
-  const bool dropped = events->back().event == RejudgeEvent::kDropped;
+  const bool dropped = events.back().event == RejudgeEvent::kDropped;
   progress.complete = progress.missing == 0 && progress.ended == progress.items &&
                       !(dropped && progress.cancelled > 0);
-  switch (events->back().event) {
+  switch (events.back().event) {
     case RejudgeEvent::kApplied: progress.state = RejudgeProgress::State::kApplied; break;
     case RejudgeEvent::kDropped: progress.state = RejudgeProgress::State::kDropped; break;
     case RejudgeEvent::kCreated:
@@ -274,8 +273,7 @@ std::vector<RejudgeCandidate> Reader::CandidatesFor(const NewRejudge& rejudge) {
 }
 
 absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge) {
-  absl::StatusOr<std::vector<RejudgeItemRow>> items = RejudgeItems(rejudge);
-  if (!items.ok()) return items.status();
+  ASSIGN_OR_RETURN(std::vector<RejudgeItemRow> items, RejudgeItems(rejudge));
   std::map<int64_t, Unrepeatable> found;
   const auto add = [&](int64_t submission, Unrepeatable::Episode episode) {
     found[submission].submission = submission;
@@ -283,10 +281,9 @@ absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge
   };
   const RejudgeItemRow* first = nullptr;
   std::vector<EpisodeRow> episodes;  // of `first`, once they are needed
-  for (const RejudgeItemRow& item : *items) {
-    absl::StatusOr<std::vector<RepeatRow>> repeats = Repeats(item.evaluation);
-    if (!repeats.ok()) return repeats.status();
-    for (const RepeatRow& repeat : *repeats) {
+  for (const RejudgeItemRow& item : items) {
+    ASSIGN_OR_RETURN(std::vector<RepeatRow> repeats, Repeats(item.evaluation));
+    for (const RepeatRow& repeat : repeats) {
       add(item.submission, {repeat.index, item.repetition, repeat.differs});
     }
     if (item.results_hash.empty()) continue;  // it has none, or not yet
@@ -298,16 +295,15 @@ absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge
     if (item.results_hash == first->results_hash) continue;
     for (const int64_t evaluation : {first->evaluation, item.evaluation}) {
       if (evaluation == first->evaluation && !episodes.empty()) continue;
-      absl::StatusOr<std::vector<EpisodeRow>> read = Episodes(evaluation);
-      if (!read.ok()) return read.status();
+      ASSIGN_OR_RETURN(std::vector<EpisodeRow> read, Episodes(evaluation));
       if (evaluation == first->evaluation) {
-        episodes = *std::move(read);
+        episodes = std::move(read);
         continue;
       }
-      for (size_t i = 0; i < std::min(episodes.size(), read->size()); ++i) {
-        std::vector<std::string> differs = DifferencesBetween(episodes[i], (*read)[i]);
+      for (size_t i = 0; i < std::min(episodes.size(), read.size()); ++i) {
+        std::vector<std::string> differs = DifferencesBetween(episodes[i], read[i]);
         if (differs.empty()) continue;
-        add(item.submission, {(*read)[i].index, item.repetition, std::move(differs)});
+        add(item.submission, {read[i].index, item.repetition, std::move(differs)});
       }
     }
   }

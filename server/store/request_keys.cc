@@ -1,5 +1,6 @@
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/accepted.h"
 #include "server/store/connection.h"
 #include "server/store/quota.h"
@@ -62,9 +63,8 @@ absl::StatusOr<std::optional<Accepted>> Reader::FindRequest(const std::string& w
 
 absl::StatusOr<Accepted> Writer::Once(const std::string& who, const RequestKey& key,
                                       const std::function<absl::StatusOr<Accepted>()>& accept) {
-  absl::StatusOr<std::optional<Accepted>> earlier = FindRequestKey(db_, who, key);
-  if (!earlier.ok()) return earlier.status();
-  if (earlier->has_value()) return **earlier;
+  ASSIGN_OR_RETURN(std::optional<Accepted> earlier, FindRequestKey(db_, who, key));
+  if (earlier.has_value()) return *earlier;
   absl::StatusOr<Accepted> accepted = accept();
   if (accepted.ok() && !key.key.empty()) {
     DropOldKeys(db_, who, now_ms_);

@@ -4,6 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/record_backfill.h"
@@ -45,15 +46,13 @@ Store::Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock
 Store::~Store() = default;
 
 absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, const Clock& clock) {
-  absl::StatusOr<OpenedStore> opened = OpenForWriting(path);
-  if (!opened.ok()) return opened.status();
-  std::unique_ptr<Store> store(new Store(path, std::move(opened->db), clock));
-  store->migration_ = std::move(opened->migration);
-  const absl::Status dated = GuardSqlite(path, [&] {
+  ASSIGN_OR_RETURN(OpenedStore opened, OpenForWriting(path));
+  std::unique_ptr<Store> store(new Store(path, std::move(opened.db), clock));
+  store->migration_ = std::move(opened.migration);
+  RETURN_IF_ERROR(GuardSqlite(path, [&] {
     store->trusted_time_ms_ = TrustedTimeOf(*store->db_);
     return absl::OkStatus();
-  });
-  if (!dated.ok()) return dated;
+  }));
   absl::Status status = store->LoadSecret();
   if (status.ok()) {
     status = GuardSqlite(path, [&] {
@@ -152,9 +151,8 @@ void Writer::SetTrustedTime(int64_t ms) {
 
 absl::Status Store::LoadSecret() {
   return GuardSqlite(path_, [&]() -> absl::Status {
-    absl::StatusOr<std::string> drawn = RandomBytes(32);
-    if (!drawn.ok()) return drawn.status();
-    std::string& fresh = *drawn;
+    ASSIGN_OR_RETURN(std::string drawn, RandomBytes(32));
+    std::string& fresh = drawn;
     SQLite::Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
     const bool there = select.executeStep();
     if (there && select.getColumn(0).isBlob() &&
@@ -178,11 +176,11 @@ absl::Status Store::LoadSecret() {
 }
 
 absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
-  if (absl::Status status = Check(); !status.ok()) return status;
+  RETURN_IF_ERROR(Check());
   return GuardSqlite(path_, [&]() -> absl::Status {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
     Writer writer(*db_, absl::ToUnixMillis(clock_.Now()), &subscriptions_);
-    if (absl::Status status = change(writer); !status.ok()) return status;  // rolls back
+    RETURN_IF_ERROR(change(writer));  // rolls back
     const int64_t rows = RowsEver(*db_);
     transaction.commit();
     Remember(rows);

@@ -1,6 +1,7 @@
 // A whole store as a file: backups and imports.
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/copy.h"
 #include "server/store/episode_log.h"
@@ -43,10 +44,9 @@ void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
 absl::Status ReaderPool::Backup(const std::string& path,
                                 const std::function<void(int64_t, int64_t)>& progress,
                                 const std::function<void(const std::string&)>& damaged) {
-  absl::StatusOr<std::unique_ptr<SQLite::Database>> source = OpenForReading(path_);
-  if (!source.ok()) return source.status();
+  ASSIGN_OR_RETURN(std::unique_ptr<SQLite::Database> source, OpenForReading(path_));
   return GuardSqlite(path,
-                     [&] { return CopyDatabase(**source, path_, path, progress, damaged); });
+                     [&] { return CopyDatabase(*source, path_, path, progress, damaged); });
 }
 
 std::vector<ArtefactUse> Reader::ArtefactUses() {
@@ -142,7 +142,7 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
 absl::Status Writer::Import(const std::string& path, const ExportInfo& info,
                             const std::string& who,
                             const std::function<absl::Status(Reader&)>& check) {
-  if (absl::Status status = ImportRows(db_, path, info); !status.ok()) return status;
+  RETURN_IF_ERROR(ImportRows(db_, path, info));
   FillTeamLooks(db_);
   Reader reader(db_);
   if (absl::Status read = check(reader); !read.ok()) {
@@ -153,8 +153,7 @@ absl::Status Writer::Import(const std::string& path, const ExportInfo& info,
   }
   constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
   for (const int64_t evaluation : OpenEvaluations()) {
-    const absl::Status status = EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who));
   }
   return absl::OkStatus();
 }

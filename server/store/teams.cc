@@ -6,6 +6,7 @@
 #include <absl/strings/cord.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/names.h"
 #include "server/store/quota.h"
 #include "server/store/reader.h"
@@ -94,26 +95,24 @@ absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t 
 
 absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name) {
   if (const int64_t row = TeamRowNamed(db, name); row != 0) {
-    const absl::StatusOr<TeamInForce> team = TeamOfRow(db, row);
-    if (!team.ok()) return team.status();
-    return team->name;
+    ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db, row));
+    return team.name;
   }
   absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
   if (!clean.ok()) return clean;
-  if (absl::Status status = CheckLooks(db, *clean, 0); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckLooks(db, *clean, 0));
   return clean;
 }
 
 absl::Status CheckNotBanned(SQLite::Database& db, const std::string& name) {
   const int64_t row = TeamRowNamed(db, name);
   if (row == 0) return absl::OkStatus();
-  const absl::StatusOr<TeamInForce> team = TeamOfRow(db, row);
-  if (!team.ok()) return team.status();
-  if (!team->banned) return absl::OkStatus();
-  const std::string why = ReasonOfBan(db, team->id);
+  ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db, row));
+  if (!team.banned) return absl::OkStatus();
+  const std::string why = ReasonOfBan(db, team.id);
   return WithErrorCode(
       absl::FailedPreconditionError(absl::StrCat(
-          "team \"", team->name, "\" is banned by the organisers",
+          "team \"", team.name, "\" is banned by the organisers",
           why.empty() ? "" : absl::StrCat(" (", why, ")"),
           ": nothing more is taken from it; what it has submitted stays readable for it")),
       kBannedCode);

@@ -13,6 +13,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/schema.h"
 #include "server/store/stored_row.h"
@@ -187,7 +188,7 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
     if (!out(absl::StrCat("\"", table.name, "\":[\n"))) return stopped;
     const int64_t before = db.execAndGet(absl::StrCat("SELECT count(*) FROM (SELECT 1 FROM \"",
                                                       table.name, "\" LIMIT 1)")).getInt64();
-    if (absl::Status status = ExportTable(db, table, out); !status.ok()) return status;
+    RETURN_IF_ERROR(ExportTable(db, table, out));
     const bool last = &table == &tables.back();
     if (!out(absl::StrCat(before == 0 ? "]" : "\n]", last ? "\n" : ",\n"))) return stopped;
   }
@@ -200,7 +201,7 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
 
 absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
   // A stream would wait for a named pipe.
-  if (absl::Status file = OpenToRead(path).status(); !file.ok()) return file;
+  RETURN_IF_ERROR(OpenToRead(path).status());
   LineReader lines(path);
   if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
   ExportInfo info;
@@ -212,9 +213,8 @@ absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
     return absl::OkStatus();
   });
   for (;;) {
-    absl::StatusOr<bool> there = lines.Next(line);
-    if (!there.ok()) return there.status();
-    if (!*there) break;
+    ASSIGN_OR_RETURN(bool there, lines.Next(line));
+    if (!there) break;
     if (!last.empty()) return Broken(path, lines.number(), "comes after the end");
     info.bytes += static_cast<int64_t>(line.size()) + 1;
     if (IsLast(line)) {
@@ -226,7 +226,7 @@ absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
       if (line != kHead) return Broken(path, 1, "is not the beginning of an export");
       continue;
     }
-    if (absl::Status status = parser.Line(line, lines.number()); !status.ok()) return status;
+    RETURN_IF_ERROR(parser.Line(line, lines.number()));
     if (parser.in_table()) info.rows.try_emplace(parser.table(), 0);
     if (info.rows.size() > kMaxTables) return Broken(path, lines.number(), "is one table too many");
   }
@@ -253,7 +253,7 @@ absl::Status ForEachRow(
     const std::string& path,
     const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
   // A stream would wait for a named pipe.
-  if (absl::Status file = OpenToRead(path).status(); !file.ok()) return file;
+  RETURN_IF_ERROR(OpenToRead(path).status());
   LineReader lines(path);
   if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
   Parser parser(path, [&](const std::string& table, std::string_view text) {
@@ -270,11 +270,10 @@ absl::Status ForEachRow(
   });
   std::string line;
   for (;;) {
-    absl::StatusOr<bool> there = lines.Next(line);
-    if (!there.ok()) return there.status();
-    if (!*there || IsLast(line)) return absl::OkStatus();
+    ASSIGN_OR_RETURN(bool there, lines.Next(line));
+    if (!there || IsLast(line)) return absl::OkStatus();
     if (lines.number() == 1) continue;
-    if (absl::Status status = parser.Line(line, lines.number()); !status.ok()) return status;
+    RETURN_IF_ERROR(parser.Line(line, lines.number()));
   }
 }
 
@@ -422,14 +421,12 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
     }
   }
   Inserter inserter(db);
-  if (absl::Status status = inserter.CheckTables(info); !status.ok()) return status;
+  RETURN_IF_ERROR(inserter.CheckTables(info));
   db.exec("PRAGMA defer_foreign_keys = ON");  // until the transaction ends
   for (const bool late : {false, true}) {
-    const absl::Status status =
-        ForEachRow(path, [&](const std::string& table, const Json& row) {
+    RETURN_IF_ERROR(ForEachRow(path, [&](const std::string& table, const Json& row) {
           return IsLate(table) == late ? inserter.Insert(table, row) : absl::OkStatus();
-        });
-    if (!status.ok()) return status;
+        }));
   }
   return CheckReferences(db);
 }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/store/artefact_options.h"
@@ -112,11 +113,10 @@ absl::Status Writer::RunEvaluation(int64_t evaluation, const std::string& who) {
 
 absl::Status Writer::StartLease(int64_t lease, int64_t attempt, int64_t slot, int64_t deadline_ms,
                                 const std::string& who) {
-  absl::StatusOr<LeaseRow> row = Lease(lease);
-  if (!row.ok()) return row.status();
-  if (row->state == LeaseState::kRunning && row->attempt == attempt) return absl::OkStatus();
-  if (row->state != LeaseState::kPending || attempt != row->attempt + 1) {
-    return Refuse("started", *row, absl::StrCat(", not before attempt ", attempt));
+  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
+  if (row.state == LeaseState::kRunning && row.attempt == attempt) return absl::OkStatus();
+  if (row.state != LeaseState::kPending || attempt != row.attempt + 1) {
+    return Refuse("started", row, absl::StrCat(", not before attempt ", attempt));
   }
   SQLite::Statement update(db_,
                            "UPDATE lease SET state = 'running', attempt = ?, slot = ?, owner = ?, "
@@ -125,7 +125,7 @@ absl::Status Writer::StartLease(int64_t lease, int64_t attempt, int64_t slot, in
   update.exec();
   absl::Status status = Audit("lease", lease, "pending", "running", who,
                               absl::StrCat("attempt ", attempt, " on slot ", slot));
-  status.Update(RunEvaluation(row->evaluation, who));
+  status.Update(RunEvaluation(row.evaluation, who));
   return status;
 }
 
@@ -173,18 +173,17 @@ absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
 
 absl::Status Writer::FinishLease(int64_t lease, int64_t attempt, const std::string& output_json,
                                  const std::string& who) {
-  absl::StatusOr<LeaseRow> row = Lease(lease);
-  if (!row.ok()) return row.status();
-  if (row->state == LeaseState::kDone && row->attempt == attempt) return absl::OkStatus();
-  if (row->state != LeaseState::kRunning || row->attempt != attempt) {
-    return Refuse("finished", *row, absl::StrCat(", not ", attempt));
+  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
+  if (row.state == LeaseState::kDone && row.attempt == attempt) return absl::OkStatus();
+  if (row.state != LeaseState::kRunning || row.attempt != attempt) {
+    return Refuse("finished", row, absl::StrCat(", not ", attempt));
   }
   SQLite::Statement count(db_, "SELECT count(*) FROM episode WHERE lease = ? AND evaluation = ? "
                                "AND idx BETWEEN ? AND ?");
-  SQLite::bind(count, lease, row->evaluation, row->first, row->last);
+  SQLite::bind(count, lease, row.evaluation, row.first, row.last);
   count.executeStep();
-  if (count.getColumn(0).getInt64() != row->last - row->first + 1) {
-    return Refuse("finished", *row, ", and episodes are missing");
+  if (count.getColumn(0).getInt64() != row.last - row.first + 1) {
+    return Refuse("finished", row, ", and episodes are missing");
   }
   SQLite::Statement update(db_,
                            "UPDATE lease SET state = 'done', slot = NULL, owner = NULL, "
@@ -197,11 +196,10 @@ absl::Status Writer::FinishLease(int64_t lease, int64_t attempt, const std::stri
 
 absl::Status Writer::ReturnLease(int64_t lease, int64_t attempt, bool fault,
                                  const std::string& who, const std::string& why) {
-  absl::StatusOr<LeaseRow> row = Lease(lease);
-  if (!row.ok()) return row.status();
-  if (row->state == LeaseState::kPending && row->attempt == attempt) return absl::OkStatus();
-  if (row->state != LeaseState::kRunning || row->attempt != attempt) {
-    return Refuse("returned", *row, absl::StrCat(", not ", attempt));
+  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
+  if (row.state == LeaseState::kPending && row.attempt == attempt) return absl::OkStatus();
+  if (row.state != LeaseState::kRunning || row.attempt != attempt) {
+    return Refuse("returned", row, absl::StrCat(", not ", attempt));
   }
   SQLite::Statement update(db_,
                            "UPDATE lease SET state = 'pending', slot = NULL, owner = NULL, "
@@ -214,11 +212,10 @@ absl::Status Writer::ReturnLease(int64_t lease, int64_t attempt, bool fault,
 
 absl::Status Writer::EndLease(int64_t lease, LeaseState state, bool fault, const std::string& who,
                               const std::string& why) {
-  absl::StatusOr<LeaseRow> row = Lease(lease);
-  if (!row.ok()) return row.status();
-  if (row->state == state) return absl::OkStatus();
-  if (IsFinal(row->state) || (state != LeaseState::kFailed && state != LeaseState::kCancelled)) {
-    return Refuse("ended", *row, "");
+  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
+  if (row.state == state) return absl::OkStatus();
+  if (IsFinal(row.state) || (state != LeaseState::kFailed && state != LeaseState::kCancelled)) {
+    return Refuse("ended", row, "");
   }
   SQLite::Statement update(db_,
                            "UPDATE lease SET state = ?, slot = NULL, owner = NULL, "
@@ -226,7 +223,7 @@ absl::Status Writer::EndLease(int64_t lease, LeaseState state, bool fault, const
                            "faults = faults + ?, detail = ? WHERE id = ?");
   SQLite::bind(update, Text(LeaseStateName(state)), now_ms_, fault ? 1 : 0, why, lease);
   update.exec();
-  return Audit("lease", lease, LeaseStateName(row->state), LeaseStateName(state), who, why);
+  return Audit("lease", lease, LeaseStateName(row.state), LeaseStateName(state), who, why);
 }
 
 absl::Status Writer::NoteEvaluation(int64_t evaluation, const std::string& who,
@@ -265,7 +262,7 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
   SQLite::bind(update, Text(EvaluationStateName(state)), reason, results_hash, now_ms_, evaluation);
   update.exec();
   SettleCharge(evaluation, state, who);
-  if (absl::Status status = AppendRecord(kGradedEntry, evaluation); !status.ok()) return status;
+  RETURN_IF_ERROR(AppendRecord(kGradedEntry, evaluation));
   TellEnd(evaluation, state);
   return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
                who, reason);

@@ -10,6 +10,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/log_line.h"
 #include "server/base/random_bytes.h"
 #include "server/webhook/retry.h"
@@ -66,9 +67,8 @@ const Webhook* WebhookSender::Find(const std::string& name) const {
 
 absl::StatusOr<PostResult> WebhookSender::Test(const Webhook& webhook,
                                                const std::function<bool()>& stop) const {
-  const absl::StatusOr<std::string> bytes = RandomBytes(kTestIdBytes);
-  if (!bytes.ok()) return bytes.status();
-  const std::string id = absl::BytesToHexString(*bytes);
+  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(kTestIdBytes));
+  const std::string id = absl::BytesToHexString(bytes);
   const absl::Time now = options_.clock.Now();
   const Json body = {
       {"id", id},

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
 #include "sim/model/state.h"
@@ -29,9 +30,8 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeElbow(const TrackConfig& config
   auto rules = ParseElbowRules(
       config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
   if (!rules.ok()) return rules.status();
-  auto model = LoadModel(ElbowModel(), cache_dir);
-  if (!model.ok()) return model.status();
-  return ElbowEnvironment::Make(*rules, *std::move(model));
+  ASSIGN_OR_RETURN(auto model, LoadModel(ElbowModel(), cache_dir));
+  return ElbowEnvironment::Make(*rules, std::move(model));
 }
 
 absl::StatusOr<std::unique_ptr<ElbowEnvironment>> ElbowEnvironment::Make(const ElbowRules& rules,

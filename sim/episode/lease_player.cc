@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/policy/channels.h"
 
 namespace myograde::sim {
@@ -77,7 +78,7 @@ LeasePlayer::LeasePlayer(const LeaseOrder& order, Environment& environment, int6
 
 absl::Status LeasePlayer::Play() {
   for (const EpisodeOrder& episode : order_.episodes) {
-    if (absl::Status status = PlayEpisode(episode); !status.ok()) return status;
+    RETURN_IF_ERROR(PlayEpisode(episode));
   }
   EndSession();
   return SendSimMessage(runner_, {{"type", "done"}});
@@ -105,14 +106,13 @@ absl::Status LeasePlayer::PlayEpisode(const EpisodeOrder& episode) {
     last_fault_->step = -1;
     return Record(episode, last_fault_);
   }
-  absl::StatusOr<FaultEvidence> ruling = Rule(**result);
-  if (!ruling.ok()) return ruling.status();
-  absl::Status status = Record(episode, *ruling);
+  ASSIGN_OR_RETURN(FaultEvidence ruling, Rule(**result));
+  absl::Status status = Record(episode, ruling);
   EndSession();
   const bool lease_spent =
-      ruling->outcome == Outcome::kCpuLimit || ruling->outcome == Outcome::kWallTimeout;
+      ruling.outcome == Outcome::kCpuLimit || ruling.outcome == Outcome::kWallTimeout;
   if (restarts_left_-- == 0 || lease_spent) {
-    last_fault_ = *std::move(ruling);
+    last_fault_ = std::move(ruling);
     last_fault_->step = -1;
   }
   return status;
@@ -152,24 +152,22 @@ LeasePlayer::Result LeasePlayer::StartPolicy(uint64_t policy_seed) {
 }
 
 LeasePlayer::Result LeasePlayer::EnsurePolicy() {
-  absl::StatusOr<SimMessage> message = AskRunner({{"type", "need_policy"}}, kSandboxDeadline);
-  if (!message.ok()) return message.status();
-  const std::string type = message->json["type"].get<std::string>();
+  ASSIGN_OR_RETURN(SimMessage message, AskRunner({{"type", "need_policy"}}, kSandboxDeadline));
+  const std::string type = message.json["type"].get<std::string>();
   if (type == "no_policy") {
-    absl::StatusOr<FaultEvidence> evidence = FaultEvidenceFromJson(message->json);
-    if (!evidence.ok()) return evidence.status();
-    if (FaultOf(evidence->outcome) != Fault::kParticipant) {
-      return absl::InternalError(absl::StrCat("episode ", index_, ": ", evidence->detail));
+    ASSIGN_OR_RETURN(FaultEvidence evidence, FaultEvidenceFromJson(message.json));
+    if (FaultOf(evidence.outcome) != Fault::kParticipant) {
+      return absl::InternalError(absl::StrCat("episode ", index_, ": ", evidence.detail));
     }
     refused_ = true;
-    return std::optional(*std::move(evidence));
+    return std::optional(std::move(evidence));
   }
-  if (type != "policy" || !message->fd.valid()) {
+  if (type != "policy" || !message.fd.valid()) {
     return absl::InternalError(absl::StrCat("the runner answered need_policy with \"", type,
                                             "\" and no sandbox"));
   }
   use_.cpu = lease_cpu_;
-  session_.emplace(std::move(message->fd), order_.track.budgets, cpu_, clock_, use_,
+  session_.emplace(std::move(message.fd), order_.track.budgets, cpu_, clock_, use_,
                    [this] { Progress(); }, [this] { Measure(); });
   wire_episode_ = 0;
   episode_cpu_start_ = absl::ZeroDuration();
@@ -259,12 +257,11 @@ LeasePlayer::Result LeasePlayer::RunSteps() {
 absl::StatusOr<FaultEvidence> LeasePlayer::Rule(const FaultEvidence& seen) {
   nlohmann::json message = FaultEvidenceToJson(seen);
   message["type"] = "policy_fault";
-  absl::StatusOr<SimMessage> answer = AskRunner(message, kRulingDeadline);
-  if (!answer.ok()) return answer.status();
-  if (answer->json["type"] != "ruling") {
+  ASSIGN_OR_RETURN(SimMessage answer, AskRunner(message, kRulingDeadline));
+  if (answer.json["type"] != "ruling") {
     return absl::InternalError("the runner answered policy_fault with something else");
   }
-  absl::StatusOr<FaultEvidence> ruling = FaultEvidenceFromJson(answer->json);
+  absl::StatusOr<FaultEvidence> ruling = FaultEvidenceFromJson(answer.json);
   if (ruling.ok() && FaultOf(ruling->outcome) != Fault::kParticipant) {
     return absl::InternalError(absl::StrCat("episode ", index_, ": ", ruling->detail));
   }
@@ -297,9 +294,7 @@ absl::Status LeasePlayer::EndLog(EpisodeFacts& facts) {
   end.end = std::string(facts.end == EpisodeEnd::kFault ? OutcomeName(facts.fault.outcome)
                                                         : facts.end.name());
   end.digest = facts.digest;
-  absl::StatusOr<EpisodeLogInfo> info = log_->End(std::move(end));
-  if (!info.ok()) return info.status();
-  facts.log = *std::move(info);
+  ASSIGN_OR_RETURN(facts.log, log_->End(std::move(end)));
   return absl::OkStatus();
 }
 
@@ -316,7 +311,7 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
     facts.end = EpisodeEnd::kFault;
     facts.fault = *fault;
   }
-  if (absl::Status status = EndLog(facts); !status.ok()) return status;
+  RETURN_IF_ERROR(EndLog(facts));
   // Only a state that MuJoCo called unstable may hold numbers that are none.
   const bool finite = !MakeFinite(facts);
   if (!finite && !(fault.has_value() && fault->outcome == Outcome::kUnstable)) {
@@ -340,7 +335,7 @@ void LeasePlayer::TellTimes(EpisodeFacts& facts) {
 
 absl::StatusOr<SimMessage> LeasePlayer::AskRunner(const nlohmann::json& question,
                                                   absl::Duration limit) {
-  if (absl::Status status = SendSimMessage(runner_, question); !status.ok()) return status;
+  RETURN_IF_ERROR(SendSimMessage(runner_, question));
   const absl::Duration deadline = clock_.Monotonic() + limit;
   while (true) {
     absl::StatusOr<SimMessage> message = ReceiveSimMessage(runner_, kProgressPeriod);

@@ -11,6 +11,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/log/packed_log.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/sim_channel.h"
@@ -155,13 +156,10 @@ ReplayPlayer::ReplayPlayer(const LeaseOrder& order, Environment& environment, in
 
 absl::Status ReplayPlayer::Play() {
   for (const EpisodeOrder& episode : order_.episodes) {
-    absl::StatusOr<ReplayRecord> record = PlayEpisode(episode);
-    if (!record.ok()) return record.status();
+    ASSIGN_OR_RETURN(ReplayRecord record, PlayEpisode(episode));
     if (!progress_status_.ok()) return progress_status_;
-    const std::string line = LeaseRecordToLine(LeaseRecord(*std::move(record)));
-    if (absl::Status status = SendSimMessage(runner_, nlohmann::json::parse(line)); !status.ok()) {
-      return status;
-    }
+    const std::string line = LeaseRecordToLine(LeaseRecord(std::move(record)));
+    RETURN_IF_ERROR(SendSimMessage(runner_, nlohmann::json::parse(line)));
   }
   return SendSimMessage(runner_, {{"type", "done"}});
 }
@@ -183,15 +181,14 @@ absl::StatusOr<ReplayRecord> ReplayPlayer::PlayAndRecord(const EpisodeLog& log) 
     return Unplayable(index, absl::DataLossError("the episode was never begun: a fault had ended "
                                                  "its lease, and there is nothing to show"));
   }
-  const absl::StatusOr<std::unique_ptr<EpisodeRecorder>> recorder = recorders_(log);
-  if (!recorder.ok()) return recorder.status();
+  ASSIGN_OR_RETURN(const std::unique_ptr<EpisodeRecorder> recorder, recorders_(log));
   absl::StatusOr<ReplayRecord> record =
-      ReplayLog(log, environment_, [&](int64_t step) { Progress(index, step); }, recorder->get());
+      ReplayLog(log, environment_, [&](int64_t step) { Progress(index, step); }, recorder.get());
   if (!record.ok() || !record->equal) return record;
-  const absl::StatusOr<std::string> bytes = (*recorder)->Finish();
+  const absl::StatusOr<std::string> bytes = recorder->Finish();
   if (absl::IsResourceExhausted(bytes.status())) return Unplayable(index, bytes.status());
   if (!bytes.ok()) return bytes.status();
-  if (absl::Status status = SendTrajectory(*bytes); !status.ok()) return status;
+  RETURN_IF_ERROR(SendTrajectory(*bytes));
   return record;
 }
 
@@ -213,14 +210,12 @@ absl::StatusOr<EpisodeLog> ReplayPlayer::ReadLog(const EpisodeOrder& episode) {
   absl::Status status =
       SendSimMessage(runner_, {{"type", "need_log"}, {"episode", episode.index}});
   if (!status.ok()) return status;
-  absl::StatusOr<SimMessage> message = ReceiveSimMessage(runner_, kLogDeadline);
-  if (!message.ok()) return message.status();
-  if (message->json["type"] != "log" || !message->fd.valid()) {
+  ASSIGN_OR_RETURN(SimMessage message, ReceiveSimMessage(runner_, kLogDeadline));
+  if (message.json["type"] != "log" || !message.fd.valid()) {
     return absl::InternalError("the runner answered need_log without a log");
   }
-  absl::StatusOr<std::string> bytes = ReadPackedLog(message->fd.get());
-  if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
+  ASSIGN_OR_RETURN(std::string bytes, ReadPackedLog(message.fd.get()));
+  absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(bytes);
   // A config that does not parse makes the log as worthless as a wrong byte.
   if (!log.ok()) return absl::DataLossError(log.status().message());
   const absl::StatusOr<TrackConfig> track = WithSeeds(order_.track, {episode.seed});

@@ -28,6 +28,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/pinned_maths.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/render_order.h"
 #include "sim/confine.h"
 #include "sim/film/renders.h"
@@ -95,26 +96,23 @@ absl::Status Confine() {
 }
 
 absl::StatusOr<RenderOrder> ReadRenderOrder() {
-  absl::StatusOr<std::string> text = ReadAll(STDIN_FILENO, "the order", kMaxRenderOrderBytes);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "order");
-  if (!json.ok()) return json.status();
-  return RenderOrderFromJson(*json, "order");
+  ASSIGN_OR_RETURN(std::string text, ReadAll(STDIN_FILENO, "the order", kMaxRenderOrderBytes));
+  ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(text, "order"));
+  return RenderOrderFromJson(json, "order");
 }
 
 absl::Status Render() {
   absl::StatusOr<RenderOrder> order = ReadRenderOrder();
   if (!order.ok()) return absl::InvalidArgumentError(order.status().message());
-  absl::StatusOr<Fd> out = TakeOutput();
-  if (!out.ok()) return out.status();
+  ASSIGN_OR_RETURN(Fd out, TakeOutput());
   SetDeadline(order->deadline_s);
   ConfigureMesa(order->threads);
   absl::StatusOr<Renders> renders = Renders::Prepare(*std::move(order));
   // What is wrong with a model or config is no fault of a log.
   if (!renders.ok()) return absl::InternalError(renders.status().message());
   // Logs come from anywhere: they are read behind the filter.
-  if (absl::Status status = Confine(); !status.ok()) return status;
-  return renders->Write(out->get());
+  RETURN_IF_ERROR(Confine());
+  return renders->Write(out.get());
 }
 
 int Main(int argc, char** argv) {

@@ -9,6 +9,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/log/packed_log.h"
 #include "sim/episode/replay_player.h"
 
@@ -52,9 +53,8 @@ absl::StatusOr<Recording> Recording::Open(const std::vector<std::string>& logs) 
 
 absl::Status Recording::Read(const TrackConfig& track) {
   for (size_t i = 0; i < files_.size(); ++i) {
-    absl::StatusOr<EpisodeLog> log = ReadRecordedLog(names_[i], files_[i].get(), track);
-    if (!log.ok()) return log.status();
-    logs_.push_back(*std::move(log));
+    ASSIGN_OR_RETURN(EpisodeLog log, ReadRecordedLog(names_[i], files_[i].get(), track));
+    logs_.push_back(std::move(log));
   }
   files_.clear();
   return absl::OkStatus();
@@ -72,7 +72,7 @@ absl::Status Recording::Play(Environment& environment,
       if (shown.ok()) shown = on_step(i, step + 1);
     });
     if (!shown.ok()) return shown;
-    if (absl::Status played = CheckPlayed(record); !played.ok()) return played;
+    RETURN_IF_ERROR(CheckPlayed(record));
   }
   return absl::OkStatus();
 }

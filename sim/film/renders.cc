@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "sim/film/overlay.h"
 #include "sim/film/png.h"
 
@@ -80,8 +81,7 @@ absl::StatusOr<Renders> Renders::Prepare(RenderOrder order) {
   });
   renders.places_.resize(wanted.episodes.size());
   for (const size_t i : by_length) {
-    absl::Status opened = renders.Open(wanted.episodes[i], renders.places_[i]);
-    if (!opened.ok()) return opened;
+    RETURN_IF_ERROR(renders.Open(wanted.episodes[i], renders.places_[i]));
   }
   renders.rgb_.resize(static_cast<size_t>(wanted.width) * static_cast<size_t>(wanted.height) * 3);
   return renders;
@@ -94,19 +94,17 @@ absl::Status Renders::Open(const RenderEpisode& episode, Place& place) {
   }
   const Quality quality =
       order_.form == RenderOrder::Form::kFilm ? Quality::kFast : Quality::kBest;
-  auto recording = Recording::Open(episode.logs);
-  if (!recording.ok()) return recording.status();
-  auto environment = MakeEnvironment(order_.track, order_.cache_dir);
-  if (!environment.ok()) return environment.status();
-  auto renderer = Renderer::Make((*environment)->model(), order_.width, order_.height, quality);
-  if (!renderer.ok()) return renderer.status();
-  stages_.push_back({*std::move(environment), *std::move(renderer), *std::move(recording)});
+  ASSIGN_OR_RETURN(auto recording, Recording::Open(episode.logs));
+  ASSIGN_OR_RETURN(auto environment, MakeEnvironment(order_.track, order_.cache_dir));
+  ASSIGN_OR_RETURN(auto renderer,
+                   Renderer::Make(environment->model(), order_.width, order_.height, quality));
+  stages_.push_back({std::move(environment), std::move(renderer), std::move(recording)});
   return absl::OkStatus();
 }
 
 absl::Status Renders::Write(int out) {
   for (Stage& stage : stages_) {
-    if (absl::Status status = stage.recording.Read(order_.track); !status.ok()) return status;
+    RETURN_IF_ERROR(stage.recording.Read(order_.track));
   }
   for (const Place& place : places_) {
     const EpisodeLog& log = Shown(place);
@@ -163,7 +161,7 @@ absl::Status Renders::DrawRow(size_t row, int64_t step, int& column, Sheet& shee
   const EpisodeLog& log = Shown(places_[row]);
   while (column < order_.columns && StepOfColumn(order_, column, log.steps()) == step) {
     const PictureText text = StripText(order_.episodes[row], log, column, step);
-    if (absl::Status status = Draw(stages_[places_[row].stage], text); !status.ok()) return status;
+    RETURN_IF_ERROR(Draw(stages_[places_[row].stage], text));
     sheet.Put(column++, static_cast<int>(row), rgb_);
   }
   return absl::OkStatus();
@@ -176,12 +174,11 @@ absl::Status Renders::WriteStrip(int out) {
     const auto on_step = [&](size_t played, int64_t step) {
       for (size_t row = 0; row < places_.size(); ++row) {
         if (places_[row].stage != s || places_[row].log != played) continue;
-        if (absl::Status status = DrawRow(row, step, columns[row], sheet); !status.ok()) return status;
+        RETURN_IF_ERROR(DrawRow(row, step, columns[row], sheet));
       }
       return absl::OkStatus();
     };
-    const absl::Status drawn = stages_[s].recording.Play(*stages_[s].environment, on_step);
-    if (!drawn.ok()) return drawn;
+    RETURN_IF_ERROR(stages_[s].recording.Play(*stages_[s].environment, on_step));
   }
   return WritePng(out, sheet.rgb(), sheet.width(), sheet.height());
 }

@@ -6,6 +6,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::sim {
 namespace {
 
@@ -151,8 +153,7 @@ absl::Status LegController::Upload(const LegParameterSets& sets, const LegRules&
                        "which has sets 0 to ", rules.sets - 1));
     }
     for (int state = 0; state < kLegStates; ++state) {
-      const absl::Status status = CheckState(sets.set[i][state], rules, i, state);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(CheckState(sets.set[i][state], rules, i, state));
     }
   }
   for (int i = 0; i < kLegSets; ++i) {

@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "sim/locomotion/height_map.h"
 #include "sim/locomotion/model.h"
 #include "sim/model/state.h"
@@ -60,17 +61,14 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& c
                                                             const std::string& cache_dir) {
   auto rules = ParseLocomotionRules(config.rules, absl::StrCat(config.id, ": rules"));
   if (!rules.ok()) return rules.status();
-  auto model = LoadModel(LocomotionModel(), cache_dir);
-  if (!model.ok()) return model.status();
-  auto environment = Locomotion::Make(*rules, *std::move(model));
-  if (!environment.ok()) return environment.status();
-  return std::unique_ptr<Environment>(*std::move(environment));
+  ASSIGN_OR_RETURN(auto model, LoadModel(LocomotionModel(), cache_dir));
+  ASSIGN_OR_RETURN(auto environment, Locomotion::Make(*rules, std::move(model)));
+  return std::unique_ptr<Environment>(std::move(environment));
 }
 
 absl::StatusOr<std::unique_ptr<Locomotion>> Locomotion::Make(const LocomotionRules& rules,
                                                              ModelPtr model) {
-  auto indices = FindLocomotionIndices(*model);
-  if (!indices.ok()) return indices.status();
+  ASSIGN_OR_RETURN(auto indices, FindLocomotionIndices(*model));
   if (rules.field.rows * rules.field.columns > model->nhfielddata) {
     return absl::InvalidArgumentError(
         absl::StrCat("rules.field: ", rules.field.rows, " rows of ", rules.field.columns,
@@ -79,7 +77,7 @@ absl::StatusOr<std::unique_ptr<Locomotion>> Locomotion::Make(const LocomotionRul
   DataPtr data(mj_makeData(model.get()));
   if (data == nullptr) return absl::ResourceExhaustedError("no memory for the leg's simulation");
   std::unique_ptr<Locomotion> out(
-      new Locomotion(rules, std::move(model), std::move(data), *indices));
+      new Locomotion(rules, std::move(model), std::move(data), indices));
   return out;
 }
 

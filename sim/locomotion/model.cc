@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "sim/locomotion/pins.h"
 
 namespace myograde::sim {
@@ -33,22 +34,19 @@ constexpr Inertial kInertials[] = {
 // field gets room for the widest course; the environment sets how much of it
 // is used, and where.
 absl::Status Patch(std::string& main, std::string& assets) {
-  auto field = Cut(main, "<hfield name=\"terrain\"", "/>");
-  if (!field.ok()) return field.status();
+  RETURN_IF_ERROR(Cut(main, "<hfield name=\"terrain\"", "/>").status());
   constexpr const char* kWideField =
       "<asset><hfield name=\"terrain\" size=\"1.5 60 1 0.001\" nrow=\"600\" "
       "ncol=\"30\"/></asset>\n";
   if (auto status = InsertBefore(main, "<worldbody>", kWideField); !status.ok()) return status;
-  auto block = Cut(assets, "<actuator>", "</actuator>");
-  if (!block.ok()) return block.status();
+  ASSIGN_OR_RETURN(auto block, Cut(assets, "<actuator>", "</actuator>"));
   std::string motors;
   for (const char* name : {"<motor name=\"osl_knee", "<motor name=\"osl_ankle"}) {
-    auto motor = Cut(*block, name, "/>");
-    if (!motor.ok()) return motor.status();
-    absl::StrAppend(&motors, *motor, "\n");
+    ASSIGN_OR_RETURN(auto motor, Cut(block, name, "/>"));
+    absl::StrAppend(&motors, motor, "\n");
   }
-  block->insert(std::string_view("<actuator>").size(), "\n" + motors);
-  return InsertBefore(assets, "</mujocoinclude>", *block);
+  block.insert(std::string_view("<actuator>").size(), "\n" + motors);
+  return InsertBefore(assets, "</mujocoinclude>", block);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 namespace {
@@ -54,8 +55,7 @@ absl::StatusOr<FieldRules> ReadField(const nlohmann::json& json, const std::stri
   field.half_length_m = reader.Number("half_length_m", {10, 1000});
   field.ceiling_m = reader.Number("ceiling_m", {0.01, 100});
   field.offset_m = reader.Number("offset_m", {0, 1});
-  const absl::Status status = reader.Finish();
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return field;
 }
 
@@ -134,8 +134,7 @@ absl::StatusOr<CourseRules> ReadCourse(const nlohmann::json& json, const std::st
     reader.Fail("difficulty", absl::StrCat("makes obstacles up to ", HighestPoint(course),
                                            " m high, field.ceiling_m is only ", field.ceiling_m));
   }
-  const absl::Status status = reader.Finish();
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return course;
 }
 
@@ -149,8 +148,7 @@ absl::StatusOr<StartRules> ReadStart(const nlohmann::json& json, const std::stri
   std::tie(start.heading_low_deg, start.heading_high_deg) =
       ReadInterval(reader, "heading_deg", {-360, 360});
   start.clearance_m = reader.Number("clearance_m", {0, 1});
-  const absl::Status status = reader.Finish();
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return start;
 }
 
@@ -177,8 +175,7 @@ absl::StatusOr<EndRules> ReadEnd(const nlohmann::json& json, const std::string& 
   if (end.finish_y_m >= end.distance_from_y_m) {
     reader.Fail("distance_from_y_m", "must be above finish_y_m");
   }
-  const absl::Status status = reader.Finish();
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return end;
 }
 
@@ -193,8 +190,7 @@ absl::StatusOr<LocomotionObservationRules> ReadObservation(const nlohmann::json&
     observation.height_map = HeightMapKind::kHeading;
     observation.height_map_pitch_m = reader.Number("height_map_pitch_m", {0.01, 10});
   }
-  const absl::Status status = reader.Finish();
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return observation;
 }
 

@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde {
 
@@ -115,7 +116,7 @@ absl::StatusOr<LegRules> ParseLegRules(const nlohmann::json& json, const std::st
                 absl::StrCat("has ", sets.size(), " entries, must have one for each of the ",
                              leg.sets, " sets, or none"));
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   SetReader set_reader(leg);
   for (size_t i = 0; i < sets.size(); ++i) {
     leg.parameter_sets.push_back(

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "sim/manipulation/manipulation.h"
 #include "sim/manipulation/model.h"
 #include "sim/model/state.h"
@@ -40,19 +41,17 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeManipulation(const TrackConfig&
         absl::StrCat(where, ": one_environment plays every episode in one lease, so "
                      "episodes_per_lease must be at least ", config.seeds.size()));
   }
-  auto model = LoadModel(ManipulationModel(), cache_dir);
-  if (!model.ok()) return model.status();
-  return ManipulationEnvironment::Make(*rules, *std::move(model));
+  ASSIGN_OR_RETURN(auto model, LoadModel(ManipulationModel(), cache_dir));
+  return ManipulationEnvironment::Make(*rules, std::move(model));
 }
 
 absl::StatusOr<std::unique_ptr<ManipulationEnvironment>> ManipulationEnvironment::Make(
     const ManipulationRules& rules, ModelPtr model) {
-  auto scene = FindScene(*model);
-  if (!scene.ok()) return scene.status();
+  ASSIGN_OR_RETURN(auto scene, FindScene(*model));
   DataPtr data(mj_makeData(model.get()));
   if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
   return std::unique_ptr<ManipulationEnvironment>(
-      new ManipulationEnvironment(rules, std::move(model), std::move(data), *scene));
+      new ManipulationEnvironment(rules, std::move(model), std::move(data), scene));
 }
 
 ManipulationEnvironment::ManipulationEnvironment(const ManipulationRules& rules, ModelPtr model,

@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "sim/manipulation/pins.h"
 
 namespace myograde::sim {
@@ -64,9 +65,8 @@ constexpr Inertial kInertials[] = {
 // block moves to the end of the main file. (Moving the includes instead would
 // change which defaults apply and the order of tendons and meshes.)
 absl::Status Patch(std::string& main, std::string& assets) {
-  auto actuators = Cut(assets, "<actuator>", "</actuator>");
-  if (!actuators.ok()) return actuators.status();
-  return InsertBefore(main, "</mujoco>", *actuators);
+  ASSIGN_OR_RETURN(auto actuators, Cut(assets, "<actuator>", "</actuator>"));
+  return InsertBefore(main, "</mujoco>", actuators);
 }
 
 }  // namespace

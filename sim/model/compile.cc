@@ -15,6 +15,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/set_up.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::sim {
 namespace {
@@ -105,26 +106,23 @@ absl::Status FillScratch(const ModelSource& source, const std::string& package_d
   std::string main;
   std::string assets;
   for (const Pin& pin : Pins(source.pins)) {
-    auto text = ReadPinned(pin, package_dir);
-    if (!text.ok()) return text.status();
+    ASSIGN_OR_RETURN(auto text, ReadPinned(pin, package_dir));
     const fs::path to = scratch / pin.path;
     std::error_code error;
     fs::create_directories(to.parent_path(), error);
-    if (IsXml(pin.path)) DropTextures(*text);
+    if (IsXml(pin.path)) DropTextures(text);
     if (pin.path == source.main_file) {
-      main = *std::move(text);
+      main = std::move(text);
     } else if (pin.path == source.actuator_file) {
-      assets = *std::move(text);
+      assets = std::move(text);
     } else if (IsXml(pin.path)) {
-      if (auto status = WriteFile(to, *text); !status.ok()) return status;
+      if (auto status = WriteFile(to, text); !status.ok()) return status;
     } else {
       fs::create_symlink(fs::absolute(package_dir) / pin.path, to, error);
       if (error) return absl::UnavailableError(absl::StrCat("can't make ", to.string()));
     }
   }
-  const absl::Status patched =
-      source.patch == nullptr ? absl::OkStatus() : source.patch(main, assets);
-  if (!patched.ok()) return patched;
+  RETURN_IF_ERROR(source.patch == nullptr ? absl::OkStatus() : source.patch(main, assets));
   if (auto status = WriteFile(scratch / source.main_file, main); !status.ok()) return status;
   return WriteFile(scratch / source.actuator_file, assets);
 }
@@ -169,12 +167,11 @@ absl::Status InsertBefore(std::string& text, const std::string& marker, const st
 
 absl::StatusOr<ModelPtr> CompileFromSources(const ModelSource& source,
                                             const std::string& package_dir) {
-  auto scratch = ScratchFolder::Make();
-  if (!scratch.ok()) return scratch.status();
-  if (auto status = FillScratch(source, package_dir, scratch->path()); !status.ok()) return status;
+  ASSIGN_OR_RETURN(auto scratch, ScratchFolder::Make());
+  if (auto status = FillScratch(source, package_dir, scratch.path()); !status.ok()) return status;
 
   char error[1000] = "";
-  ModelPtr model(mj_loadXML((scratch->path() / source.main_file).c_str(), nullptr, error,
+  ModelPtr model(mj_loadXML((scratch.path() / source.main_file).c_str(), nullptr, error,
                             sizeof(error)));
   if (model == nullptr) {
     return absl::InternalError(absl::StrCat("MuJoCo can't compile ", source.main_file, ": ",

@@ -15,6 +15,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/set_up.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "sim/model/compile.h"
 #include "sim/model/file.h"
 
@@ -143,10 +144,9 @@ absl::StatusOr<ModelPtr> LoadModel(const ModelSource& source, const std::string&
   if (auto sealed = MappedFile::Open(path.string()); sealed.ok()) {
     return Unseal(sealed->content(), path);
   }
-  auto model = CompileFromSources(source, package);
-  if (!model.ok()) return model.status();
+  ASSIGN_OR_RETURN(auto model, CompileFromSources(source, package));
   // The compiled file only saves time: a cache that can't be written is fine.
-  const std::string sealed = Seal(model->get());
+  const std::string sealed = Seal(model.get());
   Store(sealed, path).IgnoreError();
   // What was loaded and what was compiled must be the same thing, so both go
   // through the same file.
@@ -160,9 +160,8 @@ bool IsCompiled(const ModelSource& source, const std::string& cache_dir) {
 
 absl::Status CompileModel(const ModelSource& source, const std::string& cache_dir) {
   InstallCallbacks();
-  auto model = CompileFromSources(source, PackageDir(cache_dir));
-  if (!model.ok()) return model.status();
-  return Store(Seal(model->get()), CompiledPath(source, cache_dir));
+  ASSIGN_OR_RETURN(auto model, CompileFromSources(source, PackageDir(cache_dir)));
+  return Store(Seal(model.get()), CompiledPath(source, cache_dir));
 }
 
 }  // namespace myograde::sim

@@ -16,6 +16,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/pinned_maths.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_seed.h"
 #include "protocol/log/episode_log.h"
 #include "protocol/log/packed_log.h"
@@ -90,13 +91,10 @@ absl::StatusOr<ReplayRecord> ReplayLogFile(const std::string& path, const std::s
   if (!file.valid()) {
     return absl::NotFoundError(absl::StrCat(path, ": can't be opened: ", strerror(errno)));
   }
-  absl::StatusOr<std::string> bytes = ReadPackedLog(file.get());
-  if (!bytes.ok()) return bytes.status();
-  const absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
-  if (!log.ok()) return log.status();
-  auto environment = MakeEnvironment(log->header.track, cache_dir);
-  if (!environment.ok()) return environment.status();
-  return ReplayLog(*log, **environment, [](int64_t) {});
+  ASSIGN_OR_RETURN(std::string bytes, ReadPackedLog(file.get()));
+  ASSIGN_OR_RETURN(const EpisodeLog log, ParseEpisodeLog(bytes));
+  ASSIGN_OR_RETURN(auto environment, MakeEnvironment(log.header.track, cache_dir));
+  return ReplayLog(log, *environment, [](int64_t) {});
 }
 
 nb::dict Replay(const std::string& path, const std::string& cache_dir) {

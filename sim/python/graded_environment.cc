@@ -7,6 +7,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::sim {
 namespace {
@@ -20,25 +21,22 @@ absl::StatusOr<TrackConfig> ConfigOf(const EnvironmentOptions& options) {
   if (options.config_file.empty()) {
     return LoadTrackConfig(options.tracks_dir, options.track, options.profile);
   }
-  absl::StatusOr<nlohmann::json> file = ReadJsonFile(options.config_file);
-  if (!file.ok()) return file.status();
-  return ResolveTrackConfig(options.tracks_dir, options.track, options.profile, *file,
+  ASSIGN_OR_RETURN(nlohmann::json file, ReadJsonFile(options.config_file));
+  return ResolveTrackConfig(options.tracks_dir, options.track, options.profile, file,
                             options.config_file);
 }
 
 absl::StatusOr<std::unique_ptr<GradedEnvironment>> GradedEnvironment::Make(
     const EnvironmentOptions& options) {
-  absl::StatusOr<TrackConfig> config = ConfigOf(options);
-  if (!config.ok()) return config.status();
-  if (options.extra_observations && !config->extra_observations) {
+  ASSIGN_OR_RETURN(TrackConfig config, ConfigOf(options));
+  if (options.extra_observations && !config.extra_observations) {
     return absl::InvalidArgumentError(
-        absl::StrCat("track ", config->id, " gives no extra observations in its profile ",
-                     config->profile, ", so that a policy can't use them there"));
+        absl::StrCat("track ", config.id, " gives no extra observations in its profile ",
+                     config.profile, ", so that a policy can't use them there"));
   }
-  auto environment = MakeEnvironment(*config, options.cache_dir);
-  if (!environment.ok()) return environment.status();
+  ASSIGN_OR_RETURN(auto environment, MakeEnvironment(config, options.cache_dir));
   return std::unique_ptr<GradedEnvironment>(
-      new GradedEnvironment(*std::move(config), *std::move(environment), options));
+      new GradedEnvironment(std::move(config), std::move(environment), options));
 }
 
 GradedEnvironment::GradedEnvironment(TrackConfig config, std::unique_ptr<Environment> environment,
@@ -63,7 +61,7 @@ absl::Status GradedEnvironment::Reset(uint64_t seed, const LegParameterSets& set
   steps_ = 0;
   running_ = terminated_ = truncated_ = unstable_ = false;
   if (sets.present != 0) {
-    if (absl::Status status = environment_->SetLegParameters(sets); !status.ok()) return status;
+    RETURN_IF_ERROR(environment_->SetLegParameters(sets));
   }
   running_ = true;
   return absl::OkStatus();
@@ -128,7 +126,7 @@ absl::Status GradedEnvironment::Restore(std::span<const EpisodeInputs> history) 
     }
     for (size_t i = 0; i < episode.actions.size() && running_; i += size) {
       const std::span<const double> action = std::span(episode.actions).subspan(i, size);
-      if (absl::Status status = CheckAction(action); !status.ok()) return status;
+      RETURN_IF_ERROR(CheckAction(action));
       (void)Step(action);
     }
   }

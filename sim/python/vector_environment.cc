@@ -5,15 +5,16 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::sim {
 
 absl::StatusOr<std::unique_ptr<VectorEnvironment>> VectorEnvironment::Make(
     const EnvironmentOptions& options, int count, int threads) {
   std::vector<std::unique_ptr<GradedEnvironment>> environments;
   for (int i = 0; i < count; ++i) {
-    auto made = GradedEnvironment::Make(options);
-    if (!made.ok()) return made.status();
-    environments.push_back(*std::move(made));
+    ASSIGN_OR_RETURN(auto made, GradedEnvironment::Make(options));
+    environments.push_back(std::move(made));
   }
   return std::unique_ptr<VectorEnvironment>(
       new VectorEnvironment(std::move(environments), std::min(threads, count)));
@@ -38,7 +39,7 @@ VectorEnvironment::VectorEnvironment(std::vector<std::unique_ptr<GradedEnvironme
 
 absl::Status VectorEnvironment::Reset(const LegParameterSets& sets,
                                       std::span<const uint8_t> only) {
-  if (absl::Status status = CheckAlive(); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckAlive());
   sets_ = sets;
   return ForEach([&](size_t i) {
     if (!only.empty() && only[i] == 0) return absl::OkStatus();
@@ -47,7 +48,7 @@ absl::Status VectorEnvironment::Reset(const LegParameterSets& sets,
 }
 
 absl::Status VectorEnvironment::Step(std::span<const double> actions) {
-  if (absl::Status status = CheckAlive(); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckAlive());
   for (size_t i = 0; i < environments_.size(); ++i) {
     const GradedEnvironment& environment = *environments_[i];
     if (!environment.running() && terminated_[i] == 0 && truncated_[i] == 0) {
@@ -68,11 +69,11 @@ absl::Status VectorEnvironment::Step(std::span<const double> actions) {
 
 absl::Status VectorEnvironment::Restore(const LegParameterSets& sets,
                                         std::span<const std::vector<EpisodeInputs>> histories) {
-  if (absl::Status status = CheckAlive(); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckAlive());
   sets_ = sets;
   return ForEach([&](size_t i) {
     if (histories[i].empty()) return absl::OkStatus();
-    if (absl::Status status = environments_[i]->Restore(histories[i]); !status.ok()) return status;
+    RETURN_IF_ERROR(environments_[i]->Restore(histories[i]));
     ReadOut(i);
     return absl::OkStatus();
   });
@@ -88,7 +89,7 @@ absl::Status VectorEnvironment::CheckAlive() const {
 absl::Status VectorEnvironment::StepOne(size_t i, std::span<const double> action) {
   GradedEnvironment& environment = *environments_[i];
   if (!environment.running()) return ResetOne(i);
-  if (absl::Status status = environment.Step(action); !status.ok()) return status;
+  RETURN_IF_ERROR(environment.Step(action));
   was_reset_[i] = 0;
   terminated_[i] = environment.terminated();
   truncated_[i] = environment.truncated();
@@ -104,7 +105,7 @@ absl::Status VectorEnvironment::ResetOne(size_t i) {
   was_reset_[i] = 1;
   terminated_[i] = truncated_[i] = 0;
   rewards_[i] = 0;
-  if (absl::Status status = environments_[i]->Reset(seeds_[i], sets_); !status.ok()) return status;
+  RETURN_IF_ERROR(environments_[i]->Reset(seeds_[i], sets_));
   ReadOut(i);
   return absl::OkStatus();
 }

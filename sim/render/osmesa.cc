@@ -8,6 +8,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::sim {
 
 struct OsMesaFunctions {
@@ -68,7 +70,7 @@ absl::StatusOr<std::unique_ptr<OsMesaContext>> OsMesaContext::Make(int width, in
   const absl::StatusOr<OsMesaFunctions>& functions = Functions();
   if (!functions.ok()) return functions.status();
   std::unique_ptr<OsMesaContext> context(new OsMesaContext(*functions, width, height));
-  if (absl::Status status = context->Create(); !status.ok()) return status;
+  RETURN_IF_ERROR(context->Create());
   return context;
 }
 
@@ -77,7 +79,7 @@ absl::Status OsMesaContext::Create() {
   constexpr int kStencilBits = 8;  // reflections
   context_ = functions_.create_context(OSMESA_RGBA, kDepthBits, kStencilBits, 0, nullptr);
   if (context_ == nullptr) return absl::InternalError("Mesa can't make an OpenGL context");
-  if (absl::Status status = MakeCurrent(); !status.ok()) return status;
+  RETURN_IF_ERROR(MakeCurrent());
   absl::Status status = CheckExtensions();
   Release();
   return status;

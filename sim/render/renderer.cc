@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "sim/render/osmesa.h"
 #include "sim/render/paint.h"
 
@@ -92,7 +93,7 @@ class Renderer::Implementation {
 
   // Copies meshes, height fields and textures to where OpenGL draws from.
   absl::Status Upload(Quality quality) {
-    if (absl::Status status = opengl_->MakeCurrent(); !status.ok()) return status;
+    RETURN_IF_ERROR(opengl_->MakeCurrent());
     mjModel shown = model_;  // shares the arrays
     textures_.PutInto(shown);
     shown.vis.global.offwidth = width_;
@@ -116,10 +117,9 @@ class Renderer::Implementation {
                                                      " pixels does not have ", rgb.size(),
                                                      " bytes"));
     }
-    auto camera = Camera(data, view);
-    if (!camera.ok()) return camera.status();
-    if (absl::Status status = opengl_->MakeCurrent(); !status.ok()) return status;
-    UpdateScene(data, *camera);
+    ASSIGN_OR_RETURN(auto camera, Camera(data, view));
+    RETURN_IF_ERROR(opengl_->MakeCurrent());
+    UpdateScene(data, camera);
     const mjrRect whole = {0, 0, width_, height_};
     mjr_render(whole, &scene_, &context_);
     Write(text, whole);
@@ -187,11 +187,10 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Make(const mjModel& model, i
                                                    " pixels: both must be from 1 to ",
                                                    kLargestSide));
   }
-  auto opengl = OsMesaContext::Make(width, height);
-  if (!opengl.ok()) return opengl.status();
+  ASSIGN_OR_RETURN(auto opengl, OsMesaContext::Make(width, height));
   auto implementation =
-      std::make_unique<Implementation>(model, *std::move(opengl), width, height);
-  if (absl::Status status = implementation->Upload(quality); !status.ok()) return status;
+      std::make_unique<Implementation>(model, std::move(opengl), width, height);
+  RETURN_IF_ERROR(implementation->Upload(quality));
   return std::unique_ptr<Renderer>(new Renderer(std::move(implementation)));
 }
 

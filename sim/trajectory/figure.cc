@@ -5,6 +5,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::sim {
 namespace {
 
@@ -85,7 +87,7 @@ absl::Status ListMuscles(const mjModel& model, Figure& figure) {
     muscle.tendon = model.actuator_trnid[2 * actuator];
     muscle.activation = activation;
     muscle.radius = std::max<double>(model.tendon_width[muscle.tendon], kThinnestMuscle);
-    if (absl::Status status = AddPath(model, figure, muscle); !status.ok()) return status;
+    RETURN_IF_ERROR(AddPath(model, figure, muscle));
     figure.muscles.push_back(std::move(muscle));
   }
   return absl::OkStatus();

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "sim/model/compile.h"
 #include "sim/model/model.h"
 #include "sim/render/paint.h"
@@ -185,14 +186,13 @@ std::string ModelFileKey(const ModelSource& source) {
 
 absl::StatusOr<std::string> MakeModelFile(const mjModel& model, std::string_view track,
                                           const std::string& key, const CameraView& view) {
-  const absl::StatusOr<Figure> figure = FigureOf(model);
-  if (!figure.ok()) return figure.status();
-  return ModelFile(model, *figure)
+  ASSIGN_OR_RETURN(const Figure figure, FigureOf(model));
+  return ModelFile(model, figure)
       .Write({{"format", 1},
               {"track", track},
               {"model", key},
               {"camera", CameraToJson(view)},
-              {"muscles", MusclesToJson(model, *figure)},
+              {"muscles", MusclesToJson(model, figure)},
               {"floor", FloorToJson(model)}});
 }
 

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "sim/model/model.h"
 
 namespace myograde::sim {
@@ -132,10 +133,9 @@ std::string FileOf(const Json& head, const std::string& arrays) {
 absl::StatusOr<std::unique_ptr<TrajectoryRecorder>> TrajectoryRecorder::Make(
     const Environment& environment, std::unique_ptr<Telemetry> telemetry,
     const RecordedEpisode& episode) {
-  absl::StatusOr<Figure> figure = FigureOf(environment.model());
-  if (!figure.ok()) return figure.status();
+  ASSIGN_OR_RETURN(Figure figure, FigureOf(environment.model()));
   return std::unique_ptr<TrajectoryRecorder>(new TrajectoryRecorder(
-      environment, std::move(telemetry), episode, *std::move(figure)));
+      environment, std::move(telemetry), episode, std::move(figure)));
 }
 
 TrajectoryRecorder::TrajectoryRecorder(const Environment& environment,

@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 
 namespace myograde::server {
@@ -40,18 +41,15 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOfLines(const std::string& text,
 }  // namespace
 
 absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
-  const absl::StatusOr<std::string> read = ReadFile(path, kMaxSeedFileBytes);
-  if (!read.ok()) return read.status();
-  const std::string& text = *read;
+  ASSIGN_OR_RETURN(const std::string read, ReadFile(path, kMaxSeedFileBytes));
+  const std::string& text = read;
   const size_t begin = text.find_first_not_of(" \t\r\n");
   if (begin != std::string::npos && (text[begin] == '[' || text[begin] == '{')) {
-    const absl::StatusOr<nlohmann::json> json = ParseJson(text, path);
-    if (!json.ok()) return json.status();
-    return ParseSeeds(*json, path);
+    ASSIGN_OR_RETURN(const nlohmann::json json, ParseJson(text, path));
+    return ParseSeeds(json, path);
   }
-  const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOfLines(text, path);
-  if (!seeds.ok()) return seeds.status();
-  return ParseSeeds(nlohmann::json(*seeds), path);
+  ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfLines(text, path));
+  return ParseSeeds(nlohmann::json(seeds), path);
 }
 
 }  // namespace myograde::server

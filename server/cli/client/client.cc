@@ -11,6 +11,7 @@
 #include <absl/time/clock.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
 #include "server/cli/client/connect.h"
 #include "server/cli/terminal/screen.h"
@@ -75,9 +76,8 @@ bool IsLost(const HttpAnswer& answer) {
 
 // Of a request, which no other one has.
 absl::StatusOr<std::string> NewKey() {
-  const absl::StatusOr<std::string> bytes = RandomBytes(16);
-  if (!bytes.ok()) return bytes.status();
-  return absl::BytesToHexString(*bytes);
+  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(16));
+  return absl::BytesToHexString(bytes);
 }
 
 }  // namespace
@@ -96,9 +96,8 @@ absl::StatusOr<Json> Client::Get(const std::string& path) const {
   absl::StatusOr<ServerChoice> choice = choice_;
   absl::StatusOr<Json> answer = absl::UnknownError("");
   for (bool again = false;; again = true) {
-    const absl::StatusOr<HttpRequest> request = MakeRequest(choice, path);
-    if (!request.ok()) return request.status();
-    const absl::StatusOr<Json> own = JsonOf(HttpClient().Ask(*request), *choice);
+    ASSIGN_OR_RETURN(const HttpRequest request, MakeRequest(choice, path));
+    const absl::StatusOr<Json> own = JsonOf(HttpClient().Ask(request), *choice);
     if (!again) answer = own;
     if (again && own.ok()) {
       PrintToErrors(absl::StrCat("myograde: note: ", std::string(answer.status().message()),
@@ -116,23 +115,20 @@ absl::StatusOr<Json> Client::Get(const std::string& path) const {
 }
 
 absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {
-  absl::StatusOr<HttpRequest> request = MakeRequest(choice_, path);
-  if (!request.ok()) return request.status();
+  ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path));
   const std::string text = TextOf(body);
-  request->body = text;
-  return JsonOf(HttpClient().Ask(*request), *choice_);
+  request.body = text;
+  return JsonOf(HttpClient().Ask(request), *choice_);
 }
 
 absl::StatusOr<Json> Client::PostOnce(const std::string& path, const Json& body) const {
-  const absl::StatusOr<std::string> key = NewKey();
-  if (!key.ok()) return key.status();
+  ASSIGN_OR_RETURN(const std::string key, NewKey());
   const std::string text = TextOf(body);
   for (bool again = false;; again = true) {
-    absl::StatusOr<HttpRequest> request = MakeRequest(choice_, path);
-    if (!request.ok()) return request.status();
-    request->body = text;
-    request->headers.push_back("Idempotency-Key: " + *key);
-    const HttpAnswer answer = HttpClient().Ask(*request);
+    ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path));
+    request.body = text;
+    request.headers.push_back("Idempotency-Key: " + key);
+    const HttpAnswer answer = HttpClient().Ask(request);
     if (again || !IsLost(answer)) return JsonOf(answer, *choice_);
     absl::SleepFor(kBeforeRetry);
   }
@@ -146,12 +142,11 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
   if (!input.valid() || ::fstat(input.get(), &info) != 0) {
     return absl::InternalError(absl::StrCat(file, ": can't be read"));
   }
-  absl::StatusOr<HttpRequest> request = MakeRequest(choice_, path, kUpload);
-  if (!request.ok()) return request.status();
-  request->body_file = input.get();
-  request->type = type;
-  request->progress = progress;
-  const HttpAnswer answer = HttpClient().Ask(*request);
+  ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path, kUpload));
+  request.body_file = input.get();
+  request.type = type;
+  request.progress = progress;
+  const HttpAnswer answer = HttpClient().Ask(request);
   if (IsLost(answer)) {
     return absl::UnavailableError(absl::StrCat(
         "the daemon on ", choice_->address.Text(), " hung up in the middle of an upload of ",
@@ -165,22 +160,20 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
 absl::StatusOr<int64_t> Client::Download(
     const std::string& path, const std::function<bool(const char*, size_t)>& sink,
     const std::function<void(int64_t, int64_t)>& progress) const {
-  absl::StatusOr<HttpRequest> request = MakeRequest(choice_, path, kUpload);
-  if (!request.ok()) return request.status();
+  ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path, kUpload));
   int64_t done = 0;
-  request->progress = progress;
-  request->sink = [&](std::string_view piece) {
+  request.progress = progress;
+  request.sink = [&](std::string_view piece) {
     done += std::ssize(piece);
     return sink(piece.data(), piece.size());
   };
-  const HttpAnswer answer = HttpClient().Ask(*request);
+  const HttpAnswer answer = HttpClient().Ask(request);
   const bool whole = answer.failure == HttpAnswer::Failure::kNone;
   if (whole && answer.status == 200) return done;
   if (answer.failure == HttpAnswer::Failure::kNotTaken) {
     return absl::InternalError("what the daemon sends can't be written");
   }
-  const absl::StatusOr<Json> refusal = JsonOf(answer, *choice_);
-  if (!refusal.ok()) return refusal.status();
+  RETURN_IF_ERROR(JsonOf(answer, *choice_).status());
   return absl::InternalError("the daemon's answer is not what was asked for");
 }
 

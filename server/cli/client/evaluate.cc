@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
@@ -66,11 +67,10 @@ void PrintFurther(const Json& answer) {
 absl::Status AwaitFurther(const Client& client, const Json& answer) {
   for (const Json& rejudge : answer.value("rejudges", Json::array())) {
     const std::string id = Cell(rejudge, "rejudge");
-    const absl::StatusOr<Json> played = FollowUntil(
+    RETURN_IF_ERROR(FollowUntil(
         client, "/v1/rejudges/" + id, "rejudge " + id, [](const Json& now) {
           return now.value("complete", false) || now.value("state", "") == "dropped";
-        });
-    if (!played.ok()) return played.status();
+        }).status());
   }
   return absl::OkStatus();
 }

@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/proof/unpack_log.h"
 
 namespace myograde::server {
@@ -20,11 +21,10 @@ std::string HashOf(const Json& row) {
 template <typename Log>
 absl::StatusOr<std::string> Collected(const Client& client, const Log& log) {
   std::string bytes;
-  const absl::Status status = ReadLogOf(client, log, [&](std::string_view piece) {
+  RETURN_IF_ERROR(ReadLogOf(client, log, [&](std::string_view piece) {
     bytes.append(piece);
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return bytes;
 }
 
@@ -87,9 +87,8 @@ absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row) {
 }
 
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {
-  absl::StatusOr<std::string> bytes = LogBytesOf(client, row);
-  if (!bytes.ok()) return bytes.status();
-  return ParseEpisodeLog(*bytes);
+  ASSIGN_OR_RETURN(std::string bytes, LogBytesOf(client, row));
+  return ParseEpisodeLog(bytes);
 }
 
 }  // namespace myograde::server

@@ -10,6 +10,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
@@ -81,9 +82,8 @@ int PrintExport(const std::string& path) {
 
 // Whoever reads the export knows the seeds.
 absl::Status WarnOfHiddenSeeds(const std::string& document) {
-  const absl::StatusOr<std::set<std::string>> hidden = HiddenPhasesOf(document);
-  if (!hidden.ok()) return hidden.status();
-  for (const std::string& phase : *hidden) {
+  ASSIGN_OR_RETURN(const std::set<std::string> hidden, HiddenPhasesOf(document));
+  for (const std::string& phase : hidden) {
     PrintToErrors(absl::StrCat("myograde: warning: the export holds the seeds of phase ", phase,
                                ", which are not revealed yet: keep it to yourself"));
   }

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/status_macros.h"
 #include "server/cli/base/new_file.h"
 #include "server/store/transfer.h"
 
@@ -71,9 +72,8 @@ absl::Status WriteCsv(const std::string& from, const std::string& folder, bool m
   NewFile sums(folder + "/SHA256SUMS");
   if (!sums.opened()) return CantWrite(folder);
   for (const auto& [table, file] : files) {
-    const absl::StatusOr<std::string> digest = file->Keep();
-    if (!digest.ok()) return digest.status();
-    if (!sums.Write(absl::StrCat(*digest, "  ", table, ".csv\n"))) return CantWrite(folder);
+    ASSIGN_OR_RETURN(const std::string digest, file->Keep());
+    if (!sums.Write(absl::StrCat(digest, "  ", table, ".csv\n"))) return CantWrite(folder);
   }
   return sums.Keep().status();
 }

@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 
 namespace myograde::server {
@@ -10,8 +11,7 @@ namespace myograde::server {
 absl::StatusOr<std::set<std::string>> HiddenPhasesOf(const std::string& path) {
   std::set<std::string> hidden;
   std::set<std::string> revealed;
-  const absl::Status status =
-      ForEachRow(path, [&](const std::string& table, const nlohmann::json& row) {
+  RETURN_IF_ERROR(ForEachRow(path, [&](const std::string& table, const nlohmann::json& row) {
         const auto text = [&](const char* key) {
           const auto it = row.find(key);
           return it != row.end() && it->is_string() ? it->get<std::string>() : std::string();
@@ -24,8 +24,7 @@ absl::StatusOr<std::set<std::string>> HiddenPhasesOf(const std::string& path) {
         const nlohmann::json phase = config.value("phase", nlohmann::json());
         if (phase.is_string()) hidden.insert(phase.get<std::string>());
         return absl::OkStatus();
-      });
-  if (!status.ok()) return status;
+      }));
   for (const std::string& phase : revealed) hidden.erase(phase);
   return hidden;
 }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 
+#include "protocol/base/status_macros.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
@@ -70,15 +71,14 @@ absl::StatusOr<Json> AskWho(const Client& client) {
 
 // What the file will hold, before anybody was asked for the token.
 absl::StatusOr<ServerChoice> Target(const LoginOptions& options) {
-  absl::StatusOr<ServerAddress> address = ParseServer(options.url, "URL");
-  if (!address.ok()) return address.status();
-  if (!address->network()) {
+  ASSIGN_OR_RETURN(ServerAddress address, ParseServer(options.url, "URL"));
+  if (!address.network()) {
     return absl::InvalidArgumentError(
         "a login is for a server over the network, https://HOST:PORT; a daemon of this host knows "
         "you by your user, without a token");
   }
   ServerChoice choice;
-  choice.address = *std::move(address);
+  choice.address = std::move(address);
   choice.ca_file = options.ca_file;
   if (const char* file = std::getenv("MYOGRADE_CA_FILE");
       choice.ca_file.empty() && file != nullptr) {
@@ -89,22 +89,18 @@ absl::StatusOr<ServerChoice> Target(const LoginOptions& options) {
 }
 
 absl::StatusOr<Json> LogIn(const LoginOptions& options) {
-  absl::StatusOr<ServerChoice> target = Target(options);
-  if (!target.ok()) return target.status();
-  const std::string server = target->address.Text();
-  absl::StatusOr<std::string> token = ReadSecret(absl::StrCat("Token for ", server, ": "));
-  if (!token.ok()) return token.status();
-  if (absl::Status status = CheckToken(*token, "standard input"); !status.ok()) return status;
-  target->token = *token;
-  absl::StatusOr<Json> who = AskWho(Client(*target));
+  ASSIGN_OR_RETURN(ServerChoice target, Target(options));
+  const std::string server = target.address.Text();
+  ASSIGN_OR_RETURN(std::string token, ReadSecret(absl::StrCat("Token for ", server, ": ")));
+  RETURN_IF_ERROR(CheckToken(token, "standard input"));
+  target.token = token;
+  absl::StatusOr<Json> who = AskWho(Client(target));
   if (!who.ok()) return who;
   if (!who->value("token", Json()).is_object()) {
     return absl::InvalidArgumentError(absl::StrCat(
         server, " takes no notice of the token, so nothing was kept; is it for another server?"));
   }
-  const absl::Status kept =
-      WriteLogin({.server = server, .token = *token, .ca_file = target->ca_file});
-  if (!kept.ok()) return kept;
+  RETURN_IF_ERROR(WriteLogin({.server = server, .token = token, .ca_file = target.ca_file}));
   (*who)["file"] = LoginFile();
   return who;
 }

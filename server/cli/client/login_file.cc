@@ -16,6 +16,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/cli/base/new_file.h"
 
 namespace myograde::server {
@@ -76,7 +77,7 @@ absl::StatusOr<std::optional<Login>> ReadLogin() {
     if (errno == ENOENT || errno == ENOTDIR) return std::nullopt;
     return NotUsable(path, absl::StrCat("can't be read (", std::strerror(errno), ")"));
   }
-  if (absl::Status status = CheckRights(path, fd.get()); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckRights(path, fd.get()));
   const absl::StatusOr<std::string> text = ReadAll(fd.get(), path, kMaxFile);
   if (!text.ok()) return NotUsable(path, "can't be read");
   // An error of the parser could quote the token.
@@ -85,7 +86,7 @@ absl::StatusOr<std::optional<Login>> ReadLogin() {
   Login login{.server = reader.String("server"), .token = reader.String("token"), .ca_file = ""};
   if (reader.Has("ca_file") && !json["ca_file"].is_null()) login.ca_file = reader.String("ca_file");
   if (!reader.Finish().ok()) return NotUsable(path, "is no login");
-  if (absl::Status status = CheckToken(login.token, path); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckToken(login.token, path));
   return login;
 }
 

@@ -5,15 +5,15 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
 absl::StatusOr<std::vector<std::string>> OfferedRuntimes(const Client& client) {
-  const absl::StatusOr<nlohmann::json> answer = client.Get("/v1/runtimes");
-  if (!answer.ok()) return answer.status();
+  ASSIGN_OR_RETURN(const nlohmann::json answer, client.Get("/v1/runtimes"));
   std::vector<std::string> names;
-  for (const nlohmann::json& runtime : answer->value("runtimes", nlohmann::json::array())) {
+  for (const nlohmann::json& runtime : answer.value("runtimes", nlohmann::json::array())) {
     names.push_back(runtime.value("runtime", ""));
   }
   return names;

@@ -5,6 +5,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -22,12 +24,11 @@ absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
   Json all = {{rows, Json::array()}, {"unreadable", Json::array()}, {"next_before", nullptr}};
   int64_t before = std::numeric_limits<int64_t>::max();
   for (;;) {
-    const absl::StatusOr<Json> page =
-        client.Get(absl::StrCat(path, "?limit=1000&before=", before));
-    if (!page.ok()) return page.status();
-    AddRows(*page, rows, all);
-    AddRows(*page, "unreadable", all);
-    const Json next = page->value("next_before", Json());
+    ASSIGN_OR_RETURN(const Json page,
+                     client.Get(absl::StrCat(path, "?limit=1000&before=", before)));
+    AddRows(page, rows, all);
+    AddRows(page, "unreadable", all);
+    const Json next = page.value("next_before", Json());
     // Each page begins below the one before, so that the loop ends.
     if (!next.is_number_integer() || next.get<int64_t>() >= before) return all;
     before = next.get<int64_t>();

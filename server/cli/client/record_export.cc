@@ -1,3 +1,4 @@
+#include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
 #include "server/cli/client/record_export.h"
 
@@ -128,14 +129,12 @@ absl::Status RecordExporter::WriteReceipts() {
   withheld_ = Json::array();
   for (const auto& [evaluation, entry] : graded_) {
     if (!receipts_.contains(evaluation)) {
-      if (absl::Status status = WriteReceipt(entry); !status.ok()) return status;
+      RETURN_IF_ERROR(WriteReceipt(entry));
     }
     progress_(++done, std::ssize(graded_));
   }
   for (const auto& [hash, config] : configs_) {
-    const absl::Status written =
-        Write(absl::StrCat("configs/", hash, ".json"), CanonicalJson(config) + "\n");
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(Write(absl::StrCat("configs/", hash, ".json"), CanonicalJson(config) + "\n"));
   }
   return Write("withheld.json", CanonicalJson({{"receipts", withheld_}}) + "\n");
 }
@@ -174,7 +173,7 @@ absl::Status RecordExporter::WriteBoards() {
     }
     for (const std::string& board : names) {
       if (!IsName(board)) return Strange("config");
-      if (absl::Status status = WriteBoard(hash, config, board); !status.ok()) return status;
+      RETURN_IF_ERROR(WriteBoard(hash, config, board));
     }
   }
   return absl::OkStatus();
@@ -182,21 +181,17 @@ absl::Status RecordExporter::WriteBoards() {
 
 absl::Status RecordExporter::WriteSecrets() {
   for (const auto& [phase, secret] : secrets_) {
-    const absl::Status written =
-        Write(absl::StrCat("secrets/", phase, ".txt"), secret + "\n");
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(Write(absl::StrCat("secrets/", phase, ".txt"), secret + "\n"));
   }
   return absl::OkStatus();
 }
 
 absl::StatusOr<RecordExport> RecordExporter::Run() {
-  const absl::StatusOr<Json> key = client_.Get("/v1/key");
-  if (!key.ok()) return key.status();
-  if (absl::Status status = MakeFolders(); !status.ok()) return status;
+  ASSIGN_OR_RETURN(const Json key, client_.Get("/v1/key"));
+  RETURN_IF_ERROR(MakeFolders());
   for (int round = 0; round < kMostRounds; ++round) {
-    const absl::StatusOr<Json> signed_head = client_.Get("/v1/record/head");
-    if (!signed_head.ok()) return signed_head.status();
-    const std::string text = CanonicalJson(*signed_head) + "\n";
+    ASSIGN_OR_RETURN(const Json signed_head, client_.Get("/v1/record/head"));
+    const std::string text = CanonicalJson(signed_head) + "\n";
     const absl::StatusOr<RecordHead> head = ParseHead(text);
     if (!head.ok()) return Strange("head");
     absl::Status status = ReadEntries(head->size);
@@ -204,12 +199,11 @@ absl::StatusOr<RecordExport> RecordExporter::Run() {
     if (status.ok()) status = WriteBoards();
     if (!status.ok()) return status;
     // The boards are those of the record only if nothing happened meanwhile.
-    const absl::StatusOr<Json> after = client_.Get("/v1/record/head");
-    if (!after.ok()) return after.status();
-    if (*after != *signed_head) continue;
+    ASSIGN_OR_RETURN(const Json after, client_.Get("/v1/record/head"));
+    if (after != signed_head) continue;
     status = WriteSecrets();
     status.Update(Write("record.jsonl", lines_));
-    status.Update(Write("key.pem", TextAt(*key, "key")));
+    status.Update(Write("key.pem", TextAt(key, "key")));
     status.Update(Write("head.json", text));
     if (!status.ok()) return status;
     return RecordExport{.size = head->size,

@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <optional>
 
+#include "protocol/base/status_macros.h"
 #include "server/cli/base/places.h"
 #include "server/cli/client/login_file.h"
 
@@ -28,12 +29,10 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
     return choice;
   }
   if (!names_socket && Variable("MYOGRADE_DATA").empty()) {
-    const absl::StatusOr<std::optional<Login>> login = ReadLogin();
-    if (!login.ok()) return login.status();
-    if (login->has_value()) {
-      absl::StatusOr<ServerAddress> address = ParseServer((*login)->server, LoginFile());
-      if (!address.ok()) return address.status();
-      choice.address = *std::move(address);
+    ASSIGN_OR_RETURN(const std::optional<Login> login, ReadLogin());
+    if (login.has_value()) {
+      ASSIGN_OR_RETURN(ServerAddress address, ParseServer(login->server, LoginFile()));
+      choice.address = std::move(address);
       choice.by_login = true;
       return choice;
     }
@@ -46,9 +45,8 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
 absl::StatusOr<bool> IsForVariable(const ServerAddress& address) {
   const std::string variable = Variable("MYOGRADE_SERVER");
   if (variable.empty()) return true;
-  const absl::StatusOr<ServerAddress> named = ParseServer(variable, "MYOGRADE_SERVER");
-  if (!named.ok()) return named.status();
-  return named->Text() == address.Text();
+  ASSIGN_OR_RETURN(const ServerAddress named, ParseServer(variable, "MYOGRADE_SERVER"));
+  return named.Text() == address.Text();
 }
 
 }  // namespace
@@ -58,19 +56,17 @@ absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options) {
   if (!choice.ok()) return choice;
   choice->ca_file = options.ca_file.empty() ? Variable("MYOGRADE_CA_FILE") : options.ca_file;
   if (const std::string token = Variable("MYOGRADE_TOKEN"); !token.empty()) {
-    if (absl::Status status = CheckToken(token, "MYOGRADE_TOKEN"); !status.ok()) return status;
-    const absl::StatusOr<bool> its_own = IsForVariable(choice->address);
-    if (!its_own.ok()) return its_own.status();
-    if (*its_own) choice->token = token;
+    RETURN_IF_ERROR(CheckToken(token, "MYOGRADE_TOKEN"));
+    ASSIGN_OR_RETURN(const bool its_own, IsForVariable(choice->address));
+    if (its_own) choice->token = token;
   }
   if (!choice->address.network() || (!choice->token.empty() && !choice->ca_file.empty())) {
     return choice;
   }
-  const absl::StatusOr<std::optional<Login>> login = ReadLogin();
-  if (!login.ok()) return login.status();
-  if (login->has_value() && (*login)->server == choice->address.Text()) {
-    if (choice->token.empty()) choice->token = (*login)->token;
-    if (choice->ca_file.empty()) choice->ca_file = (*login)->ca_file;
+  ASSIGN_OR_RETURN(const std::optional<Login> login, ReadLogin());
+  if (login.has_value() && login->server == choice->address.Text()) {
+    if (choice->token.empty()) choice->token = login->token;
+    if (choice->ca_file.empty()) choice->ca_file = login->ca_file;
   }
   return choice;
 }

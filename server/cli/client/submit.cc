@@ -4,6 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
 #include "server/base/http_client.h"
 #include "server/base/names.h"
@@ -51,9 +52,8 @@ absl::Status CheckRuntimes(const std::vector<std::string>& needed, const Client&
 
 // Packs the submission and sends it; the artefact's id.
 absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Client& client) {
-  absl::StatusOr<TempFolder> temp = TempFolder::Make("submit");
-  if (!temp.ok()) return temp.status();
-  const std::string archive = temp->path() + "/artefact.tar";
+  ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("submit"));
+  const std::string archive = temp.path() + "/artefact.tar";
   absl::StatusOr<ArtefactManifest> manifest;
   {
     Progress progress("packing", Progress::Unit::kBytes);
@@ -63,16 +63,15 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
     manifest = PackArtefact(options.path, archive, ArtefactLimits(), show, options.name);
   }
   if (!manifest.ok()) return HostStatus(options.path, manifest.status());
-  if (absl::Status known = CheckRuntimes(manifest->runtimes, client); !known.ok()) return known;
+  RETURN_IF_ERROR(CheckRuntimes(manifest->runtimes, client));
   Progress progress("sending", Progress::Unit::kBytes);
-  const absl::StatusOr<Json> answer = client.Upload(
+  ASSIGN_OR_RETURN(const Json answer, client.Upload(
       absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
                    QueryValue(options.track)),
       archive, [&](int64_t done, int64_t total) {
         progress.Show(done, total, done < total ? "" : "the daemon checks it");
-      });
-  if (!answer.ok()) return answer.status();
-  const std::string artefact = answer->value("artefact", "");
+      }));
+  const std::string artefact = answer.value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
   return artefact;
 }
@@ -132,9 +131,8 @@ absl::Status CheckPlaceGiven(const SubmitOptions& options) {
 }
 
 absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase) {
-  const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
-  if (!answer.ok()) return answer.status();
-  Json known = PhaseIn(*answer, phase);
+  ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/challenges"));
+  Json known = PhaseIn(answer, phase);
   if (known.is_object()) return known;
   return absl::InvalidArgumentError(absl::StrCat(
       "there is no phase \"", phase, "\"; \"myograde challenge status\" lists those that there are"));

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/terminal/text.h"
@@ -55,13 +56,11 @@ std::string Worst(const std::set<std::string>& verdicts) {
 }  // namespace
 
 absl::StatusOr<Json> VerifyRerun(const Client& client, const Json& rerun) {
-  absl::StatusOr<Json> second = EvaluationWithRows(
-      client, absl::StrCat("/v1/evaluations/", rerun.value("evaluation", int64_t{0})));
-  if (!second.ok()) return second.status();
-  const Json& comparison = (*second)["comparison"];
-  absl::StatusOr<Json> first = EvaluationWithRows(
-      client, absl::StrCat("/v1/evaluations/", comparison.value("with", int64_t{0})));
-  if (!first.ok()) return first.status();
+  ASSIGN_OR_RETURN(Json second, EvaluationWithRows(
+      client, absl::StrCat("/v1/evaluations/", rerun.value("evaluation", int64_t{0}))));
+  const Json& comparison = second["comparison"];
+  ASSIGN_OR_RETURN(Json first, EvaluationWithRows(
+      client, absl::StrCat("/v1/evaluations/", comparison.value("with", int64_t{0}))));
   Json episodes = Json::array();
   std::set<std::string> verdicts;
   for (const Json& compared : comparison["episodes"]) {
@@ -75,8 +74,8 @@ absl::StatusOr<Json> VerifyRerun(const Client& client, const Json& rerun) {
                   {"detail", nullptr}};
     if (!compared["equal"]) {
       const int64_t index = compared["index"];
-      const absl::StatusOr<Json> a = RowOf(*first, index);
-      const absl::StatusOr<Json> b = RowOf(*second, index);
+      const absl::StatusOr<Json> a = RowOf(first, index);
+      const absl::StatusOr<Json> b = RowOf(second, index);
       if (!a.ok() || !b.ok()) return a.ok() ? b.status() : a.status();
       Judge(client, *a, *b, entry);
     }

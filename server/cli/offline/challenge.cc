@@ -10,6 +10,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/challenge/challenge.h"
 #include "server/challenge/phases.h"
@@ -111,9 +112,8 @@ absl::Status AddStoreMistakes(const std::string& data,
   }
   ReaderPool readers(data + "/store.db");
   absl::Status status = readers.Read([&](Reader& reader) {
-    absl::StatusOr<std::vector<std::string>> found = CheckAgainstStore(challenges, reader, now);
-    if (!found.ok()) return found.status();
-    mistakes.insert(mistakes.end(), found->begin(), found->end());
+    ASSIGN_OR_RETURN(std::vector<std::string> found, CheckAgainstStore(challenges, reader, now));
+    mistakes.insert(mistakes.end(), found.begin(), found.end());
     return absl::OkStatus();
   });
   return HostStatus("challenge check", status);

@@ -1,3 +1,4 @@
+#include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/cli/offline/draw_episodes.h"
 
@@ -48,8 +49,7 @@ absl::Status ReceiveMore(Received& from) {
       from.open = false;
       break;
     }
-    const absl::Status status = from.take({buffer, static_cast<size_t>(size)});
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(from.take({buffer, static_cast<size_t>(size)}));
   }
   return absl::OkStatus();
 }
@@ -63,7 +63,7 @@ absl::Status AwaitAll(const std::vector<ChildProcess*>& children, Received& from
     if (deadline.over()) {
       return absl::DeadlineExceededError(absl::StrCat("drawing took longer than ", deadline_s, " s"));
     }
-    if (absl::Status status = ReceiveMore(from); !status.ok()) return status;
+    RETURN_IF_ERROR(ReceiveMore(from));
     bool ended = !from.open;
     std::vector<pollfd> fds;
     if (from.open) fds.push_back({from.fd, POLLIN, 0});
@@ -78,8 +78,7 @@ absl::Status AwaitAll(const std::vector<ChildProcess*>& children, Received& from
 
 absl::StatusOr<ChildProcess> StartRenderer(const RenderOrder& order, const std::string& folder,
                                            Fd out) {
-  absl::StatusOr<std::string> programs = BinDir();
-  if (!programs.ok()) return programs.status();
+  ASSIGN_OR_RETURN(std::string programs, BinDir());
   const std::string file = folder + "/order.json";
   if (absl::Status status = WriteFile(file, RenderOrderToJson(order).dump()); !status.ok()) {
     return absl::InternalError(status.message());
@@ -88,7 +87,7 @@ absl::StatusOr<ChildProcess> StartRenderer(const RenderOrder& order, const std::
   const Fd in(::fcntl(opened.get(), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
   if (!in.valid()) return absl::InternalError(absl::StrCat(file, ": can't be read again"));
   SpawnOrder spawn;
-  spawn.program = *programs + "/myograde-render";
+  spawn.program = programs + "/myograde-render";
   spawn.words = {"myograde-render"};
   spawn.in = in.get();
   spawn.out = out.get();
@@ -181,50 +180,38 @@ class EncoderProgress {
 
 absl::StatusOr<std::string> DrawPng(const RenderOrder& order, const std::string& folder) {
   CatchStopSignals();
-  absl::StatusOr<Pipe> pictures = MakeOutputPipe();
-  if (!pictures.ok()) return pictures.status();
-  absl::StatusOr<ChildProcess> renderer =
-      StartRenderer(order, folder, std::move(pictures->write));
-  if (!renderer.ok()) return renderer.status();
+  ASSIGN_OR_RETURN(Pipe pictures, MakeOutputPipe());
+  ASSIGN_OR_RETURN(ChildProcess renderer, StartRenderer(order, folder, std::move(pictures.write)));
   std::string png;
-  Received from = {pictures->read.get(), [&](std::string_view piece) {
+  Received from = {pictures.read.get(), [&](std::string_view piece) {
                      png.append(piece);
                      if (png.size() <= kMaxPngBytes) return absl::OkStatus();
                      return absl::InternalError("the picture has more than 256 MiB");
                    }};
-  if (absl::Status status = AwaitAll({&*renderer}, from, order.deadline_s); !status.ok()) {
-    return status;
-  }
-  if (absl::Status status = RenderStatus(*renderer, order); !status.ok()) return status;
+  RETURN_IF_ERROR(AwaitAll({&renderer}, from, order.deadline_s));
+  RETURN_IF_ERROR(RenderStatus(renderer, order));
   return png;
 }
 
 absl::Status EncodeFilm(const RenderOrder& order, FilmFormat format, const std::string& folder,
                         const std::string& path, const std::function<void(int64_t)>& progress) {
   CatchStopSignals();
-  absl::StatusOr<Pipe> pictures = MakePipe();
-  if (!pictures.ok()) return pictures.status();
-  absl::StatusOr<Pipe> said = MakeOutputPipe();
-  if (!said.ok()) return said.status();
-  absl::StatusOr<ChildProcess> encoder = StartEncoder(
-      EncoderWords(order, format, path), std::move(pictures->read), std::move(said->write));
-  if (!encoder.ok()) return encoder.status();
-  absl::StatusOr<ChildProcess> renderer =
-      StartRenderer(order, folder, std::move(pictures->write));
-  if (!renderer.ok()) return renderer.status();
+  ASSIGN_OR_RETURN(Pipe pictures, MakePipe());
+  ASSIGN_OR_RETURN(Pipe said, MakeOutputPipe());
+  ASSIGN_OR_RETURN(ChildProcess encoder,
+                   StartEncoder(EncoderWords(order, format, path), std::move(pictures.read),
+                                std::move(said.write)));
+  ASSIGN_OR_RETURN(ChildProcess renderer, StartRenderer(order, folder, std::move(pictures.write)));
   EncoderProgress lines(progress);
-  Received from = {said->read.get(), [&](std::string_view piece) { return lines.Take(piece); }};
-  if (absl::Status status = AwaitAll({&*renderer, &*encoder}, from, order.deadline_s);
-      !status.ok()) {
-    return status;
-  }
-  const absl::Status drawn = RenderStatus(*renderer, order);
+  Received from = {said.read.get(), [&](std::string_view piece) { return lines.Take(piece); }};
+  RETURN_IF_ERROR(AwaitAll({&renderer, &encoder}, from, order.deadline_s));
+  const absl::Status drawn = RenderStatus(renderer, order);
   // Without its reader the renderer can't go on, and it was not its fault.
-  const bool unread = WIFSIGNALED(renderer->wait_status()) &&
-                      WTERMSIG(renderer->wait_status()) == SIGPIPE;
+  const bool unread = WIFSIGNALED(renderer.wait_status()) &&
+                      WTERMSIG(renderer.wait_status()) == SIGPIPE;
   if (!drawn.ok() && !unread) return drawn;
-  if (encoder->succeeded() && drawn.ok()) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat("ffmpeg can't encode the film: ", encoder->Failure()));
+  if (encoder.succeeded() && drawn.ok()) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("ffmpeg can't encode the film: ", encoder.Failure()));
 }
 
 }  // namespace myograde::server

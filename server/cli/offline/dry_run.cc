@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/outcome.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/practice_seeds.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
@@ -61,21 +62,20 @@ absl::StatusOr<DryOrder> OrderOf(const DryRunOptions& options) {
   local.profile = options.profile;
   local.seeds = options.seeds;
   local.slots = 1;
-  absl::StatusOr<LocalOrder> order = MakeLocalOrder(local);
-  if (!order.ok()) return order.status();
-  const int64_t listed = std::ssize(order->seeds);  // of the option, or of the track
+  ASSIGN_OR_RETURN(LocalOrder order, MakeLocalOrder(local));
+  const int64_t listed = std::ssize(order.seeds);  // of the option, or of the track
   int64_t episodes = listed;
   if (options.seeds.empty() && options.phase_episodes > 0) episodes = options.phase_episodes;
   if (options.episodes > 0) episodes = options.episodes;
   if (options.seeds.empty()) {
-    const TrackConfig& track = order->track->config;
-    order->seeds = track.practice_seeds;
-    if (order->seeds.empty()) {
-      order->seeds = DefaultPracticeSeeds({track.seeds.begin(), track.seeds.end()}, 1);
+    const TrackConfig& track = order.track->config;
+    order.seeds = track.practice_seeds;
+    if (order.seeds.empty()) {
+      order.seeds = DefaultPracticeSeeds({track.seeds.begin(), track.seeds.end()}, 1);
     }
   }
-  order->seeds.resize(1);
-  return DryOrder{*std::move(order), episodes};
+  order.seeds.resize(1);
+  return DryOrder{std::move(order), episodes};
 }
 
 Finding SubmissionFinding(const absl::Status& status, const LocalOrder& order) {

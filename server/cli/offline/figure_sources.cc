@@ -1,3 +1,4 @@
+#include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
 #include "server/cli/offline/figure_sources.h"
 
@@ -79,14 +80,13 @@ class BoardChanges {
 absl::StatusOr<std::vector<std::string>> MomentsOf(const Client& client, const Json& board) {
   BoardChanges changes(board);
   for (int64_t from = 0;;) {
-    if (absl::Status status = CheckNotStopped(); !status.ok()) return status;
-    const absl::StatusOr<Json> page =
-        client.Get(absl::StrCat("/v1/record?limit=1000&from=", from));
-    if (!page.ok()) return page.status();
-    for (const Json& row : page->value("entries", Json::array())) {
+    RETURN_IF_ERROR(CheckNotStopped());
+    ASSIGN_OR_RETURN(const Json page,
+                     client.Get(absl::StrCat("/v1/record?limit=1000&from=", from)));
+    for (const Json& row : page.value("entries", Json::array())) {
       changes.Take(row.value("entry", Json::object()));
     }
-    const Json next = page->value("next_from", Json());
+    const Json next = page.value("next_from", Json());
     // Each page begins behind the one before, so that the loop ends.
     if (!next.is_number_integer() || next.get<int64_t>() <= from) return changes.Moments();
     from = next.get<int64_t>();
@@ -112,22 +112,20 @@ void AddMoment(const std::string& at, Json rows, Json& moments) {
 }
 
 absl::Status AddMoments(const Client& client, const BoardChoice& choice, Json& order) {
-  const absl::StatusOr<std::vector<std::string>> times = MomentsOf(client, order["board"]);
-  if (!times.ok()) return times.status();
-  const absl::StatusOr<Json> challenges = client.Get("/v1/challenges");  // it has the time of day
-  if (!challenges.ok()) return challenges.status();
+  ASSIGN_OR_RETURN(const std::vector<std::string> times, MomentsOf(client, order["board"]));
+  ASSIGN_OR_RETURN(const Json challenges, client.Get("/v1/challenges"));
   Json moments = Json::array();
   Progress progress("board over time");
   int64_t done = 0;
-  for (const std::string& at : *times) {
-    if (absl::Status status = CheckNotStopped(); !status.ok()) return status;
-    const absl::StatusOr<Json> board =
-        client.Get(absl::StrCat("/v1/leaderboard", choice.Query(), "&at=", QueryValue(at)));
-    if (!board.ok()) return board.status();
-    AddMoment(at, RowsOfMoment(*board), moments);
-    if (std::ssize(*times) > 20) progress.Show(++done, std::ssize(*times), "");
+  for (const std::string& at : times) {
+    RETURN_IF_ERROR(CheckNotStopped());
+    ASSIGN_OR_RETURN(
+        const Json board,
+        client.Get(absl::StrCat("/v1/leaderboard", choice.Query(), "&at=", QueryValue(at))));
+    AddMoment(at, RowsOfMoment(board), moments);
+    if (std::ssize(times) > 20) progress.Show(++done, std::ssize(times), "");
   }
-  moments.push_back({{"at", challenges->value("now", "")}, {"rows", RowsOfMoment(order["board"])}});
+  moments.push_back({{"at", challenges.value("now", "")}, {"rows", RowsOfMoment(order["board"])}});
   order["moments"] = std::move(moments);
   return absl::OkStatus();
 }
@@ -150,19 +148,17 @@ std::string BoardChoice::Query() const {
 }
 
 absl::StatusOr<Json> ResultForFigures(const Client& client, int64_t submission) {
-  absl::StatusOr<Json> result =
-      EvaluationWithRows(client, absl::StrCat("/v1/submissions/", submission, "/result"));
-  if (!result.ok()) return result.status();
-  return Slim(*std::move(result));
+  ASSIGN_OR_RETURN(
+      Json result,
+      EvaluationWithRows(client, absl::StrCat("/v1/submissions/", submission, "/result")));
+  return Slim(std::move(result));
 }
 
 absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& order) {
-  absl::StatusOr<Json> board = client.Get("/v1/leaderboard" + choice.Query());
-  if (!board.ok()) return board.status();
-  absl::StatusOr<Json> statistics = client.Get("/v1/leaderboard/statistics" + choice.Query());
-  if (!statistics.ok()) return statistics.status();
-  order["board"] = *std::move(board);
-  order["statistics"] = *std::move(statistics);
+  ASSIGN_OR_RETURN(Json board, client.Get("/v1/leaderboard" + choice.Query()));
+  ASSIGN_OR_RETURN(Json statistics, client.Get("/v1/leaderboard/statistics" + choice.Query()));
+  order["board"] = std::move(board);
+  order["statistics"] = std::move(statistics);
   return AddMoments(client, choice, order);
 }
 
@@ -173,7 +169,7 @@ absl::Status AddResultsOfBoard(const Client& client, Json& order) {
   Progress progress("results");
   int64_t done = 0;
   for (const Json& row : rows) {
-    if (absl::Status status = CheckNotStopped(); !status.ok()) return status;
+    RETURN_IF_ERROR(CheckNotStopped());
     absl::StatusOr<Json> result =
         refused.ok() ? EvaluationWithRows(client, absl::StrCat("/v1/evaluations/",
                                                                row.value("evaluation", int64_t{0})))
@@ -200,9 +196,8 @@ absl::Status AddPhase(const Client& client, Json& order) {
   order["phase"] = nullptr;
   const Json name = order["board"].value("phase", Json());
   if (!name.is_string()) return absl::OkStatus();
-  const absl::StatusOr<Json> challenges = client.Get("/v1/challenges");
-  if (!challenges.ok()) return challenges.status();
-  for (const Json& challenge : challenges->value("challenges", Json::array())) {
+  ASSIGN_OR_RETURN(const Json challenges, client.Get("/v1/challenges"));
+  for (const Json& challenge : challenges.value("challenges", Json::array())) {
     for (const Json& phase : challenge.value("phases", Json::array())) {
       if (phase.value("phase", Json()) != name) continue;
       order["challenge"] = challenge.value("title", Json());

@@ -13,6 +13,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/outcome.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
@@ -81,9 +82,8 @@ absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   absl::StatusOr<TrackConfig> config =
       LoadTrackConfig(configs + "/tracks", options.track, options.profile);
   if (!config.ok()) return HostStatus("", config.status());
-  absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(options, *config);
-  if (!seeds.ok()) return seeds.status();
-  order.seeds = *std::move(seeds);
+  ASSIGN_OR_RETURN(std::vector<uint64_t> seeds, SeedsOf(options, *config));
+  order.seeds = std::move(seeds);
   absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
   if (!track.ok()) return HostStatus("", track.status());
   order.track = *std::move(track);
@@ -105,9 +105,8 @@ absl::Status TakeSubmission(const std::string& path, const std::string& name,
   const std::string archive = temp + "/artefact.tar";
   {
     Progress progress("packing", Progress::Unit::kBytes);
-    const absl::Status packed =
-        HostStatus(path, PackArtefact(path, archive, limits, ShownBy(progress), name).status());
-    if (!packed.ok()) return packed;
+    RETURN_IF_ERROR(
+        HostStatus(path, PackArtefact(path, archive, limits, ShownBy(progress), name).status()));
   }
   order.artefact_dir = temp + "/artefact";
   Progress progress("unpacking", Progress::Unit::kBytes);
@@ -205,8 +204,7 @@ absl::Status NameLogs(const std::string& folder, Json& rows) {
 absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& result,
                                 absl::Duration wall) {
   const scoring::TrackScoring& scoring = order.track->scoring;
-  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*scoring.track, result.rows);
-  if (!aggregate.ok()) return aggregate.status();
+  ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(*scoring.track, result.rows));
   const TrackConfig& config = order.track->config;
   std::map<std::string, int64_t> outcomes;
   std::map<std::string, int64_t> reasons;
@@ -216,14 +214,14 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
     if (row.reason != FailureReason::kNone) ++reasons[std::string(row.reason.name())];
     rows.push_back(LocalRowJson(row));
   }
-  const char* state = result.interrupted ? "cancelled" : aggregate->failed ? "failed" : "done";
+  const char* state = result.interrupted ? "cancelled" : aggregate.failed ? "failed" : "done";
   return Json{{"track", config.id},
               {"track_kind", config.kind->name},
               {"profile", config.profile},
               {"state", state},
               {"name", order.artefact.manifest.name},
               {"planned", order.seeds.size()},
-              {"aggregate", AggregateToJson(*scoring.track, *aggregate)},
+              {"aggregate", AggregateToJson(*scoring.track, aggregate)},
               {"official_figures", scoring.official_figures},
               {"metrics", ShownMetrics(scoring)},
               {"outcomes", outcomes},
@@ -250,14 +248,12 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
 absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   CatchStopSignals();
   const absl::Duration start = SystemClock().Monotonic();
-  absl::StatusOr<TempFolder> temp = TempFolder::Make("local");
-  if (!temp.ok()) return temp.status();
-  absl::StatusOr<LocalOrder> order = Prepare(options, temp->path());
-  if (!order.ok()) return order.status();
+  ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("local"));
+  ASSIGN_OR_RETURN(LocalOrder order, Prepare(options, temp.path()));
   absl::StatusOr<LocalResult> result;
   {
     Progress progress(options.track);
-    LocalRun run(*order, {.progress = [&](int64_t done, int64_t total) {
+    LocalRun run(order, {.progress = [&](int64_t done, int64_t total) {
                             progress.Show(done, total, "");
                           },
                           .stopped = StopRequested,
@@ -267,13 +263,10 @@ absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
     result = run.Run();
   }
   if (!result.ok()) return result.status();
-  absl::StatusOr<Json> json = ResultJson(*order, *result, SystemClock().Monotonic() - start);
-  if (!json.ok()) return json.status();
-  if (absl::Status named = NameLogs(order->log_dir, (*json)["episode_rows"]); !named.ok()) {
-    return named;
-  }
-  (*json)["episodes"] = (*json)["episode_rows"];  // as it was called at first
-  return LocalGrade{*std::move(json), std::move(result->rows), order->track, result->interrupted};
+  ASSIGN_OR_RETURN(Json json, ResultJson(order, *result, SystemClock().Monotonic() - start));
+  RETURN_IF_ERROR(NameLogs(order.log_dir, json["episode_rows"]));
+  json["episodes"] = json["episode_rows"];  // as it was called at first
+  return LocalGrade{std::move(json), std::move(result->rows), order.track, result->interrupted};
 }
 
 void PrintLocalGrade(const Json& json, bool full_hashes) {

@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 #include "server/grading/lease_use.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
@@ -105,8 +106,7 @@ absl::Status LocalRun::StartWaiting() {
   for (Lease& lease : leases_) {
     if (free.empty()) break;
     if (lease.done || lease.runner != nullptr || lease.not_before > now) continue;
-    const absl::Status started = Start(lease, free.extract(free.begin()).value());
-    if (!started.ok()) return started;
+    RETURN_IF_ERROR(Start(lease, free.extract(free.begin()).value()));
   }
   return absl::OkStatus();
 }

@@ -9,6 +9,7 @@
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/offline/stop_signal.h"
@@ -99,20 +100,19 @@ absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& pat
   if (!CarriesOver(header.track)) return files;
   const int64_t first = FirstOfLease(header.track, header.episode);
   for (int64_t episode = first; episode < header.episode; ++episode) {
-    const absl::StatusOr<std::string> sibling = SiblingOf(absolute, header, episode);
-    if (!sibling.ok()) return sibling.status();
-    const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(*sibling));
+    ASSIGN_OR_RETURN(const std::string sibling, SiblingOf(absolute, header, episode));
+    const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(sibling));
     if (absl::IsNotFound(log.status())) {
       return absl::NotFoundError(absl::StrCat(
-          *sibling, " is missing: in the profile ", header.track.profile, " state carries over, so "
+          sibling, " is missing: in the profile ", header.track.profile, " state carries over, so "
           "the logs of the episodes ", first, " to ", header.episode - 1, " must be beside ", path));
     }
     if (!log.ok()) return log.status();
     if (log->header.config != header.config || log->header.episode != episode) {
       return absl::InvalidArgumentError(absl::StrCat(
-          *sibling, ": is not the log of episode ", episode, " under the config of ", path));
+          sibling, ": is not the log of episode ", episode, " under the config of ", path));
     }
-    files[episode] = {*sibling, log->header};
+    files[episode] = {sibling, log->header};
   }
   return files;
 }
@@ -128,15 +128,14 @@ absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, Repla
                                                    const HostOptions& host, int slots) {
   if (files.empty()) return std::vector<ReplayRecord>();
   CatchStopSignals();
-  absl::StatusOr<TempFolder> temp = TempFolder::Make("replay");
-  if (!temp.ok()) return temp.status();
+  ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("replay"));
   ReplayOrder order;
   order.cache_dir = host.cache_dir();
   absl::StatusOr<ServerConfig> config =
       LoadServerConfig(host.configs_dir() + "/server.json", order.cache_dir);
   if (!config.ok()) return HostStatus("", config.status());
   order.track = files.begin()->second.header.track;
-  order.work_dir = temp->path();
+  order.work_dir = temp.path();
   order.slots = slots > 0 ? slots : std::min(config->scheduler.slots, kMostSimulators);
   if (::geteuid() == 0) order.uid_base = config->uid_base + kReplayUsers;
   order.blocks = BlocksOf(files, order.track, order.slots);

@@ -5,6 +5,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
@@ -77,14 +78,12 @@ absl::Status Gather(const PlotOptions& options, Json& order) {
   if (KindOf(options).most == 0) return AddBoard(client, options.board, order);
   order["results"] = Json::array();
   for (const int64_t id : options.ids) {
-    absl::StatusOr<Json> result = ResultForFigures(client, id);
-    if (!result.ok()) return result.status();
-    order["results"].push_back(*std::move(result));
+    ASSIGN_OR_RETURN(Json result, ResultForFigures(client, id));
+    order["results"].push_back(std::move(result));
   }
   if (options.kind != "paired") return absl::OkStatus();
-  absl::StatusOr<Json> paired = PairedNumbers(order["results"][0], order["results"][1]);
-  if (!paired.ok()) return paired.status();
-  order["paired"] = *std::move(paired);
+  ASSIGN_OR_RETURN(Json paired, PairedNumbers(order["results"][0], order["results"][1]));
+  order["paired"] = std::move(paired);
   return absl::OkStatus();
 }
 

@@ -10,6 +10,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/cli/terminal/text.h"
@@ -184,9 +185,8 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   if (track == nullptr) return absl::InvalidArgumentError("its track is not known here");
   std::vector<EpisodeRow> rows;
   for (const Json& entry : receipt["episodes"]) {
-    absl::StatusOr<EpisodeRow> row = RowOfEntry(entry, 0);
-    if (!row.ok()) return row.status();
-    rows.push_back(*std::move(row));
+    ASSIGN_OR_RETURN(EpisodeRow row, RowOfEntry(entry, 0));
+    rows.push_back(std::move(row));
   }
   const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*track, rows);
   if (!aggregate.ok()) {
@@ -231,14 +231,13 @@ absl::StatusOr<std::string> BoardText(const RecordState& record,
   if (spec == config.scoring.boards.end()) {
     return absl::InvalidArgumentError("its config has no board of this name");
   }
-  const absl::StatusOr<Leaderboard> made =
-      MakeLeaderboard(StandingsOf(record, results, hash), record.marks(), spec->second.rules,
-                      config.scoring.team);
-  if (!made.ok()) return made.status();
+  ASSIGN_OR_RETURN(const Leaderboard made,
+                   MakeLeaderboard(StandingsOf(record, results, hash), record.marks(),
+                                   spec->second.rules, config.scoring.team));
   Json rows = Json::array();
-  for (const LeaderboardRow& row : made->rows) rows.push_back(BoardRowJson(row));
+  for (const LeaderboardRow& row : made.rows) rows.push_back(BoardRowJson(row));
   Json disqualified = Json::array();
-  for (const DisqualifiedRow& row : made->disqualified) {
+  for (const DisqualifiedRow& row : made.disqualified) {
     disqualified.push_back(DisqualifiedJson(row));
   }
   return CanonicalJson({{"board", board},

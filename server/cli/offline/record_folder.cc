@@ -15,6 +15,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
@@ -56,7 +57,7 @@ absl::StatusOr<RecordFolder> RecordFolder::Open(const std::string& path) {
                      "); name the folder that \"myograde record export\" wrote"));
   }
   RecordFolder folder(std::move(fd));
-  if (absl::Status status = folder.List("", 0); !status.ok()) return status;
+  RETURN_IF_ERROR(folder.List("", 0));
   return folder;
 }
 
@@ -75,7 +76,7 @@ absl::Status RecordFolder::List(const std::string& folder, int depth) {
       return Stray(path, "can't be read");
     }
     if (depth == 0 && S_ISDIR(info.st_mode) && IsFolder(name)) {
-      if (absl::Status status = List(name, 1); !status.ok()) return status;
+      RETURN_IF_ERROR(List(name, 1));
       continue;
     }
     if (!S_ISREG(info.st_mode)) return Stray(path, "is no plain file");
@@ -100,9 +101,8 @@ absl::StatusOr<Fd> RecordFolder::OpenFile(const std::string& name) const {
 }
 
 absl::StatusOr<std::string> RecordFolder::Read(const std::string& name, int64_t max_bytes) const {
-  const absl::StatusOr<Fd> fd = OpenFile(name);
-  if (!fd.ok()) return fd.status();
-  absl::StatusOr<std::string> text = ReadAll(fd->get(), name, static_cast<size_t>(max_bytes));
+  ASSIGN_OR_RETURN(const Fd fd, OpenFile(name));
+  absl::StatusOr<std::string> text = ReadAll(fd.get(), name, static_cast<size_t>(max_bytes));
   if (absl::IsInvalidArgument(text.status())) {
     return absl::InvalidArgumentError(
         absl::StrCat(Harmless(name), " is larger than such a file can be"));
@@ -122,12 +122,11 @@ std::set<std::string> RecordFolder::In(std::string_view folder) const {
 absl::Status RecordFolder::ForEachLine(
     const std::string& name, int64_t max_bytes,
     const std::function<absl::Status(std::string_view line)>& on_line) const {
-  const absl::StatusOr<Fd> fd = OpenFile(name);
-  if (!fd.ok()) return fd.status();
+  ASSIGN_OR_RETURN(const Fd fd, OpenFile(name));
   std::vector<char> buffer(kReadAtOnce);
   std::string line;
   for (;;) {
-    const ssize_t got = ::read(fd->get(), buffer.data(), buffer.size());
+    const ssize_t got = ::read(fd.get(), buffer.data(), buffer.size());
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return absl::UnavailableError(absl::StrCat(Harmless(name), ": can't be read"));
     if (got == 0) break;
@@ -135,7 +134,7 @@ absl::Status RecordFolder::ForEachLine(
     for (size_t end; (end = rest.find('\n')) != std::string_view::npos;) {
       line.append(rest.substr(0, end));
       if (std::ssize(line) > max_bytes) break;
-      if (absl::Status status = on_line(line); !status.ok()) return status;
+      RETURN_IF_ERROR(on_line(line));
       line.clear();
       rest.remove_prefix(end + 1);
     }

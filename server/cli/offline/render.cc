@@ -16,6 +16,7 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
@@ -119,8 +120,8 @@ absl::Status ReadSize(const RenderOptions& options, Drawing& drawing) {
 }
 
 absl::Status ReadOptions(const RenderOptions& options, Drawing& drawing) {
-  if (absl::Status status = ReadForm(options, drawing); !status.ok()) return status;
-  if (absl::Status status = ReadSize(options, drawing); !status.ok()) return status;
+  RETURN_IF_ERROR(ReadForm(options, drawing));
+  RETURN_IF_ERROR(ReadSize(options, drawing));
   RenderOrder& order = drawing.order;
   order.cache_dir = options.host.cache_dir();
   order.overlay = !options.no_overlay;
@@ -137,19 +138,18 @@ absl::Status FindOfSubmission(const RenderOptions& options, int64_t id, const st
     return WrongOption("--episode: name the episode to show, or ask for a --strip");
   }
   const Client client = options.client();
-  const absl::StatusOr<Json> evaluation =
-      EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result"));
-  if (!evaluation.ok()) return evaluation.status();
+  ASSIGN_OR_RETURN(const Json evaluation,
+                   EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result")));
   absl::StatusOr<ShownEpisodes> shown =
-      options.strip ? StripOfEvaluation(client, *evaluation, folder)
-                    : EpisodeOfEvaluation(client, *evaluation, options.episode, folder);
+      options.strip ? StripOfEvaluation(client, evaluation, folder)
+                    : EpisodeOfEvaluation(client, evaluation, options.episode, folder);
   if (!shown.ok()) return shown.status();
   drawing.shown = *std::move(shown);
   drawing.submission = id;
-  drawing.evaluation = evaluation->value("evaluation", Json());
+  drawing.evaluation = evaluation.value("evaluation", Json());
   if (!options.strip) {
     drawing.shown.episodes.front().order.title =
-        absl::StrCat("submission ", id, " of ", Cell(*evaluation, "team"));
+        absl::StrCat("submission ", id, " of ", Cell(evaluation, "team"));
   }
   return absl::OkStatus();
 }
@@ -158,9 +158,8 @@ absl::Status FindOfFile(const RenderOptions& options, Drawing& drawing) {
   if (options.episode >= 0) {
     return WrongOption("--episode: a log file holds one episode; leave the option out");
   }
-  absl::StatusOr<ShownEpisodes> shown = EpisodeOfFile(options.target);
-  if (!shown.ok()) return shown.status();
-  drawing.shown = *std::move(shown);
+  ASSIGN_OR_RETURN(ShownEpisodes shown, EpisodeOfFile(options.target));
+  drawing.shown = std::move(shown);
   if (options.strip) {
     ShownEpisode& episode = drawing.shown.episodes.front();
     episode.place = "only";
@@ -172,9 +171,8 @@ absl::Status FindOfFile(const RenderOptions& options, Drawing& drawing) {
 absl::Status Find(const RenderOptions& options, const std::string& folder, Drawing& drawing) {
   int64_t id = 0;
   const bool numbered = absl::SimpleAtoi(options.target, &id) && id > 0;
-  absl::Status status =
-      numbered ? FindOfSubmission(options, id, folder, drawing) : FindOfFile(options, drawing);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(
+      numbered ? FindOfSubmission(options, id, folder, drawing) : FindOfFile(options, drawing));
   RenderOrder& order = drawing.order;
   order.track = drawing.shown.track;
   order.deadline_s = kDeadlineSeconds;
@@ -195,11 +193,9 @@ absl::StatusOr<std::string> Draw(const Drawing& drawing, const std::string& fold
   if (!drawing.film) return DrawPng(drawing.order, folder);
   const std::string part = folder + "/film";
   Progress progress("render");
-  const absl::Status status =
-      EncodeFilm(drawing.order, *drawing.film, folder, part, [&](int64_t frame) {
+  RETURN_IF_ERROR(EncodeFilm(drawing.order, *drawing.film, folder, part, [&](int64_t frame) {
         progress.Show(std::min(frame, drawing.frames), drawing.frames, "pictures");
-      });
-  if (!status.ok()) return status;
+      }));
   return ReadFile(part);
 }
 

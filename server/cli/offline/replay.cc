@@ -7,6 +7,7 @@
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
@@ -60,9 +61,8 @@ absl::Status Collect(const Client& client, const Json& row, const std::string& c
     return absl::OkStatus();
   }
   if (!log.ok()) return log.status();
-  absl::StatusOr<ReplayLogFile> file = SaveLog(folder, *bytes, std::move(log->header));
-  if (!file.ok()) return file.status();
-  collected.files[episode] = *std::move(file);
+  ASSIGN_OR_RETURN(ReplayLogFile file, SaveLog(folder, *bytes, std::move(log->header)));
+  collected.files[episode] = std::move(file);
   return absl::OkStatus();
 }
 
@@ -75,25 +75,19 @@ absl::StatusOr<Collected> CollectOfSubmission(const ReplayOptions& options, cons
   if (options.episode < 0) {
     rows.assign(evaluation["episode_rows"].begin(), evaluation["episode_rows"].end());
   } else {
-    absl::StatusOr<Json> row = RowOf(evaluation, options.episode);
-    if (!row.ok()) return row.status();
-    rows.push_back(*std::move(row));
+    ASSIGN_OR_RETURN(Json row, RowOf(evaluation, options.episode));
+    rows.push_back(std::move(row));
   }
   for (const Json& row : rows) {
-    if (absl::Status status = Collect(client, row, config, folder, collected); !status.ok()) {
-      return status;
-    }
+    RETURN_IF_ERROR(Collect(client, row, config, folder, collected));
   }
   if (options.episode < 0 || collected.files.empty()) return collected;
   const TrackConfig& track = collected.files.begin()->second.header.track;
   if (!CarriesOver(track)) return collected;
   const int64_t first = FirstOfLease(track, options.episode);
   for (int64_t episode = first; episode < options.episode; ++episode) {
-    absl::StatusOr<Json> row = RowOf(evaluation, episode);
-    if (!row.ok()) return row.status();
-    if (absl::Status status = Collect(client, *row, config, folder, collected); !status.ok()) {
-      return status;
-    }
+    ASSIGN_OR_RETURN(Json row, RowOf(evaluation, episode));
+    RETURN_IF_ERROR(Collect(client, row, config, folder, collected));
   }
   return collected;
 }

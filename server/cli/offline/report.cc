@@ -9,6 +9,7 @@
 #include <absl/strings/strip.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/program_run.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
@@ -88,17 +89,15 @@ absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
 
 absl::Status GatherSubmission(const ReportOptions& options, Json& order) {
   const Client client = options.client();
-  absl::StatusOr<Json> result = ResultForFigures(client, options.id);
-  if (!result.ok()) return result.status();
-  order["result"] = *std::move(result);
+  ASSIGN_OR_RETURN(Json result, ResultForFigures(client, options.id));
+  order["result"] = std::move(result);
   if (order["format"].is_null()) return absl::OkStatus();
   absl::StatusOr<Json> receipt = client.Get(options.Resource("/receipt"));
   if (!receipt.ok() && !absl::IsInvalidArgument(receipt.status())) return receipt.status();
   order["receipt"] = receipt.ok() ? *std::move(receipt) : WhyNot(receipt.status().message());
   if (options.no_pictures) return absl::OkStatus();
-  absl::StatusOr<Json> strip = PicturesOf(options);
-  if (!strip.ok()) return strip.status();
-  order["strip"] = *std::move(strip);
+  ASSIGN_OR_RETURN(Json strip, PicturesOf(options));
+  order["strip"] = std::move(strip);
   return absl::OkStatus();
 }
 

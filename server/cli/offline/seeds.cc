@@ -14,6 +14,7 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
@@ -65,7 +66,7 @@ absl::Status WriteSecret(const std::string& path, const std::string& secret) {
 absl::StatusOr<std::string> MakeSecret(const std::string& path) {
   absl::StatusOr<std::string> secret = NewSeedSecret();
   if (!secret.ok()) return secret;
-  if (absl::Status written = WriteSecret(path, *secret); !written.ok()) return written;
+  RETURN_IF_ERROR(WriteSecret(path, *secret));
   return secret;
 }
 

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/outcome.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
 #include "protocol/tracks/registry.h"
 #include "server/cli/client/evaluation_logs.h"
@@ -42,19 +43,16 @@ struct FetchedLog {
 
 absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t index,
                                     const std::string& folder) {
-  const absl::StatusOr<Json> row = RowOf(evaluation, index);
-  if (!row.ok()) return row.status();
-  const absl::StatusOr<std::string> bytes = LogBytesOf(client, *row);
-  absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
-  if (!log.ok()) return log.status();
+  ASSIGN_OR_RETURN(const Json row, RowOf(evaluation, index));
+  const absl::StatusOr<std::string> bytes = LogBytesOf(client, row);
+  ASSIGN_OR_RETURN(EpisodeLog log, ParseLog(bytes));
   const Json hashes = evaluation.value("hashes", Json::object());
-  if (log->header.config != hashes.value("config", "") || log->header.episode != index) {
+  if (log.header.config != hashes.value("config", "") || log.header.episode != index) {
     return absl::DataLossError(absl::StrCat(
         "episode ", index, ": the log is of another episode or config than its record"));
   }
-  absl::StatusOr<ReplayLogFile> file = SaveLog(folder, *bytes, log->header);
-  if (!file.ok()) return file.status();
-  return FetchedLog{file->path, *std::move(log)};
+  ASSIGN_OR_RETURN(ReplayLogFile file, SaveLog(folder, *bytes, log.header));
+  return FetchedLog{file.path, std::move(log)};
 }
 
 absl::Status CheckHasSteps(const EpisodeLog& log) {
@@ -71,19 +69,17 @@ struct FetchedEpisode {
 
 absl::StatusOr<FetchedEpisode> FetchEpisode(const Client& client, const Json& evaluation,
                                             int64_t index, const std::string& folder) {
-  absl::StatusOr<FetchedLog> own = FetchLog(client, evaluation, index, folder);
-  if (!own.ok()) return own.status();
-  if (absl::Status status = CheckHasSteps(own->log); !status.ok()) return status;
-  FetchedEpisode fetched = {{.index = index, .place = "", .order = {}, .steps = own->log.steps()},
-                            std::move(own->log.header.track)};
+  ASSIGN_OR_RETURN(FetchedLog own, FetchLog(client, evaluation, index, folder));
+  RETURN_IF_ERROR(CheckHasSteps(own.log));
+  FetchedEpisode fetched = {{.index = index, .place = "", .order = {}, .steps = own.log.steps()},
+                            std::move(own.log.header.track)};
   if (CarriesOver(fetched.track)) {
     for (int64_t before = FirstOfLease(fetched.track, index); before < index; ++before) {
-      const absl::StatusOr<FetchedLog> log = FetchLog(client, evaluation, before, folder);
-      if (!log.ok()) return log.status();
-      fetched.shown.order.logs.push_back(log->path);
+      ASSIGN_OR_RETURN(const FetchedLog log, FetchLog(client, evaluation, before, folder));
+      fetched.shown.order.logs.push_back(log.path);
     }
   }
-  fetched.shown.order.logs.push_back(own->path);
+  fetched.shown.order.logs.push_back(own.path);
   fetched.shown.order.verdict = RowVerdict(*RowOf(evaluation, index));
   return fetched;
 }
@@ -113,8 +109,7 @@ std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
 
 absl::StatusOr<std::vector<int64_t>> OrderOf(const std::vector<Json>& rows,
                                              const TrackConfig& config) {
-  const absl::StatusOr<TrackPtr> track = MakeTrack(config);
-  if (!track.ok()) return track.status();
+  ASSIGN_OR_RETURN(const TrackPtr track, MakeTrack(config));
   std::vector<EpisodeRow> stored;
   for (const Json& row : rows) {
     std::optional<EpisodeRow> form = StoredForm(row, config.kind->name);
@@ -125,30 +120,26 @@ absl::StatusOr<std::vector<int64_t>> OrderOf(const std::vector<Json>& rows,
     }
     stored.push_back(*std::move(form));
   }
-  const auto judged = JudgedEpisodes(*(*track)->scoring.track, stored);
-  if (!judged.ok()) return judged.status();
-  return EpisodesInOrder((*track)->scoring, *judged);
+  ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*track->scoring.track, stored));
+  return EpisodesInOrder(track->scoring, judged);
 }
 
 }  // namespace
 
 absl::StatusOr<ShownEpisodes> EpisodeOfFile(const std::string& path) {
-  absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(path));
-  if (!log.ok()) return log.status();
-  if (absl::Status status = CheckHasSteps(*log); !status.ok()) return status;
-  ShownEpisode shown = {.index = log->header.episode, .place = "", .order = {},
-                        .steps = log->steps()};
-  const absl::StatusOr<std::map<int64_t, ReplayLogFile>> files = LogsUpTo(path, log->header);
-  if (!files.ok()) return files.status();
-  for (const auto& [episode, file] : *files) shown.order.logs.push_back(file.path);
-  return ShownEpisodes{std::move(log->header.track), {std::move(shown)}};
+  ASSIGN_OR_RETURN(EpisodeLog log, ParseLog(ReadLog(path)));
+  RETURN_IF_ERROR(CheckHasSteps(log));
+  ShownEpisode shown = {.index = log.header.episode, .place = "", .order = {},
+                        .steps = log.steps()};
+  ASSIGN_OR_RETURN(const auto files, LogsUpTo(path, log.header));
+  for (const auto& [episode, file] : files) shown.order.logs.push_back(file.path);
+  return ShownEpisodes{std::move(log.header.track), {std::move(shown)}};
 }
 
 absl::StatusOr<ShownEpisodes> EpisodeOfEvaluation(const Client& client, const Json& evaluation,
                                                   int64_t index, const std::string& folder) {
-  absl::StatusOr<FetchedEpisode> fetched = FetchEpisode(client, evaluation, index, folder);
-  if (!fetched.ok()) return fetched.status();
-  return ShownEpisodes{std::move(fetched->track), {std::move(fetched->shown)}};
+  ASSIGN_OR_RETURN(FetchedEpisode fetched, FetchEpisode(client, evaluation, index, folder));
+  return ShownEpisodes{std::move(fetched.track), {std::move(fetched.shown)}};
 }
 
 absl::StatusOr<ShownEpisodes> StripOfEvaluation(const Client& client, const Json& evaluation,
@@ -162,20 +153,17 @@ absl::StatusOr<ShownEpisodes> StripOfEvaluation(const Client& client, const Json
         "submission ", evaluation.value("submission", 0), " has no episode with a log to show"));
   }
   // A log has the config, and with it the board's rules.
-  const absl::StatusOr<FetchedLog> any =
-      FetchLog(client, evaluation, rows.front().value("index", int64_t{-1}), folder);
-  if (!any.ok()) return any.status();
-  const absl::StatusOr<std::vector<int64_t>> order = OrderOf(rows, any->log.header.track);
-  if (!order.ok()) return order.status();
+  ASSIGN_OR_RETURN(const FetchedLog any,
+                   FetchLog(client, evaluation, rows.front().value("index", int64_t{-1}), folder));
+  ASSIGN_OR_RETURN(const std::vector<int64_t> order, OrderOf(rows, any.log.header.track));
   ShownEpisodes strip;
-  strip.track = any->log.header.track;
-  for (const PickedEpisode& picked : BestMedianWorst(*order)) {
-    absl::StatusOr<FetchedEpisode> fetched =
-        FetchEpisode(client, evaluation, picked.index, folder);
-    if (!fetched.ok()) return fetched.status();
-    fetched->shown.place = picked.place;
-    fetched->shown.order.title = absl::StrCat(std::string(picked.place), ": episode ", picked.index);
-    strip.episodes.push_back(std::move(fetched->shown));
+  strip.track = any.log.header.track;
+  for (const PickedEpisode& picked : BestMedianWorst(order)) {
+    ASSIGN_OR_RETURN(FetchedEpisode fetched,
+                     FetchEpisode(client, evaluation, picked.index, folder));
+    fetched.shown.place = picked.place;
+    fetched.shown.order.title = absl::StrCat(std::string(picked.place), ": episode ", picked.index);
+    strip.episodes.push_back(std::move(fetched.shown));
   }
   return strip;
 }

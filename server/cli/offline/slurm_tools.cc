@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/config/slurm_config.h"
 
@@ -27,21 +28,19 @@ absl::StatusOr<ProgramEnd> SlurmTools::Run(const std::string& name,
                                            const std::vector<std::string>& words,
                                            absl::Duration deadline,
                                            const std::string& input) const {
-  const absl::StatusOr<std::string> path = Find(name);
-  if (!path.ok()) return path.status();
-  absl::StatusOr<ProgramEnd> end = RunProgram({.program = *path,
+  ASSIGN_OR_RETURN(const std::string path, Find(name));
+  ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
                                                .words = words,
                                                .input = input,
                                                .most_output = kMostOutput,
                                                .deadline = deadline,
                                                .nice = 0,
                                                .environment = SlurmEnvironment()},
-                                              [] { return false; });
-  if (!end.ok()) return end.status();
-  if (end->exit_status != 0) {
-    const std::string last = end->LastError();
+                                              [] { return false; }));
+  if (end.exit_status != 0) {
+    const std::string last = end.LastError();
     return absl::UnavailableError(
-        absl::StrCat(name, " ", end->HowItEnded(), last.empty() ? "" : ": ", last));
+        absl::StrCat(name, " ", end.HowItEnded(), last.empty() ? "" : ": ", last));
   }
   return end;
 }

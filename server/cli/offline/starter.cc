@@ -15,6 +15,7 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
 
 namespace myograde::server {
@@ -74,16 +75,15 @@ class PartFolder {
 
 // Where an installation and a build tree have the templates of a language, seen from the programs.
 absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
-  const absl::StatusOr<std::string> bin_dir = BinDir();
-  if (!bin_dir.ok()) return bin_dir.status();
+  ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
   for (const std::string& place :
-       {ShareDir(*bin_dir) + "/policies", *bin_dir + "/../policies"}) {
+       {ShareDir(bin_dir) + "/policies", bin_dir + "/../policies"}) {
     const std::string templates = absl::StrCat(place, "/starter/", lang);
     std::error_code error;
     if (fs::exists(templates + "/README.md", error)) return templates;
   }
   return absl::InternalError(absl::StrCat("the starter for ", lang,
-                                          " is not beside the programs in ", *bin_dir,
+                                          " is not beside the programs in ", bin_dir,
                                           "; install MyoGrade again, or build the target "
                                           "myograde_policies"));
 }
@@ -94,7 +94,7 @@ absl::Status WriteFrom(const Starter& starter, const std::string& from, const st
   if (!text.ok()) return absl::InternalError(text.status().message());
   const std::string written =
       absl::StrReplaceAll(*text, {{"@NAME@", starter.name}, {"@TRACK@", starter.track}});
-  if (absl::Status status = WriteFile(to, written); !status.ok()) return status;
+  RETURN_IF_ERROR(WriteFile(to, written));
   struct stat info = {};
   if (::stat(from.c_str(), &info) == 0 && (info.st_mode & S_IXUSR) != 0) {
     std::error_code error;
@@ -120,7 +120,7 @@ absl::StatusOr<std::vector<std::string>> WriteAllFrom(const Starter& starter,
       fs::create_directory(to, error);
       if (error) return CantMake(to, error.message());
     } else {
-      if (absl::Status status = WriteFrom(starter, entry->path(), to); !status.ok()) return status;
+      RETURN_IF_ERROR(WriteFrom(starter, entry->path(), to));
       names.push_back(name);
     }
   }
@@ -154,11 +154,10 @@ absl::StatusOr<std::vector<std::string>> WriteStarter(const Starter& starter,
   if (fs::symlink_status(folder, error).type() != fs::file_type::not_found) {
     return error ? CantMake(folder, error.message()) : IsThere(folder);
   }
-  const absl::StatusOr<std::string> templates = TemplatesOf(starter.lang);
-  if (!templates.ok()) return templates.status();
+  ASSIGN_OR_RETURN(const std::string templates, TemplatesOf(starter.lang));
   PartFolder part(folder);
   if (!part.made()) return CantMake(folder, std::strerror(errno));
-  absl::StatusOr<std::vector<std::string>> names = WriteAllFrom(starter, *templates, part.path());
+  absl::StatusOr<std::vector<std::string>> names = WriteAllFrom(starter, templates, part.path());
   if (!names.ok()) return names;
   if (!part.Keep(folder)) {
     return errno == EEXIST || errno == ENOTEMPTY ? IsThere(folder)

@@ -12,6 +12,7 @@
 #include <absl/strings/strip.h>
 #include <absl/time/time.h>
 
+#include "protocol/base/status_macros.h"
 #include "protocol/tracks/registry.h"
 #include "server/base/child_process.h"
 #include "server/base/program_run.h"
@@ -72,11 +73,9 @@ absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade)
     const Json log = Json::parse(row.facts_json).value("log", Json());
     if (log.is_object() && log.value("steps", int64_t{0}) > 0) shown.push_back(row);
   }
-  const auto judged = JudgedEpisodes(*scoring.track, shown);
-  if (!judged.ok()) return judged.status();
-  const absl::StatusOr<std::vector<int64_t>> order = EpisodesInOrder(scoring, *judged);
-  if (!order.ok()) return order.status();
-  std::vector<PickedEpisode> picked = BestMedianWorst(*order);
+  ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, shown));
+  ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(scoring, judged));
+  std::vector<PickedEpisode> picked = BestMedianWorst(order);
   std::erase_if(picked, [](const PickedEpisode& one) { return one.place == "median"; });
   return picked;
 }
@@ -97,16 +96,15 @@ absl::Status Render(const TryOptions& options, const std::string& log, const std
   } else {
     words.insert(words.end(), {"--size", kFilmSize});
   }
-  const absl::StatusOr<ProgramEnd> run = RunProgram({.program = "myograde",
+  ASSIGN_OR_RETURN(const ProgramEnd run, RunProgram({.program = "myograde",
                                                      .words = std::move(words),
                                                      .most_output = kMostRenderOutput,
                                                      .deadline = kRenderTime,
                                                      .nice = kRenderNice},
-                                                    StopRequested);
-  if (!run.ok()) return run.status();
-  if (run->exit_status == 0) return absl::OkStatus();
-  const std::string why(absl::StripPrefix(run->LastError(), "myograde: error: "));
-  return absl::InternalError(why.empty() ? run->HowItEnded() : why);
+                                                    StopRequested));
+  if (run.exit_status == 0) return absl::OkStatus();
+  const std::string why(absl::StripPrefix(run.LastError(), "myograde: error: "));
+  return absl::InternalError(why.empty() ? run.HowItEnded() : why);
 }
 
 // What the folder holds beside the logs, and what it lacks, each in a sentence.
@@ -118,16 +116,15 @@ struct Contents {
 
 absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const std::string& folder,
                       Contents& contents) {
-  const absl::StatusOr<std::vector<PickedEpisode>> picked = BestAndWorst(grade);
-  if (!picked.ok()) return picked.status();
-  if (picked->empty()) contents.missing.push_back("No episode has a step to show.");
+  ASSIGN_OR_RETURN(const std::vector<PickedEpisode> picked, BestAndWorst(grade));
+  if (picked.empty()) contents.missing.push_back("No episode has a step to show.");
   const bool film = FindProgram("ffmpeg").ok();
-  if (!film && !picked->empty()) {
+  if (!film && !picked.empty()) {
     contents.missing.push_back(
         "There are pictures in place of films, as ffmpeg is not installed (Debian: apt-get install "
         "ffmpeg).");
   }
-  for (const PickedEpisode& one : *picked) {
+  for (const PickedEpisode& one : picked) {
     if (StopRequested()) return absl::CancelledError("interrupted");
     const std::string file = absl::StrCat(std::string(one.place), film ? ".mp4" : ".png");
     const absl::Status drawn = Render(options, absl::StrCat(folder, "/", LogOf(grade, one.index)),

@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
 #include "server/artefact/adapters.h"
 #include "server/base/counted.h"
@@ -72,17 +73,15 @@ Json Played(int64_t episode, bool equal, const Json& step, const std::string& de
 // the digest of the states that it names.
 absl::StatusOr<Json> Resimulate(const VerifyOptions& options, const Json& receipt,
                                 const LogSource& source) {
-  absl::StatusOr<TempFolder> temp = TempFolder::Make("verify");
-  if (!temp.ok()) return temp.status();
-  absl::StatusOr<TrackConfig> track = ParseTrackConfig(receipt["track_config"], "track_config");
-  if (!track.ok()) return track.status();
+  ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("verify"));
+  ASSIGN_OR_RETURN(TrackConfig track, ParseTrackConfig(receipt["track_config"], "track_config"));
   const Json& episodes = receipt["episodes"];
   const std::set<int64_t> sample = Sample(std::ssize(episodes), options.resimulate);
   // Where state carries over, an episode needs those before it in its lease.
   std::set<int64_t> needed = sample;
-  if (CarriesOver(*track)) {
+  if (CarriesOver(track)) {
     for (const int64_t episode : sample) {
-      for (int64_t i = FirstOfLease(*track, episode); i < episode; ++i) needed.insert(i);
+      for (int64_t i = FirstOfLease(track, episode); i < episode; ++i) needed.insert(i);
     }
   }
   std::map<int64_t, ReplayLogFile> files;
@@ -102,13 +101,11 @@ absl::StatusOr<Json> Resimulate(const VerifyOptions& options, const Json& receip
       outcomes[episode] = Played(episode, false, nullptr, std::string(log.status().message()));
       continue;
     }
-    absl::StatusOr<ReplayLogFile> file = SaveLog(temp->path(), *bytes, std::move(log->header));
-    if (!file.ok()) return file.status();
-    files[episode] = *std::move(file);
+    ASSIGN_OR_RETURN(ReplayLogFile file, SaveLog(temp.path(), *bytes, std::move(log->header)));
+    files[episode] = std::move(file);
   }
-  absl::StatusOr<std::vector<ReplayRecord>> records = PlayLogs(files, options.host, options.slots);
-  if (!records.ok()) return records.status();
-  for (const ReplayRecord& record : *records) {
+  ASSIGN_OR_RETURN(std::vector<ReplayRecord> records, PlayLogs(files, options.host, options.slots));
+  for (const ReplayRecord& record : records) {
     outcomes[record.episode] =
         Played(record.episode, record.equal, record.step < 0 ? Json() : Json(record.step),
                 record.detail);

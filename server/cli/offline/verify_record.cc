@@ -10,6 +10,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/seed_list.h"
@@ -79,25 +80,23 @@ RecordReport RecordVerifier::Run(const std::optional<std::string>& earlier) {
 }
 
 absl::Status RecordVerifier::CheckKey() {
-  const absl::StatusOr<std::string> pem = folder_.Read("key.pem", kMaxHeadBytes);
-  if (!pem.ok()) return pem.status();
-  if (*pem == pem_) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const std::string pem, folder_.Read("key.pem", kMaxHeadBytes));
+  if (pem == pem_) return absl::OkStatus();
   return Wrong("key.pem is another key than the one given with --key, which is the one to trust");
 }
 
 absl::Status RecordVerifier::CheckHead() {
-  const absl::StatusOr<std::string> text = folder_.Read("head.json", kMaxHeadBytes);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<RecordHead> head = ParseHead(*text);
+  ASSIGN_OR_RETURN(const std::string text, folder_.Read("head.json", kMaxHeadBytes));
+  const absl::StatusOr<RecordHead> head = ParseHead(text);
   if (!head.ok()) return WrongFile("head.json", head.status().message());
   head_ = *head;
-  if (IsHeadSigned(*text, key_)) return absl::OkStatus();
+  if (IsHeadSigned(text, key_)) return absl::OkStatus();
   return Wrong("head.json was not signed with this key, or was altered since");
 }
 
 absl::Status RecordVerifier::CheckEntries() {
   std::string chain;
-  const absl::Status read = folder_.ForEachLine(
+  RETURN_IF_ERROR(folder_.ForEachLine(
       "record.jsonl", kMaxEntryBytes, [&](std::string_view line) -> absl::Status {
         const int64_t index = tree_.size();
         if (index == head_.size) {
@@ -115,8 +114,7 @@ absl::Status RecordVerifier::CheckEntries() {
         tree_.Append(line);
         chain = ChainOf(chain, line);
         return absl::OkStatus();
-      });
-  if (!read.ok()) return read;
+      }));
   if (tree_.size() < head_.size) {
     return Wrong(absl::StrCat("record.jsonl has ", tree_.size(), " entries, and its head was "
                               "signed for ", head_.size, ": entries were taken out"));
@@ -159,9 +157,8 @@ absl::Status RecordVerifier::CheckSecrets() {
                                 " is not the one that was committed to"));
     }
     const std::string file = absl::StrCat("secrets/", name, ".txt");
-    const absl::StatusOr<std::string> text = folder_.Read(file, kMaxHeadBytes);
-    if (!text.ok()) return text.status();
-    if (*text != phase.secret + "\n") {
+    ASSIGN_OR_RETURN(const std::string text, folder_.Read(file, kMaxHeadBytes));
+    if (text != phase.secret + "\n") {
       return WrongFile(file, "is not the secret that the record reveals");
     }
     expected.insert(file);
@@ -173,10 +170,9 @@ absl::Status RecordVerifier::CheckSecrets() {
 }
 
 absl::Status RecordVerifier::CheckWithheld() {
-  const absl::StatusOr<std::string> text = folder_.Read("withheld.json", kMaxListFile);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<Json> list = ParseJson(*text, "withheld.json");
-  if (!list.ok() || CanonicalJson(*list) + "\n" != *text) {
+  ASSIGN_OR_RETURN(const std::string text, folder_.Read("withheld.json", kMaxListFile));
+  const absl::StatusOr<Json> list = ParseJson(text, "withheld.json");
+  if (!list.ok() || CanonicalJson(*list) + "\n" != text) {
     return WrongFile("withheld.json", "it is no JSON in its canonical form");
   }
   if (!list->is_object() || list->size() != 1 || !list->contains("receipts")) {
@@ -251,8 +247,7 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
                                               const RecordedResult& result) {
   const absl::StatusOr<std::string> text = folder_.Read(file, kMaxReceiptFile);
   if (!text.ok()) return Wrong("it can't be read");
-  const absl::StatusOr<Json> receipt = ParseReceipt(*text);
-  if (!receipt.ok()) return receipt.status();
+  ASSIGN_OR_RETURN(const Json receipt, ParseReceipt(*text));
   const auto submission = state_.submissions().find(result.submission);
   // An entry of a row that could not be read may be the one.
   const bool accepted = submission != state_.submissions().end();
@@ -262,39 +257,38 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   const std::string phase_name = accepted ? submission->second.phase : "";
   const auto phase = state_.phases().find(phase_name);
   std::string secret;
-  if (HidesSeeds(*receipt) && phase != state_.phases().end() && !phase->second.secret.empty()) {
+  if (HidesSeeds(receipt) && phase != state_.phases().end() && !phase->second.secret.empty()) {
     secret = SecretOfDigits(phase->second.secret, "the record").value_or("");
   }
   for (const ReceiptCheck& check : CheckReceipt(*text, key_, secret)) {
     if (!check.valid) return Wrong(absl::StrCat(check.name, ": ", check.detail));
   }
-  if (receipt->value("evaluation", Json()) != evaluation) {
+  if (receipt.value("evaluation", Json()) != evaluation) {
     return Wrong("it is the receipt of another evaluation");
   }
-  if (absl::Status status = CheckPlace(*receipt, result); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckPlace(receipt, result));
   // Earlier versions of the server told the hash itself.
-  const std::string artefact = receipt->at("artefact").get<std::string>();
+  const std::string artefact = receipt.at("artefact").get<std::string>();
   if (accepted && artefact != submission->second.artefact &&
       ArtefactCommitment(result.submission, artefact) != submission->second.artefact) {
     return Wrong("it names another artefact than the one that was accepted");
   }
-  if (!HidesSeeds(*receipt) && accepted && result.rejudge == 0 && phase != state_.phases().end() &&
+  if (!HidesSeeds(receipt) && accepted && result.rejudge == 0 && phase != state_.phases().end() &&
       !phase->second.commitment.empty() && !phase->second.further &&
       phase->second.commitment_entry < submission->second.entry) {
     not_checked_.insert(absl::StrCat("phase ", Harmless(phase_name), " had committed to hidden seeds, and submission ",
                                      result.submission, " to it played others"));
   }
-  if (HidesSeeds(*receipt) && accepted) {
-    if (absl::Status status = CheckHidden(*receipt, phase_name); !status.ok()) return status;
+  if (HidesSeeds(receipt) && accepted) {
+    RETURN_IF_ERROR(CheckHidden(receipt, phase_name));
     if (secret.empty()) {
       not_checked_.insert(absl::StrCat("the seeds of phase ", Harmless(phase_name),
                                        " are not revealed in the record"));
     }
   }
-  absl::StatusOr<ReceivedResult> received = ResultOfReceipt(*receipt);
-  if (!received.ok()) return received.status();
-  results_[evaluation] = *std::move(received);
-  const std::string config = Sha256Hex(CanonicalJson(receipt->at("track_config")));
+  ASSIGN_OR_RETURN(ReceivedResult received, ResultOfReceipt(receipt));
+  results_[evaluation] = std::move(received);
+  const std::string config = Sha256Hex(CanonicalJson(receipt.at("track_config")));
   const auto [known, added] = config_texts_.emplace(result.config, config);
   if (known->second == config) return absl::OkStatus();
   return Wrong("other receipts show another config under the same hash");
@@ -321,7 +315,7 @@ absl::Status RecordVerifier::CheckHidden(const Json& receipt, const std::string&
 absl::Status RecordVerifier::CheckCommitments() {
   for (const auto& [name, phase] : state_.phases()) {
     if (phase.commitment.empty()) continue;
-    if (absl::Status status = CheckCommitment(name, phase); !status.ok()) return status;
+    RETURN_IF_ERROR(CheckCommitment(name, phase));
   }
   return absl::OkStatus();
 }
@@ -363,11 +357,10 @@ absl::Status RecordVerifier::CheckPlace(const Json& receipt, const RecordedResul
   if (!receipt.contains("record")) {
     return Wrong("it does not say which entry of the record it is of");
   }
-  const absl::StatusOr<EntryProof> proof = CheckEntryProof(receipt["record"]);
-  if (!proof.ok()) return proof.status();
-  if (proof->index == result.entry && proof->size <= tree_.size() &&
-      LeafHash(CanonicalJson(proof->content)) == tree_.Leaf(result.entry) &&
-      proof->root == tree_.Root(proof->size)) {
+  ASSIGN_OR_RETURN(const EntryProof proof, CheckEntryProof(receipt["record"]));
+  if (proof.index == result.entry && proof.size <= tree_.size() &&
+      LeafHash(CanonicalJson(proof.content)) == tree_.Leaf(result.entry) &&
+      proof.root == tree_.Root(proof.size)) {
     return absl::OkStatus();
   }
   return Wrong(absl::StrCat("its proof is of another record than this one, which has the result "
@@ -382,13 +375,12 @@ absl::Status RecordVerifier::CheckConfigs() {
   }
   for (const auto& [hash, digest] : config_texts_) {
     const std::string file = absl::StrCat("configs/", hash, ".json");
-    const absl::StatusOr<std::string> text = folder_.Read(file, kMaxConfigFile);
-    if (!text.ok()) return text.status();
-    if (!text->ends_with('\n') ||
-        Sha256Hex(std::string_view(*text).substr(0, text->size() - 1)) != digest) {
+    ASSIGN_OR_RETURN(const std::string text, folder_.Read(file, kMaxConfigFile));
+    if (!text.ends_with('\n') ||
+        Sha256Hex(std::string_view(text).substr(0, text.size() - 1)) != digest) {
       return WrongFile(file, "it is not the config that the receipts show");
     }
-    absl::StatusOr<RecordedConfig> config = ReadRecordedConfig(Json::parse(*text));
+    absl::StatusOr<RecordedConfig> config = ReadRecordedConfig(Json::parse(text));
     if (!config.ok()) return WrongFile(file, config.status().message());
     configs_.emplace(hash, *std::move(config));
   }
@@ -407,7 +399,7 @@ absl::Status RecordVerifier::CheckBoards() {
   }
   for (const auto& [hash, config] : configs_) {
     for (const auto& [board, spec] : config.scoring.boards) {
-      if (absl::Status status = CheckBoard(hash, config, board); !status.ok()) return status;
+      RETURN_IF_ERROR(CheckBoard(hash, config, board));
     }
   }
   return absl::OkStatus();
@@ -416,8 +408,7 @@ absl::Status RecordVerifier::CheckBoards() {
 absl::Status RecordVerifier::CheckBoard(const std::string& hash, const RecordedConfig& config,
                                         const std::string& board) {
   const std::string file = absl::StrCat("boards/", hash, ".", board, ".json");
-  const absl::StatusOr<std::string> text = folder_.Read(file, kMaxBoardFile);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text, folder_.Read(file, kMaxBoardFile));
   const std::vector<int64_t> unknown = UnknownResults(state_, results_, hash);
   if (!unknown.empty()) {
     not_checked_.insert(absl::StrCat(file, ": the receipt of evaluation ", unknown.front(),
@@ -426,11 +417,11 @@ absl::Status RecordVerifier::CheckBoard(const std::string& hash, const RecordedC
   }
   const absl::StatusOr<std::string> made = BoardText(state_, results_, hash, config, board);
   if (!made.ok()) return WrongFile(file, made.status().message());
-  if (*text == *made) {
+  if (text == *made) {
     ++boards_;
     return absl::OkStatus();
   }
-  if (state_.unreadable() == 0) return WrongFile(file, FirstDifference(*text, *made));
+  if (state_.unreadable() == 0) return WrongFile(file, FirstDifference(text, *made));
   not_checked_.insert(absl::StrCat(file, ": it may follow from a row that the server could not read"));
   return absl::OkStatus();
 }

@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/runner/runner_process.h"
 
 namespace myograde::server {
@@ -14,7 +15,7 @@ namespace fs = std::filesystem;
 absl::StatusOr<std::unique_ptr<Runner>> LocalExecutor::Start(const LeaseOrder& unclaimed,
                                                              const LeaseSubject&) {
   LeaseOrder order = unclaimed;
-  if (absl::Status status = slots_.Claim(order); !status.ok()) return status;
+  RETURN_IF_ERROR(slots_.Claim(order));
   std::error_code error;
   fs::remove_all(order.work_dir, error);
   if (!fs::create_directory(order.work_dir, error)) {

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -18,27 +19,24 @@ constexpr size_t kCopyBytes = 256u << 10;
 
 absl::Status FolderChannel::Open() {
   if (folder_.has_value()) return absl::OkStatus();
-  absl::StatusOr<Spool> spool = Spool::Open(path_);
-  if (!spool.ok()) return spool.status();
-  absl::StatusOr<LeaseFolder> folder = spool->OpenLease(name_);
-  if (!folder.ok()) return folder.status();
-  spool_.emplace(*std::move(spool));
-  folder_.emplace(*std::move(folder));
+  ASSIGN_OR_RETURN(Spool spool, Spool::Open(path_));
+  ASSIGN_OR_RETURN(LeaseFolder folder, spool.OpenLease(name_));
+  spool_.emplace(std::move(spool));
+  folder_.emplace(std::move(folder));
   return absl::OkStatus();
 }
 
 absl::StatusOr<NodeOrder> FolderChannel::Order() {
-  if (absl::Status status = Open(); !status.ok()) return status;
+  RETURN_IF_ERROR(Open());
   absl::StatusOr<NodeOrder> order = folder_->Order();
   if (order.ok()) epoch_ = order->epoch;
   return order;
 }
 
 absl::Status FolderChannel::Look() {
-  if (absl::Status status = Open(); !status.ok()) return status;
-  const absl::StatusOr<bool> there = folder_->IsThere();
-  if (!there.ok()) return there.status();
-  if (!*there) return absl::CancelledError("the daemon has given the lease up: its folder is gone");
+  RETURN_IF_ERROR(Open());
+  ASSIGN_OR_RETURN(const bool there, folder_->IsThere());
+  if (!there) return absl::CancelledError("the daemon has given the lease up: its folder is gone");
   const absl::StatusOr<bool> stopped = folder_->stopped();
   if (!stopped.ok()) return stopped.status();
   if (*stopped) return absl::CancelledError("the daemon asked for the lease's end");
@@ -57,22 +55,21 @@ absl::Status FolderChannel::Look() {
 }
 
 absl::Status FolderChannel::PutClaim(const NodeClaim& claim) {
-  if (absl::Status status = Look(); !status.ok()) return status;
+  RETURN_IF_ERROR(Look());
   return folder_->PutClaim(claim);
 }
 
 absl::Status FolderChannel::PutProof(const NodeProof& proof) {
-  if (absl::Status status = Look(); !status.ok()) return status;
+  RETURN_IF_ERROR(Look());
   return folder_->PutProof(proof);
 }
 
 absl::Status FolderChannel::FetchArtefact(const NodeArtefact& artefact, int file) {
-  if (absl::Status status = Look(); !status.ok()) return status;
-  const absl::StatusOr<Fd> source = spool_->OpenArtefact(artefact.digest);
-  if (!source.ok()) return source.status();
+  RETURN_IF_ERROR(Look());
+  ASSIGN_OR_RETURN(const Fd source, spool_->OpenArtefact(artefact.digest));
   std::string piece(kCopyBytes, '\0');
   for (int64_t copied = 0;;) {
-    const ssize_t n = read(source->get(), piece.data(), piece.size());
+    const ssize_t n = read(source.get(), piece.data(), piece.size());
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return DiskError(spool_->ArtefactPath(artefact.digest), "read");
     if (n == 0) return absl::OkStatus();
@@ -81,8 +78,7 @@ absl::Status FolderChannel::FetchArtefact(const NodeArtefact& artefact, int file
       return absl::DataLossError(absl::StrCat(spool_->ArtefactPath(artefact.digest),
                                               ": is larger than the order says"));
     }
-    absl::Status status = WriteAll(file, std::string_view(piece.data(), static_cast<size_t>(n)));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteAll(file, std::string_view(piece.data(), static_cast<size_t>(n))));
   }
 }
 
@@ -97,17 +93,16 @@ absl::Status FolderChannel::AddRecords(int64_t offset, std::string_view bytes) {
 }
 
 absl::Status FolderChannel::PutLog(const std::string& log, int file) {
-  if (absl::Status status = Look(); !status.ok()) return status;
+  RETURN_IF_ERROR(Look());
   if (lseek(file, 0, SEEK_SET) != 0) return DiskError(log, "read");
   return folder_->PutLog(log, BytesOf(file), INT64_MAX);
 }
 
 absl::Status FolderChannel::PutEnd(const NodeEnd& end) {
   // Also after the daemon has asked for the end, as long as the folder is there.
-  if (absl::Status status = Open(); !status.ok()) return status;
-  const absl::StatusOr<bool> there = folder_->IsThere();
-  if (!there.ok()) return there.status();
-  if (!*there) return absl::CancelledError("the daemon has given the lease up: its folder is gone");
+  RETURN_IF_ERROR(Open());
+  ASSIGN_OR_RETURN(const bool there, folder_->IsThere());
+  if (!there) return absl::CancelledError("the daemon has given the lease up: its folder is gone");
   return folder_->PutEnd(end);
 }
 

@@ -12,6 +12,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/output_tail.h"
 #include "server/executor/spool/folder.h"
 
@@ -111,7 +112,7 @@ absl::StatusOr<std::string> HttpChannel::Ask(const std::string& path, HttpReques
   HttpAnswer answer = client_.Ask(request);
   // A body that is refused by its head ends the connection after the answer.
   if (answer.failure != HttpAnswer::Failure::kNone && answer.status < 400) return StatusOf(answer);
-  if (absl::Status status = StatusOf(answer.status, answer.text); !status.ok()) return status;
+  RETURN_IF_ERROR(StatusOf(answer.status, answer.text));
   return std::move(answer.text);
 }
 
@@ -122,10 +123,9 @@ std::string HttpChannel::OfLease(const std::string& path) const {
 absl::Status HttpChannel::Reach() { return Ask("/v1/live", {}).status(); }
 
 absl::StatusOr<NodeOrder> HttpChannel::Order() {
-  const absl::StatusOr<std::string> text =
-      Ask(OfLease("/order"), {.most_text = kMostOrderBytes + 1});
-  if (!text.ok()) return text.status();
-  return NodeOrderFromText(*text, "the daemon's order");
+  ASSIGN_OR_RETURN(const std::string text,
+                   Ask(OfLease("/order"), {.most_text = kMostOrderBytes + 1}));
+  return NodeOrderFromText(text, "the daemon's order");
 }
 
 absl::Status HttpChannel::PutClaim(const NodeClaim& claim) {
@@ -155,11 +155,9 @@ absl::Status HttpChannel::FetchArtefact(const NodeArtefact& artefact, int file) 
 }
 
 absl::Status HttpChannel::AddRecords(int64_t offset, std::string_view bytes) {
-  const absl::StatusOr<std::string> text =
-      Ask(OfLease(absl::StrCat("/records?offset=", offset)),
-          {.body = bytes, .type = "application/octet-stream"});
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<Json> json = ParseJson(*text, "the daemon's answer");
+  ASSIGN_OR_RETURN(const std::string text, Ask(OfLease(absl::StrCat("/records?offset=", offset)),
+          {.body = bytes, .type = "application/octet-stream"}));
+  const absl::StatusOr<Json> json = ParseJson(text, "the daemon's answer");
   if (!json.ok()) return absl::UnavailableError(json.status().message());
   ConfigReader reader(*json, "the daemon's answer");
   const bool stop = reader.Boolean("stop");

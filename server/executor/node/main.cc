@@ -28,6 +28,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/harmless.h"
 #include "server/base/paths.h"
 #include "server/base/stop_signals.h"
@@ -101,7 +102,7 @@ std::string UsualNodeDir() {
 absl::Status MakeNodeDir(const std::string& path) {
   std::error_code error;
   std::filesystem::create_directories(std::filesystem::path(path).parent_path(), error);
-  if (absl::Status status = Folder::Make(path).status(); !status.ok()) return status;
+  RETURN_IF_ERROR(Folder::Make(path).status());
   struct stat info;
   if (stat(path.c_str(), &info) != 0) return DiskError(path, "examined");
   if (info.st_uid != geteuid() || (info.st_mode & 022) != 0) {

@@ -16,6 +16,7 @@
 #include <absl/time/clock.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 #include "server/executor/spool/artefact_tar.h"
 #include "server/executor/spool/folder.h"
 
@@ -69,22 +70,21 @@ absl::StatusOr<Fd> NodeArtefacts::OpenLock(const std::string& digest) const {
 
 absl::StatusOr<HeldArtefact> NodeArtefacts::Hold(const NodeArtefact& artefact, const Fetch& fetch,
                                                  absl::Duration patience) const {
-  if (absl::Status status = Folder::Make(folder_).status(); !status.ok()) return status;
+  RETURN_IF_ERROR(Folder::Make(folder_).status());
   const std::string folder = folder_ + "/" + artefact.digest;
-  absl::StatusOr<Fd> lock = OpenLock(artefact.digest);
-  if (!lock.ok()) return lock.status();
+  ASSIGN_OR_RETURN(Fd lock, OpenLock(artefact.digest));
   const Deadline deadline(patience);
   for (;;) {
-    if (absl::Status status = Lock(*lock, LOCK_SH, deadline); !status.ok()) return status;
+    RETURN_IF_ERROR(Lock(lock, LOCK_SH, deadline));
     if (IsFolder(folder)) {
       // When it was used last; the lock's own time, as the folder's is part of what is played.
-      futimens(lock->get(), nullptr);
-      return HeldArtefact(folder, *std::move(lock));
+      futimens(lock.get(), nullptr);
+      return HeldArtefact(folder, std::move(lock));
     }
-    if (absl::Status status = Lock(*lock, LOCK_EX, deadline); !status.ok()) return status;
+    RETURN_IF_ERROR(Lock(lock, LOCK_EX, deadline));
     if (IsFolder(folder)) continue;
     MakeRoom();
-    if (absl::Status status = Unpack(artefact, fetch); !status.ok()) return status;
+    RETURN_IF_ERROR(Unpack(artefact, fetch));
   }
 }
 
@@ -97,11 +97,10 @@ absl::Status NodeArtefacts::Unpack(const NodeArtefact& artefact, const Fetch& fe
   const Fd archive(mkostemp(name.data(), O_CLOEXEC));
   if (!archive.valid()) return DiskError(name, "made");
   unlink(name.c_str());
-  if (absl::Status status = fetch(artefact, archive.get()); !status.ok()) return status;
-  absl::Status status =
+  RETURN_IF_ERROR(fetch(artefact, archive.get()));
+  RETURN_IF_ERROR(
       UnpackArtefactFolder(archive.get(), {artefact.archive_sha256, artefact.archive_bytes},
-                           artefact.digest, part);
-  if (!status.ok()) return status;
+                               artefact.digest, part));
   // A node that loses its power must not find half a submission under the whole one's name.
   if (syncfs(archive.get()) != 0) return DiskError(part, "written to the disk");
   if (rename(part.c_str(), (folder_ + "/" + artefact.digest).c_str()) != 0) {

@@ -8,6 +8,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/executor/spool/folder.h"
 #include "server/sandbox/slot_processes.h"
 #include "server/sandbox/users.h"
@@ -46,7 +47,7 @@ absl::StatusOr<NodeSlot> NodeSlot::Take(const std::string& node_dir, int64_t uid
         "root too, or let the cluster run its jobs as an ordinary user");
   }
   for (const char* name : {"/slots", "/work"}) {
-    if (absl::Status status = MakePrivate(node_dir + name); !status.ok()) return status;
+    RETURN_IF_ERROR(MakePrivate(node_dir + name));
   }
   const SlotProcesses processes = ProcessesOf(node_dir, uid_base);
   for (int number = 0; number < kMostSlots; ++number) {
@@ -65,7 +66,7 @@ absl::StatusOr<NodeSlot> NodeSlot::Take(const std::string& node_dir, int64_t uid
 absl::Status NodeSlot::Prepare(LeaseOrder& order) const {
   CleanUp();
   for (const std::string& path : {work_dir_, work_dir_ + "/lease", work_dir_ + "/logs"}) {
-    if (absl::Status status = MakePrivate(path); !status.ok()) return status;
+    RETURN_IF_ERROR(MakePrivate(path));
   }
   order.slot = number_;
   order.uid = geteuid() == 0 ? uid_base_ + number_ : -1;

@@ -21,6 +21,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/output_tail.h"
 #include "server/base/program_run.h"
 #include "server/base/random_bytes.h"
@@ -189,11 +190,10 @@ absl::StatusOr<NodeOrder> Play::AwaitOrder() {
 }
 
 absl::Status Play::Claim() {
-  const absl::StatusOr<std::string> random = RandomBytes(8);
-  if (!random.ok()) return random.status();
+  ASSIGN_OR_RETURN(const std::string random, RandomBytes(8));
   const NodeClaim claim = {
       node_, JobName(), RestartCount(),
-      HexOf({reinterpret_cast<const uint8_t*>(random->data()), random->size()})};
+      HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()})};
   return Insist(options_.order_deadline, [&] { return channel_.PutClaim(claim); });
 }
 
@@ -225,18 +225,17 @@ absl::StatusOr<NodeProof> Play::Proof() {
                                     "--adapter",   order_.order.adapter,
                                     "--uid-base",  absl::StrCat(order_.uid_base)};
   if (again) words.push_back("--again");
-  const absl::StatusOr<ProgramEnd> end = RunProgram({.program = "myograde-node",
+  ASSIGN_OR_RETURN(const ProgramEnd end, RunProgram({.program = "myograde-node",
                                                      .words = words,
                                                      .most_output = kMostFormBytes,
                                                      .deadline = kProofTime,
                                                      .nice = 0},
-                                                    [this] { return Stopped(); });
-  if (!end.ok()) return end.status();
-  if (end->exit_status != 0) {
-    return absl::InternalError(absl::StrCat("the node's proof ", end->HowItEnded(), ": ",
-                                            end->LastError()));
+                                                    [this] { return Stopped(); }));
+  if (end.exit_status != 0) {
+    return absl::InternalError(absl::StrCat("the node's proof ", end.HowItEnded(), ": ",
+                                            end.LastError()));
   }
-  return NodeProofFromText(end->output, "the node's proof");
+  return NodeProofFromText(end.output, "the node's proof");
 }
 
 absl::Status Play::PutProof(const NodeProof& proof) {

@@ -9,6 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -126,7 +127,7 @@ absl::Status Relay::SendPending() {
     return status;
   }
   const std::string& records = pending_->records;
-  if (absl::Status status = channel_.AddRecords(sent_, records); !status.ok()) return status;
+  RETURN_IF_ERROR(channel_.AddRecords(sent_, records));
   hash_.Update(records);
   sent_ += static_cast<int64_t>(records.size());
   const MutexLock lock(mutex_);

@@ -15,6 +15,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/log/packed_log.h"
 #include "server/runner/log_keeper.h"
 
@@ -50,10 +51,10 @@ absl::Status CopyChecked(int source, int target, const EpisodeLogInfo& info,
     }
     if (n == 0) break;
     const std::string_view piece(buffer.data(), static_cast<size_t>(n));
-    if (absl::Status status = unpacker.Take(piece); !status.ok()) return status;
+    RETURN_IF_ERROR(unpacker.Take(piece));
     if (!WriteAll(target, piece).ok()) return LogTrouble(logs, "written");
   }
-  if (absl::Status status = unpacker.End(); !status.ok()) return status;
+  RETURN_IF_ERROR(unpacker.End());
   if (bytes == info.bytes && hash.FinishHex() == info.sha256) return absl::OkStatus();
   return absl::DataLossError("its content has another digest");
 }
@@ -64,10 +65,9 @@ absl::Status TakeLog(const LeaseFolder& lease, const EpisodeLogInfo& info, const
                      const std::string& draft) {
   const std::string name = LogFileName(info.sha256);
   if (!IsLogName(name)) return absl::DataLossError("a record names a log that can't be one");
-  const absl::StatusOr<Fd> source = lease.OpenLog(name);
-  if (!source.ok()) return source.status();
+  ASSIGN_OR_RETURN(const Fd source, lease.OpenLog(name));
   struct stat about;
-  if (::fstat(source->get(), &about) != 0 || about.st_size != info.packed_bytes) {
+  if (::fstat(source.get(), &about) != 0 || about.st_size != info.packed_bytes) {
     return absl::UnavailableError(absl::StrCat("the log ", name, " is not there as a whole"));
   }
   const Fd folder(::open(logs.c_str(), O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
@@ -78,7 +78,7 @@ absl::Status TakeLog(const LeaseFolder& lease, const EpisodeLogInfo& info, const
                            O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!target.valid()) return LogTrouble(logs, "made");
   absl::Cleanup remove = [&] { ::unlinkat(folder.get(), unfinished.c_str(), 0); };
-  absl::Status copied = CopyChecked(source->get(), target.get(), info, logs);
+  absl::Status copied = CopyChecked(source.get(), target.get(), info, logs);
   if (absl::IsDataLoss(copied)) {
     return absl::DataLossError(absl::StrCat("the log ", name, " is not the one that its record "
                                             "names: ", copied.message()));

@@ -10,6 +10,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
+#include "protocol/base/status_macros.h"
 #include "server/executor/spool/artefact_tar.h"
 
 namespace myograde::server {
@@ -23,13 +24,11 @@ absl::StatusOr<NodeArtefact> OrderWriter::Pack(const Spool& spool, const std::st
   const Fd archive(::mkostemp(name.data(), O_CLOEXEC));
   if (!archive.valid()) return DiskError(work_dir_, "used for an archive");
   ::unlink(name.c_str());  // nothing stays, whatever happens
-  const absl::StatusOr<PackedFolder> packed =
-      PackArtefactFolder(artefact_dir, artefact, archive.get());
-  if (!packed.ok()) return packed.status();
+  ASSIGN_OR_RETURN(const PackedFolder packed,
+                   PackArtefactFolder(artefact_dir, artefact, archive.get()));
   if (::lseek(archive.get(), 0, SEEK_SET) != 0) return DiskError(work_dir_, "read");
-  absl::Status put = spool.PutArtefact(artefact, BytesOf(archive.get()), packed->bytes);
-  if (!put.ok()) return put;
-  return NodeArtefact{artefact, packed->sha256, packed->bytes};
+  RETURN_IF_ERROR(spool.PutArtefact(artefact, BytesOf(archive.get()), packed.bytes));
+  return NodeArtefact{artefact, packed.sha256, packed.bytes};
 }
 
 absl::Status OrderWriter::Write(const Spool& spool, NodeOrder& order, const std::string& artefact,
@@ -37,17 +36,15 @@ absl::Status OrderWriter::Write(const Spool& spool, NodeOrder& order, const std:
   if (!artefact.empty()) {
     auto known = packed_.find(artefact);
     if (known == packed_.end()) {
-      absl::StatusOr<NodeArtefact> packed = Pack(spool, artefact, artefact_dir);
-      if (!packed.ok()) return packed.status();
-      known = packed_.insert_or_assign(artefact, Packed{*std::move(packed), now}).first;
+      ASSIGN_OR_RETURN(NodeArtefact packed, Pack(spool, artefact, artefact_dir));
+      known = packed_.insert_or_assign(artefact, Packed{std::move(packed), now}).first;
     }
     known->second.used = now;
     order.artefact = known->second.artefact;
   }
   order.grader = CanonicalJson(grader_({order.order.adapter}));
-  const absl::StatusOr<LeaseFolder> folder = spool.MakeLease(order.name);
-  if (!folder.ok()) return folder.status();
-  absl::Status put = folder->PutOrder(order);
+  ASSIGN_OR_RETURN(const LeaseFolder folder, spool.MakeLease(order.name));
+  absl::Status put = folder.PutOrder(order);
   if (!put.ok()) spool.RemoveLease(order.name).IgnoreError();
   return put;
 }

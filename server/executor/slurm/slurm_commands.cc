@@ -12,6 +12,7 @@
 #include <absl/strings/str_split.h>
 #include <absl/strings/strip.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/program_run.h"
 
@@ -75,19 +76,18 @@ absl::StatusOr<std::string> SlurmCommands::Run(const std::string& program,
     return absl::FailedPreconditionError(
         absl::StrCat("there is no program ", path, " (\"slurm_bin_dir\" of server.json)"));
   }
-  absl::StatusOr<ProgramEnd> end = RunProgram({.program = path,
+  ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
                                                .words = std::move(words),
                                                .input = input,
                                                .most_output = kMostAnswer,
                                                .deadline = deadline_,
                                                .nice = 0,
                                                .environment = SlurmEnvironment()},
-                                              stopped_);
-  if (!end.ok()) return end.status();
-  if (end->exit_status == 0) return std::move(end->output);
-  const std::string said = Said(program, *end);
+                                              stopped_));
+  if (end.exit_status == 0) return std::move(end.output);
+  const std::string said = Said(program, end);
   const std::string message = absl::StrCat(program, ": ", said);
-  const bool refused = end->exit_status < 128 && !end->LastError().empty() && IsRefusal(said);
+  const bool refused = end.exit_status < 128 && !end.LastError().empty() && IsRefusal(said);
   return refused ? absl::FailedPreconditionError(message) : absl::UnavailableError(message);
 }
 
@@ -104,13 +104,12 @@ absl::StatusOr<int64_t> SlurmCommands::Submit(const BatchOrder& order) const {
            std::string("--output=/dev/null"), std::string("--error=/dev/null")}) {
     words.push_back(std::move(word));
   }
-  const absl::StatusOr<std::string> answer = Run("sbatch", std::move(words), order.script);
-  if (!answer.ok()) return answer.status();
+  ASSIGN_OR_RETURN(const std::string answer, Run("sbatch", std::move(words), order.script));
   // "12", or "12;cluster".
-  const std::string number(answer->substr(0, answer->find_first_of(";\n")));
+  const std::string number(answer.substr(0, answer.find_first_of(";\n")));
   int64_t job = 0;
   if (absl::SimpleAtoi(number, &job) && job > 0) return job;
-  return absl::InternalError(absl::StrCat("sbatch answered \"", LineText(*answer), "\""));
+  return absl::InternalError(absl::StrCat("sbatch answered \"", LineText(answer), "\""));
 }
 
 absl::StatusOr<std::vector<SlurmJob>> SlurmCommands::Queue() const {
@@ -136,10 +135,9 @@ absl::Status SlurmCommands::CancelAll() const {
 absl::StatusOr<std::vector<std::string>> SlurmCommands::Nodes() const {
   std::vector<std::string> words = {"--noheader", "--Node", "--format=%N|%P|%T"};
   if (!config_.partition.empty()) words.push_back("--partition=" + config_.partition);
-  const absl::StatusOr<std::string> answer = Run("sinfo", std::move(words), "");
-  if (!answer.ok()) return answer.status();
+  ASSIGN_OR_RETURN(const std::string answer, Run("sinfo", std::move(words), ""));
   std::vector<std::string> nodes;
-  const std::vector<std::string> lines = absl::StrSplit(*answer, '\n', absl::SkipWhitespace());
+  const std::vector<std::string> lines = absl::StrSplit(answer, '\n', absl::SkipWhitespace());
   for (const std::string& line : lines) {
     const std::vector<std::string> parts = absl::StrSplit(line, '|');
     if (parts.size() != 3) {

@@ -13,6 +13,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/output_tail.h"
 #include "server/base/random_bytes.h"
 #include "server/executor/slurm/slurm_runner.h"
@@ -27,9 +28,8 @@ constexpr size_t kEpochBytes = 16;
 constexpr size_t kNonceBytes = 8;
 
 absl::StatusOr<std::string> RandomHex(size_t size) {
-  const absl::StatusOr<std::string> bytes = RandomBytes(size);
-  if (!bytes.ok()) return bytes.status();
-  return HexOf({reinterpret_cast<const uint8_t*>(bytes->data()), bytes->size()});
+  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(size));
+  return HexOf({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
 }
 
 std::string SpoolPath(const SlurmOptions& options) {
@@ -41,13 +41,11 @@ std::string SpoolPath(const SlurmOptions& options) {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<SlurmExecutor>> SlurmExecutor::Make(SlurmOptions options) {
-  absl::Status usable = CheckSlurmIsUsable(options.config, "server.json: slurm");
-  if (!usable.ok()) return usable;
-  absl::StatusOr<std::string> epoch = RandomHex(kEpochBytes);
-  if (!epoch.ok()) return epoch.status();
+  RETURN_IF_ERROR(CheckSlurmIsUsable(options.config, "server.json: slurm"));
+  ASSIGN_OR_RETURN(std::string epoch, RandomHex(kEpochBytes));
   std::unique_ptr<SlurmExecutor> executor(
-      new SlurmExecutor(std::move(options), *std::move(epoch)));
-  if (absl::Status status = executor->Begin(); !status.ok()) return status;
+      new SlurmExecutor(std::move(options), std::move(epoch)));
+  RETURN_IF_ERROR(executor->Begin());
   return executor;
 }
 
@@ -76,7 +74,7 @@ absl::Status SlurmExecutor::Begin() {
   if (!options_.held_back.empty()) return absl::OkStatus();
   // On the daemon's own disk; a shared folder may hang, and is for the threads.
   if (options_.config.shared_dir.empty()) {
-    if (absl::Status status = OpenToWrite(); !status.ok()) return status;
+    RETURN_IF_ERROR(OpenToWrite());
     door_ = std::make_unique<SpoolDoor>(*spool_, options_.log_bytes);
   }
   talking_thread_ = std::thread([this] { TalkToSlurm(); });
@@ -112,10 +110,9 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
   if (!order.replay.empty() || subject.artefact.empty()) {
     return absl::FailedPreconditionError("only leases of submissions run on the cluster");
   }
-  absl::StatusOr<std::string> nonce = RandomHex(kNonceBytes);
-  if (!nonce.ok()) return nonce.status();
+  ASSIGN_OR_RETURN(std::string nonce, RandomHex(kNonceBytes));
   auto attempt = std::make_shared<Attempt>();
-  attempt->name = absl::StrCat(subject.lease, "-", subject.attempt, "-", *nonce);
+  attempt->name = absl::StrCat(subject.lease, "-", subject.attempt, "-", nonce);
   attempt->evaluation = subject.evaluation;
   attempt->needs = NeedsOf(options_.config, order.track.budgets, subject.wall);
   attempt->artefact = subject.artefact;

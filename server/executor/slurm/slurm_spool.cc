@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/executor/slurm/slurm_executor.h"
 
 namespace myograde::server {
@@ -51,10 +52,9 @@ void SlurmExecutor::WriteSpool() {
 
 // Makes the spool, and empties it of what an earlier daemon left.
 absl::Status SlurmExecutor::OpenToWrite() {
-  absl::StatusOr<Spool> spool = Spool::Make(spool_path_);
-  if (!spool.ok()) return spool.status();
+  ASSIGN_OR_RETURN(Spool spool, Spool::Make(spool_path_));
   if (!hold_.valid()) {
-    absl::StatusOr<Fd> hold = spool->Hold();
+    absl::StatusOr<Fd> hold = spool.Hold();
     if (absl::IsAlreadyExists(hold.status())) {
       return absl::UnavailableError(absl::StrCat(
           spool_path_, ": another daemon grades from this folder; stop it, or if its data folder is a "
@@ -63,15 +63,14 @@ absl::Status SlurmExecutor::OpenToWrite() {
     if (!hold.ok()) return hold.status();
     hold_ = *std::move(hold);
   }
-  if (absl::Status status = spool->PutEpoch(epoch_); !status.ok()) return status;
-  if (absl::Status status = spool->RemoveLeases(); !status.ok()) return status;
-  const absl::StatusOr<std::vector<std::string>> packed = spool->Artefacts();
-  if (!packed.ok()) return packed.status();
-  for (const std::string& digest : *packed) {
-    if (absl::Status status = spool->RemoveArtefact(digest); !status.ok()) return status;
+  RETURN_IF_ERROR(spool.PutEpoch(epoch_));
+  RETURN_IF_ERROR(spool.RemoveLeases());
+  ASSIGN_OR_RETURN(const std::vector<std::string> packed, spool.Artefacts());
+  for (const std::string& digest : packed) {
+    RETURN_IF_ERROR(spool.RemoveArtefact(digest));
   }
   writer_.Forget();
-  spool_.emplace(*std::move(spool));
+  spool_.emplace(std::move(spool));
   const MutexLock lock(mutex_);
   emptied_ = true;
   next_look_ = Now();  // for jobs of an earlier daemon

@@ -21,6 +21,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/tar_header.h"
@@ -80,39 +81,36 @@ class Lister {
       }
       const std::string base = name->d_name;
       if (base == "." || base == "..") continue;
-      absl::Status status = Take(at, base, folder.empty() ? base : folder + "/" + base);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(Take(at, base, folder.empty() ? base : folder + "/" + base));
     }
   }
 
  private:
   absl::Status Take(int at, const std::string& base, const std::string& raw) {
-    const absl::StatusOr<std::string> path = listing_.CleanPath(raw);
-    if (!path.ok()) return path.status();
+    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
     struct stat info = {};
     if (::fstatat(at, base.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
-      return HostError(absl::StrCat("can't examine ", Quoted(*path)));
+      return HostError(absl::StrCat("can't examine ", Quoted(path)));
     }
     const EntryType type = S_ISDIR(info.st_mode)   ? EntryType::kFolder
                            : S_ISLNK(info.st_mode) ? EntryType::kLink
                                                    : EntryType::kFile;
     if (type == EntryType::kFile && !S_ISREG(info.st_mode)) {
-      return Damaged(*path, "is no file, folder or symbolic link");
+      return Damaged(path, "is no file, folder or symbolic link");
     }
-    const absl::StatusOr<Entry*> entry = listing_.Add(*path, type);
-    if (!entry.ok()) return entry.status();
-    found_[*path] = *entry;
-    if (type == EntryType::kFolder) return List(*path);
+    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, type));
+    found_[path] = entry;
+    if (type == EntryType::kFolder) return List(path);
     if (type == EntryType::kLink) {
       std::array<char, PATH_MAX> target;
       const ssize_t size = ::readlinkat(at, base.c_str(), target.data(), target.size());
-      if (size < 0) return HostError(absl::StrCat("can't read the link ", Quoted(*path)));
-      (*entry)->target.assign(target.data(), static_cast<size_t>(size));
+      if (size < 0) return HostError(absl::StrCat("can't read the link ", Quoted(path)));
+      entry->target.assign(target.data(), static_cast<size_t>(size));
       return absl::OkStatus();
     }
-    (*entry)->size = info.st_size;
-    (*entry)->time = KeptTime(info.st_mtim.tv_sec);
-    (*entry)->executable = (info.st_mode & 0111) != 0;
+    entry->size = info.st_size;
+    entry->time = KeptTime(info.st_mtim.tv_sec);
+    entry->executable = (info.st_mode & 0111) != 0;
     return absl::OkStatus();
   }
 
@@ -155,9 +153,9 @@ class Packer {
       return Failed();
     }
     for (const auto& [path, entry] : found) {
-      if (absl::Status status = Header(path, *entry); !status.ok()) return status;
+      RETURN_IF_ERROR(Header(path, *entry));
       if (entry->type != EntryType::kFile) continue;
-      if (absl::Status status = Content(path, *entry); !status.ok()) return status;
+      RETURN_IF_ERROR(Content(path, *entry));
     }
     return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
   }
@@ -224,7 +222,7 @@ class Unpacker {
       const int result = archive_read_next_header(reader_, &entry);
       if (result == ARCHIVE_EOF) return listing_.Digest();
       if (result != ARCHIVE_OK) return Broken();
-      if (absl::Status status = Take(entry); !status.ok()) return status;
+      RETURN_IF_ERROR(Take(entry));
     }
   }
 
@@ -238,16 +236,15 @@ class Unpacker {
   absl::Status Take(archive_entry* entry) {
     const char* raw = archive_entry_pathname(entry);
     if (raw == nullptr || archive_entry_hardlink(entry) != nullptr) return Broken();
-    const absl::StatusOr<std::string> path = listing_.CleanPath(raw);
-    if (!path.ok()) return path.status();
-    const Fd folder = OpenBeneath(root_, FolderName(*path), O_PATH | O_DIRECTORY);
-    if (!folder.valid()) return HostError(absl::StrCat("can't open the folder of ", Quoted(*path)));
-    const std::string base = BaseName(*path);
+    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
+    const Fd folder = OpenBeneath(root_, FolderName(path), O_PATH | O_DIRECTORY);
+    if (!folder.valid()) return HostError(absl::StrCat("can't open the folder of ", Quoted(path)));
+    const std::string base = BaseName(path);
     switch (archive_entry_filetype(entry)) {
-      case AE_IFDIR: return TakeFolder(folder.get(), *path, base);
-      case AE_IFLNK: return TakeLink(folder.get(), *path, base, archive_entry_symlink(entry));
-      case AE_IFREG: return TakeFile(folder.get(), *path, base, entry);
-      default: return Damaged(*path, "is no file, folder or symbolic link");
+      case AE_IFDIR: return TakeFolder(folder.get(), path, base);
+      case AE_IFLNK: return TakeLink(folder.get(), path, base, archive_entry_symlink(entry));
+      case AE_IFREG: return TakeFile(folder.get(), path, base, entry);
+      default: return Damaged(path, "is no file, folder or symbolic link");
     }
   }
 
@@ -264,10 +261,9 @@ class Unpacker {
 
   absl::Status TakeLink(int folder, const std::string& path, const std::string& base,
                         const char* target) {
-    const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kLink);
-    if (!entry.ok()) return entry.status();
+    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kLink));
     if (target == nullptr) return Damaged(path, "is a link without a target");
-    (*entry)->target = target;
+    entry->target = target;
     if (::symlinkat(target, folder, base.c_str()) != 0) {
       return HostError(absl::StrCat("can't make the link ", Quoted(path)));
     }
@@ -276,17 +272,16 @@ class Unpacker {
 
   absl::Status TakeFile(int folder, const std::string& path, const std::string& base,
                         archive_entry* about) {
-    const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kFile);
-    if (!entry.ok()) return entry.status();
-    (*entry)->executable = (archive_entry_perm(about) & 0111) != 0;
+    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kFile));
+    entry->executable = (archive_entry_perm(about) & 0111) != 0;
     const Fd file(::openat(folder, base.c_str(),
                            O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
     if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
-    if (absl::Status status = Copy(file.get(), path, **entry); !status.ok()) return status;
+    RETURN_IF_ERROR(Copy(file.get(), path, *entry));
     const timespec time = {KeptTime(archive_entry_mtime(about)), 0};
     const timespec times[] = {time, time};
     if (::futimens(file.get(), times) != 0 ||
-        ::fchmod(file.get(), (*entry)->executable ? 0755 : 0644) != 0) {
+        ::fchmod(file.get(), entry->executable ? 0755 : 0644) != 0) {
       return HostError(absl::StrCat("can't set mode and time of ", Quoted(path)));
     }
     return absl::OkStatus();
@@ -343,10 +338,9 @@ absl::Status UnpackInto(int archive_fd, const std::string& digest, int root) {
   if (archive_read_open_fd(reader.get(), archive_fd, kTarPieceBytes) != ARCHIVE_OK) {
     return absl::DataLossError("the packed submission is no tar");
   }
-  const absl::StatusOr<std::string> found = Unpacker(reader.get(), root).Unpack();
-  if (!found.ok()) return found.status();
-  if (*found == digest) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("the packed submission holds files of digest ", *found,
+  ASSIGN_OR_RETURN(const std::string found, Unpacker(reader.get(), root).Unpack());
+  if (found == digest) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("the packed submission holds files of digest ", found,
                                           ", and is to be ", digest));
 }
 
@@ -360,11 +354,9 @@ absl::StatusOr<PackedFolder> PackArtefactFolder(const std::string& folder,
   if (!root.valid()) return HostError(absl::StrCat("can't open the submission's folder ", folder));
   Listing listing(NoLimits());
   Lister lister(root.get(), listing);
-  if (absl::Status status = lister.List(""); !status.ok()) return status;
+  RETURN_IF_ERROR(lister.List(""));
   TarFile file = {archive};
-  if (absl::Status status = Packer(root.get(), file, progress).Pack(lister.found()); !status.ok()) {
-    return status;
-  }
+  RETURN_IF_ERROR(Packer(root.get(), file, progress).Pack(lister.found()));
   if (listing.Digest() != digest) {
     return absl::DataLossError(absl::StrCat(
         "the submission's folder ", folder, " holds files of digest ", listing.Digest(),
@@ -375,11 +367,10 @@ absl::StatusOr<PackedFolder> PackArtefactFolder(const std::string& folder,
 
 absl::Status UnpackArtefactFolder(int archive, const PackedFolder& packed,
                                   const std::string& digest, const std::string& folder) {
-  const absl::StatusOr<PackedFolder> found = Describe(archive);
-  if (!found.ok()) return found.status();
-  if (found->bytes != packed.bytes || found->sha256 != packed.sha256) {
+  ASSIGN_OR_RETURN(const PackedFolder found, Describe(archive));
+  if (found.bytes != packed.bytes || found.sha256 != packed.sha256) {
     return absl::DataLossError(absl::StrCat(
-        "the packed submission has ", found->bytes, " bytes and digest ", found->sha256,
+        "the packed submission has ", found.bytes, " bytes and digest ", found.sha256,
         "; the order names ", packed.bytes, " bytes and ", packed.sha256));
   }
   if (::mkdir(folder.c_str(), 0755) != 0) {

@@ -17,6 +17,7 @@
 #include <absl/strings/str_format.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -77,8 +78,7 @@ absl::Status Copy(const ByteSource& source, int file, int64_t most, const std::s
     if (copied > most) {
       return absl::InvalidArgumentError(absl::StrCat(path, ": has more than ", most, " bytes"));
     }
-    absl::Status status = WritePiece(file, piece.data(), static_cast<size_t>(n), path);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WritePiece(file, piece.data(), static_cast<size_t>(n), path));
   }
 }
 
@@ -147,22 +147,20 @@ absl::StatusOr<Fd> Folder::OpenFile(const std::string& name) const {
 }
 
 absl::StatusOr<std::string> Folder::Read(const std::string& name, size_t most) const {
-  absl::StatusOr<Fd> file = OpenFile(name);
-  if (!file.ok()) return file.status();
-  return ReadAll(file->get(), PathOf(name), most);
+  ASSIGN_OR_RETURN(Fd file, OpenFile(name));
+  return ReadAll(file.get(), PathOf(name), most);
 }
 
 absl::StatusOr<std::string> Folder::ReadAt(const std::string& name, int64_t offset,
                                            size_t most) const {
-  absl::StatusOr<Fd> file = OpenFile(name);
-  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(Fd file, OpenFile(name));
   struct stat info;
-  if (fstat(file->get(), &info) != 0) return DiskError(PathOf(name), "examined");
+  if (fstat(file.get(), &info) != 0) return DiskError(PathOf(name), "examined");
   if (offset >= info.st_size) return std::string();
   std::string bytes(std::min(most, static_cast<size_t>(info.st_size - offset)), '\0');
   size_t done = 0;
   while (done < bytes.size()) {
-    const ssize_t n = pread(file->get(), bytes.data() + done, bytes.size() - done,
+    const ssize_t n = pread(file.get(), bytes.data() + done, bytes.size() - done,
                             offset + static_cast<int64_t>(done));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return DiskError(PathOf(name), "read");
@@ -174,10 +172,9 @@ absl::StatusOr<std::string> Folder::ReadAt(const std::string& name, int64_t offs
 }
 
 absl::StatusOr<int64_t> Folder::SizeOf(const std::string& name) const {
-  absl::StatusOr<Fd> file = OpenFile(name);
-  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(Fd file, OpenFile(name));
   struct stat info;
-  if (fstat(file->get(), &info) != 0) return DiskError(PathOf(name), "examined");
+  if (fstat(file.get(), &info) != 0) return DiskError(PathOf(name), "examined");
   return static_cast<int64_t>(info.st_size);
 }
 
@@ -212,12 +209,12 @@ absl::StatusOr<std::vector<std::string>> Folder::Names(size_t most) const {
 absl::Status Folder::PutDraft(const std::string& name, const Write& write,
                               const Place& place) const {
   const std::string draft = DraftName(name);
-  absl::StatusOr<Fd> file = OpenRegular(fd_.get(), draft, PathOf(name),
-                                        O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC);
-  if (!file.ok()) return file.status();
-  absl::Status status = write(file->get());
-  if (status.ok()) status = Sync(file->get(), PathOf(name));
-  if (status.ok()) status = place(file->get(), draft);
+  ASSIGN_OR_RETURN(Fd file,
+                   OpenRegular(fd_.get(), draft, PathOf(name),
+                               O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC));
+  absl::Status status = write(file.get());
+  if (status.ok()) status = Sync(file.get(), PathOf(name));
+  if (status.ok()) status = place(file.get(), draft);
   if (status.ok()) return Sync(fd_.get(), path_);
   unlinkat(fd_.get(), draft.c_str(), 0);
   return status;
@@ -261,12 +258,12 @@ absl::Status Folder::PutNew(const std::string& name, std::string_view text) cons
 
 absl::Status Folder::WriteAt(const std::string& name, int64_t offset,
                              std::string_view bytes) const {
-  absl::StatusOr<Fd> file = OpenRegular(fd_.get(), name, PathOf(name),
-                                        O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
-  if (!file.ok()) return file.status();
-  if (lseek(file->get(), offset, SEEK_SET) < 0) return DiskError(PathOf(name), "written");
-  absl::Status status = WritePiece(file->get(), bytes.data(), bytes.size(), PathOf(name));
-  return status.ok() ? Sync(file->get(), PathOf(name)) : status;
+  ASSIGN_OR_RETURN(Fd file,
+                   OpenRegular(fd_.get(), name, PathOf(name),
+                               O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  if (lseek(file.get(), offset, SEEK_SET) < 0) return DiskError(PathOf(name), "written");
+  absl::Status status = WritePiece(file.get(), bytes.data(), bytes.size(), PathOf(name));
+  return status.ok() ? Sync(file.get(), PathOf(name)) : status;
 }
 
 absl::StatusOr<Fd> Folder::Lock(const std::string& name) const {
@@ -290,15 +287,13 @@ absl::Status Folder::RemoveFolder(const std::string& name) const {
   absl::StatusOr<Folder> folder = OpenFolder(name);
   if (absl::IsNotFound(folder.status())) return absl::OkStatus();
   if (!folder.ok()) return folder.status();
-  const absl::StatusOr<std::vector<std::string>> names = folder->Names(SIZE_MAX);
-  if (!names.ok()) return names.status();
-  for (const std::string& inner : *names) {
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, folder->Names(SIZE_MAX));
+  for (const std::string& inner : names) {
     struct stat info;
     const bool is_folder = fstatat(folder->fd_.get(), inner.c_str(), &info,
                                    AT_SYMLINK_NOFOLLOW) == 0 &&
                            S_ISDIR(info.st_mode);
-    absl::Status status = is_folder ? folder->RemoveFolder(inner) : folder->Remove(inner);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(is_folder ? folder->RemoveFolder(inner) : folder->Remove(inner));
   }
   if (unlinkat(fd_.get(), name.c_str(), AT_REMOVEDIR) == 0 || errno == ENOENT) {
     return absl::OkStatus();

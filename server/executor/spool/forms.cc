@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -75,7 +76,7 @@ absl::StatusOr<NodeArtefact> ReadArtefact(const Json& json, const std::string& w
   artefact.digest = ReadDigest(reader, "digest");
   artefact.archive_sha256 = ReadDigest(reader, "archive_sha256");
   artefact.archive_bytes = reader.Integer("archive_bytes", 1, INT64_MAX);
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return artefact;
 }
 
@@ -91,7 +92,7 @@ absl::StatusOr<std::vector<NodeRuntime>> ReadRuntimes(const Json& array, const s
       reader.Fail("digest", "must be 64 hexadecimal digits, or nothing");
     }
     if (!runtime.path.starts_with('/')) reader.Fail("path", "must be absolute");
-    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.Finish());
     if (runtimes.size() == kMostRuntimes) {
       return absl::InvalidArgumentError(
           absl::StrCat(where, ": names more than ", kMostRuntimes, " runtimes"));
@@ -164,9 +165,8 @@ std::string NodeOrderToText(const NodeOrder& order) {
 }
 
 absl::StatusOr<NodeOrder> NodeOrderFromText(std::string_view text, const std::string& where) {
-  const absl::StatusOr<Json> json = Parse(text, where, kMostOrderBytes);
-  if (!json.ok()) return json.status();
-  ConfigReader reader(*json, where);
+  ASSIGN_OR_RETURN(const Json json, Parse(text, where, kMostOrderBytes));
+  ConfigReader reader(json, where);
   NodeOrder order;
   ReadForm(reader);
   order.name = reader.String("name");
@@ -181,21 +181,15 @@ absl::StatusOr<NodeOrder> NodeOrderFromText(std::string_view text, const std::st
   order.self_test = reader.Boolean("self_test");
   order.logs = reader.Boolean("logs");
   order.prove_again = reader.Strings("prove_again");
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  if (!json->contains("artefact")) {
+  RETURN_IF_ERROR(reader.Finish());
+  if (!json.contains("artefact")) {
     return absl::InvalidArgumentError(absl::StrCat(where, ": \"artefact\" is missing"));
   }
-  if (const Json& artefact = json->at("artefact"); !artefact.is_null()) {
-    absl::StatusOr<NodeArtefact> read = ReadArtefact(artefact, where);
-    if (!read.ok()) return read.status();
-    order.artefact = *std::move(read);
+  if (const Json& artefact = json.at("artefact"); !artefact.is_null()) {
+    ASSIGN_OR_RETURN(order.artefact, ReadArtefact(artefact, where));
   }
-  absl::StatusOr<std::vector<NodeRuntime>> read = ReadRuntimes(runtimes, where);
-  if (!read.ok()) return read.status();
-  order.runtimes = *std::move(read);
-  absl::StatusOr<LeaseOrder> lease_order = LeaseOrderFromJson(lease, where + ": order");
-  if (!lease_order.ok()) return lease_order.status();
-  order.order = *std::move(lease_order);
+  ASSIGN_OR_RETURN(order.runtimes, ReadRuntimes(runtimes, where));
+  ASSIGN_OR_RETURN(order.order, LeaseOrderFromJson(lease, where + ": order"));
   return order;
 }
 
@@ -208,9 +202,8 @@ std::string NodeClaimToText(const NodeClaim& claim) {
 }
 
 absl::StatusOr<NodeClaim> NodeClaimFromText(std::string_view text, const std::string& where) {
-  const absl::StatusOr<Json> json = Parse(text, where, kMostFormBytes);
-  if (!json.ok()) return json.status();
-  ConfigReader reader(*json, where);
+  ASSIGN_OR_RETURN(const Json json, Parse(text, where, kMostFormBytes));
+  ConfigReader reader(json, where);
   NodeClaim claim;
   ReadForm(reader);
   claim.node = ReadNode(reader, "node");
@@ -218,7 +211,7 @@ absl::StatusOr<NodeClaim> NodeClaimFromText(std::string_view text, const std::st
   claim.restart = reader.Integer("restart", 0, INT32_MAX);
   claim.nonce = reader.String("nonce");
   if (!IsHex(claim.nonce, 16)) reader.Fail("nonce", "must be 16 hexadecimal digits");
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return claim;
 }
 
@@ -234,9 +227,8 @@ std::string NodeProofToText(const NodeProof& proof) {
 }
 
 absl::StatusOr<NodeProof> NodeProofFromText(std::string_view text, const std::string& where) {
-  const absl::StatusOr<Json> json = Parse(text, where, kMostFormBytes);
-  if (!json.ok()) return json.status();
-  ConfigReader reader(*json, where);
+  ASSIGN_OR_RETURN(const Json json, Parse(text, where, kMostFormBytes));
+  ConfigReader reader(json, where);
   NodeProof proof;
   ReadForm(reader);
   proof.node = ReadNode(reader, "node");
@@ -249,7 +241,7 @@ absl::StatusOr<NodeProof> NodeProofFromText(std::string_view text, const std::st
   if (proof.doctor.size() > kMostProblems) {
     reader.Fail("doctor", absl::StrCat("names more than ", kMostProblems, " problems"));
   }
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return proof;
 }
 
@@ -267,9 +259,8 @@ std::string NodeEndToText(const NodeEnd& end) {
 }
 
 absl::StatusOr<NodeEnd> NodeEndFromText(std::string_view text, const std::string& where) {
-  const absl::StatusOr<Json> json = Parse(text, where, kMostFormBytes);
-  if (!json.ok()) return json.status();
-  ConfigReader reader(*json, where);
+  ASSIGN_OR_RETURN(const Json json, Parse(text, where, kMostFormBytes));
+  ConfigReader reader(json, where);
   NodeEnd end;
   ReadForm(reader);
   end.wait_status = static_cast<int>(reader.Integer("wait_status", 0, 0xffff));
@@ -278,11 +269,11 @@ absl::StatusOr<NodeEnd> NodeEndFromText(std::string_view text, const std::string
   end.records_sha256 = ReadDigest(reader, "records_sha256");
   end.cpu_s = reader.Number("cpu_s", {0, DBL_MAX});
   end.why = ReadSaid(reader, "why");
-  const bool measured = json->is_object() && json->contains("energy_j") &&
-                        !json->at("energy_j").is_null();
+  const bool measured = json.is_object() && json.contains("energy_j") &&
+                        !json.at("energy_j").is_null();
   reader.Ignore("energy_j");
   if (measured) end.energy_j = reader.Number("energy_j", {0, DBL_MAX});
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
   return end;
 }
 

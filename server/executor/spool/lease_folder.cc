@@ -4,6 +4,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -29,9 +31,8 @@ template <typename Form>
 absl::StatusOr<Form> ReadForm(const Folder& folder, const char* name,
                               absl::StatusOr<Form> (*parse)(std::string_view,
                                                             const std::string&)) {
-  const absl::StatusOr<std::string> text = folder.Read(name, kMostFormBytes);
-  if (!text.ok()) return text.status();
-  return parse(*text, absl::StrCat(folder.path(), "/", name));
+  ASSIGN_OR_RETURN(const std::string text, folder.Read(name, kMostFormBytes));
+  return parse(text, absl::StrCat(folder.path(), "/", name));
 }
 
 }  // namespace
@@ -60,13 +61,12 @@ absl::StatusOr<NodeEnd> LeaseFolder::End() const {
 }
 
 absl::StatusOr<std::string> LeaseFolder::Records(int64_t offset, size_t most) const {
-  const absl::StatusOr<int64_t> size = RecordsSize();
-  if (!size.ok()) return size.status();
-  if (*size > kMostRecordBytes) {
+  ASSIGN_OR_RETURN(const int64_t size, RecordsSize());
+  if (size > kMostRecordBytes) {
     return absl::InvalidArgumentError(absl::StrCat(path(), "/", kRecords, ": is larger than ",
                                                    kMostRecordBytes, " bytes"));
   }
-  if (offset >= *size) return std::string();
+  if (offset >= size) return std::string();
   return folder_.ReadAt(kRecords, offset, most);
 }
 
@@ -78,9 +78,8 @@ absl::StatusOr<int64_t> LeaseFolder::RecordsSize() const {
 
 absl::StatusOr<Fd> LeaseFolder::OpenLog(const std::string& log) const {
   if (!IsLogName(log)) return NoName(log, "log");
-  const absl::StatusOr<Folder> logs = folder_.OpenFolder(kLogs);
-  if (!logs.ok()) return logs.status();
-  return logs->OpenFile(log);
+  ASSIGN_OR_RETURN(const Folder logs, folder_.OpenFolder(kLogs));
+  return logs.OpenFile(log);
 }
 
 absl::StatusOr<std::string> LeaseFolder::OrderText() const {
@@ -88,9 +87,8 @@ absl::StatusOr<std::string> LeaseFolder::OrderText() const {
 }
 
 absl::StatusOr<NodeOrder> LeaseFolder::Order() const {
-  const absl::StatusOr<std::string> text = OrderText();
-  if (!text.ok()) return text.status();
-  return NodeOrderFromText(*text, absl::StrCat(path(), "/", kOrder));
+  ASSIGN_OR_RETURN(const std::string text, OrderText());
+  return NodeOrderFromText(text, absl::StrCat(path(), "/", kOrder));
 }
 
 absl::Status LeaseFolder::PutClaim(const NodeClaim& claim) const {
@@ -120,9 +118,8 @@ absl::Status LeaseFolder::WriteRecords(int64_t offset, std::string_view bytes) c
 absl::Status LeaseFolder::PutLog(const std::string& log, const ByteSource& source,
                                  int64_t most) const {
   if (!IsLogName(log)) return NoName(log, "log");
-  const absl::StatusOr<Folder> logs = folder_.MakeFolder(kLogs);
-  if (!logs.ok()) return logs.status();
-  return logs->PutFrom(log, source, most);
+  ASSIGN_OR_RETURN(const Folder logs, folder_.MakeFolder(kLogs));
+  return logs.PutFrom(log, source, most);
 }
 
 absl::StatusOr<bool> LeaseFolder::stopped() const { return folder_.Has(kStop); }
@@ -130,28 +127,22 @@ absl::StatusOr<bool> LeaseFolder::stopped() const { return folder_.Has(kStop); }
 absl::StatusOr<bool> LeaseFolder::IsThere() const { return folder_.IsStill(leases_, name_); }
 
 absl::StatusOr<Spool> Spool::Make(const std::string& path) {
-  absl::StatusOr<Folder> folder = Folder::Make(path);
-  if (!folder.ok()) return folder.status();
-  absl::StatusOr<Folder> artefacts = folder->MakeFolder("artefacts");
-  if (!artefacts.ok()) return artefacts.status();
-  absl::StatusOr<Folder> leases = folder->MakeFolder("leases");
-  if (!leases.ok()) return leases.status();
-  return OfFolders(*std::move(folder), *std::move(artefacts), *std::move(leases));
+  ASSIGN_OR_RETURN(Folder folder, Folder::Make(path));
+  ASSIGN_OR_RETURN(Folder artefacts, folder.MakeFolder("artefacts"));
+  ASSIGN_OR_RETURN(Folder leases, folder.MakeFolder("leases"));
+  return OfFolders(std::move(folder), std::move(artefacts), std::move(leases));
 }
 
 absl::StatusOr<Spool> Spool::Open(const std::string& path) {
-  absl::StatusOr<Folder> folder = Folder::Open(path);
-  if (!folder.ok()) return folder.status();
-  absl::StatusOr<Folder> artefacts = folder->OpenFolder("artefacts");
-  if (!artefacts.ok()) return artefacts.status();
-  absl::StatusOr<Folder> leases = folder->OpenFolder("leases");
-  if (!leases.ok()) return leases.status();
-  return OfFolders(*std::move(folder), *std::move(artefacts), *std::move(leases));
+  ASSIGN_OR_RETURN(Folder folder, Folder::Open(path));
+  ASSIGN_OR_RETURN(Folder artefacts, folder.OpenFolder("artefacts"));
+  ASSIGN_OR_RETURN(Folder leases, folder.OpenFolder("leases"));
+  return OfFolders(std::move(folder), std::move(artefacts), std::move(leases));
 }
 
 absl::StatusOr<Spool> Spool::OfFolders(Folder folder, Folder artefacts, Folder leases) {
   for (const Folder* part : {&folder, &artefacts, &leases}) {
-    if (absl::Status status = part->CheckPrivate(); !status.ok()) return status;
+    RETURN_IF_ERROR(part->CheckPrivate());
   }
   return Spool(std::move(folder), std::move(artefacts), std::move(leases));
 }
@@ -162,20 +153,16 @@ absl::StatusOr<std::string> Spool::Epoch() const { return folder_.Read(kEpoch, k
 
 absl::StatusOr<LeaseFolder> Spool::MakeLease(const std::string& name) const {
   if (!IsLeaseName(name)) return NoName(name, "lease folder");
-  absl::StatusOr<Folder> leases = folder_.OpenFolder("leases");
-  if (!leases.ok()) return leases.status();
-  absl::StatusOr<Folder> folder = leases->MakeNewFolder(name);
-  if (!folder.ok()) return folder.status();
-  return LeaseFolder(name, *std::move(leases), *std::move(folder));
+  ASSIGN_OR_RETURN(Folder leases, folder_.OpenFolder("leases"));
+  ASSIGN_OR_RETURN(Folder folder, leases.MakeNewFolder(name));
+  return LeaseFolder(name, std::move(leases), std::move(folder));
 }
 
 absl::StatusOr<LeaseFolder> Spool::OpenLease(const std::string& name) const {
   if (!IsLeaseName(name)) return NoName(name, "lease folder");
-  absl::StatusOr<Folder> leases = folder_.OpenFolder("leases");
-  if (!leases.ok()) return leases.status();
-  absl::StatusOr<Folder> folder = leases->OpenFolder(name);
-  if (!folder.ok()) return folder.status();
-  return LeaseFolder(name, *std::move(leases), *std::move(folder));
+  ASSIGN_OR_RETURN(Folder leases, folder_.OpenFolder("leases"));
+  ASSIGN_OR_RETURN(Folder folder, leases.OpenFolder(name));
+  return LeaseFolder(name, std::move(leases), std::move(folder));
 }
 
 absl::Status Spool::RemoveLease(const std::string& name) const {
@@ -186,10 +173,9 @@ absl::Status Spool::RemoveLease(const std::string& name) const {
 absl::StatusOr<std::vector<std::string>> Spool::Leases() const { return leases_.Names(kMostNames); }
 
 absl::Status Spool::RemoveLeases() const {
-  const absl::StatusOr<std::vector<std::string>> names = Leases();
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, Leases());
   absl::Status first;
-  for (const std::string& name : *names) {
+  for (const std::string& name : names) {
     absl::Status status = leases_.RemoveFolder(name);
     if (absl::IsInvalidArgument(status)) status = leases_.Remove(name);
     first.Update(status);
@@ -223,10 +209,9 @@ absl::Status Spool::RemoveArtefact(const std::string& digest) const {
 }
 
 absl::StatusOr<std::vector<std::string>> Spool::Artefacts() const {
-  const absl::StatusOr<std::vector<std::string>> names = artefacts_.Names(kMostNames);
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, artefacts_.Names(kMostNames));
   std::vector<std::string> digests;
-  for (const std::string& name : *names) {
+  for (const std::string& name : names) {
     if (name.size() > 64 && IsDigest(name.substr(0, 64)) && name.substr(64) == kArtefactEnding) {
       digests.push_back(name.substr(0, 64));
     }
@@ -238,10 +223,9 @@ absl::Status Spool::Probe() const {
   constexpr char kProbe[] = "probe";
   // Larger than what a full disk may still take in a file's own entry.
   const std::string text(64u << 10, 'p');
-  if (absl::Status status = folder_.Put(kProbe, text); !status.ok()) return status;
-  const absl::StatusOr<std::string> read = folder_.Read(kProbe, text.size());
-  if (!read.ok()) return read.status();
-  if (*read != text) {
+  RETURN_IF_ERROR(folder_.Put(kProbe, text));
+  ASSIGN_OR_RETURN(const std::string read, folder_.Read(kProbe, text.size()));
+  if (read != text) {
     return absl::UnavailableError(absl::StrCat(path(), "/", kProbe, ": reads other than written"));
   }
   return folder_.Remove(kProbe);

@@ -9,6 +9,7 @@
 #include <openssl/crypto.h>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
 
 namespace myograde::server {
@@ -19,13 +20,11 @@ constexpr size_t kTokenBytes = 32;
 }  // namespace
 
 absl::StatusOr<std::string> SpoolDoor::Open(const std::string& name, const std::string& artefact) {
-  const absl::StatusOr<std::string> bytes = RandomBytes(kTokenBytes);
-  if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<LeaseFolder> folder = spool_.OpenLease(name);
-  if (!folder.ok()) return folder.status();
+  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(kTokenBytes));
+  ASSIGN_OR_RETURN(LeaseFolder folder, spool_.OpenLease(name));
   const std::string token =
-      HexOf({reinterpret_cast<const uint8_t*>(bytes->data()), bytes->size()});
-  auto attempt = std::make_shared<Attempt>(Sha256Hex(token), artefact, *std::move(folder));
+      HexOf({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
+  auto attempt = std::make_shared<Attempt>(Sha256Hex(token), artefact, std::move(folder));
   const MutexLock lock(mutex_);
   attempts_[name] = std::move(attempt);
   return token;
@@ -47,10 +46,9 @@ absl::StatusOr<std::shared_ptr<SpoolDoor::Attempt>> SpoolDoor::Find(
 }
 
 absl::Status SpoolDoor::Check(const std::string& name, std::string_view token) const {
-  const absl::StatusOr<std::shared_ptr<Attempt>> attempt = Find(name);
-  if (!attempt.ok()) return attempt.status();
+  ASSIGN_OR_RETURN(const std::shared_ptr<Attempt> attempt, Find(name));
   const std::string hash = Sha256Hex(token);
-  const std::string& known = (*attempt)->token_hash;
+  const std::string& known = attempt->token_hash;
   if (hash.size() == known.size() && CRYPTO_memcmp(hash.data(), known.data(), hash.size()) == 0) {
     return absl::OkStatus();
   }
@@ -59,18 +57,16 @@ absl::Status SpoolDoor::Check(const std::string& name, std::string_view token) c
 }
 
 absl::StatusOr<std::string> SpoolDoor::OrderText(const std::string& name) const {
-  const absl::StatusOr<std::shared_ptr<Attempt>> attempt = Find(name);
-  if (!attempt.ok()) return attempt.status();
-  return (*attempt)->folder.OrderText();
+  ASSIGN_OR_RETURN(const std::shared_ptr<Attempt> attempt, Find(name));
+  return attempt->folder.OrderText();
 }
 
 absl::StatusOr<std::string> SpoolDoor::ArtefactPath(const std::string& name) const {
-  const absl::StatusOr<std::shared_ptr<Attempt>> attempt = Find(name);
-  if (!attempt.ok()) return attempt.status();
-  if ((*attempt)->artefact.empty()) {
+  ASSIGN_OR_RETURN(const std::shared_ptr<Attempt> attempt, Find(name));
+  if (attempt->artefact.empty()) {
     return absl::NotFoundError("this lease plays no submission, so it has no archive");
   }
-  return spool_.ArtefactPath((*attempt)->artefact);
+  return spool_.ArtefactPath(attempt->artefact);
 }
 
 absl::Status SpoolDoor::PutClaim(const std::string& name, const NodeClaim& claim) {
@@ -90,28 +86,23 @@ absl::Status SpoolDoor::PutEnd(const std::string& name, const NodeEnd& end) {
 
 absl::StatusOr<RecordsState> SpoolDoor::AddRecords(const std::string& name, int64_t offset,
                                                    std::string_view bytes) {
-  const absl::StatusOr<std::shared_ptr<Attempt>> found = Find(name);
-  if (!found.ok()) return found.status();
-  Attempt& attempt = **found;
+  ASSIGN_OR_RETURN(const std::shared_ptr<Attempt> found, Find(name));
+  Attempt& attempt = *found;
   const absl::StatusOr<bool> stopped = attempt.folder.stopped();
   if (!stopped.ok()) return stopped.status();
   const MutexLock lock(attempt.records);
-  const absl::StatusOr<int64_t> size = attempt.folder.RecordsSize();
-  if (!size.ok()) return size.status();
-  RecordsState state = {.size = *size, .taken = false, .stop = *stopped};
-  if (offset < 0 || offset > *size) return state;
+  ASSIGN_OR_RETURN(const int64_t size, attempt.folder.RecordsSize());
+  RecordsState state = {.size = size, .taken = false, .stop = *stopped};
+  if (offset < 0 || offset > size) return state;
   // A repeat of what came before, because its answer was lost, must be the same.
-  const size_t known = std::min(static_cast<size_t>(*size - offset), bytes.size());
+  const size_t known = std::min(static_cast<size_t>(size - offset), bytes.size());
   if (known > 0) {
-    const absl::StatusOr<std::string> present = attempt.folder.Records(offset, known);
-    if (!present.ok()) return present.status();
-    if (*present != bytes.substr(0, known)) return state;
+    ASSIGN_OR_RETURN(const std::string present, attempt.folder.Records(offset, known));
+    if (present != bytes.substr(0, known)) return state;
   }
   const std::string_view news = bytes.substr(known);
   if (!news.empty()) {
-    if (absl::Status status = attempt.folder.WriteRecords(*size, news); !status.ok()) {
-      return status;
-    }
+    RETURN_IF_ERROR(attempt.folder.WriteRecords(size, news));
   }
   state.size += static_cast<int64_t>(news.size());
   state.taken = true;
@@ -120,9 +111,8 @@ absl::StatusOr<RecordsState> SpoolDoor::AddRecords(const std::string& name, int6
 
 absl::Status SpoolDoor::PutLog(const std::string& name, const std::string& log,
                                const ByteSource& source) {
-  const absl::StatusOr<std::shared_ptr<Attempt>> attempt = Find(name);
-  if (!attempt.ok()) return attempt.status();
-  return (*attempt)->folder.PutLog(log, source, most_log_bytes_);
+  ASSIGN_OR_RETURN(const std::shared_ptr<Attempt> attempt, Find(name));
+  return attempt->folder.PutLog(log, source, most_log_bytes_);
 }
 
 }  // namespace myograde::server

@@ -217,6 +217,23 @@ TEST_F(RetentionFolder, ArtefactsGoThatNobodyNeedsAndTheNeededStay) {
   EXPECT_TRUE(fs::is_empty(dir_ + "/spool"));
 }
 
+TEST_F(RetentionFolder, WhatIsSubmittedBeforeItsRemovalIsWrittenStays) {
+  MakeArtefact('a');
+  MakeArtefact('b');
+  clock_.ahead = absl::Hours(24 * 40);
+  Accept('b');
+  RetentionLimits limits = Unlimited();
+  limits.artefact_age = absl::Hours(24 * 30);
+  limits.every = absl::Milliseconds(50);
+  const Retention retention(limits, 0, dir_, *engine_, *readers_, clock_, Newest());
+  absl::SleepFor(absl::Milliseconds(300));  // it has chosen, and waits for the engine
+  Accept('a');
+  RunEngine();
+  absl::SleepFor(absl::Milliseconds(300));
+  EXPECT_TRUE(fs::exists(FolderOf('a')));
+  EXPECT_THAT(Removals(), IsEmpty());
+}
+
 // A clock that is far ahead of all that the store has seen may be wrong.
 TEST_F(RetentionFolder, AWrongClockRemovesNothing) {
   MakeArtefact('a');

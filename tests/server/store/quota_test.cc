@@ -224,7 +224,12 @@ TEST_F(QuotaTest, AClockThatWasFarAheadHoldsNobodyUp) {
   clock_.Jump(absl::Hours(-24));
   EXPECT_FALSE(TrySubmit("alpha", 'h', true, rules).ok());
   clock_.Advance(absl::Hours(48));
+  clock_.Jump(absl::Hours(24));
   EXPECT_TRUE(TrySubmit("alpha", 'i', true, rules).ok());
+  clock_.Jump(absl::Hours(-24));
+  EXPECT_FALSE(TrySubmit("alpha", 'j', true, rules).ok()) << "a day that has begun goes on";
+  clock_.Advance(absl::Hours(48));
+  EXPECT_TRUE(TrySubmit("alpha", 'k', true, rules).ok());
 }
 
 TEST_F(QuotaTest, AnArtefactHasOneOfficialEvaluation) {
