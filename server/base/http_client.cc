@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 
 #include <absl/strings/str_cat.h>
 
@@ -139,7 +140,12 @@ void SetOptions(CURL* easy, Exchange& exchange, Headers& headers) {
   curl_easy_setopt(easy, CURLOPT_SSL_VERIFYPEER, 1L);
   curl_easy_setopt(easy, CURLOPT_SSL_VERIFYHOST, 2L);
   curl_easy_setopt(easy, CURLOPT_SSLVERSION, static_cast<long>(CURL_SSLVERSION_TLSv1_2));
-  if (!request.ca_file.empty()) curl_easy_setopt(easy, CURLOPT_CAINFO, request.ca_file.c_str());
+  // OpenSSL's variables, which libcurl does not ask for.
+  const char* const file =
+      request.ca_file.empty() ? std::getenv("SSL_CERT_FILE") : request.ca_file.c_str();
+  const char* const folder = request.ca_file.empty() ? std::getenv("SSL_CERT_DIR") : nullptr;
+  if (file != nullptr) curl_easy_setopt(easy, CURLOPT_CAINFO, file);
+  if (folder != nullptr) curl_easy_setopt(easy, CURLOPT_CAPATH, folder);
   curl_easy_setopt(easy, CURLOPT_WRITEFUNCTION, Take);
   curl_easy_setopt(easy, CURLOPT_WRITEDATA, &exchange);
   SetLimits(easy, request);

@@ -18,7 +18,7 @@ namespace myograde::server {
 struct HttpRequest {
   std::string url = {};
   std::string unix_socket = {};              // path of the socket to connect to; "": the URL's host
-  std::string ca_file = {};                  // PEM; "": the authorities that this host trusts
+  std::string ca_file = {};                  // PEM; "": whom this host or SSL_CERT_FILE trusts
   std::vector<std::string> headers = {};     // "Name: value"
   std::optional<std::string_view> body = {}; // of a POST; without it and `body_file` it is a GET
   int body_file = -1;                        // in place of `body`: a file, from its beginning on
