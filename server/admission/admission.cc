@@ -198,11 +198,10 @@ absl::Time Admission::Now() {
 absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
                                                     const RequestKey& key) {
   if (key.key.empty()) return std::optional<Accepted>();
-  absl::StatusOr<std::optional<Accepted>> earlier = absl::InternalError("");
-  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
-    earlier = reader.FindRequest(who, key);
-    return earlier.status();
-  }));
+  ASSIGN_OR_RETURN(
+      std::optional<Accepted> earlier, readers.Read<std::optional<Accepted>>([&](Reader& reader) {
+            return reader.FindRequest(who, key);
+          }));
   return earlier;
 }
 
@@ -228,32 +227,29 @@ absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const SubmitRequest& requ
                                                        const std::string& who,
                                                        const TrackConfig& config) {
   const std::string& hash = request.artefact;
-  absl::StatusOr<ArtefactRow> artefact = absl::InternalError("");
-  absl::Status status = readers_.Read([&](Reader& reader) {
+  ASSIGN_OR_RETURN(ArtefactRow artefact, readers_.Read<ArtefactRow>([&](Reader& reader) {
     // Nobody learns from the answer that there is another team's.
     const bool may = request.organiser || reader.MaySubmitArtefact(hash, who, request.team);
-    artefact = may ? reader.Artefact(hash) : UnknownArtefact(hash);
-    return artefact.status();
-  });
-  if (status.ok()) status = HasArtefactFiles(options_.data_dir, hash);
-  if (!status.ok()) return status;
-  if (artefact->bytes > config.budgets.submission_bytes ||
-      artefact->files > config.budgets.submission_files) {
+    return may ? reader.Artefact(hash) : UnknownArtefact(hash);
+  }));
+  RETURN_IF_ERROR(HasArtefactFiles(options_.data_dir, hash));
+  if (artefact.bytes > config.budgets.submission_bytes ||
+      artefact.files > config.budgets.submission_files) {
     return BadRequest("bad_artefact",
-                      absl::StrCat("the artefact has ", artefact->bytes, " bytes in ",
-                                   Counted(artefact->files, "file"), "; track \"", config.id,
+                      absl::StrCat("the artefact has ", artefact.bytes, " bytes in ",
+                                   Counted(artefact.files, "file"), "; track \"", config.id,
                                    "\" allows ", config.budgets.submission_bytes, " bytes and ",
                                    config.budgets.submission_files, " files"));
   }
-  for (const std::string& runtime : artefact->runtimes) {
+  for (const std::string& runtime : artefact.runtimes) {
     if (options_.config.runtimes.contains(runtime)) continue;
     if (!absl::IsNotFound(runtimes_.Find(runtime).status())) continue;
     return BadRequest("unknown_runtime",
                       absl::StrCat("this server has no runtime \"", runtime,
                                    "\", which the artefact's policy.json asks for"));
   }
-  status = CheckAdapter(artefact->adapter, *config.kind);
-  if (status.ok()) status = CheckExtraObservations(artefact->extra_observations, config);
+  status = CheckAdapter(artefact.adapter, *config.kind);
+  if (status.ok()) status = CheckExtraObservations(artefact.extra_observations, config);
   if (!status.ok()) return WithErrorCode(status, "bad_artefact");
   return artefact;
 }

@@ -147,11 +147,9 @@ absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
   const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
   if (!artefact.has_value()) return absl::NotFoundError("not seen before");
   RETURN_IF_ERROR(HasArtefactFiles(data_dir_, *artefact));
-  absl::StatusOr<ArtefactRow> row = absl::InternalError("");
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
-    row = reader.Artefact(*artefact);
-    return row.status();
-  }));
+  ASSIGN_OR_RETURN(
+      ArtefactRow row,
+      readers_.Read<ArtefactRow>([&](Reader& reader) { return reader.Artefact(*artefact); }));
   return row;
 }
 

@@ -112,16 +112,14 @@ ApiResult ChallengesResource::Act(const std::string& phase, const std::string& e
     if (event == kPublishedEvent && IsFormer(phase)) status = absl::OkStatus();
   }
   if (!status.ok()) return ErrorOf(status);
-  const auto changed = std::make_shared<bool>(false);
-  status = context_.engine.Change(
-      [phase, event, changed, who = CallerKey(), why = *reason](Writer& writer) {
-        absl::StatusOr<bool> added = writer.AddPhaseEvent(phase, event, who, why);
-        if (added.ok()) *changed = *added;
-        return added.status();
+  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
+      [phase, event, who = CallerKey(), why = *reason](Writer& writer) {
+        return writer.AddPhaseEvent(phase, event, who, why);
       },
       context_.config.http.request);
+  if (!changed.ok()) return ErrorOf(changed.status());
   Json state;
-  if (status.ok() && config != nullptr) {
+  if (config != nullptr) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
       ASSIGN_OR_RETURN(const auto events, reader.PhaseEvents(phase));
       state = PhaseStateName(StatusOfPhase(*config, events, context_.clock.Now()).state);
@@ -148,15 +146,10 @@ ApiResult ChallengesResource::Choose(const httplib::Request& request, const Json
     return CheckChoice(reader, row, context_);
   });
   if (!status.ok()) return ErrorOf(status);
-  const auto changed = std::make_shared<bool>(false);
-  status = context_.engine.Change(
-      [id, changed, who = CallerKey()](Writer& writer) {
-        absl::StatusOr<bool> chosen = writer.Choose(id, who);
-        if (chosen.ok()) *changed = *chosen;
-        return chosen.status();
-      },
+  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
+      [id, who = CallerKey()](Writer& writer) { return writer.Choose(id, who); },
       context_.config.http.request);
-  if (!status.ok()) return ErrorOf(status);
+  if (!changed.ok()) return ErrorOf(changed.status());
   return ApiAnswer{200, {{"submission", id},
                          {"team", row.team},
                          {"track", row.track},

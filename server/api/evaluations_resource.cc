@@ -253,13 +253,12 @@ ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json
   if (!earlier.ok()) return ErrorOf(earlier.status());
   if (earlier->has_value()) return RerunAnswer(**earlier);
   const int64_t submission = IdOf(request);
-  absl::StatusOr<NewRerun> rerun = absl::InternalError("");
-  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    RETURN_IF_ERROR(RequireSubmission(reader, submission));
-    rerun = MakeRerun(reader, context_, submission, *wanted);
-    return rerun.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<NewRerun> rerun =
+      context_.readers.Read<NewRerun>([&](Reader& reader) -> absl::StatusOr<NewRerun> {
+        RETURN_IF_ERROR(RequireSubmission(reader, submission));
+        return MakeRerun(reader, context_, submission, *wanted);
+      });
+  if (!rerun.ok()) return ErrorOf(rerun.status());
   rerun->request_key = *key;
   const absl::StatusOr<Accepted> accepted = context_.engine.Rerun(
       *rerun, CallerKey(), CallerIsOrganiser(), context_.config.reruns,

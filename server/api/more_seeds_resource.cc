@@ -34,30 +34,22 @@ void MoreSeedsResource::Install(Routes& routes) {
 }
 
 absl::StatusOr<std::string> MoreSeedsResource::SecretOf(const std::string& phase) const {
-  absl::StatusOr<std::string> secret = absl::InternalError("");
   bool hidden = false;
-  absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context_, phase, "", ""));
-    hidden = !track->config.seed_salt.empty();
-    secret = reader.PhaseSecret(phase);
-    return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  absl::StatusOr<std::string> secret = context_.readers.Read<std::string>(
+      [&](Reader& reader) -> absl::StatusOr<std::string> {
+        ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context_, phase, "", ""));
+        hidden = !track->config.seed_salt.empty();
+        return reader.PhaseSecret(phase);
+      });
   if (!absl::IsNotFound(secret.status())) return secret;
   if (hidden) {
     return absl::FailedPreconditionError(absl::StrCat(
         "this store does not have the secret of phase \"", phase,
         "\", as exports do not hold it; further seeds follow from it where it was held"));
   }
-  const auto drawn = std::make_shared<absl::StatusOr<std::string>>(absl::InternalError(""));
-  status = context_.engine.Change(
-      [drawn, phase](Writer& writer) {
-        *drawn = writer.FurtherSecret(phase);
-        return drawn->status();
-      },
+  return context_.engine.Change<std::string>(
+      [phase](Writer& writer) { return writer.FurtherSecret(phase); },
       context_.config.http.request);
-  if (!status.ok()) return status;
-  return *drawn;
 }
 
 ApiResult MoreSeedsResource::Play(const httplib::Request& request, const Json& body) const {
@@ -65,12 +57,11 @@ ApiResult MoreSeedsResource::Play(const httplib::Request& request, const Json& b
   if (!asked.ok()) return ErrorOf(asked.status());
   const absl::StatusOr<std::string> secret = SecretOf(asked->phase);
   if (!secret.ok()) return ErrorOf(secret.status());
-  absl::StatusOr<std::vector<NewRejudge>> rejudges = absl::InternalError("");
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
-    rejudges = MakeFurtherRejudges(reader, context_, *asked, *secret);
-    return rejudges.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<std::vector<NewRejudge>> rejudges =
+      context_.readers.Read<std::vector<NewRejudge>>([&](Reader& reader) {
+        return MakeFurtherRejudges(reader, context_, *asked, *secret);
+      });
+  if (!rejudges.ok()) return ErrorOf(rejudges.status());
   const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
   if (!sign.ok()) return ErrorOf(sign.status());
   Json created = Json::array();

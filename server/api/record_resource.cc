@@ -81,12 +81,10 @@ ApiResult RecordResource::List(const httplib::Request& request) const {
 ApiResult RecordResource::GetHead(const httplib::Request& request) const {
   absl::Status status = CheckParameters(request, {});
   if (!status.ok()) return ErrorOf(status);
-  absl::StatusOr<RecordHead> head = absl::InternalError("");
-  status = context_.readers.Read([&](Reader& reader) {
-    head = context_.record.Head(reader);
-    return head.status();
+  absl::StatusOr<RecordHead> head = context_.readers.Read<RecordHead>([&](Reader& reader) {
+    return context_.record.Head(reader);
   });
-  if (!status.ok()) return ErrorOf(status);
+  if (!head.ok()) return ErrorOf(head.status());
   const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
   if (!key.ok()) return ErrorOf(key.status());
   absl::StatusOr<std::string> text = SignHead(*head, **key);

@@ -97,12 +97,9 @@ ApiResult RejudgesResource::Show(int64_t id, int http, Json more) const {
 ApiResult RejudgesResource::Create(const httplib::Request&, const Json& body) const {
   const absl::StatusOr<RejudgeRequest> asked = ParseRejudge(body);
   if (!asked.ok()) return ErrorOf(asked.status());
-  absl::StatusOr<NewRejudge> rejudge = absl::InternalError("");
-  absl::Status status = context_.readers.Read([&](Reader& reader) {
-    rejudge = MakeRejudge(reader, context_, *asked);
-    return rejudge.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<NewRejudge> rejudge = context_.readers.Read<NewRejudge>(
+      [&](Reader& reader) { return MakeRejudge(reader, context_, *asked); });
+  if (!rejudge.ok()) return ErrorOf(rejudge.status());
   const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
   if (!sign.ok()) return ErrorOf(sign.status());
   const absl::StatusOr<CreatedRejudge> created =

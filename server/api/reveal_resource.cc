@@ -93,21 +93,15 @@ ApiResult RevealResource::Reveal(const httplib::Request& request, const Json& bo
   const absl::StatusOr<std::string> reason = ParseReason(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const std::string phase = request.matches[1];
-  absl::StatusOr<HiddenSeeds> hidden = absl::InternalError("");
-  absl::Status status = context_.readers.Read([&](Reader& reader) {
-    hidden = SeedsToReveal(reader, context_, phase);
-    return hidden.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
-  const auto changed = std::make_shared<bool>(false);
-  status = context_.engine.Change(
-      [phase, changed, who = CallerKey(), why = *reason](Writer& writer) {
-        absl::StatusOr<bool> added = writer.AddPhaseEvent(phase, kRevealedEvent, who, why);
-        if (added.ok()) *changed = *added;
-        return added.status();
+  const absl::StatusOr<HiddenSeeds> hidden = context_.readers.Read<HiddenSeeds>(
+      [&](Reader& reader) { return SeedsToReveal(reader, context_, phase); });
+  if (!hidden.ok()) return ErrorOf(hidden.status());
+  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
+      [phase, who = CallerKey(), why = *reason](Writer& writer) {
+        return writer.AddPhaseEvent(phase, kRevealedEvent, who, why);
       },
       context_.config.http.request);
-  if (!status.ok()) return ErrorOf(status);
+  if (!changed.ok()) return ErrorOf(changed.status());
   NoteAct(absl::StrCat("phase ", phase), kRevealedEvent);
   return ApiAnswer{200, {{"phase", phase},
                          {"event", kRevealedEvent},

@@ -151,7 +151,6 @@ ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json&
   absl::StatusOr<MarkRequest> wanted = ParseMark(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t id = IdOf(request);
-  const auto changed = std::make_shared<bool>(false);
   // What can't be answered is not done.
   absl::Status status = context_.readers.Read([&](Reader& reader) {
     absl::Status readable = reader.Submission(id).status();
@@ -159,13 +158,12 @@ ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json&
     return readable;
   });
   if (!status.ok()) return ErrorOf(status);
-  status = context_.engine.Change(
-      [id, changed, who = CallerKey(), mark = *wanted](Writer& writer) {
-        absl::StatusOr<bool> marked = writer.Mark(id, mark.mark, mark.set, who, mark.reason);
-        if (marked.ok()) *changed = *marked;
-        return marked.status();
+  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
+      [id, who = CallerKey(), mark = *wanted](Writer& writer) {
+        return writer.Mark(id, mark.mark, mark.set, who, mark.reason);
       },
       context_.config.http.request);
+  status = changed.status();
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {

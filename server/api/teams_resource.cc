@@ -144,35 +144,24 @@ ApiResult TeamsResource::Get(const httplib::Request& request) const {
   absl::Status status = CheckParameters(request, {});
   if (status.ok()) status = CheckTeam(TeamIn(request));
   if (!status.ok()) return ErrorOf(status);
-  absl::StatusOr<Json> body = absl::InternalError("");
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
-    body = WholeTeam(reader, TeamIn(request));
-    return body.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<Json> body =
+      context_.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
+        RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
+        return WholeTeam(reader, TeamIn(request));
+      });
+  if (!body.ok()) return ErrorOf(body.status());
   return ApiAnswer{200, *std::move(body)};
 }
 
 ApiResult TeamsResource::Change(const std::string& team,
                                 std::function<absl::StatusOr<bool>(Writer&)> change,
                                 int http) const {
-  const auto changed = std::make_shared<bool>(false);
-  absl::Status status = context_.engine.ChangeTeams(
-      [changed, change = std::move(change)](Writer& writer) {
-        const absl::StatusOr<bool> done = change(writer);
-        if (done.ok()) *changed = *done;
-        return done.status();
-      },
-      context_.config.http.request);
-  absl::StatusOr<Json> body = absl::InternalError("");
-  if (status.ok()) {
-    status = context_.readers.Read([&](Reader& reader) {
-      body = WholeTeam(reader, team);
-      return body.status();
-    });
-  }
-  if (!status.ok()) return TeamErrorOf(status, team);
+  const absl::StatusOr<bool> changed =
+      context_.engine.ChangeTeams(std::move(change), context_.config.http.request);
+  if (!changed.ok()) return TeamErrorOf(changed.status(), team);
+  absl::StatusOr<Json> body =
+      context_.readers.Read<Json>([&](Reader& reader) { return WholeTeam(reader, team); });
+  if (!body.ok()) return TeamErrorOf(body.status(), team);
   (*body)["changed"] = *changed;
   return ApiAnswer{http, *std::move(body)};
 }
@@ -295,11 +284,14 @@ ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body
   if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<Json> answer = ConsequencesOf(team, into);
   if (answer.ok() && !dry_run) {
-    status = context_.engine.ChangeTeams(
-        [=, who = CallerKey()](Writer& writer) {
-          return writer.MergeTeams(team, into, who, why);
-        },
-        context_.config.http.request);
+    status = context_.engine
+                 .ChangeTeams(
+                     [=, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
+                       RETURN_IF_ERROR(writer.MergeTeams(team, into, who, why));
+                       return true;
+                     },
+                     context_.config.http.request)
+                 .status();
   }
   status.Update(answer.status());
   if (!status.ok()) return ErrorOf(status);

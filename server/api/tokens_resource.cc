@@ -112,15 +112,10 @@ ApiResult TokensResource::Create(const httplib::Request&, const Json& body) cons
   const absl::StatusOr<std::string> text = NewTokenText();
   if (!text.ok()) return ErrorOf(text.status());
   token->hash = TokenHash(*text);
-  const auto id = std::make_shared<int64_t>(0);
-  const absl::Status status = context_.engine.Change(
-      [row = *token, id, who = CallerKey()](Writer& writer) {
-        const absl::StatusOr<int64_t> added = writer.AddToken(row, who);
-        if (added.ok()) *id = *added;
-        return added.status();
-      },
+  const absl::StatusOr<int64_t> id = context_.engine.Change<int64_t>(
+      [row = *token, who = CallerKey()](Writer& writer) { return writer.AddToken(row, who); },
       context_.config.http.request);
-  if (!status.ok()) return ErrorOf(status);
+  if (!id.ok()) return ErrorOf(id.status());
   NoteAct(absl::StrCat("token ", *id),
           absl::StrCat("made for ", token->team.empty() ? token->role : token->team, ": ",
                        token->label));
@@ -161,15 +156,10 @@ ApiResult TokensResource::Revoke(const httplib::Request& request, const Json& bo
   });
   if (!status.ok()) return ErrorOf(status);
   if (const auto error = MayManage(role)) return *error;
-  const auto changed = std::make_shared<bool>(false);
-  status = context_.engine.Change(
-      [id, changed, who = CallerKey()](Writer& writer) {
-        const absl::StatusOr<bool> revoked = writer.RevokeToken(id, who);
-        if (revoked.ok()) *changed = *revoked;
-        return revoked.status();
-      },
+  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
+      [id, who = CallerKey()](Writer& writer) { return writer.RevokeToken(id, who); },
       context_.config.http.request);
-  if (!status.ok()) return ErrorOf(status);
+  if (!changed.ok()) return ErrorOf(changed.status());
   NoteAct(absl::StrCat("token ", id), *changed ? "revoked" : "was revoked before");
   return Show(id, 200, {{"changed", *changed}});
 }

@@ -215,7 +215,7 @@ absl::StatusOr<std::string> AdoptData(const std::string& data_dir) {
     return absl::NotFoundError(
         absl::StrCat(path, ": there is no store; name a daemon's data folder with --data"));
   }
-  RETURN_IF_ERROR(DataLock::Take(data_dir).status());
+  ASSIGN_OR_RETURN(const DataLock lock, DataLock::Take(data_dir));
   RETURN_IF_ERROR(Store::Open(path, SystemClock()).status());
   ASSIGN_OR_RETURN(const HomeFound found, FindHome(data_dir, /*on_cluster=*/true, /*adopt=*/true));
   return absl::StrCat("The store is at home in ", found.home.place,
@@ -232,7 +232,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   RETURN_IF_ERROR(RaiseDescriptorLimit(config));
   std::error_code unmade;  // what is not there can't be locked
   fs::create_directories(options.data_dir, unmade);
-  RETURN_IF_ERROR(DataLock::Take(options.data_dir).status());
+  ASSIGN_OR_RETURN(const DataLock lock, DataLock::Take(options.data_dir));
   RETURN_IF_ERROR(MakeFolders(options.data_dir));
   StartLog(config.log_level, config.log_format);
   CheckSandboxes(config);

@@ -55,17 +55,15 @@ absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
 
 absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks,
                                 Phases& phases) {
-  absl::StatusOr<Overlaid> overlaid = absl::InternalError("");
-  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
-    overlaid = OverlayConfigs(reader, tracks, phases);
-    return overlaid.status();
+  ASSIGN_OR_RETURN(Overlaid overlaid, readers.Read<Overlaid>([&](Reader& reader) {
+    return OverlayConfigs(reader, tracks, phases);
   }));
-  for (const std::string& note : overlaid->notes) spdlog::info("{}", note);
-  for (const std::string& warning : overlaid->warnings) spdlog::warn("{}", warning);
-  for (const std::string& error : overlaid->errors) spdlog::error("{}", error);
-  if (overlaid->changed.empty()) return absl::OkStatus();
+  for (const std::string& note : overlaid.notes) spdlog::info("{}", note);
+  for (const std::string& warning : overlaid.warnings) spdlog::warn("{}", warning);
+  for (const std::string& error : overlaid.errors) spdlog::error("{}", error);
+  if (overlaid.changed.empty()) return absl::OkStatus();
   return store.Write([&](Writer& writer) {
-    for (const NewBoardConfig& change : overlaid->changed) {
+    for (const NewBoardConfig& change : overlaid.changed) {
       RETURN_IF_ERROR(writer.SetBoardConfig(change, "daemon").status());
     }
     return absl::OkStatus();

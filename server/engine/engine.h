@@ -4,8 +4,10 @@
 
 #include <atomic>
 #include <functional>
+#include <memory>
 #include <string>
 
+#include "protocol/base/status_macros.h"
 #include "server/engine/command_queue.h"
 #include "server/engine/engine_core.h"
 #include "server/engine/rejudge_requests.h"
@@ -51,8 +53,13 @@ class Engine {
   // `effect` runs on the loop's thread once the change is written.
   absl::Status Change(StoreChange change, absl::Duration timeout,
                       std::function<absl::Status()> effect = nullptr);
-  // The same for a change that renames or merges teams.
-  absl::Status ChangeTeams(StoreChange change, absl::Duration timeout);
+  // The same for a change that gives a value.
+  template <typename T>
+  absl::StatusOr<T> Change(std::function<absl::StatusOr<T>(Writer&)> change, absl::Duration timeout,
+                           std::function<absl::Status(const T&)> effect = nullptr);
+  // For a change that renames or merges teams, or adds members: gives whether there was any.
+  absl::StatusOr<bool> ChangeTeams(std::function<absl::StatusOr<bool>(Writer&)> change,
+                                   absl::Duration timeout);
   // Ends the submission's original evaluation and, if `reruns`, its re-runs. `charge`: also an evaluation
   // whose first episode has not ended, if a lease of it has begun. FailedPreconditionError: there is
   // nothing of it to end.
@@ -103,9 +110,6 @@ class Engine {
   void Poll(absl::Duration timeout);
   void Beat();
 
-  // For other threads: `effect` runs once `change` is written.
-  absl::Status Ask(StoreChange change, std::function<absl::Status()> effect,
-                   absl::Duration timeout);
   absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
                                  absl::Duration timeout);
   absl::StatusOr<RejudgeDone> ActOnRejudge(std::function<absl::StatusOr<RejudgeDone>(Writer&)> act,
@@ -123,5 +127,22 @@ class Engine {
   absl::Duration next_beat_ = absl::InfiniteDuration();
   std::function<void()> alive_;
 };
+
+template <typename T>
+absl::StatusOr<T> Engine::Change(std::function<absl::StatusOr<T>(Writer&)> change,
+                                 absl::Duration timeout,
+                                 std::function<absl::Status(const T&)> effect) {
+  const auto value = std::make_shared<T>();  // the loop's, if its caller waits no more
+  RETURN_IF_ERROR(Change(
+      [change = std::move(change), value](Writer& writer) -> absl::Status {
+        ASSIGN_OR_RETURN(*value, change(writer));
+        return absl::OkStatus();
+      },
+      timeout,
+      [effect = std::move(effect), value] {
+        return effect == nullptr ? absl::OkStatus() : effect(*value);
+      }));
+  return *value;
+}
 
 }  // namespace myograde::server

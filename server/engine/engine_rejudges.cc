@@ -58,30 +58,29 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
         WithRuntimes(GraderBuild(cache_dir_, AdapterNames()), RuntimeDigests(runtimes_)));
   }
   RETURN_IF_ERROR(CheckNewRejudge(rejudge));
-  absl::StatusOr<RejudgePlan> plan = absl::InternalError("");
-  absl::StatusOr<std::vector<NewRejudgeItem>> items = absl::InternalError("");
-  absl::Status status = readers_.Read([&](Reader& reader) {
-    plan = PlanRejudge(reader, rejudge, data_dir_);
-    if (plan.ok()) items = ItemsOf(reader, rejudge, data_dir_);
-    return plan.ok() ? items.status() : plan.status();
-  });
-  if (!status.ok()) return status;
-  const auto created = std::make_shared<RejudgeRow>();
+  RejudgePlan plan;
+  ASSIGN_OR_RETURN(
+      std::vector<NewRejudgeItem> items,
+      readers_.Read<std::vector<NewRejudgeItem>>(
+          [&](Reader& reader) -> absl::StatusOr<std::vector<NewRejudgeItem>> {
+            ASSIGN_OR_RETURN(plan, PlanRejudge(reader, rejudge, data_dir_));
+            return ItemsOf(reader, rejudge, data_dir_);
+          }));
   const auto to_queue = std::make_shared<Evaluations>();
-  status = Ask(
-      [=, items = *std::move(items)](Writer& writer) mutable -> absl::Status {
-        ASSIGN_OR_RETURN(RejudgeRow row, writer.AddRejudge(rejudge, sign, who));
-        to_queue->clear();
-        for (NewRejudgeItem item : items) {
-          item.rejudge = row.id;
-          RETURN_IF_ERROR(AddItem(writer, item, who, *to_queue));
-        }
-        *created = std::move(row);
-        return absl::OkStatus();
-      },
-      [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout);
-  if (!status.ok()) return status;
-  return CreatedRejudge{*created, *std::move(plan)};
+  ASSIGN_OR_RETURN(
+      RejudgeRow created,
+      Change<RejudgeRow>(
+          [=, items = std::move(items)](Writer& writer) -> absl::StatusOr<RejudgeRow> {
+            ASSIGN_OR_RETURN(RejudgeRow row, writer.AddRejudge(rejudge, sign, who));
+            to_queue->clear();
+            for (NewRejudgeItem item : items) {
+              item.rejudge = row.id;
+              RETURN_IF_ERROR(AddItem(writer, item, who, *to_queue));
+            }
+            return row;
+          },
+          timeout, [this, to_queue](const RejudgeRow&) { return EnqueueAll(core_, *to_queue); }));
+  return CreatedRejudge{std::move(created), std::move(plan)};
 }
 
 absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
@@ -101,35 +100,28 @@ absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const Sig
 absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
     std::function<absl::StatusOr<RejudgeDone>(Writer&)> act, absl::Duration timeout,
     AfterRejudge after) {
-  const auto done = std::make_shared<RejudgeDone>();
-  RETURN_IF_ERROR(Ask(
-      [act = std::move(act), done](Writer& writer) -> absl::Status {
-        ASSIGN_OR_RETURN(RejudgeDone acted, act(writer));
-        *done = std::move(acted);
-        return absl::OkStatus();
-      },
-      [this, done, after = std::move(after)] {
-        core_.StopEnded(done->cancelled);
-        if (after) after(*done);
-        return absl::OkStatus();
-      },
-      timeout));
-  return *done;
+  return Change<RejudgeDone>(std::move(act), timeout,
+                             [this, after = std::move(after)](const RejudgeDone& done) {
+                               core_.StopEnded(done.cancelled);
+                               if (after) after(done);
+                               return absl::OkStatus();
+                             });
 }
 
 absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
     std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play, absl::Duration timeout) {
-  const auto statuses = std::make_shared<std::vector<absl::Status>>();
+  using Statuses = std::vector<absl::Status>;
   const auto to_queue = std::make_shared<Evaluations>();
-  RETURN_IF_ERROR(Ask(
-      [=, judged = std::move(judged), to_play = std::move(to_play)](Writer& writer) {
-        statuses->clear();
+  return Change<Statuses>(
+      [=, judged = std::move(judged), to_play = std::move(to_play)](
+          Writer& writer) -> absl::StatusOr<Statuses> {
+        Statuses statuses;
         to_queue->clear();
         absl::Status passing;
         const auto part = [&](const StoreChange& change) {
-          statuses->push_back(writer.Part(change));
-          if (MayPass(statuses->back()) || IsBrokenStore(statuses->back())) {
-            passing.Update(statuses->back());
+          statuses.push_back(writer.Part(change));
+          if (MayPass(statuses.back()) || IsBrokenStore(statuses.back())) {
+            passing.Update(statuses.back());
           }
         };
         for (const JudgedItem& item : judged) {
@@ -138,10 +130,10 @@ absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
         for (const NewRejudgeItem& item : to_play) {
           part([&](Writer& one) { return AddItem(one, item, kRejudger, *to_queue); });
         }
-        return passing;
+        RETURN_IF_ERROR(passing);
+        return statuses;
       },
-      [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout));
-  return *statuses;
+      timeout, [this, to_queue](const Statuses&) { return EnqueueAll(core_, *to_queue); });
 }
 
 }  // namespace myograde::server

@@ -20,8 +20,8 @@ absl::Status Found(Writer& writer, const NewSubmission& submission) {
 
 }  // namespace
 
-absl::Status Engine::Ask(StoreChange change, std::function<absl::Status()> effect,
-                         absl::Duration timeout) {
+absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
+                            std::function<absl::Status()> effect) {
   return commands_.CallLater(
       [this, change = std::move(change), effect = std::move(effect)](CommandQueue::Answer answer) {
         core_.Ask({change, effect, std::move(answer)});
@@ -43,31 +43,20 @@ absl::Status Engine::AdmitNode(const std::string& node, const std::string& who,
 
 absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
                                          const UnsubmittedLimits& limits, absl::Duration timeout) {
-  const auto is_new = std::make_shared<bool>(false);
-  RETURN_IF_ERROR(Ask(
-      [artefact, upload, limits, is_new](Writer& writer) {
-        ASSIGN_OR_RETURN(bool added, writer.AddArtefact(artefact));
-        *is_new = added;
-        return writer.AddUpload(artefact, upload, limits);
+  return Change<bool>(
+      [artefact, upload, limits](Writer& writer) -> absl::StatusOr<bool> {
+        ASSIGN_OR_RETURN(const bool is_new, writer.AddArtefact(artefact));
+        RETURN_IF_ERROR(writer.AddUpload(artefact, upload, limits));
+        return is_new;
       },
-      nullptr, timeout));
-  return *is_new;
+      timeout);
 }
 
 absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
                                        absl::Duration timeout) {
-  const auto accepted = std::make_shared<Accepted>();
-  RETURN_IF_ERROR(Ask(
-      [add = std::move(add), accepted](Writer& writer) {
-        absl::StatusOr<Accepted> added = add(writer);
-        if (added.ok()) *accepted = *std::move(added);
-        return added.status();
-      },
-      [this, accepted] {
-        return accepted->is_new() ? core_.Enqueue(accepted->evaluation) : absl::OkStatus();
-      },
-      timeout));
-  return *accepted;
+  return Change<Accepted>(std::move(add), timeout, [this](const Accepted& accepted) {
+    return accepted.is_new() ? core_.Enqueue(accepted.evaluation) : absl::OkStatus();
+  });
 }
 
 absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
@@ -83,17 +72,12 @@ absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
   }, timeout);
 }
 
-absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
-                            std::function<absl::Status()> effect) {
-  return Ask(std::move(change), std::move(effect), timeout);
-}
-
-absl::Status Engine::ChangeTeams(StoreChange change, absl::Duration timeout) {
-  const auto follow = [this] {
+absl::StatusOr<bool> Engine::ChangeTeams(std::function<absl::StatusOr<bool>(Writer&)> change,
+                                         absl::Duration timeout) {
+  return Change<bool>(std::move(change), timeout, [this](bool) {
     core_.FollowTeams();
     return absl::OkStatus();
-  };
-  return Ask(std::move(change), follow, timeout);
+  });
 }
 
 absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,

@@ -288,22 +288,20 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     }
     const std::string& from = choice.file.path;
     const std::string to = absl::StrCat(data_dir_, "/spool/removed-", choice.file.name);
-    const auto removed = std::make_shared<bool>(false);
-    const absl::Status status = engine_.Change(
-        [=](Writer& writer) {
-          ASSIGN_OR_RETURN(bool row,
+    const absl::StatusOr<bool> removed = engine_.Change<bool>(
+        [=](Writer& writer) -> absl::StatusOr<bool> {
+          ASSIGN_OR_RETURN(const bool unneeded,
                            writer.Remove(kind, choice.file.name, choice.file.bytes, choice.why));
-          *removed = row;
-          if (*removed && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
+          if (unneeded && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
             return absl::InternalError(
                 absl::StrCat(from, ": can't be removed: ", std::strerror(errno)));
           }
-          return absl::OkStatus();
+          return unneeded;
         },
         kChange);
-    if (!status.ok()) {
+    if (!removed.ok()) {
       rename(to.c_str(), from.c_str());  // if it was moved at all
-      spdlog::warn("retention: {}", std::string(status.message()));
+      spdlog::warn("retention: {}", std::string(removed.status().message()));
       return;
     }
     std::error_code error;

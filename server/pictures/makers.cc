@@ -66,7 +66,7 @@ std::string ReasonOf(const ProgramEnd& end, const std::string& program) {
 
 absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
                                            const MakerOptions& options, const Stopped& stopped) {
-  RETURN_IF_ERROR(WorkFolder::Make(options.work_dir).status());
+  ASSIGN_OR_RETURN(const WorkFolder folder, WorkFolder::Make(options.work_dir));
   const std::string file = options.work_dir + "/trajectory";
   ReplayOrder order;
   order.track = episode.track;
@@ -120,7 +120,7 @@ absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const Ma
 
 absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptions& options,
                                       const Stopped& stopped) {
-  RETURN_IF_ERROR(WorkFolder::Make(options.work_dir).status());
+  ASSIGN_OR_RETURN(const WorkFolder folder, WorkFolder::Make(options.work_dir));
   const std::string file = options.work_dir + "/model.glb";
   ASSIGN_OR_RETURN(const ProgramEnd end, RunProgram({.program = "myograde-sim",
                   .words = {"--model-file", track, file, options.cache_dir},

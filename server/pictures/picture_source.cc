@@ -99,10 +99,8 @@ std::string PictureBuild(const std::string& cache_dir) {
 
 absl::StatusOr<PicturedEpisode> EpisodeToShow(ReaderPool& readers, const std::string& data_dir,
                                            const std::string& log) {
-  absl::StatusOr<PicturedEpisode> shown = absl::InternalError("");
-  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
-    shown = EpisodeIn(reader, data_dir, log);
-    return shown.status();
+  ASSIGN_OR_RETURN(PicturedEpisode shown, readers.Read<PicturedEpisode>([&](Reader& reader) {
+    return EpisodeIn(reader, data_dir, log);
   }));
   return shown;
 }

@@ -15,6 +15,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/mutex.h"
+#include "protocol/base/status_macros.h"
 #include "server/store/accepted.h"
 #include "server/store/boards.h"
 #include "server/store/damage.h"
@@ -303,6 +304,16 @@ class ReaderPool {
 
   // Runs `body` on a free connection, or opens one.
   absl::Status Read(const std::function<absl::Status(Reader&)>& body);
+  // The same for a body that gives a value.
+  template <typename T>
+  absl::StatusOr<T> Read(const std::function<absl::StatusOr<T>(Reader&)>& body) {
+    absl::StatusOr<T> value = absl::UnknownError("");
+    RETURN_IF_ERROR(Read([&](Reader& reader) {
+      value = body(reader);
+      return value.status();
+    }));
+    return value;
+  }
   // Writes a copy of the current store to a new file at `path` while others go on writing; calls
   // `progress` with page counts from time to time. The copy is checked as a file; damaged rows in
   // it are passed to `damaged`.

@@ -57,7 +57,7 @@ MUTANTS = [
      "if (name.size() <= kHashDigits || name[kHashDigits] != '.') continue;", ""),
     ("engine_test", "Retention*", ENGINE + "retention.cc", "logs = WithNeeded(*std::move(logs));", ""),
     ("engine_test", "Retention*", ENGINE + "retention.cc",
-     "if (*removed && rename(from.c_str(), to.c_str()) != 0", "if (rename(from.c_str(), to.c_str()) != 0"),
+     "if (unneeded && rename(from.c_str(), to.c_str()) != 0", "if (rename(from.c_str(), to.c_str()) != 0"),
     ("engine_test", "Retention*", ENGINE + "retention.cc", "fs::remove_all(to, error);", ""),
     ("engine_test", "Retention*", ENGINE + "retention.cc", "if (!fs::exists(file.path, error)) continue;", ""),
     # What is accepted.

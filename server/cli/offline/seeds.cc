@@ -202,13 +202,10 @@ absl::StatusOr<std::string> StoreIn(const SeedOptions& options) {
 int ExportSecret(const SeedOptions& options) {
   const absl::StatusOr<std::string> path = StoreIn(options);
   if (!path.ok()) return ReportError(path.status());
-  absl::StatusOr<std::string> secret = absl::InternalError("");
   ReaderPool readers(*path);
-  const absl::Status read = readers.Read([&](Reader& reader) {
-    secret = reader.PhaseSecret(options.phase);
-    return secret.status();
-  });
-  if (!read.ok()) return ReportError(HostStatus("seeds export", read));
+  const absl::StatusOr<std::string> secret = readers.Read<std::string>(
+      [&](Reader& reader) { return reader.PhaseSecret(options.phase); });
+  if (!secret.ok()) return ReportError(HostStatus("seeds export", secret.status()));
   if (absl::Status written = WriteSecret(options.output, *secret); !written.ok()) {
     return ReportError(written);
   }

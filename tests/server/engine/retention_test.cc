@@ -227,14 +227,18 @@ TEST_F(RetentionFolder, WhatIsSubmittedBeforeItsRemovalIsWrittenStays) {
   limits.artefact_age = absl::Hours(24 * 30);
   const std::string log = MakeLog('1');
   limits.log_bytes = 0;
-  RunEngine();
-  std::atomic<int> reads = 0;
+  std::atomic<bool> sweeping = false;
+  std::thread::id loop;
+  int reads = 0;
   readers_->SetObserver([&, test = std::this_thread::get_id()](absl::Duration) {
     const std::thread::id own = std::this_thread::get_id();
-    if (own == test || own == loop_.get_id()) return;
+    if (own == test || !sweeping || own == loop) return;
     // The sweep's second read finds the artefacts that nobody needs.
     if (++reads == 2) Accept('a');
   });
+  RunEngine();
+  loop = loop_.get_id();
+  sweeping = true;
   Sweep(limits, log);
   EXPECT_TRUE(fs::exists(FolderOf('a')));
   EXPECT_THAT(Removals(), ElementsAre("log 1"));
