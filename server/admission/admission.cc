@@ -248,7 +248,7 @@ absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const SubmitRequest& requ
                       absl::StrCat("this server has no runtime \"", runtime,
                                    "\", which the artefact's policy.json asks for"));
   }
-  status = CheckAdapter(artefact.adapter, *config.kind);
+  absl::Status status = CheckAdapter(artefact.adapter, *config.kind);
   if (status.ok()) status = CheckExtraObservations(artefact.extra_observations, config);
   if (!status.ok()) return WithErrorCode(status, "bad_artefact");
   return artefact;
