@@ -78,7 +78,7 @@ ReceiptCheck CheckCommitments(const Json& receipt, const std::string& salt,
 
 ReceiptCheck CheckCommitment(const Json& receipt, const std::string& secret) {
   const std::string found = SecretCommitment(secret);
-  if (receipt["hidden"]["commitment"].is_null()) {
+  if (receipt["hidden"].value("commitment", Json()).is_null()) {
     return {"commitment", true,
             absl::StrCat("the receipt names none; hold what was published against ", found)};
   }
