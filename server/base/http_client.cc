@@ -157,10 +157,8 @@ bool Transfer(CURLM* multi, const HttpRequest& request, CURLcode& code) {
   const Deadline deadline(request.time + absl::Seconds(1));
   code = CURLE_OPERATION_TIMEDOUT;
   int running = 1;
-  bool stopped = false;
-  while (running > 0 && !deadline.over() && !stopped) {
-    stopped = request.stop != nullptr && request.stop();
-    if (stopped) break;
+  while (running > 0 && !deadline.over()) {
+    if (request.stop != nullptr && request.stop()) return false;
     curl_multi_perform(multi, &running);
     if (running > 0) curl_multi_poll(multi, nullptr, 0, kLookEveryMs, nullptr);
   }
@@ -168,7 +166,7 @@ bool Transfer(CURLM* multi, const HttpRequest& request, CURLcode& code) {
   while (const CURLMsg* message = curl_multi_info_read(multi, &left)) {
     if (message->msg == CURLMSG_DONE) code = message->data.result;
   }
-  return !stopped;
+  return true;
 }
 
 HttpAnswer::Failure FailureOf(CURLcode code, bool connected) {

@@ -26,7 +26,7 @@ struct HttpRequest {
   absl::Duration connect = absl::Seconds(10);  // longest time until there is a connection
   absl::Duration time = absl::InfiniteDuration();     // longest time of the whole exchange
   absl::Duration silence = absl::InfiniteDuration();  // longest time with under 512 bytes a second
-  size_t most_text = 16 << 20;               // bytes of the answer's text
+  size_t most_text = 64 << 10;               // bytes of the answer's text
   // Takes the content of an answer of status 200, piece by piece, in place of the text. False: stop.
   std::function<bool(std::string_view)> sink = {};
   // Hears how many bytes of the body's file, or of the content for `sink`, are done, of how many.

@@ -8,9 +8,6 @@
 namespace myograde::server {
 namespace {
 
-// Of an answer, which nobody reads.
-constexpr size_t kMostAnswer = 64 << 10;
-
 std::string ProblemOf(const HttpAnswer& answer, absl::Duration timeout) {
   using Failure = HttpAnswer::Failure;
   const int http = answer.status;
@@ -41,7 +38,6 @@ PostResult Post(const Webhook& webhook, const std::string& event_id, const std::
        .body = body,
        .connect = timeout,
        .time = timeout,
-       .most_text = kMostAnswer,
        .stop = stop});
   const std::string problem = ProblemOf(answer, timeout);
   return {problem.empty(), answer.status, problem};

@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 
 namespace myograde::server {
 namespace {
@@ -156,7 +157,9 @@ std::string NetworkTrouble(const ServerChoice& choice, const HttpAnswer& answer)
 
 absl::StatusOr<HttpRequest> RequestTo(const ServerChoice& choice, const std::string& path,
                                       absl::Duration silence) {
-  HttpRequest request = {.url = absl::StrCat("http://myograde", path), .silence = silence};
+  HttpRequest request = {.url = absl::StrCat("http://myograde", path),
+                         .silence = silence,
+                         .most_text = std::numeric_limits<size_t>::max()};
   absl::Status usable;
   if (choice.address.network()) {
     request.url = choice.address.Text() + path;

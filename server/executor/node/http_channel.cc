@@ -25,7 +25,6 @@ constexpr absl::Duration kConnect = absl::Seconds(15);
 // Of small requests, and of those that carry files; the latter also end when they stand still.
 constexpr absl::Duration kShort = absl::Seconds(60);
 constexpr absl::Duration kLong = absl::Minutes(20);
-constexpr size_t kMostAnswer = 64u << 10;
 
 // The sentence of an API's error.
 std::string MessageOf(const std::string& text) {

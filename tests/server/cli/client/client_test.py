@@ -54,6 +54,12 @@ class ClientTest(CliCase):
         request = [json.loads(b) for c, p, b in Handler.heard if p == "/v1/submissions"]
         self.assertEqual(request, [{"artefact": "a" * 64, "team": "alpha", "track": "t"}])
 
+    def test_an_answer_may_be_of_any_length(self):
+        socket = self.serve({"GET /v1/submissions/7": (200, {**STATUS, "reason": "x" * (17 << 20)})})
+        told = myograde("status", "7", "--json", "--socket", socket)
+        self.assertEqual(told.returncode, 0, told.stderr[-300:])
+        self.assertEqual(len(json.loads(told.stdout)["reason"]), 17 << 20)
+
     def test_a_phase_says_its_track(self):
         socket = self.serve({
             "GET /v1/challenges": (200, {"challenges": [
