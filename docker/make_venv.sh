@@ -10,7 +10,10 @@ shift
 # One process makes it; others wait for that one, and find it made.
 mkdir -p "$(dirname "$folder")"
 exec 9>"$folder.lock"
-flock -w 900 9
+if ! flock -w 900 9; then
+  echo "skipped: another process has been making $(basename "$folder") for 15 minutes."
+  exit 77
+fi
 [ ! -e "$folder/complete" ] || exit 0
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
