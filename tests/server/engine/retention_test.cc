@@ -186,6 +186,16 @@ class RetentionFolder : public testing::Test {
             .log_age = absl::Hours(24 * 365), .log_bytes = INT64_MAX, .every = absl::Hours(1),
             .upload_age = absl::Hours(24 * 365)};
   }
+  // Makes the artefacts a and b, of which one is submitted 40 days later; the limits let the other go.
+  RetentionLimits SubmitOneOfTwoLater(char submitted) {
+    MakeArtefact('a');
+    MakeArtefact('b');
+    clock_.ahead = absl::Hours(24 * 40);
+    Accept(submitted);
+    RetentionLimits limits = Unlimited();
+    limits.artefact_age = absl::Hours(24 * 30);
+    return limits;
+  }
   std::vector<std::string> Removals() {
     std::vector<std::string> names;
     SQLite::Database db(dir_ + "/store.db");
@@ -206,25 +216,14 @@ class RetentionFolder : public testing::Test {
 };
 
 TEST_F(RetentionFolder, ArtefactsGoThatNobodyNeedsAndTheNeededStay) {
-  MakeArtefact('a');
-  MakeArtefact('b');
-  clock_.ahead = absl::Hours(24 * 40);
-  Accept('a');
-  RetentionLimits limits = Unlimited();
-  limits.artefact_age = absl::Hours(24 * 30);
-  Sweep(limits, FolderOf('b'));
+  Sweep(SubmitOneOfTwoLater('a'), FolderOf('b'));
   EXPECT_TRUE(fs::exists(FolderOf('a')));
   EXPECT_THAT(Removals(), ElementsAre("artefact b"));
   EXPECT_TRUE(fs::is_empty(dir_ + "/spool"));
 }
 
 TEST_F(RetentionFolder, WhatIsSubmittedBeforeItsRemovalIsWrittenStays) {
-  MakeArtefact('a');
-  MakeArtefact('b');
-  clock_.ahead = absl::Hours(24 * 40);
-  Accept('b');
-  RetentionLimits limits = Unlimited();
-  limits.artefact_age = absl::Hours(24 * 30);
+  RetentionLimits limits = SubmitOneOfTwoLater('b');
   const std::string log = MakeLog('1');
   limits.log_bytes = 0;
   std::atomic<bool> sweeping = false;
