@@ -145,9 +145,8 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
     order.extra_observations = reader.Boolean("extra_observations");
   }
   if (reader.Has("image")) {
-    ASSIGN_OR_RETURN(PolicyImage image,
+    ASSIGN_OR_RETURN(order.image,
                      PolicyImageFromJson(reader.Object("image"), absl::StrCat(where, ": image")));
-    order.image = std::move(image);
   }
   const Json& track = reader.Object("track");
   const Json& episodes = reader.Array("episodes");

@@ -90,8 +90,7 @@ absl::StatusOr<RenderOrder> RenderOrderFromJson(const nlohmann::json& json,
   const Json& track = reader.Object("track");
   RETURN_IF_ERROR(reader.Finish());
   ASSIGN_OR_RETURN(order.track, ParseTrackConfig(track, absl::StrCat(where, ": track")));
-  ASSIGN_OR_RETURN(std::vector<RenderEpisode> episodes, ReadRenderEpisodes(array, where));
-  order.episodes = std::move(episodes);
+  ASSIGN_OR_RETURN(order.episodes, ReadRenderEpisodes(array, where));
   return order;
 }
 

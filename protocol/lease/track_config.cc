@@ -195,8 +195,7 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
   }
 
   ASSIGN_OR_RETURN(config.budgets, ParseBudgets(budgets, where + ": budgets"));
-  ASSIGN_OR_RETURN(std::vector<uint64_t> seeds, ParseSeeds(effective["seeds"], where + ": seeds"));
-  config.seeds = std::move(seeds);
+  ASSIGN_OR_RETURN(config.seeds, ParseSeeds(effective["seeds"], where + ": seeds"));
 
   config.effective = effective;
   RemoveComments(config.effective);

@@ -137,14 +137,12 @@ class Parser {
     if (event.channel == kLogDigestChannel) return TakeDigest(event);
     ASSIGN_OR_RETURN(Json json, TextOf(event));
     if (event.channel == kLogHeaderChannel && event.number == 0) {
-      ASSIGN_OR_RETURN(LogHeader header, HeaderFromJson(json));
-      log_.header = std::move(header);
+      ASSIGN_OR_RETURN(log_.header, HeaderFromJson(json));
       log_.action_size = ActionOf(*log_.header.track.kind).size();
       return absl::OkStatus();
     }
     if (event.channel == kLogStartChannel && event.number == 1) {
-      ASSIGN_OR_RETURN(LogStart start, StartFromJson(json));
-      log_.start = start;
+      ASSIGN_OR_RETURN(log_.start, StartFromJson(json));
       return absl::OkStatus();
     }
     if (event.channel == kLogEndChannel && event.number > 0) return TakeEnd(event, json);

@@ -28,8 +28,7 @@ ApiResult BoardAnswers::Get(const httplib::Request& request) {
   ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
-    ASSIGN_OR_RETURN(std::shared_ptr<const std::string> text, TextOf(reader, asked));
-    answer.text = std::move(text);
+    ASSIGN_OR_RETURN(answer.text, TextOf(reader, asked));
     ASSIGN_OR_RETURN(answer.for_all_origins,
                      IsPhasePublic(reader, context_, asked.track->config.phase));
     return absl::OkStatus();

@@ -20,8 +20,7 @@ absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row)
   if (!row.standing.aggregate_json.empty() && row.standing.ranked.names == names) {
     return absl::OkStatus();
   }
-  ASSIGN_OR_RETURN(Standing standing, ReadStanding(reader, row.evaluation));
-  row.standing = std::move(standing);
+  ASSIGN_OR_RETURN(row.standing, ReadStanding(reader, row.evaluation));
   return absl::OkStatus();
 }
 

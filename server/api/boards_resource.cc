@@ -115,8 +115,7 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
-    const BoardQuery& board = asked;
+    ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context_));
     ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
     ASSIGN_OR_RETURN(const auto explanation,
                      ExplainOrder(source.standings, source.marks, board.rules->rules,

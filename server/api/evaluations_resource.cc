@@ -104,9 +104,8 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const scoring::TrackScoring& scoring = track->scoring;
   ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
   ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.Leases(id));
-  ASSIGN_OR_RETURN(std::vector<EpisodeRow> read, reader.Episodes(id));
-  if (!sight.progress) DropUnended(leases, read);
-  const std::vector<EpisodeRow>& rows = read;
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(id));
+  if (!sight.progress) DropUnended(leases, rows);
   ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
                    JudgedEpisodes(*scoring.track, rows));
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate,

@@ -119,8 +119,7 @@ absl::StatusOr<WithheldReceipt> WithheldFor(const httplib::Request& request, Rea
   withheld.reason = unreadable                                     ? "unreadable"
                     : rejudge.rejudge != 0 && !rejudge.ever_applied ? "rejudge"
                                                                     : "phase";
-  ASSIGN_OR_RETURN(RecordHead head, context.record.Head(reader));
-  withheld.head = std::move(head);
+  ASSIGN_OR_RETURN(withheld.head, context.record.Head(reader));
   return withheld;
 }
 

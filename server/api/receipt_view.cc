@@ -77,8 +77,7 @@ absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const Submissi
   const std::string& hash = ConfigOf(evaluation, submission);
   ASSIGN_OR_RETURN(const std::string config, reader.ConfigJson(hash));
   ASSIGN_OR_RETURN(const TrackConfig track, StoredConfig(reader, hash));
-  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> read, reader.Episodes(evaluation.id));
-  const std::vector<EpisodeRow>& rows = read;
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.Episodes(evaluation.id));
   const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track.kind->name);
   ASSIGN_OR_RETURN(scoring::Aggregate aggregate, AggregateRows(scored, rows));
   RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, track.seed_salt));

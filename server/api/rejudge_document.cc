@@ -76,8 +76,7 @@ absl::StatusOr<SignRejudge> RejudgeSigner(const ApiContext& context) {
       }));
     }
     SignedDocument signed_document = {CanonicalJson(RejudgeDocument(rejudge, event, items)), ""};
-    ASSIGN_OR_RETURN(std::string signature, key->Sign(signed_document.json));
-    signed_document.signature = std::move(signature);
+    ASSIGN_OR_RETURN(signed_document.signature, key->Sign(signed_document.json));
     return signed_document;
   };
 }

@@ -280,8 +280,7 @@ absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder, const std::s
   ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(text, "policy.json"));
   if (!name.empty() && json.is_object()) json["name"] = name;
   SubmittedManifest submitted;
-  ASSIGN_OR_RETURN(ArtefactManifest manifest, ParseKeys(json, &submitted.image_file));
-  submitted.manifest = std::move(manifest);
+  ASSIGN_OR_RETURN(submitted.manifest, ParseKeys(json, &submitted.image_file));
   submitted.json = std::move(json);
   std::vector<std::string>& command = submitted.manifest.command;
   if (!submitted.image_file.empty()) {

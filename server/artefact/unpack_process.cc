@@ -190,9 +190,8 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);
   if (reader.Has("image")) {
-    ASSIGN_OR_RETURN(PolicyImage image,
+    ASSIGN_OR_RETURN(artefact.manifest.image,
                      PolicyImageFromJson(reader.Object("image"), "unpacking: image"));
-    artefact.manifest.image = std::move(image);
   }
   RETURN_IF_ERROR(reader.Finish());
   return artefact;

@@ -62,8 +62,7 @@ std::string ProgramEnd::LastError() const { return LastLineOf(errors); }
 
 absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
                                       const std::function<bool()>& stopped) {
-  ASSIGN_OR_RETURN(const std::string found, ProgramPath(order.program));
-  const std::string& path = found;
+  ASSIGN_OR_RETURN(const std::string path, ProgramPath(order.program));
   ASSIGN_OR_RETURN(Fd in, InputFile(order.input));
   ASSIGN_OR_RETURN(Pipe out, MakeOutputPipe());
   std::vector<std::string> words = {path};

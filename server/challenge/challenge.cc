@@ -78,8 +78,7 @@ absl::Status ReadSeedsOfPhase(const nlohmann::json& json, const std::string& whe
     phase.committed = reader.Integer("committed", 1, kMaxEpisodes);
     return reader.Finish();
   }
-  ASSIGN_OR_RETURN(std::vector<uint64_t> seeds, ParseSeeds(json, where));
-  phase.seeds = std::move(seeds);
+  ASSIGN_OR_RETURN(phase.seeds, ParseSeeds(json, where));
   return absl::OkStatus();
 }
 

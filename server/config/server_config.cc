@@ -274,8 +274,7 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
                        ServerConfig& config) {
   ConfigReader reader(json, where);
   const nlohmann::json tracks = reader.Object("tracks");
-  ASSIGN_OR_RETURN(AdmissionRules usual, ReadAdmission(reader));
-  config.quota.usual = usual;
+  ASSIGN_OR_RETURN(config.quota.usual, ReadAdmission(reader));
   for (const auto& [name, own] : tracks.items()) {
     if (name.starts_with("//")) continue;
     const std::string place = absl::StrCat(where, ": tracks: ", name);

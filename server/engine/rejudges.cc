@@ -144,8 +144,7 @@ absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(Reader& reader, RejudgeRow rejud
   if (events.back().event == RejudgeEvent::kDropped) return work;
   work.missing = reader.MissingItems(work.rejudge);
   if (work.missing.empty()) return work;
-  ASSIGN_OR_RETURN(TrackPtr track, content_.Track(reader, work.rejudge.to_config));
-  work.track = std::move(track);
+  ASSIGN_OR_RETURN(work.track, content_.Track(reader, work.rejudge.to_config));
   absl::StatusOr<SeedsPtr> seeds = content_.Seeds(reader, work.rejudge.seeds);
   if (!seeds.ok()) return seeds.status();
   work.seeds = *std::move(seeds);

@@ -46,8 +46,7 @@ absl::StatusOr<SeedsPtr> StoredContent::Seeds(Reader& reader, const std::string&
 absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
                                                 StoredContent& content) {
   StoredEvaluation stored;
-  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.Evaluation(id));
-  stored.evaluation = std::move(evaluation);
+  ASSIGN_OR_RETURN(stored.evaluation, reader.Evaluation(id));
   const std::string key = absl::StrCat(id);
   // If a row that this one names is missing, then this one is damaged.
   absl::StatusOr<SubmissionRow> submission = reader.Submission(stored.evaluation.submission);
@@ -59,19 +58,16 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
   absl::StatusOr<ArtefactRow> artefact = reader.Artefact(stored.submission.artefact);
   if (!artefact.ok()) return artefact.status();
   stored.artefact = *std::move(artefact);
-  ASSIGN_OR_RETURN(TrackPtr track,
+  ASSIGN_OR_RETURN(stored.track,
                    content.Track(reader, ConfigOf(stored.evaluation, stored.submission)));
-  stored.track = std::move(track);
-  ASSIGN_OR_RETURN(SeedsPtr seeds,
+  ASSIGN_OR_RETURN(stored.seeds,
                    content.Seeds(reader, SeedsOf(stored.evaluation, stored.submission)));
-  stored.seeds = std::move(seeds);
   if (stored.evaluation.last >= static_cast<int64_t>(stored.seeds->size())) {
     return DamagedRow({"evaluation", key, absl::StrCat("it ends with episode ",
                                                        stored.evaluation.last, ", and there are ",
                                                        stored.seeds->size(), " seeds")});
   }
-  ASSIGN_OR_RETURN(std::vector<LeaseRow> leases, reader.Leases(id));
-  stored.leases = std::move(leases);
+  ASSIGN_OR_RETURN(stored.leases, reader.Leases(id));
   int64_t next = stored.evaluation.first;
   for (const LeaseRow& lease : stored.leases) {
     if (lease.first != next) break;

@@ -210,9 +210,7 @@ absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& sta
     ASSIGN_OR_RETURN(std::string path, stage.AddFile(entry.name, entry.text));
     *entry.path = std::move(path);
   }
-  ASSIGN_OR_RETURN(std::vector<SandboxMount> kernel,
-                   StageKernelFiles(stage, order.track.budgets.memory_bytes));
-  files.kernel = std::move(kernel);
+  ASSIGN_OR_RETURN(files.kernel, StageKernelFiles(stage, order.track.budgets.memory_bytes));
   return files;
 }
 

@@ -252,9 +252,8 @@ absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const Si
       !why.empty()) {
     return Refused(*rejudge, why);
   }
-  ASSIGN_OR_RETURN(RejudgeEventRow event,
+  ASSIGN_OR_RETURN(done.event,
                    AddRejudgeEvent(*rejudge, RejudgeEvent::kApplied, act.why, sign, who));
-  done.event = std::move(event);
   done.config_after = rejudge->to_config;
   return MoveBoard(*rejudge, std::move(done), who);
 }
@@ -296,9 +295,8 @@ absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const Sig
         EndWithLeases(evaluation, EvaluationState::kCancelled,
                       absl::StrCat("rejudge ", rejudge->id, " was dropped"), who));
   }
-  ASSIGN_OR_RETURN(RejudgeEventRow event,
+  ASSIGN_OR_RETURN(done.event,
                    AddRejudgeEvent(*rejudge, RejudgeEvent::kDropped, act.why, sign, who));
-  done.event = std::move(event);
   return MoveBoard(*rejudge, std::move(done), who);
 }
 

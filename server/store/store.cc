@@ -151,8 +151,7 @@ void Writer::SetTrustedTime(int64_t ms) {
 
 absl::Status Store::LoadSecret() {
   return GuardSqlite(path_, [&]() -> absl::Status {
-    ASSIGN_OR_RETURN(std::string drawn, RandomBytes(32));
-    std::string& fresh = drawn;
+    ASSIGN_OR_RETURN(std::string fresh, RandomBytes(32));
     SQLite::Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
     const bool there = select.executeStep();
     if (there && select.getColumn(0).isBlob() &&

@@ -41,8 +41,7 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOfLines(const std::string& text,
 }  // namespace
 
 absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
-  ASSIGN_OR_RETURN(const std::string read, ReadFile(path, kMaxSeedFileBytes));
-  const std::string& text = read;
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxSeedFileBytes));
   const size_t begin = text.find_first_not_of(" \t\r\n");
   if (begin != std::string::npos && (text[begin] == '[' || text[begin] == '{')) {
     ASSIGN_OR_RETURN(const nlohmann::json json, ParseJson(text, path));

@@ -31,8 +31,7 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
   if (!names_socket && Variable("MYOGRADE_DATA").empty()) {
     ASSIGN_OR_RETURN(const std::optional<Login> login, ReadLogin());
     if (login.has_value()) {
-      ASSIGN_OR_RETURN(ServerAddress address, ParseServer(login->server, LoginFile()));
-      choice.address = std::move(address);
+      ASSIGN_OR_RETURN(choice.address, ParseServer(login->server, LoginFile()));
       choice.by_login = true;
       return choice;
     }

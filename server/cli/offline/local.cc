@@ -82,8 +82,7 @@ absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   absl::StatusOr<TrackConfig> config =
       LoadTrackConfig(configs + "/tracks", options.track, options.profile);
   if (!config.ok()) return HostStatus("", config.status());
-  ASSIGN_OR_RETURN(std::vector<uint64_t> seeds, SeedsOf(options, *config));
-  order.seeds = std::move(seeds);
+  ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, *config));
   absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
   if (!track.ok()) return HostStatus("", track.status());
   order.track = *std::move(track);

@@ -158,8 +158,7 @@ absl::Status FindOfFile(const RenderOptions& options, Drawing& drawing) {
   if (options.episode >= 0) {
     return WrongOption("--episode: a log file holds one episode; leave the option out");
   }
-  ASSIGN_OR_RETURN(ShownEpisodes shown, EpisodeOfFile(options.target));
-  drawing.shown = std::move(shown);
+  ASSIGN_OR_RETURN(drawing.shown, EpisodeOfFile(options.target));
   if (options.strip) {
     ShownEpisode& episode = drawing.shown.episodes.front();
     episode.place = "only";
