@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import sqlite3
+import time
 import unittest
 
 from organiser_test import TRACK, OrganiserCase
@@ -176,10 +177,19 @@ class DamagedStore(OrganiserCase):
         self.played("ok")
         self.ask("backup", self.folder / "backup.db")
         self.played("ok", team="beta")
-        with sqlite3.connect(self.data / "store.db", timeout=20) as db:
-            db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        db.close()
-        (self.data / "store.db").write_bytes((self.folder / "backup.db").read_bytes())
+        # What stays in the log, as a request was being answered or something was written since, would
+        # be read in place of what the file says.
+        log = self.data / "store.db-wal"
+        backup = (self.folder / "backup.db").read_bytes()
+        for _ in range(100):
+            with sqlite3.connect(self.data / "store.db", timeout=20) as db:
+                db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            db.close()
+            if log.stat().st_size == 0:
+                (self.data / "store.db").write_bytes(backup)
+                break
+            time.sleep(0.1)
+        self.assertEqual(log.stat().st_size, 0)
         trouble = self.wait("/v1/health", lambda body: body["status"] == "store")
         self.assertIn("overwritten with an older store", trouble["message"])
         self.assertEqual(self.call("GET", "/v1/ready")[0], 503)
