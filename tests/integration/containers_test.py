@@ -26,7 +26,7 @@ SERVER, POLICY = "localhost/myograde-test-server", "localhost/myograde-test-poli
 TOOLS = ("buildah", "podman", "mmdebstrap")
 FILES, PROCESSES = min(resource.getrlimit(resource.RLIMIT_NOFILE)[1], 20000), 30000
 BUILD_S, RUN_S, START_S = 5400, 300, 60  # builds compile everything, without a cache
-BIN, BUILT = (pathlib.Path(os.environ[f"MYOGRADE_TEST_{name}"]) for name in ("BIN", "POLICIES"))
+BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 DATE = "1700000000"
 POLICIES = "/usr/local/share/myograde/policies"
 PAGE = (SOURCE / "docker/README.md").read_text(encoding="utf-8")
@@ -173,7 +173,9 @@ class Containers(unittest.TestCase):
         def ask(*words):
             return json.loads(run(BIN / "myograde", *words, "--json", env=environment).stdout)
 
-        done = ask("submit", BUILT / "scripted-elbow", "--track", "elbow", "--team", "Blue", "--wait")
+        # The image's own: what a build with sanitizers makes needs their libraries.
+        run("podman", "cp", f"{name}:{POLICIES}/scripted-elbow", folder)
+        done = ask("submit", folder / "scripted-elbow", "--track", "elbow", "--team", "Blue", "--wait")
         self.assertEqual(done["state"], "done", done)
         board = ask("leaderboard", "--track", "elbow")["rows"]
         self.assertEqual([entry["team"] for entry in board], ["Blue"])
