@@ -74,6 +74,7 @@ std::optional<JobTable::Batch> JobTable::Next(absl::Duration now) {
     attempt.ready = false;
     batch.names.push_back(name);
   }
+  asking_ = true;
   return batch;
 }
 
@@ -89,13 +90,27 @@ void JobTable::Place(const std::vector<std::string>& names, int64_t array) {
 }
 
 void JobTable::Accepted(const Batch& batch, int64_t array) {
-  trouble_.clear();
-  retry_ = kRetry;
-  retry_at_ = -absl::InfiniteDuration();
+  NoTrouble();
   Place(batch.names, array);
 }
 
+void JobTable::NoTrouble() {
+  asking_ = false;
+  trouble_.clear();
+  retry_ = kRetry;
+  retry_at_ = -absl::InfiniteDuration();
+}
+
+std::string JobTable::trouble() const {
+  const bool tried_again =
+      asking_ || !lost_.empty() || std::any_of(attempts_.begin(), attempts_.end(), [](const auto& entry) {
+        return entry.second.ready && entry.second.wanted;
+      });
+  return tried_again ? trouble_ : "";
+}
+
 void JobTable::Trouble(const std::string& why, absl::Duration now) {
+  asking_ = false;
   if (trouble_.empty()) trouble_since_ = now;
   trouble_ = why;
   retry_at_ = now + retry_;
@@ -122,6 +137,8 @@ void JobTable::PlaceLost(const std::vector<SlurmJob>& jobs, absl::Duration asked
   for (const SlurmJob& job : jobs) {
     const auto it = lost_.find(job.batch);
     if (it == lost_.end() || arrays_.contains(job.array)) continue;
+    // The cluster did take it; the one that is being asked about now tells the rest.
+    if (!asking_) NoTrouble();
     Place(it->second.names, job.array);
     lost_.erase(it);
   }

@@ -80,8 +80,9 @@ class JobTable {
   // nullptr: there is no such attempt.
   const JobView* Find(const std::string& name) const;
 
-  // Why nothing can be submitted, and since when; "": the latest sbatch was accepted.
-  const std::string& trouble() const { return trouble_; }
+  // Why nothing can be submitted, and since when; "": the latest sbatch was accepted, or nobody waits
+  // for the next, which a new attempt may try.
+  std::string trouble() const;
   absl::Duration trouble_since() const { return trouble_since_; }
   bool empty() const { return attempts_.empty(); }
   // When Next() may have something, if nothing changes before; InfiniteDuration(): never.
@@ -105,6 +106,7 @@ class JobTable {
     absl::Duration at;
   };
   void Trouble(const std::string& why, absl::Duration now);
+  void NoTrouble();
   void Place(const std::vector<std::string>& names, int64_t array);
   bool IsStray(const SlurmJob& job, absl::Duration asked);
   void PlaceLost(const std::vector<SlurmJob>& jobs, absl::Duration asked);
@@ -116,6 +118,7 @@ class JobTable {
   std::map<int64_t, std::vector<std::string>> arrays_;  // names of the tasks, by job
   std::map<std::string, LostBatch> lost_;               // by comment
   std::vector<SlurmJob> strays_;
+  bool asking_ = false;  // a batch that Next gave is not answered
   std::string trouble_;
   absl::Duration trouble_since_;
   absl::Duration retry_ = kRetry;

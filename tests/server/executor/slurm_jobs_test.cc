@@ -87,6 +87,22 @@ TEST_F(SlurmJobs, AnAnswerThatWasLostIsLookedForAndNothingIsSubmittedTwice) {
   EXPECT_THAT(See({Job(7, 0, JobState::kRunning, "comment")}), IsEmpty());
   EXPECT_EQ(table_.Find("1-1-a")->id, "7_0");
   EXPECT_FALSE(table_.Next(now_ + absl::Hours(1)).has_value());
+  EXPECT_EQ(table_.trouble(), "") << "the cluster took it";
+  EXPECT_EQ(table_.next_at(), absl::InfiniteDuration());
+}
+
+TEST_F(SlurmJobs, TroubleDoesNotOutlastThoseWhoWouldNoticeItsEnd) {
+  Add("1-1-a");
+  table_.Refused(Next(), "no such partition", now_);
+  table_.Remove("1-1-a", /*leaves=*/false, now_);
+  EXPECT_EQ(table_.trouble(), "") << "nobody would ever submit again";
+  Add("2-1-a");
+  EXPECT_EQ(table_.trouble(), "no such partition");
+  Pass(5);
+  const JobTable::Batch batch = Next();
+  EXPECT_EQ(table_.trouble(), "no such partition") << "it is not answered yet";
+  table_.Accepted(batch, 7);
+  EXPECT_EQ(table_.trouble(), "");
 }
 
 TEST_F(SlurmJobs, ALostSubmissionThatTheQueueDoesNotShowIsMadeAgainAndAStrayIfItComesLate) {
