@@ -32,27 +32,30 @@ Json EventToJson(const AccessEventRow& event) {
           {"count", event.count}};
 }
 
-}  // namespace
-
-void AccessResource::Install(Routes& routes) {
-  using Self = AccessResource;
-  routes.Get("/v1/addresses", Action::kReadApi, std::bind_front(&Self::ListAddresses, this));
-  routes.Get("/v1/events", Action::kReadEvents, std::bind_front(&Self::ListEvents, this));
-}
-
-ApiResult AccessResource::ListAddresses(const httplib::Request& request) const {
+ApiResult ListAddresses(const Request& request, const Router& router) {
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
   Json list = Json::array();
-  for (const Address& address : guard_.addresses()) {
+  for (const Address& address : router.addresses()) {
     if (!address.page) list.push_back(AddressToJson(address));
   }
   return ApiAnswer{200, {{"addresses", std::move(list)}}};
 }
 
-ApiResult AccessResource::ListEvents(const httplib::Request& request) const {
+}  // namespace
+
+void AccessResource::Install(Routes& routes) {
+  using Self = AccessResource;
+  routes.Get("/v1/addresses", Action::kReadApi,
+             [&router = routes.router()](const Request& request) {
+               return ListAddresses(request, router);
+             });
+  routes.Get("/v1/events", Action::kReadEvents, std::bind_front(&Self::ListEvents, this));
+}
+
+ApiResult AccessResource::ListEvents(const Request& request) const {
   absl::Status status = CheckParameters(request, {"kind", "before", "limit"});
-  const std::string kind = request.get_param_value("kind");
-  if (request.has_param("kind") && kind != "denied" && kind != "act") {
+  const std::string kind = request.Param("kind");
+  if (request.HasParam("kind") && kind != "denied" && kind != "act") {
     status.Update(absl::InvalidArgumentError("\"kind\" must be denied or act"));
   }
   const absl::StatusOr<Page> page = ReadPage(request);

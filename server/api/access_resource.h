@@ -2,7 +2,6 @@
 #pragma once
 
 #include "server/api/context.h"
-#include "server/api/guard.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
@@ -10,18 +9,15 @@ namespace myograde::server {
 // Safe from any thread.
 class AccessResource {
  public:
-  // Both must outlive it.
-  AccessResource(const ApiContext& context, const Guard& guard)
-      : context_(context), guard_(guard) {}
+  // `context` must outlive it.
+  explicit AccessResource(const ApiContext& context) : context_(context) {}
 
   void Install(Routes& routes);
 
  private:
-  ApiResult ListAddresses(const httplib::Request& request) const;
-  ApiResult ListEvents(const httplib::Request& request) const;
+  ApiResult ListEvents(const Request& request) const;
 
   const ApiContext& context_;
-  const Guard& guard_;
 };
 
 }  // namespace myograde::server

@@ -18,9 +18,11 @@ Api::Api(const ApiContext& context)
 void Api::Install(UnixHttpServer& server) {
   server.SetOrganisers(
       [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); });
-  server.SetAdmit([this](Connection& connection) { return guard_.AdmitBody(connection); });
+  server.SetAdmit([this, &router = server.router()](Connection& connection) {
+    return guard_.AdmitBody(connection, router);
+  });
   server.SetRefusalCounter([this](int http) { context_.metrics.CountRefusal(http); });
-  Routes routes(server, guard_, context_.metrics);
+  Routes routes(server.router(), guard_, context_.metrics);
   access_.Install(routes);
   host_.Install(routes);
   leases_.Install(routes);
@@ -48,7 +50,6 @@ void Api::Install(UnixHttpServer& server) {
   openapi_.Install(routes);
   queue_.Install(routes);
   pages_.Install(routes);
-  routes.AddErrorAnswers();
 }
 
 }  // namespace myograde::server

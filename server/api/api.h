@@ -47,7 +47,7 @@ class Api {
  private:
   const ApiContext context_;
   Guard guard_;
-  AccessResource access_{context_, guard_};
+  AccessResource access_{context_};
   HostResource host_{context_};
   LeaseResource leases_{context_.leases};
   MetricsResource metrics_{context_};

@@ -6,13 +6,14 @@
 
 #include "server/api/founding.h"
 #include "server/api/requests.h"
+#include "server/api/unix_http_server.h"
 
 namespace myograde::server {
 namespace {
 
-// The body of the request that this thread handles.
 class UploadedBody : public IncomingArchive {
  public:
+  explicit UploadedBody(Body& body) : body_(body) {}
   int64_t size() const override { return body_.size(); }
   ssize_t ReadAt(char* to, size_t size, int64_t offset) const override {
     return body_.ReadAt(to, size, offset);
@@ -20,19 +21,19 @@ class UploadedBody : public IncomingArchive {
   absl::Status MoveTo(const std::string& path) override { return body_.MoveTo(path); }
 
  private:
-  Body& body_ = UnixHttpServer::RequestBody();
+  Body& body_;
 };
 
-absl::StatusOr<UploadRequest> ParseUpload(const httplib::Request& request) {
+absl::StatusOr<UploadRequest> ParseUpload(const Request& request) {
   absl::Status status = CheckParameters(request, {"team", "track"});
-  if (status.ok() && request.has_param("team") != request.has_param("track")) {
+  if (status.ok() && request.HasParam("team") != request.HasParam("track")) {
     status = absl::InvalidArgumentError("\"team\" and \"track\" go together: give both or none");
   }
-  const std::string team = request.get_param_value("team");
-  if (status.ok() && request.has_param("team")) status = CheckTeam(team);
+  const std::string team = request.Param("team");
+  if (status.ok() && request.HasParam("team")) status = CheckTeam(team);
   if (!status.ok()) return status;
   return UploadRequest{.from = {CallerKey(), team, CallerIsOrganiser()},
-                       .track = request.get_param_value("track"),
+                       .track = request.Param("track"),
                        .stopping = UnixHttpServer::Stopping};
 }
 
@@ -61,7 +62,7 @@ void ArtefactsResource::Install(Routes& routes) {
                     std::bind_front(&ArtefactsResource::Upload, this));
 }
 
-ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
+ApiResult ArtefactsResource::Upload(const Request& request) const {
   absl::StatusOr<UploadRequest> upload = ParseUpload(request);
   if (!upload.ok()) return ErrorOf(upload.status());
   if (upload->from.team.empty()) {
@@ -75,7 +76,7 @@ ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
     // An organiser may upload for a team of others.
     if (!CallerIsOrganiser()) upload->founding = *std::move(founding);
   }
-  UploadedBody body;
+  UploadedBody body(*request.body);
   const absl::StatusOr<ReceivedArtefact> received = context_.admission.Receive(*upload, body);
   if (!received.ok()) return TeamErrorOf(received.status(), upload->from.team);
   const ArtefactRow& artefact = received->artefact;

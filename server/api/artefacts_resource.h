@@ -15,7 +15,7 @@ class ArtefactsResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Upload(const httplib::Request& request) const;
+  ApiResult Upload(const Request& request) const;
 
   const ApiContext& context_;
 };

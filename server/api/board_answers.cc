@@ -22,7 +22,7 @@ absl::StatusOr<std::shared_ptr<const std::string>> BoardAnswers::TextOf(Reader& 
   return text;
 }
 
-ApiResult BoardAnswers::Get(const httplib::Request& request) {
+ApiResult BoardAnswers::Get(const Request& request) {
   absl::Status status = CheckParameters(request, BoardParametersAnd({}));
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer{.tagged = true};

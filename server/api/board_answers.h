@@ -8,7 +8,6 @@
 #include <utility>
 
 #include <absl/status/statusor.h>
-#include <httplib.h>
 
 #include "server/api/board_query.h"
 #include "server/api/context.h"
@@ -27,7 +26,7 @@ class BoardAnswers {
   BoardAnswers(const ApiContext& context, Make make) : context_(context), make_(std::move(make)) {}
 
   // The answer about the board that a request asks for; its parameters are BoardParametersAnd({}).
-  ApiResult Get(const httplib::Request& request);
+  ApiResult Get(const Request& request);
   // The text of that answer.
   absl::StatusOr<std::shared_ptr<const std::string>> TextOf(Reader& reader,
                                                             const BoardQuery& asked);

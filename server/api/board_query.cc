@@ -36,18 +36,18 @@ absl::StatusOr<TrackPtr> LiveTrack(Reader& reader, const ApiContext& context,
 }
 
 // Whether the request says nothing else than the config of a board.
-absl::Status CheckNamed(const httplib::Request& request, const TrackConfig& config) {
-  const std::string name = request.get_param_value("track");
-  const std::string profile = request.get_param_value("profile");
-  const std::string phase = request.get_param_value("phase");
+absl::Status CheckNamed(const Request& request, const TrackConfig& config) {
+  const std::string name = request.Param("track");
+  const std::string profile = request.Param("profile");
+  const std::string phase = request.Param("phase");
   const bool fits = (name.empty() || name == config.id) &&
                     (profile.empty() || profile == config.profile) &&
-                    (!request.has_param("phase") || phase == config.phase);
+                    (!request.HasParam("phase") || phase == config.phase);
   if (fits) return absl::OkStatus();
-  const std::string what = request.has_param("config")
+  const std::string what = request.HasParam("config")
                                ? absl::StrCat("config ", config.hash)
                                : absl::StrCat("phase \"", phase, "\"");
-  const std::string of_phase = config.phase.empty() || !request.has_param("config")
+  const std::string of_phase = config.phase.empty() || !request.HasParam("config")
                                    ? ""
                                    : absl::StrCat(", and of the phase \"", config.phase, "\"");
   return absl::InvalidArgumentError(absl::StrCat(what, " is of track \"", config.id,
@@ -56,18 +56,18 @@ absl::Status CheckNamed(const httplib::Request& request, const TrackConfig& conf
 }
 
 // The board's own config, as it is now.
-absl::StatusOr<TrackPtr> NamedTrack(const httplib::Request& request, Reader& reader,
+absl::StatusOr<TrackPtr> NamedTrack(const Request& request, Reader& reader,
                                     const ApiContext& context) {
-  if (!request.has_param("phase")) {
-    if (request.has_param("track")) {
-      return context.tracks.Find(request.get_param_value("track"),
-                                 request.get_param_value("profile"));
+  if (!request.HasParam("phase")) {
+    if (request.HasParam("track")) {
+      return context.tracks.Find(request.Param("track"),
+                                 request.Param("profile"));
     }
     return absl::InvalidArgumentError(
         "\"track\" is missing: a board is of one track, or of one \"phase\"");
   }
   absl::StatusOr<TrackPtr> track =
-      TrackOfPhase(reader, context, request.get_param_value("phase"));
+      TrackOfPhase(reader, context, request.Param("phase"));
   if (!track.ok()) return track;
   RETURN_IF_ERROR(CheckNamed(request, (*track)->config));
   return track;
@@ -110,10 +110,10 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, Reader& reader,
 }
 
 // The track that a request names by its config, as `asked`, and what its board has now.
-absl::StatusOr<TrackPtr> FindTracks(const httplib::Request& request, Reader& reader,
+absl::StatusOr<TrackPtr> FindTracks(const Request& request, Reader& reader,
                                     const ApiContext& context, TrackPtr& asked) {
   const absl::StatusOr<TrackPtr> found =
-      FindConfig(request.get_param_value("config"), reader, context);
+      FindConfig(request.Param("config"), reader, context);
   if (!found.ok()) return found;
   RETURN_IF_ERROR(CheckNamed(request, (*found)->config));
   asked = *found;
@@ -124,10 +124,10 @@ absl::StatusOr<TrackPtr> FindTracks(const httplib::Request& request, Reader& rea
 }
 
 // The moment that a request asks for, in milliseconds; 0: now.
-absl::StatusOr<int64_t> ReadMoment(const httplib::Request& request, absl::Time now) {
-  if (!request.has_param("at")) return int64_t{0};
+absl::StatusOr<int64_t> ReadMoment(const Request& request, absl::Time now) {
+  if (!request.HasParam("at")) return int64_t{0};
   absl::Time time;
-  const std::string text = request.get_param_value("at");
+  const std::string text = request.Param("at");
   if (!absl::ParseTime(absl::RFC3339_full, text, &time, nullptr) ||
       time < absl::FromUnixMillis(1) || time == absl::InfiniteFuture()) {
     return absl::InvalidArgumentError(
@@ -159,12 +159,12 @@ absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now
 
 // The configs of a query of which all else is known. From a freeze on, a board keeps the config that
 // it had then: results under another one would all be hidden.
-absl::Status AddConfigs(const httplib::Request& request, Reader& reader, const TrackPtr& live,
+absl::Status AddConfigs(const Request& request, Reader& reader, const TrackPtr& live,
                         BoardQuery& asked) {
   const BoardMoment moment = asked.moment();
   ASSIGN_OR_RETURN(const TrackPtr then, TrackAt(reader, live, moment.before_ms));
   asked.config_in_force = then->config.hash;
-  if (request.has_param("config")) return absl::OkStatus();
+  if (request.HasParam("config")) return absl::OkStatus();
   absl::StatusOr<TrackPtr> shown = then;
   if (asked.frozen && !asked.whole) shown = TrackAt(reader, live, moment.results_before_ms());
   if (!shown.ok()) return shown.status();
@@ -180,15 +180,15 @@ std::vector<std::string> BoardParametersAnd(const std::vector<std::string>& othe
   return all;
 }
 
-absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, Reader& reader,
+absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, Reader& reader,
                                            const ApiContext& context) {
   const absl::Time now = context.clock.Now();
   ASSIGN_OR_RETURN(const int64_t at, ReadMoment(request, now));
   BoardQuery asked;
   asked.at_ms = at;
   asked.board =
-      request.has_param("board") ? request.get_param_value("board") : scoring::kMainBoard;
-  absl::StatusOr<TrackPtr> live = request.has_param("config")
+      request.HasParam("board") ? request.Param("board") : scoring::kMainBoard;
+  absl::StatusOr<TrackPtr> live = request.HasParam("config")
                                       ? FindTracks(request, reader, context, asked.track)
                                       : NamedTrack(request, reader, context);
   if (!live.ok()) return live.status();

@@ -7,9 +7,9 @@
 
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
-#include <httplib.h>
 
 #include "scoring/track.h"
+#include "server/api/http_request.h"
 #include "server/api/context.h"
 #include "server/grading/tracks.h"
 #include "server/store/boards.h"
@@ -44,7 +44,7 @@ struct BoardQuery {
 std::vector<std::string> BoardParametersAnd(const std::vector<std::string>& others);
 
 // InvalidArgumentError and NotFoundError say what the request lacks.
-absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, Reader& reader,
+absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, Reader& reader,
                                            const ApiContext& context);
 
 }  // namespace myograde::server

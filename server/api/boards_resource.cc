@@ -15,6 +15,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
 #include "server/api/requests.h"
+#include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
 #include "server/grading/leaderboard.h"
@@ -26,11 +27,11 @@ using Json = nlohmann::json;
 namespace {
 
 // Opened by itself, an image runs nothing and loads nothing either.
-void SendDrawing(const std::string& svg, httplib::Response& response) {
-  response.set_header("Cache-Control", "no-cache");
-  response.set_header("X-Content-Type-Options", "nosniff");
-  response.set_header("Content-Security-Policy", "default-src 'none'; sandbox");
-  response.set_content(svg, "image/svg+xml");
+void SendDrawing(const std::string& svg, Response& response) {
+  response.SetHeader("Cache-Control", "no-cache");
+  response.SetHeader("X-Content-Type-Options", "nosniff");
+  response.SetHeader("Content-Security-Policy", "default-src 'none'; sandbox");
+  response.SetContent(svg, "image/svg+xml");
 }
 
 }  // namespace
@@ -56,10 +57,10 @@ void BoardsResource::Install(Routes& routes) {
               std::bind_front(&BoardsResource::Rebuild, this));
 }
 
-std::optional<ApiError> BoardsResource::Badge(const httplib::Request& request,
-                                              httplib::Response& response) {
+std::optional<ApiError> BoardsResource::Badge(const Request& request,
+                                              Response& response) {
   absl::Status status = CheckParameters(request, BoardParametersAnd({"team"}));
-  if (!request.has_param("team")) {
+  if (!request.HasParam("team")) {
     status.Update(absl::InvalidArgumentError("\"team\" is missing: the name of a team"));
   }
   if (!status.ok()) return ErrorOf(status);
@@ -67,15 +68,15 @@ std::optional<ApiError> BoardsResource::Badge(const httplib::Request& request,
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
     ASSIGN_OR_RETURN(const auto text, answers_.TextOf(reader, asked));
     ASSIGN_OR_RETURN(const auto badge,
-                     BadgeOf(Json::parse(*text), reader.TeamOf(request.get_param_value("team"))));
+                     BadgeOf(Json::parse(*text), reader.TeamOf(request.Param("team"))));
     SendDrawing(badge, response);
     return absl::OkStatus();
   });
   return status.ok() ? std::nullopt : std::optional(ErrorOf(status));
 }
 
-std::optional<ApiError> BoardsResource::Feed(const httplib::Request& request,
-                                             httplib::Response& response) {
+std::optional<ApiError> BoardsResource::Feed(const Request& request,
+                                             Response& response) {
   absl::Status status = CheckParameters(request, BoardParametersAnd({}));
   if (!status.ok()) return ErrorOf(status);
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -94,20 +95,20 @@ std::optional<ApiError> BoardsResource::Feed(const httplib::Request& request,
         asked.track->config.hash, asked.track->config.phase, asked.moment()));
     const std::string changed = last.is_null() ? "1970-01-01T00:00:00.000Z"  // an empty board
                                                : last.get<std::string>();
-    response.set_header("Cache-Control", "no-cache");
-    response.set_header("X-Content-Type-Options", "nosniff");
-    response.set_content(FeedOf(board, changed, ended), "application/atom+xml");
+    response.SetHeader("Cache-Control", "no-cache");
+    response.SetHeader("X-Content-Type-Options", "nosniff");
+    response.SetContent(FeedOf(board, changed, ended), "application/atom+xml");
     return absl::OkStatus();
   });
   return status.ok() ? std::nullopt : std::optional(ErrorOf(status));
 }
 
-ApiResult BoardsResource::Get(const httplib::Request& request) { return answers_.Get(request); }
+ApiResult BoardsResource::Get(const Request& request) { return answers_.Get(request); }
 
-ApiResult BoardsResource::Explain(const httplib::Request& request) const {
+ApiResult BoardsResource::Explain(const Request& request) const {
   absl::Status status = CheckParameters(request, BoardParametersAnd({"a", "b"}));
   for (const char* key : {"a", "b"}) {
-    if (!request.has_param(key)) {
+    if (!request.HasParam(key)) {
       status.Update(absl::InvalidArgumentError(absl::StrCat(
           "\"", key, "\" is missing: the number of a submission, or the name of a team")));
     }
@@ -120,8 +121,8 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
     ASSIGN_OR_RETURN(const auto explanation,
                      ExplainOrder(source.standings, source.marks, board.rules->rules,
                                   board.track->scoring.team,
-                                  reader.TeamOf(request.get_param_value("a")),
-                                  reader.TeamOf(request.get_param_value("b"))));
+                                  reader.TeamOf(request.Param("a")),
+                                  reader.TeamOf(request.Param("b"))));
     answer.body = {{"track", board.track->config.id},
                    {"profile", board.track->config.profile},
                    {"phase", TextOrNull(board.track->config.phase)},
@@ -135,7 +136,7 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult BoardsResource::Rebuild(const httplib::Request&, const Json& body) const {
+ApiResult BoardsResource::Rebuild(const Request&, const Json& body) const {
   ConfigReader reader(body, "request");
   if (absl::Status status = reader.Finish(); !status.ok()) return ErrorOf(status);
   UnixHttpServer::AllowUploadTime();

@@ -21,11 +21,11 @@ class BoardsResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Get(const httplib::Request& request);
-  std::optional<ApiError> Badge(const httplib::Request& request, httplib::Response& response);
-  std::optional<ApiError> Feed(const httplib::Request& request, httplib::Response& response);
-  ApiResult Explain(const httplib::Request& request) const;
-  ApiResult Rebuild(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult Get(const Request& request);
+  std::optional<ApiError> Badge(const Request& request, Response& response);
+  std::optional<ApiError> Feed(const Request& request, Response& response);
+  ApiResult Explain(const Request& request) const;
+  ApiResult Rebuild(const Request& request, const nlohmann::json& body) const;
 
   const ApiContext& context_;
   BoardAnswers answers_;

@@ -63,20 +63,20 @@ void ChallengesResource::Install(Routes& routes) {
        {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent},
         std::pair{"publish", kPublishedEvent}}) {
     routes.Post(absl::StrCat(kPhasePath, verb), Action::kManagePhases,
-                [this, name = event](const httplib::Request& request, const Json& body) {
+                [this, name = event](const Request& request, const Json& body) {
                   return Act(request.matches[1], name, body);
                 });
   }
   for (const auto& [verb, event] :
        {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent}}) {
     routes.Post(absl::StrCat("/v1/", verb), Action::kManagePhases,
-                [this, name = event](const httplib::Request&, const Json& body) {
+                [this, name = event](const Request&, const Json& body) {
                   return Act("", name, body);
                 });
   }
 }
 
-ApiResult ChallengesResource::List(const httplib::Request& request) const {
+ApiResult ChallengesResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {});
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
@@ -135,7 +135,7 @@ ApiResult ChallengesResource::Act(const std::string& phase, const std::string& e
                          {"reason", *reason}}};
 }
 
-ApiResult ChallengesResource::Choose(const httplib::Request& request, const Json& body) const {
+ApiResult ChallengesResource::Choose(const Request& request, const Json& body) const {
   absl::Status status = ParseNothing(body);
   if (!status.ok()) return ErrorOf(status);
   const int64_t id = IdOf(request);

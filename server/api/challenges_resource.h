@@ -19,8 +19,8 @@ class ChallengesResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult Choose(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult List(const Request& request) const;
+  ApiResult Choose(const Request& request, const nlohmann::json& body) const;
   // The act of an organiser on a phase, or on all submissions (`phase` "").
   ApiResult Act(const std::string& phase, const std::string& event,
                 const nlohmann::json& body) const;

@@ -17,6 +17,7 @@
 
 #include "protocol/base/fd.h"
 #include "server/api/http_request.h"
+#include "server/api/http_response.h"
 #include "server/api/peer.h"
 #include "server/api/transport.h"
 #include "server/api/work_queue.h"
@@ -75,24 +76,6 @@ class Body {
   int64_t size_ = 0;
 };
 
-// What of a file is still to be sent.
-struct FilePart {
-  Fd fd;
-  int64_t at = 0;    // bytes
-  int64_t left = 0;  // bytes
-};
-
-// An answer that goes on after its first part: whatever `next` returns is sent, and `next` is called
-// again `every` after that, until it returns nullopt or the time is over. It runs on a worker's
-// thread, like a handler, and must own what it touches.
-struct Stream {
-  std::function<std::optional<std::string>()> next;
-  absl::Duration every;
-  absl::Duration due;    // the next call; monotonic
-  absl::Duration began;
-  absl::Duration until;
-};
-
 class Connection {
  public:
   // kStreaming: all of a stream that is there was sent, and more is to come.
@@ -112,7 +95,7 @@ class Connection {
   Next Handshake();
 
   // Goes on with the bytes in `in`. kRead, kServe, kSpool or kRefuse (with `error`).
-  Next Feed(const std::function<BodyRule(const RequestHead&)>& rule_of, const SpoolOptions& spool);
+  Next Feed(const std::function<BodyRule(const Request&)>& rule_of, const SpoolOptions& spool);
   // Reads once into `in`, at most `most` bytes. False: the other end has hung up.
   bool Read(size_t most);
   // Sends what it takes without waiting. False: it takes nothing any more.
@@ -152,10 +135,9 @@ class Connection {
   std::unique_ptr<Stream> stream;  // of the answer; nullptr: it ends
 
   // The request.
-  HeadScanner scanner;
-  std::optional<RequestHead> head;
+  std::unique_ptr<RequestParser> parser = std::make_unique<RequestParser>();
+  std::optional<Request> head;
   BodyRule rule;
-  std::optional<BodyReader> reader;
   Body body;
   int64_t reserved = 0;  // bytes of the spool's budget
   ApiError error;
@@ -171,7 +153,7 @@ class Connection {
 
  private:
   Transport::Outcome ReadOnce(size_t most);
-  Next StartBody(const std::function<BodyRule(const RequestHead&)>& rule_of,
+  Next StartBody(const std::function<BodyRule(const Request&)>& rule_of,
                  const SpoolOptions& spool);
   bool Reserve(int64_t bytes, const SpoolOptions& spool);
   bool CheckDisk(const SpoolOptions& spool);

@@ -24,9 +24,9 @@ constexpr auto kRowKeys = std::to_array<const char*>(
      "facts", "details"});
 constexpr size_t kMaxFields = 40;
 
-absl::StatusOr<bool> ReadSwitch(const httplib::Request& request, const char* key,
+absl::StatusOr<bool> ReadSwitch(const Request& request, const char* key,
                                 bool otherwise) {
-  const std::string text = request.get_param_value(key);
+  const std::string text = request.Param(key);
   if (text.empty()) return otherwise;
   if (text == "0" || text == "1") return text == "1";
   return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be 0 or 1"));
@@ -74,7 +74,7 @@ bool EpisodeSelection::needs_details() const {
   return fields.empty() ? details : std::any_of(fields.begin(), fields.end(), IsOfDetails);
 }
 
-absl::StatusOr<EpisodeSelection> ParseEpisodes(const httplib::Request& request) {
+absl::StatusOr<EpisodeSelection> ParseEpisodes(const Request& request) {
   EpisodeSelection selection;
   const absl::StatusOr<bool> rows = ReadSwitch(request, "episodes", false);
   const absl::StatusOr<bool> details = ReadSwitch(request, "details", true);
@@ -85,8 +85,8 @@ absl::StatusOr<EpisodeSelection> ParseEpisodes(const httplib::Request& request) 
   constexpr int64_t kMost = std::numeric_limits<int64_t>::max();
   status.Update(ReadNumber(request, "first", kMost, selection.first, 0));
   status.Update(ReadNumber(request, "last", kMost, selection.last, 0));
-  if (request.has_param("fields")) {
-    status.Update(ReadFields(request.get_param_value("fields"), selection));
+  if (request.HasParam("fields")) {
+    status.Update(ReadFields(request.Param("fields"), selection));
   }
   if (!status.ok()) return status;
   selection.rows = *rows;

@@ -2,8 +2,6 @@
 // what their details come to together.
 #pragma once
 
-#include <httplib.h>
-
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -14,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/aggregate.h"
+#include "server/api/http_request.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
 
@@ -35,7 +34,7 @@ struct EpisodeSelection {
 
 // The parameters "details", "episodes", "fields", "first", "last" and "summary". InvalidArgumentError:
 // one has a value that it can't have.
-absl::StatusOr<EpisodeSelection> ParseEpisodes(const httplib::Request& request);
+absl::StatusOr<EpisodeSelection> ParseEpisodes(const Request& request);
 
 // Those of `rows` that are asked for, whole.
 nlohmann::json RowsToJson(const std::vector<EpisodeRow>& rows, const std::string& seed_salt,

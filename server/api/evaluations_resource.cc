@@ -209,7 +209,7 @@ void EvaluationsResource::Install(Routes& routes) {
 }
 
 ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
-                                                const httplib::Request& request) const {
+                                                const Request& request) const {
   absl::Status status =
       CheckParameters(request, {"details", "episodes", "fields", "first", "last", "summary"});
   const absl::StatusOr<EpisodeSelection> selection = ParseEpisodes(request);
@@ -234,15 +234,15 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
   return answer;
 }
 
-ApiResult EvaluationsResource::GetResult(const httplib::Request& request) const {
+ApiResult EvaluationsResource::GetResult(const Request& request) const {
   return EvaluationAnswer(IdOf(request), /*of_submission=*/true, request);
 }
 
-ApiResult EvaluationsResource::Get(const httplib::Request& request) const {
+ApiResult EvaluationsResource::Get(const Request& request) const {
   return EvaluationAnswer(IdOf(request), /*of_submission=*/false, request);
 }
 
-ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json& body) const {
+ApiResult EvaluationsResource::Rerun(const Request& request, const Json& body) const {
   const absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);

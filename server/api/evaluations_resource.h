@@ -20,11 +20,11 @@ class EvaluationsResource {
 
  private:
   // The original evaluation of a submission.
-  ApiResult GetResult(const httplib::Request& request) const;
-  ApiResult Get(const httplib::Request& request) const;
-  ApiResult Rerun(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult GetResult(const Request& request) const;
+  ApiResult Get(const Request& request) const;
+  ApiResult Rerun(const Request& request, const nlohmann::json& body) const;
   ApiResult RerunAnswer(const Accepted& accepted) const;
-  ApiResult EvaluationAnswer(int64_t id, bool of_submission, const httplib::Request& request) const;
+  ApiResult EvaluationAnswer(int64_t id, bool of_submission, const Request& request) const;
 
   const ApiContext& context_;
 };

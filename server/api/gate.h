@@ -31,7 +31,7 @@ class Gate {
   struct Options {
     HttpLimits limits;
     SpoolOptions spool;
-    std::function<BodyRule(const RequestHead&)> rule_of;
+    std::function<BodyRule(const Request&)> rule_of;
     std::function<void(int http)> on_refusal = {};  // of a request that no handler sees; may be empty
   };
   // `queue` must outlive it.

@@ -6,12 +6,10 @@
 #include <utility>
 
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
 #include <absl/strings/str_replace.h>
 
 #include "server/access/token_text.h"
 #include "server/api/error_of.h"
-#include "server/api/methods.h"
 #include "server/base/peer_key.h"
 
 namespace myograde::server {
@@ -71,14 +69,6 @@ Guard::Guard(const Options& options)
       wrong_tokens_(kMostKeys),
       good_tokens_(kMostKeys) {}
 
-void Guard::AddAddress(const std::string& method, const std::string& pattern, Action action) {
-  addresses_.push_back({method, pattern, action, std::regex(pattern), /*page=*/false});
-}
-
-void Guard::AddPage(const std::string& path) {
-  addresses_.push_back({"GET", path, Action::kReadApi, std::regex(path), /*page=*/true});
-}
-
 std::variant<Identity, ApiError> Guard::Admit(Connection& connection, Action action) {
   auto identified = Identify(connection.Asker(), *connection.head, action);
   const auto* identity = std::get_if<Identity>(&identified);
@@ -95,24 +85,15 @@ std::variant<Identity, ApiError> Guard::Admit(Connection& connection, Action act
   return Forbidden(*identity, action);
 }
 
-std::optional<ApiError> Guard::AdmitBody(Connection& connection) {
-  const RequestHead& head = *connection.head;
-  const auto address = std::find_if(addresses_.begin(), addresses_.end(), [&](const Address& one) {
-    return one.method == head.method && std::regex_match(head.path, one.path);
-  });
-  if (address == addresses_.end()) {
+std::optional<ApiError> Guard::AdmitBody(Connection& connection, const Router& router) {
+  const Request& head = *connection.head;
+  const Address* address = router.Find(head);
+  if (address == nullptr) {
     // Nothing takes it, so nobody's connection is held until it is there.
     if (!connection.Asker().network) return std::nullopt;
     if (std::optional<ApiError> over = AdmitUnknown(connection)) return over;
-    const std::set<std::string> allowed = MethodsAt(addresses_, head.path);
-    if (allowed.contains(head.method)) return std::nullopt;
-    if (allowed.empty()) {
-      return ApiError{404, "not_found", absl::StrCat("there is no ", head.path,
-                                                     "; see the API's description")};
-    }
-    const std::string methods = absl::StrJoin(allowed, ", ");
-    return ApiError{405, "method_not_allowed",
-                    absl::StrCat(head.path, " has no ", head.method, "; it has ", methods), 1, methods};
+    if (head.method == "OPTIONS") return std::nullopt;
+    return router.WhyNone(head);
   }
   auto admitted = Admit(connection, address->action);
   if (auto* error = std::get_if<ApiError>(&admitted)) return std::move(*error);
@@ -142,7 +123,7 @@ std::optional<ApiError> Guard::AdmitUnknown(Connection& connection) {
   return connection.admitted ? std::nullopt : Count(std::get<Identity>(identified));
 }
 
-std::variant<Identity, ApiError> Guard::Identify(const Peer& peer, const RequestHead& head,
+std::variant<Identity, ApiError> Guard::Identify(const Peer& peer, const Request& head,
                                                  std::optional<Action> action) {
   if (action == Action::kPlayLease && head.authorization.has_value()) {
     if (auto node = IdentifyNode(peer, head)) return *std::move(node);
@@ -202,7 +183,7 @@ std::variant<Identity, ApiError> Guard::IdentifyToken(const Peer& peer,
 }
 
 std::optional<std::variant<Identity, ApiError>> Guard::IdentifyNode(const Peer& peer,
-                                                                    const RequestHead& head) {
+                                                                    const Request& head) {
   constexpr std::string_view kBearer = "Bearer ";
   constexpr std::string_view kLeases = "/v1/leases/";
   const std::string_view authorization = *head.authorization;

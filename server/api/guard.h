@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <regex>
 #include <string>
 #include <variant>
 #include <vector>
@@ -21,22 +20,14 @@
 #include "server/api/access_log.h"
 #include "server/api/api_error.h"
 #include "server/api/connection.h"
+#include "server/api/router.h"
 #include "server/config/server_config.h"
 #include "server/executor/lease_door.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {
 
-// An address of the API, with what it takes to use it.
-struct Address {
-  std::string method;
-  std::string pattern;  // a regular expression for the path
-  Action action;
-  std::regex path;
-  bool page = false;  // of the web pages, no address of the API
-};
-
-// Safe from any thread, once all addresses are there.
+// Safe from any thread.
 class Guard {
  public:
   struct Options {
@@ -53,10 +44,6 @@ class Guard {
   // What `options` refers to must outlive it.
   explicit Guard(const Options& options);
 
-  void AddAddress(const std::string& method, const std::string& pattern, Action action);
-  void AddPage(const std::string& path);
-  const std::vector<Address>& addresses() const { return addresses_; }
-
   // Who makes the connection's request, if they may take `action` at all; whether they may do so
   // for a team is the handler's to ask (Require of caller.h). Counts the request once, however often
   // it is asked about.
@@ -64,7 +51,7 @@ class Guard {
   // The same by the address in the request's head, before its body is received. One that is unknown
   // is answered later. Of a team's uploads over the network, however many tokens and addresses it has,
   // half of `address_clients` are received at a time; connection.upload is such a place.
-  std::optional<ApiError> AdmitBody(Connection& connection);
+  std::optional<ApiError> AdmitBody(Connection& connection, const Router& router);
   // Counts a request to an address that there is none of.
   std::optional<ApiError> AdmitUnknown(Connection& connection);
 
@@ -72,14 +59,14 @@ class Guard {
 
  private:
   // nullopt in place of an action: the address is unknown.
-  std::variant<Identity, ApiError> Identify(const Peer& peer, const RequestHead& head,
+  std::variant<Identity, ApiError> Identify(const Peer& peer, const Request& head,
                                             std::optional<Action> action);
   std::variant<Identity, ApiError> IdentifyUser(const Peer& peer, std::optional<Action> action);
   std::variant<Identity, ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
                                                  Action action);
   // The node that plays a lease, at an address of that lease; nullopt: this is no token of one.
   std::optional<std::variant<Identity, ApiError>> IdentifyNode(const Peer& peer,
-                                                               const RequestHead& head);
+                                                               const Request& head);
   bool IsMetricsToken(std::string_view authorization) const;
   Identity AcceptScraper(const Peer& peer);
   std::optional<ApiError> CheckTries(const Peer& peer, const std::string& hash);
@@ -98,7 +85,6 @@ class Guard {
 
   const Options options_;
   const std::shared_ptr<Uploads> uploads_ = std::make_shared<Uploads>();
-  std::vector<Address> addresses_;
   Mutex mutex_;
   RateLimit requests_ ABSL_GUARDED_BY(mutex_);
   BackOff wrong_tokens_ ABSL_GUARDED_BY(mutex_);

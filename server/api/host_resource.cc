@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "server/api/readiness.h"
+#include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 #include "server/base/host_name.h"
 #include "server/proof/grader_build.h"
@@ -26,7 +27,7 @@ void HostResource::Install(Routes& routes) {
 }
 
 // Everybody sees that it works, participants how busy it is, and organisers the host.
-ApiResult HostResource::Health(const httplib::Request&) const {
+ApiResult HostResource::Health(const Request&) const {
   const LiveHealth health = context_.engine.Health();
   Json body = {{"status", StatusOf(health)},
                {"version", GraderVersion()},
@@ -40,11 +41,11 @@ ApiResult HostResource::Health(const httplib::Request&) const {
   return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult HostResource::Live(const httplib::Request&) const {
+ApiResult HostResource::Live(const Request&) const {
   return ApiAnswer{200, {{"live", true}}};
 }
 
-ApiResult HostResource::Ready(const httplib::Request&) const {
+ApiResult HostResource::Ready(const Request&) const {
   const std::vector<Obstacle> obstacles =
       ObstaclesOf(context_.engine.Health(), context_.config, context_.data_dir,
                   UnixHttpServer::Stopping());
@@ -113,7 +114,7 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
           {"uptime_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - context_.began)}};
 }
 
-ApiResult HostResource::ListTracks(const httplib::Request&) const {
+ApiResult HostResource::ListTracks(const Request&) const {
   Json list = Json::array();
   for (const auto& [name, offer] : context_.tracks.entries()) {
     Json profiles = Json::array();

@@ -17,13 +17,13 @@ class HostResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Health(const httplib::Request& request) const;
+  ApiResult Health(const Request& request) const;
   // Whether the process serves requests, and whether it can do its work.
-  ApiResult Live(const httplib::Request& request) const;
-  ApiResult Ready(const httplib::Request& request) const;
+  ApiResult Live(const Request& request) const;
+  ApiResult Ready(const Request& request) const;
   // What organisers see beside.
   nlohmann::json HostToJson(const LiveHealth& health) const;
-  ApiResult ListTracks(const httplib::Request& request) const;
+  ApiResult ListTracks(const Request& request) const;
 
   const ApiContext& context_;
 };

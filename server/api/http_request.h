@@ -1,29 +1,34 @@
-// A request's form, read strictly and before any handler sees it: where its head
-// ends, how long its body is and how it is framed. What two readers could
-// understand in two ways is refused, so that whoever reads it later finds one
-// request with one length. No sockets and no clocks here.
+// A request as handlers see it, and its form, read strictly: where its head ends, how long its body
+// is and how it is framed. What two readers could understand in two ways is refused, so that a proxy
+// in front finds the same requests. No sockets and no clocks here.
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
-
-#include <absl/status/statusor.h>
+#include <vector>
 
 #include "server/api/api_error.h"
 
 namespace myograde::server {
 
-// Of a request's line and headers together, and of a chunked body's trailers.
+// Of a request's line and headers together, and of what stands between two chunks of a body.
 inline constexpr size_t kMaxHeadBytes = 32 << 10;
 
-struct RequestHead {
+class Body;
+
+struct Request {
   std::string method;
-  std::string path;          // without the query
+  std::string path;          // without the query; decoded, and so is the query
+  std::multimap<std::string, std::string> params;
+  // By name in lower case, without Authorization.
+  std::multimap<std::string, std::string> headers;
   std::string host;          // lower case, without a port; "" if there is none
   std::string content_type;  // lower case, without parameters; "" if there is none
-  // The value of the header Authorization; nullopt: there is none. It is not in `canonical`.
+  // The value of the header Authorization; nullopt: there is none.
   std::optional<std::string> authorization;
   bool keep_alive = true;
   bool expects_continue = false;
@@ -32,70 +37,58 @@ struct RequestHead {
   // Whom a proxy has the request from: the last entry of X-Forwarded-For, which is the one that the
   // nearest proxy added; "" if there is none.
   std::string forwarded_for;
-  // The same request for the handlers, without the empty line at its end: HTTP/1.1, and
-  // without the headers that are about this connection, who asks, the framing, or parts of an
-  // answer.
-  std::string canonical;
+
+  // For a handler: `path` and the groups of its address's pattern; and the body, whole.
+  std::vector<std::string> matches;
+  Body* body = nullptr;
 
   bool has_body() const { return chunked || length > 0; }
+  bool HasParam(const std::string& key) const { return params.contains(key); }
+  size_t ParamCount(const std::string& key) const { return params.count(key); }
+  // The first of that name; "" if there is none.
+  std::string Param(const std::string& key) const;
 };
 
-// Finds the end of a head in bytes that come piece by piece.
-class HeadScanner {
+// Text of an address with %XX undone, and '+' in a query; a '%' that begins no code stays.
+std::string DecodeUrl(std::string_view text, bool query);
+std::multimap<std::string, std::string> ParseQuery(std::string_view query);
+// With %XX in place of all that has a meaning in a query.
+std::string EncodeForQuery(std::string_view text);
+
+// Takes one request out of a connection's bytes, by Boost.Beast, whatever pieces they come in.
+class RequestParser {
  public:
-  // `bytes` are all that came so far, and are only added to between calls. The
-  // head's length with its empty line; 0: there must come more. Empty lines before
-  // the request's own are counted in.
-  size_t Scan(std::string_view bytes);
-  // Set once the bytes can't be a head, or not one that is taken.
+  RequestParser();
+  ~RequestParser();
+
+  // Takes the request's head off `bytes`, which are all that came since the last call used any up.
+  // How many of them it used; `request` is filled in once has_head().
+  size_t TakeHead(std::string_view bytes, Request& request);
+  bool has_head() const;
+  // After the head: its body may have `most` bytes.
+  void BeginBody(const Request& request, int64_t most);
+  // Appends to `body` what of `bytes` belongs there. How many of them it used; the others come again
+  // with the next call.
+  size_t TakeBody(std::string_view bytes, std::string& body);
+
+  // Whether BeginBody was called.
+  bool in_body() const { return in_body_; }
+  // Whether the request is there as a whole.
+  bool done() const;
+  // Set once the bytes can't be a request, or not one that is taken. Nothing more may be given then.
   const std::optional<ApiError>& error() const { return error_; }
+  int64_t size() const;  // of the body so far
 
  private:
-  size_t seen_ = 0;
-  size_t begin_ = 0;  // of the request's line
+  class Beast;
+
+  void ScanHead(std::string_view bytes);
+
+  std::unique_ptr<Beast> beast_;  // nullptr: nothing has come
+  size_t scanned_ = 0;
+  bool in_body_ = false;
+  int64_t most_ = 0;
   std::optional<ApiError> error_;
 };
-
-// Reads a whole head, as HeadScanner cut it off. False: `error` says what is wrong.
-bool ParseRequestHead(std::string_view bytes, RequestHead& head, ApiError& error);
-
-// Takes a body out of a connection's bytes, undoing chunks.
-class BodyReader {
- public:
-  // At most `most` bytes are taken.
-  BodyReader(const RequestHead& head, int64_t most);
-
-  // Appends to `body` what of `bytes` belongs there; returns how many bytes of
-  // the connection that used up. Takes nothing once it is done or has failed.
-  size_t Take(std::string_view bytes, std::string& body);
-
-  bool done() const { return state_ == State::kDone; }
-  const std::optional<ApiError>& error() const { return error_; }
-  // Bytes of the body so far.
-  int64_t size() const { return size_; }
-
- private:
-  enum class State { kData, kSizeLine, kDataEnd, kTrailer, kDone, kFailed };
-
-  void Fail(int http, const char* code, std::string message);
-  // Takes one line with its end; nullopt: there must come more.
-  std::optional<std::string> TakeLine(std::string_view bytes, size_t& used, size_t longest);
-  void ReadSizeLine(const std::string& line);
-
-  const bool chunked_;
-  const int64_t most_;
-  State state_;
-  int64_t left_ = 0;     // of the body, or of the chunk
-  int64_t size_ = 0;
-  std::string line_;     // the beginning of one
-  size_t trailers_ = 0;  // bytes
-  std::optional<ApiError> error_;
-};
-
-// "Content Too Large" for 413; for every status that the API uses.
-std::string_view HttpReason(int status);
-
-// An answer that tells of an error and that nothing more is read on the connection.
-std::string RefusalBytes(const ApiError& error);
 
 }  // namespace myograde::server

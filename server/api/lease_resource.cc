@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/requests.h"
+#include "server/api/unix_http_server.h"
 
 namespace myograde::server {
 namespace {
@@ -18,7 +19,7 @@ std::string PathOfLease(const char* rest) {
   return absl::StrCat("/v1/leases/([A-Za-z0-9-]{1,64})/", rest);
 }
 
-std::string NameOf(const httplib::Request& request) { return request.matches[1].str(); }
+std::string NameOf(const Request& request) { return request.matches[1]; }
 
 // What the door says, to a node.
 ApiError RefusalOf(const absl::Status& status) {
@@ -35,9 +36,10 @@ ApiResult Done(const absl::Status& status) {
 
 // The body as a form of the node's, which `put` takes.
 template <typename Form>
-ApiResult TakeForm(absl::StatusOr<Form> (*parse)(std::string_view, const std::string&),
+ApiResult TakeForm(const Request& request,
+                   absl::StatusOr<Form> (*parse)(std::string_view, const std::string&),
                    const std::function<absl::Status(const Form&)>& put) {
-  const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
+  const absl::StatusOr<std::string> body = request.body->Text();
   if (!body.ok()) return ErrorOf(body.status());
   const absl::StatusOr<Form> form = parse(*body, "request");
   if (!form.ok()) return ErrorOf(form.status());
@@ -51,7 +53,7 @@ void LeaseResource::Install(Routes& routes) {
   const BodyRule form = {.most = static_cast<int64_t>(kMostFormBytes),
                          .types = {"application/json"}};
   const auto add = [&](const char* rest, const BodyRule& rule,
-                       ApiResult (Self::*handle)(const httplib::Request&) const) {
+                       ApiResult (Self::*handle)(const Request&) const) {
     routes.PostUpload(PathOfLease(rest), Action::kPlayLease, rule, std::bind_front(handle, this));
   };
   routes.Get(PathOfLease("order"), Action::kPlayLease, std::bind_front(&Self::GetOrder, this));
@@ -69,14 +71,14 @@ void LeaseResource::Install(Routes& routes) {
   add("end", form, &Self::TakeEnd);
 }
 
-std::optional<ApiError> LeaseResource::CheckCaller(const httplib::Request& request) const {
+std::optional<ApiError> LeaseResource::CheckCaller(const Request& request) const {
   if (door_ != nullptr && Caller().lease == NameOf(request)) return std::nullopt;
   return ApiError{404, "not_found",
                   absl::StrCat("there is no such attempt of a lease for you; only the node that "
                                "plays it may ask, with the token of attempt ", NameOf(request))};
 }
 
-ApiResult LeaseResource::GetOrder(const httplib::Request& request) const {
+ApiResult LeaseResource::GetOrder(const Request& request) const {
   if (auto error = CheckCaller(request)) return *std::move(error);
   absl::StatusOr<std::string> text = door_->OrderText(NameOf(request));
   if (!text.ok()) return RefusalOf(text.status());
@@ -85,34 +87,34 @@ ApiResult LeaseResource::GetOrder(const httplib::Request& request) const {
   return answer;
 }
 
-std::optional<ApiError> LeaseResource::GetArtefact(const httplib::Request& request,
-                                                   httplib::Response& response) const {
+std::optional<ApiError> LeaseResource::GetArtefact(const Request& request,
+                                                   Response& response) const {
   if (auto error = CheckCaller(request)) return error;
   const absl::StatusOr<std::string> path = door_->ArtefactPath(NameOf(request));
   if (!path.ok()) return RefusalOf(path.status());
   UnixHttpServer::AllowUploadTime();
-  absl::Status status = UnixHttpServer::AnswerWithFile(*path, "application/x-tar", response);
+  absl::Status status = response.SetFile(*path, "application/x-tar");
   if (!status.ok()) return RefusalOf(status);
-  response.set_header("Cache-Control", "no-store");
-  response.set_header("X-Content-Type-Options", "nosniff");
+  response.SetHeader("Cache-Control", "no-store");
+  response.SetHeader("X-Content-Type-Options", "nosniff");
   return std::nullopt;
 }
 
-ApiResult LeaseResource::TakeClaim(const httplib::Request& request) const {
+ApiResult LeaseResource::TakeClaim(const Request& request) const {
   if (auto error = CheckCaller(request)) return *std::move(error);
-  return TakeForm<NodeClaim>(NodeClaimFromText, [&](const NodeClaim& claim) {
+  return TakeForm<NodeClaim>(request, NodeClaimFromText, [&](const NodeClaim& claim) {
     return door_->PutClaim(NameOf(request), claim);
   });
 }
 
-ApiResult LeaseResource::TakeProof(const httplib::Request& request) const {
+ApiResult LeaseResource::TakeProof(const Request& request) const {
   if (auto error = CheckCaller(request)) return *std::move(error);
-  return TakeForm<NodeProof>(NodeProofFromText, [&](const NodeProof& proof) {
+  return TakeForm<NodeProof>(request, NodeProofFromText, [&](const NodeProof& proof) {
     return door_->PutProof(NameOf(request), proof);
   });
 }
 
-ApiResult LeaseResource::TakeRecords(const httplib::Request& request) const {
+ApiResult LeaseResource::TakeRecords(const Request& request) const {
   if (auto error = CheckCaller(request)) return *std::move(error);
   int64_t offset = -1;
   absl::Status status = CheckParameters(request, {"offset"});
@@ -121,7 +123,7 @@ ApiResult LeaseResource::TakeRecords(const httplib::Request& request) const {
     status = absl::InvalidArgumentError("\"offset\" is missing: where in the records these belong");
   }
   if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<std::string> bytes = UnixHttpServer::RequestBody().Text();
+  const absl::StatusOr<std::string> bytes = request.body->Text();
   if (!bytes.ok()) return ErrorOf(bytes.status());
   const absl::StatusOr<RecordsState> state =
       door_->AddRecords(NameOf(request), offset, *bytes);
@@ -129,21 +131,21 @@ ApiResult LeaseResource::TakeRecords(const httplib::Request& request) const {
   return ApiAnswer{200, {{"size", state->size}, {"taken", state->taken}, {"stop", state->stop}}};
 }
 
-ApiResult LeaseResource::TakeLog(const httplib::Request& request) const {
+ApiResult LeaseResource::TakeLog(const Request& request) const {
   if (auto error = CheckCaller(request)) return *std::move(error);
-  const Body& body = UnixHttpServer::RequestBody();
+  const Body& body = *request.body;
   int64_t at = 0;
   const ByteSource source = [&](char* to, size_t size) {
     const ssize_t n = body.ReadAt(to, size, at);
     if (n > 0) at += n;
     return n;
   };
-  return Done(door_->PutLog(NameOf(request), request.matches[2].str() + ".lcmlog.zst", source));
+  return Done(door_->PutLog(NameOf(request), request.matches[2] + ".lcmlog.zst", source));
 }
 
-ApiResult LeaseResource::TakeEnd(const httplib::Request& request) const {
+ApiResult LeaseResource::TakeEnd(const Request& request) const {
   if (auto error = CheckCaller(request)) return *std::move(error);
-  return TakeForm<NodeEnd>(NodeEndFromText, [&](const NodeEnd& end) {
+  return TakeForm<NodeEnd>(request, NodeEndFromText, [&](const NodeEnd& end) {
     return door_->PutEnd(NameOf(request), end);
   });
 }

@@ -20,16 +20,16 @@ class LeaseResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult GetOrder(const httplib::Request& request) const;
-  std::optional<ApiError> GetArtefact(const httplib::Request& request,
-                                      httplib::Response& response) const;
-  ApiResult TakeClaim(const httplib::Request& request) const;
-  ApiResult TakeProof(const httplib::Request& request) const;
-  ApiResult TakeRecords(const httplib::Request& request) const;
-  ApiResult TakeLog(const httplib::Request& request) const;
-  ApiResult TakeEnd(const httplib::Request& request) const;
+  ApiResult GetOrder(const Request& request) const;
+  std::optional<ApiError> GetArtefact(const Request& request,
+                                      Response& response) const;
+  ApiResult TakeClaim(const Request& request) const;
+  ApiResult TakeProof(const Request& request) const;
+  ApiResult TakeRecords(const Request& request) const;
+  ApiResult TakeLog(const Request& request) const;
+  ApiResult TakeEnd(const Request& request) const;
   // Whether the caller is the node that plays it.
-  std::optional<ApiError> CheckCaller(const httplib::Request& request) const;
+  std::optional<ApiError> CheckCaller(const Request& request) const;
 
   LeaseDoor* const door_;
 };

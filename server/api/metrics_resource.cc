@@ -9,6 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/readiness.h"
+#include "server/api/unix_http_server.h"
 #include "server/metrics/disk_space.h"
 #include "server/proof/grader_build.h"
 #include "server/scheduler/team_line.h"
@@ -45,8 +46,8 @@ void MetricsResource::Install(Routes& routes) {
   routes.GetFile("/metrics", Action::kReadMetrics, std::bind_front(&MetricsResource::Get, this));
 }
 
-std::optional<ApiError> MetricsResource::Get(const httplib::Request&,
-                                             httplib::Response& response) const {
+std::optional<ApiError> MetricsResource::Get(const Request&,
+                                             Response& response) const {
   Families families = context_.metrics.Collect();
   const LiveHealth health = context_.engine.Health();
   AddEngine(health, families);
@@ -54,8 +55,8 @@ std::optional<ApiError> MetricsResource::Get(const httplib::Request&,
   if (context_.config.on_cluster) AddCluster(families);
   AddDisks(families);
   AddStore(families);
-  response.set_header("Cache-Control", "no-store");
-  response.set_content(MetricsText(std::move(families)), kMetricsType);
+  response.SetHeader("Cache-Control", "no-store");
+  response.SetContent(MetricsText(std::move(families)), kMetricsType);
   return std::nullopt;
 }
 

@@ -52,7 +52,7 @@ absl::StatusOr<std::string> MoreSeedsResource::SecretOf(const std::string& phase
       context_.config.http.request);
 }
 
-ApiResult MoreSeedsResource::Play(const httplib::Request& request, const Json& body) const {
+ApiResult MoreSeedsResource::Play(const Request& request, const Json& body) const {
   const absl::StatusOr<MoreSeedsRequest> asked = ParseMoreSeeds(body, request.matches[1]);
   if (!asked.ok()) return ErrorOf(asked.status());
   const absl::StatusOr<std::string> secret = SecretOf(asked->phase);

@@ -19,7 +19,7 @@ class MoreSeedsResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Play(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult Play(const Request& request, const nlohmann::json& body) const;
 
   // The secret of a phase. One whose own seeds are public gets one for its further seeds.
   absl::StatusOr<std::string> SecretOf(const std::string& phase) const;

@@ -1,5 +1,6 @@
 #include "server/api/negotiation.h"
 
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
@@ -27,11 +28,11 @@ int WeightOf(absl::string_view text) {
 }
 
 // What Accept-Encoding gives to each coding that it names, in lower case.
-std::map<std::string, int> CodingWeights(const httplib::Request& request) {
+std::map<std::string, int> CodingWeights(const Request& request) {
   std::map<std::string, int> weights;
-  for (size_t i = 0; i < request.get_header_value_count(kAcceptEncoding); ++i) {
-    const std::string value = request.get_header_value(kAcceptEncoding, i);
-    for (const absl::string_view part : absl::StrSplit(value, ',')) {
+  const auto [begin, end] = request.headers.equal_range("accept-encoding");
+  for (auto it = begin; it != end; ++it) {
+    for (const absl::string_view part : absl::StrSplit(it->second, ',')) {
       const std::vector<absl::string_view> words = absl::StrSplit(part, ';');
       int weight = 1000;
       for (size_t at = 1; at < words.size(); ++at) {
@@ -48,7 +49,7 @@ std::map<std::string, int> CodingWeights(const httplib::Request& request) {
 
 }  // namespace
 
-bool TakesCoding(const httplib::Request& request, std::string_view coding) {
+bool TakesCoding(const Request& request, std::string_view coding) {
   const std::map<std::string, int> weights = CodingWeights(request);
   const auto weight_of = [&](const char* name) {
     const auto it = weights.find(name);
@@ -60,11 +61,10 @@ bool TakesCoding(const httplib::Request& request, std::string_view coding) {
   return weight > 0 && weight >= weight_of("identity");
 }
 
-bool HasCurrent(const httplib::Request& request, std::string_view tag) {
-  for (size_t i = 0; i < request.get_header_value_count("If-None-Match"); ++i) {
-    if (NamesEntityTag(request.get_header_value("If-None-Match", i), tag)) return true;
-  }
-  return false;
+bool HasCurrent(const Request& request, std::string_view tag) {
+  const auto [begin, end] = request.headers.equal_range("if-none-match");
+  return std::any_of(begin, end,
+                     [&](const auto& header) { return NamesEntityTag(header.second, tag); });
 }
 
 }  // namespace myograde::server

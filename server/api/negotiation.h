@@ -3,17 +3,14 @@
 
 #include <string_view>
 
-#include <httplib.h>
+#include "server/api/http_request.h"
 
 namespace myograde::server {
 
-// How handlers see the header Accept-Encoding (http_request.h).
-inline constexpr char kAcceptEncoding[] = "Myograde-Accept-Encoding";
-
 // Whether Accept-Encoding takes a coding ("gzip", "zstd"), and does not prefer the answer as it is.
-bool TakesCoding(const httplib::Request& request, std::string_view coding);
+bool TakesCoding(const Request& request, std::string_view coding);
 
 // Whether If-None-Match has a tag: what the client has is still current.
-bool HasCurrent(const httplib::Request& request, std::string_view tag);
+bool HasCurrent(const Request& request, std::string_view tag);
 
 }  // namespace myograde::server

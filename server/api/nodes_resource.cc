@@ -41,7 +41,7 @@ void NodesResource::Install(Routes& routes) {
   routes.Post(kNode, Action::kManageNodes, std::bind_front(&NodesResource::Set, this));
 }
 
-ApiResult NodesResource::List(const httplib::Request& request) const {
+ApiResult NodesResource::List(const Request& request) const {
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
   Listed<DrainedNodeRow> drained;
   const absl::Status status = context_.readers.Read([&](Reader& reader) {
@@ -57,7 +57,7 @@ ApiResult NodesResource::List(const httplib::Request& request) const {
                     {"unreadable", DamagedToJson(drained.damaged)}}};
 }
 
-ApiResult NodesResource::Set(const httplib::Request& request, const Json& body) const {
+ApiResult NodesResource::Set(const Request& request, const Json& body) const {
   const absl::StatusOr<NodeAct> act = ParseNodeAct(body);
   if (!act.ok()) return ErrorOf(act.status());
   if (!context_.config.on_cluster) {

@@ -17,8 +17,8 @@ class NodesResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult Set(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult List(const Request& request) const;
+  ApiResult Set(const Request& request, const nlohmann::json& body) const;
 
   const ApiContext& context_;
 };

@@ -10,7 +10,7 @@ namespace myograde::server {
 
 void OpenApiResource::Install(Routes& routes) {
   const auto document = std::make_shared<const std::string>(OpenApiDocument());
-  routes.Get("/v1/openapi.json", Action::kReadApi, [document](const httplib::Request& request) -> ApiResult {
+  routes.Get("/v1/openapi.json", Action::kReadApi, [document](const Request& request) -> ApiResult {
     if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
     return ApiAnswer{.text = document, .tagged = true};
   });

@@ -21,7 +21,7 @@ constexpr char kContentPolicy[] =
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
     "require-trusted-types-for 'script'; trusted-types 'none'";
 
-void SetHeaders(httplib::Response& response) {
+void SetHeaders(Response& response) {
   for (const auto& [name, value] : {
            std::pair("Content-Security-Policy", kContentPolicy),
            std::pair("X-Content-Type-Options", "nosniff"),
@@ -32,7 +32,7 @@ void SetHeaders(httplib::Response& response) {
            std::pair("Permissions-Policy", "camera=(), geolocation=(), microphone=()"),
            std::pair("Cache-Control", "no-cache"),
        }) {
-    response.set_header(name, value);
+    response.SetHeader(name, value);
   }
 }
 
@@ -42,22 +42,19 @@ struct Tags {
 };
 
 // A text that lives as long as the server, compressed if the client takes that.
-void SendConstant(const WebFile& file, const Tags& tags, const httplib::Request& request,
-                  httplib::Response& response) {
+void SendConstant(const WebFile& file, const Tags& tags, const Request& request,
+                  Response& response) {
   const bool packed = !file.packed.empty() && TakesCoding(request, "gzip");
   const std::string& tag = packed ? tags.packed : tags.plain;
-  response.set_header("Vary", "Accept-Encoding");
-  response.set_header("ETag", tag);
+  response.SetHeader("Vary", "Accept-Encoding");
+  response.SetHeader("ETag", tag);
   if (HasCurrent(request, tag)) {
     response.status = 304;
     return;
   }
-  if (packed) response.set_header("Content-Encoding", "gzip");
+  if (packed) response.SetHeader("Content-Encoding", "gzip");
   const std::string_view content = packed ? file.packed : file.text;
-  response.set_content_provider(content.size(), std::string(file.type),
-                                [content](size_t offset, size_t length, httplib::DataSink& sink) {
-                                  return sink.write(content.data() + offset, length);
-                                });
+  response.SetContent(std::string(content), file.type);
 }
 
 // MAJOR.MINOR of the program, which is what the documents' folders are named by.
@@ -92,8 +89,8 @@ std::string PageInstead(const Documents& documents, std::string_view path) {
 
 }  // namespace
 
-void PagesResource::ServeDocument(const httplib::Request& request,
-                                  httplib::Response& response) const {
+void PagesResource::ServeDocument(const Request& request,
+                                  Response& response) const {
   const std::string root = "/docs";
   SetHeaders(response);
   std::string path = request.path.substr(root.size());
@@ -102,11 +99,11 @@ void PagesResource::ServeDocument(const httplib::Request& request,
   if (found == documents_.end()) {
     if (const std::string instead = PageInstead(documents_, path); !instead.empty()) {
       response.status = 302;
-      response.set_header("Location", absl::StrCat(root, "/", instead));
+      response.SetHeader("Location", absl::StrCat(root, "/", instead));
       return;
     }
     response.status = 404;
-    response.set_content(documents_.empty() ? "The documents are not on this server: ./dev docs "
+    response.SetContent(documents_.empty() ? "The documents are not on this server: ./dev docs "
                                               "makes them, and README.md has a tour.\n"
                                             : absl::StrCat("There is no such page. ", root,
                                                            " leads to the documents.\n"),
@@ -120,14 +117,14 @@ void PagesResource::ServeDocument(const httplib::Request& request,
 
 void PagesResource::Install(Routes& routes) {
   routes.GetPage("/docs(?:/[^/]+)*/?",
-                 [this](const httplib::Request& request, httplib::Response& response) {
+                 [this](const Request& request, Response& response) {
                    ServeDocument(request, response);
                  });
   for (const WebFile& file : WebFiles()) {
     const std::string tag = EntityTagOf(file.text);
     const std::string packed_tag = EntityTagOf(file.packed);
-    routes.GetPage(std::string(file.path), [&file, tag, packed_tag](const httplib::Request& request,
-                                                                    httplib::Response& response) {
+    routes.GetPage(std::string(file.path), [&file, tag, packed_tag](const Request& request,
+                                                                    Response& response) {
       SetHeaders(response);
       SendConstant(file, {tag, packed_tag}, request, response);
     });

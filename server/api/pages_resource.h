@@ -14,7 +14,7 @@ class PagesResource {
   void Install(Routes& routes);
 
  private:
-  void ServeDocument(const httplib::Request& request, httplib::Response& response) const;
+  void ServeDocument(const Request& request, Response& response) const;
 
   const Documents& documents_;
 };

@@ -11,7 +11,7 @@ constexpr int64_t kMaxLimit = 1000;
 
 }  // namespace
 
-absl::StatusOr<Page> ReadPage(const httplib::Request& request) {
+absl::StatusOr<Page> ReadPage(const Request& request) {
   Page page;
   absl::Status status = ReadNumber(request, "before", page.before, page.before);
   status.Update(ReadNumber(request, "limit", kMaxLimit, page.limit));
@@ -19,14 +19,13 @@ absl::StatusOr<Page> ReadPage(const httplib::Request& request) {
   return page;
 }
 
-void AddNextPage(const httplib::Request& request, bool more, int64_t last_id, ApiAnswer& answer) {
+void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& answer) {
   answer.body["next_before"] = more ? nlohmann::json(last_id) : nlohmann::json();
   if (!more) return;
   answer.next = absl::StrCat(request.path, "?before=", last_id);
   for (const auto& [key, value] : request.params) {
     if (key == "before") continue;
-    absl::StrAppend(&answer.next, "&", httplib::detail::encode_query_param(key), "=",
-                    httplib::detail::encode_query_param(value));
+    absl::StrAppend(&answer.next, "&", EncodeForQuery(key), "=", EncodeForQuery(value));
   }
 }
 

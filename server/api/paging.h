@@ -2,8 +2,6 @@
 // `next_before`, and in a Link header, where the next page begins.
 #pragma once
 
-#include <httplib.h>
-
 #include <cstdint>
 #include <iterator>
 #include <limits>
@@ -22,13 +20,13 @@ struct Page {
 };
 
 // InvalidArgumentError for a parameter that is out of its range.
-absl::StatusOr<Page> ReadPage(const httplib::Request& request);
+absl::StatusOr<Page> ReadPage(const Request& request);
 
 // Says in an answer to `request` that its list goes on below `last_id` if `more`, or that it ends.
-void AddNextPage(const httplib::Request& request, bool more, int64_t last_id, ApiAnswer& answer);
+void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& answer);
 // The same for rows that were read as `page`: a full page may have another one behind it.
 template <typename Row>
-void AddNextPage(const httplib::Request& request, const Page& page, const Listed<Row>& listed,
+void AddNextPage(const Request& request, const Page& page, const Listed<Row>& listed,
                  ApiAnswer& answer) {
   const bool full = std::ssize(listed.rows) + std::ssize(listed.damaged) >= page.limit;
   AddNextPage(request, full, listed.last_id, answer);

@@ -24,52 +24,52 @@ namespace {
 
 constexpr int kAskAgainSeconds = 1;
 
-Packing PackingFor(const PictureKey& key, const httplib::Request& request) {
+Packing PackingFor(const PictureKey& key, const Request& request) {
   if (key.kind == PictureKind::kPicture) return Packing::kPlain;
   if (TakesCoding(request, "zstd")) return Packing::kZstd;
   return TakesCoding(request, "gzip") ? Packing::kGzip : Packing::kPlain;
 }
 
 // For the few clients that take no compressed answer.
-absl::Status SendUnpacked(const std::string& path, const char* type, httplib::Response& response) {
+absl::Status SendUnpacked(const std::string& path, const char* type, Response& response) {
   ASSIGN_OR_RETURN(std::string packed, ReadFile(path));
   absl::StatusOr<std::string> bytes = UnpackZstd(packed, kMostTrajectoryFileBytes);
-  if (bytes.ok()) response.set_content(*std::move(bytes), type);
+  if (bytes.ok()) response.SetContent(*std::move(bytes), type);
   return bytes.status();
 }
 
 // False: it is not there any more.
 bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type,
-              const httplib::Request& request, httplib::Response& response) {
+              const Request& request, Response& response) {
   const Packing packing = PackingFor(key, request);
   const bool unpack = packing == Packing::kPlain && key.kind != PictureKind::kPicture;
   auto found = files.Find(key, unpack ? Packing::kZstd : packing);
   if (!found.has_value()) return false;
   if (unpack) found->tag.insert(found->tag.size() - 1, ".plain");
-  response.set_header("ETag", found->tag);
-  response.set_header("Cache-Control",
+  response.SetHeader("ETag", found->tag);
+  response.SetHeader("Cache-Control",
                       key.kind == PictureKind::kModel ? "no-cache" : "private, no-cache");
-  response.set_header("Vary", "Accept-Encoding, Authorization");
-  response.set_header("X-Content-Type-Options", "nosniff");
+  response.SetHeader("Vary", "Accept-Encoding, Authorization");
+  response.SetHeader("X-Content-Type-Options", "nosniff");
   if (HasCurrent(request, found->tag)) {
     response.status = 304;
     return true;
   }
   if (unpack) return SendUnpacked(found->path, type, response).ok();
   if (packing != Packing::kPlain) {
-    response.set_header("Content-Encoding", packing == Packing::kZstd ? "zstd" : "gzip");
+    response.SetHeader("Content-Encoding", packing == Packing::kZstd ? "zstd" : "gzip");
   }
-  return UnixHttpServer::AnswerWithFile(found->path, type, response).ok();
+  return response.SetFile(found->path, type).ok();
 }
 
-void SendWaiting(const PictureState& state, httplib::Response& response) {
+void SendWaiting(const PictureState& state, Response& response) {
   const bool plays = state.is == PictureState::Is::kPlaying;
   const nlohmann::json body = {{"state", plays ? "playing" : "waiting"}, {"place", state.place}};
   response.status = 202;
-  response.set_header("Retry-After", absl::StrCat(kAskAgainSeconds));
-  response.set_header("Cache-Control", "no-store");
-  response.set_header("X-Content-Type-Options", "nosniff");
-  response.set_content(CanonicalJson(body) + "\n", "application/json");
+  response.SetHeader("Retry-After", absl::StrCat(kAskAgainSeconds));
+  response.SetHeader("Cache-Control", "no-store");
+  response.SetHeader("X-Content-Type-Options", "nosniff");
+  response.SetContent(CanonicalJson(body) + "\n", "application/json");
 }
 
 }  // namespace
@@ -83,20 +83,20 @@ void PicturesResource::Install(Routes& routes) {
                  std::bind_front(&PicturesResource::SendModel, this));
 }
 
-std::optional<ApiError> PicturesResource::SendTrajectory(const httplib::Request& request,
-                                                         httplib::Response& response) const {
+std::optional<ApiError> PicturesResource::SendTrajectory(const Request& request,
+                                                         Response& response) const {
   return SendOfLog(PictureKind::kTrajectory, "application/vnd.myograde.trajectory", request,
                    response);
 }
 
-std::optional<ApiError> PicturesResource::SendPicture(const httplib::Request& request,
-                                                      httplib::Response& response) const {
+std::optional<ApiError> PicturesResource::SendPicture(const Request& request,
+                                                      Response& response) const {
   return SendOfLog(PictureKind::kPicture, "image/png", request, response);
 }
 
 std::optional<ApiError> PicturesResource::SendOfLog(PictureKind kind, const char* type,
-                                                    const httplib::Request& request,
-                                                    httplib::Response& response) const {
+                                                    const Request& request,
+                                                    Response& response) const {
   const std::string hash = request.matches[1];
   absl::Status status = CheckParameters(request, {});
   if (status.ok()) status = RequireShownLog(context_, hash);
@@ -109,8 +109,8 @@ std::optional<ApiError> PicturesResource::SendOfLog(PictureKind kind, const char
   return Send(key, type, request, response);
 }
 
-std::optional<ApiError> PicturesResource::SendModel(const httplib::Request& request,
-                                                    httplib::Response& response) const {
+std::optional<ApiError> PicturesResource::SendModel(const Request& request,
+                                                    Response& response) const {
   const std::string track = request.matches[1];
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
   if (FindTrack(track) == nullptr) {
@@ -120,8 +120,8 @@ std::optional<ApiError> PicturesResource::SendModel(const httplib::Request& requ
 }
 
 std::optional<ApiError> PicturesResource::Send(const PictureKey& key, const char* type,
-                                               const httplib::Request& request,
-                                               httplib::Response& response) const {
+                                               const Request& request,
+                                               Response& response) const {
   const PictureState state = context_.pictures.Ask(key, CallerIsOrganiser() ? "" : CallerKey());
   switch (state.is) {
     case PictureState::Is::kReady:

@@ -19,18 +19,18 @@ class PicturesResource {
   void Install(Routes& routes);
 
  private:
-  std::optional<ApiError> SendTrajectory(const httplib::Request& request,
-                                         httplib::Response& response) const;
-  std::optional<ApiError> SendPicture(const httplib::Request& request,
-                                      httplib::Response& response) const;
-  std::optional<ApiError> SendModel(const httplib::Request& request,
-                                    httplib::Response& response) const;
+  std::optional<ApiError> SendTrajectory(const Request& request,
+                                         Response& response) const;
+  std::optional<ApiError> SendPicture(const Request& request,
+                                      Response& response) const;
+  std::optional<ApiError> SendModel(const Request& request,
+                                    Response& response) const;
   std::optional<ApiError> SendOfLog(PictureKind kind, const char* type,
-                                    const httplib::Request& request,
-                                    httplib::Response& response) const;
+                                    const Request& request,
+                                    Response& response) const;
   // The file, or how far it is.
   std::optional<ApiError> Send(const PictureKey& key, const char* type,
-                               const httplib::Request& request, httplib::Response& response) const;
+                               const Request& request, Response& response) const;
 
   const ApiContext& context_;
 };

@@ -52,7 +52,7 @@ absl::Status CheckFailureShown(Reader& reader, const ApiContext& context,
 }
 
 // The evaluation that the request asks for; without one, the submission's original.
-absl::StatusOr<EvaluationRow> AskedEvaluation(const httplib::Request& request, Reader& reader,
+absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, Reader& reader,
                                               int64_t submission) {
   int64_t id = 0;
   RETURN_IF_ERROR(ReadNumber(request, "evaluation", INT64_MAX, id));
@@ -83,7 +83,7 @@ absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, 
                        kWithheldCode);
 }
 
-absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Reader& reader,
+absl::StatusOr<nlohmann::json> AskedReceipt(const Request& request, Reader& reader,
                                             const ApiContext& context) {
   absl::Status status = CheckParameters(request, {"evaluation", "public", "reason"});
   if (status.ok()) status = RequireSubmission(reader, IdOf(request));
@@ -102,7 +102,7 @@ absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Rea
 
 // What a copy of the record has in place of a receipt that AskedReceipt answered with `why`; the same
 // status, if it is not withheld.
-absl::StatusOr<WithheldReceipt> WithheldFor(const httplib::Request& request, Reader& reader,
+absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, Reader& reader,
                                             const ApiContext& context, const absl::Status& why) {
   const bool unreadable = DamageOf(why).has_value();
   if (!unreadable && ErrorCodeOf(why) != kWithheldCode) return why;
@@ -133,7 +133,7 @@ void ProofResource::Install(Routes& routes) {
                  std::bind_front(&ProofResource::SendLog, this));
 }
 
-ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
+ApiResult ProofResource::GetReceipt(const Request& request) const {
   const absl::StatusOr<bool> reason = ReadFlag(request, "reason");
   if (!reason.ok()) return ErrorOf(reason.status());
   absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
@@ -163,20 +163,20 @@ ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
   return ApiAnswer{200, nlohmann::json::parse(*text)};
 }
 
-ApiResult ProofResource::GetKey(const httplib::Request&) const {
+ApiResult ProofResource::GetKey(const Request&) const {
   const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
   if (!key.ok()) return ErrorOf(key.status());
   return ApiAnswer{200, {{"algorithm", "ed25519"}, {"key", (*key)->PublicPem()}}};
 }
 
 // The file as it is stored. Its name is a hash, so no path of a client's making is opened.
-std::optional<ApiError> ProofResource::SendLog(const httplib::Request& request,
-                                               httplib::Response& response) const {
+std::optional<ApiError> ProofResource::SendLog(const Request& request,
+                                               Response& response) const {
   const std::string hash = request.matches[1];
   absl::Status sent = RequireShownLog(context_, hash);
   if (sent.ok()) {
     const std::string path = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
-    sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);
+    sent = response.SetFile(path, "application/zstd");
   }
   if (sent.ok()) return std::nullopt;
   return ErrorOf(absl::IsNotFound(sent) ? MissingLog(hash) : sent);

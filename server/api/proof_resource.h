@@ -17,10 +17,10 @@ class ProofResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult GetReceipt(const httplib::Request& request) const;
-  ApiResult GetKey(const httplib::Request& request) const;
-  std::optional<ApiError> SendLog(const httplib::Request& request,
-                                  httplib::Response& response) const;
+  ApiResult GetReceipt(const Request& request) const;
+  ApiResult GetKey(const Request& request) const;
+  std::optional<ApiError> SendLog(const Request& request,
+                                  Response& response) const;
 
   const ApiContext& context_;
 };

@@ -11,6 +11,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/queue_view.h"
 #include "server/api/requests.h"
+#include "server/api/unix_http_server.h"
 
 namespace myograde::server {
 namespace {
@@ -74,7 +75,7 @@ absl::StatusOr<QueueResource::Snapshot> QueueResource::Look() {
   return made;
 }
 
-ApiResult QueueResource::Get(const httplib::Request& request) {
+ApiResult QueueResource::Get(const Request& request) {
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
   const absl::StatusOr<Snapshot> now = Make();
   if (!now.ok()) return ErrorOf(now.status());
@@ -95,14 +96,13 @@ std::optional<std::string> QueueResource::NextEvent(Snapshot& last) {
   return absl::StrCat("event: queue\ndata: ", last.text, "\n\n");
 }
 
-std::optional<ApiError> QueueResource::Follow(const httplib::Request& request,
-                                              httplib::Response& response) {
+std::optional<ApiError> QueueResource::Follow(const Request& request,
+                                              Response& response) {
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
-  response.set_header("Cache-Control", "no-store");
-  response.set_header("X-Accel-Buffering", "no");  // proxies hand each event on at once
-  UnixHttpServer::AnswerWithStream(
-      "text/event-stream", kLookEvery, kLongest,
-      [this, last = std::make_shared<Snapshot>()] { return NextEvent(*last); }, response);
+  response.SetHeader("Cache-Control", "no-store");
+  response.SetHeader("X-Accel-Buffering", "no");  // proxies hand each event on at once
+  response.SetStream("text/event-stream", kLookEvery, kLongest,
+                     [this, last = std::make_shared<Snapshot>()] { return NextEvent(*last); });
   return std::nullopt;
 }
 

@@ -30,8 +30,8 @@ class QueueResource {
     absl::Duration made;
   };
 
-  ApiResult Get(const httplib::Request& request);
-  std::optional<ApiError> Follow(const httplib::Request& request, httplib::Response& response);
+  ApiResult Get(const Request& request);
+  std::optional<ApiError> Follow(const Request& request, Response& response);
   // The queue as the caller sees it, at most a second old: however many look on, those who see the
   // same share one.
   absl::StatusOr<Snapshot> Look();

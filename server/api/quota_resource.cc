@@ -124,13 +124,13 @@ void QuotaResource::Install(Routes& routes) {
   routes.Post("/v1/quota/grants", Action::kGrant, std::bind_front(&QuotaResource::Grant, this));
 }
 
-ApiResult QuotaResource::Get(const httplib::Request& request) const {
+ApiResult QuotaResource::Get(const Request& request) const {
   absl::Status status = CheckParameters(request, {"team", "track", "before", "limit"});
-  if (status.ok() && !request.has_param("team")) {
+  if (status.ok() && !request.HasParam("team")) {
     status = absl::InvalidArgumentError("\"team\" is missing: a quota is a team's");
   }
-  const std::string asked = request.get_param_value("team");
-  const std::string track = request.get_param_value("track");
+  const std::string asked = request.Param("team");
+  const std::string track = request.Param("track");
   if (status.ok()) status = CheckTeam(asked);
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
@@ -150,7 +150,7 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const {
+ApiResult QuotaResource::Grant(const Request&, const Json& body) const {
   absl::StatusOr<NewGrant> grant = ParseGrant(body);
   if (!grant.ok()) return ErrorOf(grant.status());
   absl::Status status = CheckPlace(*grant, context_);

@@ -17,8 +17,8 @@ class QuotaResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Get(const httplib::Request& request) const;
-  ApiResult Grant(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult Get(const Request& request) const;
+  ApiResult Grant(const Request& request, const nlohmann::json& body) const;
 
   const ApiContext& context_;
 };

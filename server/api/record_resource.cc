@@ -38,10 +38,10 @@ std::string PageText(const Listed<RecordRow>& listed, int64_t size, const Json& 
 }
 
 // Oldest first, as the record is read from its beginning and only grows at its end.
-std::string NextPage(const httplib::Request& request, int64_t next) {
+std::string NextPage(const Request& request, int64_t next) {
   std::string address = absl::StrCat(request.path, "?from=", next);
-  if (request.has_param("limit")) {
-    absl::StrAppend(&address, "&limit=", request.get_param_value("limit"));
+  if (request.HasParam("limit")) {
+    absl::StrAppend(&address, "&limit=", request.Param("limit"));
   }
   return address;
 }
@@ -57,7 +57,7 @@ void RecordResource::Install(Routes& routes) {
              std::bind_front(&Self::Compare, this));
 }
 
-ApiResult RecordResource::List(const httplib::Request& request) const {
+ApiResult RecordResource::List(const Request& request) const {
   int64_t from = 0;
   int64_t limit = 100;
   absl::Status status = CheckParameters(request, {"from", "limit"});
@@ -78,7 +78,7 @@ ApiResult RecordResource::List(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult RecordResource::GetHead(const httplib::Request& request) const {
+ApiResult RecordResource::GetHead(const Request& request) const {
   absl::Status status = CheckParameters(request, {});
   if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<RecordHead> head = context_.readers.Read<RecordHead>([&](Reader& reader) {
@@ -94,7 +94,7 @@ ApiResult RecordResource::GetHead(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult RecordResource::Prove(const httplib::Request& request) const {
+ApiResult RecordResource::Prove(const Request& request) const {
   int64_t entry = -1;
   int64_t size = 0;
   absl::Status status = CheckParameters(request, {"entry", "size"});
@@ -114,7 +114,7 @@ ApiResult RecordResource::Prove(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult RecordResource::Compare(const httplib::Request& request) const {
+ApiResult RecordResource::Compare(const Request& request) const {
   int64_t from = -1;
   int64_t to = 0;
   absl::Status status = CheckParameters(request, {"from", "to"});

@@ -15,10 +15,10 @@ class RecordResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult GetHead(const httplib::Request& request) const;
-  ApiResult Prove(const httplib::Request& request) const;
-  ApiResult Compare(const httplib::Request& request) const;
+  ApiResult List(const Request& request) const;
+  ApiResult GetHead(const Request& request) const;
+  ApiResult Prove(const Request& request) const;
+  ApiResult Compare(const Request& request) const;
 
   const ApiContext& context_;
 };

@@ -43,7 +43,7 @@ void RejudgesResource::Install(Routes& routes) {
               std::bind_front(&Self::Drop, this));
 }
 
-ApiResult RejudgesResource::List(const httplib::Request& request) const {
+ApiResult RejudgesResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
@@ -64,9 +64,9 @@ ApiResult RejudgesResource::List(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult RejudgesResource::Get(const httplib::Request& request) const {
+ApiResult RejudgesResource::Get(const Request& request) const {
   absl::Status status = CheckParameters(request, {"changes"});
-  const std::string changes = request.get_param_value("changes");
+  const std::string changes = request.Param("changes");
   if (!changes.empty() && changes != "0" && changes != "1") {
     status.Update(absl::InvalidArgumentError("\"changes\" must be 0 or 1"));
   }
@@ -94,7 +94,7 @@ ApiResult RejudgesResource::Show(int64_t id, int http, Json more) const {
   return answer;
 }
 
-ApiResult RejudgesResource::Create(const httplib::Request&, const Json& body) const {
+ApiResult RejudgesResource::Create(const Request&, const Json& body) const {
   const absl::StatusOr<RejudgeRequest> asked = ParseRejudge(body);
   if (!asked.ok()) return ErrorOf(asked.status());
   const absl::StatusOr<NewRejudge> rejudge = context_.readers.Read<NewRejudge>(
@@ -136,7 +136,7 @@ AfterRejudge RejudgesResource::PlayFromNowOn() const {
   };
 }
 
-ApiResult RejudgesResource::Apply(const httplib::Request& request, const Json& body) const {
+ApiResult RejudgesResource::Apply(const Request& request, const Json& body) const {
   absl::StatusOr<ApplyRequest> asked = ParseApply(body);
   if (!asked.ok()) return ErrorOf(asked.status());
   const int64_t id = IdOf(request);
@@ -153,7 +153,7 @@ ApiResult RejudgesResource::Apply(const httplib::Request& request, const Json& b
                         {"config_after", done->config_after}});
 }
 
-ApiResult RejudgesResource::Drop(const httplib::Request& request, const Json& body) const {
+ApiResult RejudgesResource::Drop(const Request& request, const Json& body) const {
   const absl::StatusOr<std::string> reason = ParseReason(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const int64_t id = IdOf(request);

@@ -19,11 +19,11 @@ class RejudgesResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult Get(const httplib::Request& request) const;
-  ApiResult Create(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult Apply(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult Drop(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult List(const Request& request) const;
+  ApiResult Get(const Request& request) const;
+  ApiResult Create(const Request& request, const nlohmann::json& body) const;
+  ApiResult Apply(const Request& request, const nlohmann::json& body) const;
+  ApiResult Drop(const Request& request, const nlohmann::json& body) const;
 
   // The rejudge as it is now, with `more` keys.
   ApiResult Show(int64_t id, int http, nlohmann::json more) const;

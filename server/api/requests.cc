@@ -19,7 +19,7 @@ namespace {
 
 constexpr char kWhere[] = "request";
 constexpr size_t kMaxReasonBytes = 200;
-constexpr char kKeyHeader[] = "Idempotency-Key";
+constexpr char kKeyHeader[] = "idempotency-key";
 constexpr size_t kMaxKeyBytes = 255;
 
 bool IsHash(const std::string& text) {
@@ -87,7 +87,7 @@ absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body) {
   return reason;
 }
 
-absl::Status CheckParameters(const httplib::Request& request,
+absl::Status CheckParameters(const Request& request,
                              const std::vector<std::string>& known) {
   for (const auto& [key, value] : request.params) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
@@ -95,7 +95,7 @@ absl::Status CheckParameters(const httplib::Request& request,
           "\"", key, "\" is not a parameter of this address; known: ",
           known.empty() ? "none" : absl::StrJoin(known, ", ")));
     }
-    if (request.get_param_value_count(key) > 1) {
+    if (request.ParamCount(key) > 1) {
       return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is there twice"));
     }
   }
@@ -141,16 +141,17 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   return grant;
 }
 
-absl::StatusOr<RequestKey> ReadRequestKey(const httplib::Request& request,
+absl::StatusOr<RequestKey> ReadRequestKey(const Request& request,
                                           const nlohmann::json& body) {
-  if (!request.has_header(kKeyHeader)) return RequestKey();
-  const std::string key = request.get_header_value(kKeyHeader);
-  const bool good = request.get_header_value_count(kKeyHeader) == 1 && !key.empty() &&
+  const auto found = request.headers.find(kKeyHeader);
+  if (found == request.headers.end()) return RequestKey();
+  const std::string& key = found->second;
+  const bool good = request.headers.count(kKeyHeader) == 1 && !key.empty() &&
                     key.size() <= kMaxKeyBytes &&
                     std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 0x7f; });
   if (!good) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the header ", kKeyHeader, " must be there once, with 1 to ", kMaxKeyBytes,
+        absl::StrCat("the header Idempotency-Key must be there once, with 1 to ", kMaxKeyBytes,
                      " visible characters of ASCII and no space"));
   }
   return RequestKey{key, Sha256Hex(absl::StrCat(request.path, "\n", CanonicalJson(body)))};
@@ -161,10 +162,10 @@ absl::Status CheckTeam(const std::string& team) {
   return CleanName(team, "\"team\"").status();
 }
 
-absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
+absl::Status ReadNumber(const Request& request, const char* key, int64_t max,
                         int64_t& value, int64_t min) {
-  if (!request.has_param(key)) return absl::OkStatus();
-  const std::string text = request.get_param_value(key);
+  if (!request.HasParam(key)) return absl::OkStatus();
+  const std::string text = request.Param(key);
   // SimpleAtoi alone takes signs and spaces too.
   const bool digits = text.find_first_not_of("0123456789") == std::string::npos;
   if (digits && absl::SimpleAtoi(text, &value) && value >= min && value <= max) {
@@ -174,22 +175,22 @@ absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_
       absl::StrCat("\"", key, "\" must be a whole number from ", min, " to ", max));
 }
 
-absl::StatusOr<bool> ReadFlag(const httplib::Request& request, const char* key) {
-  const std::string text = request.has_param(key) ? request.get_param_value(key) : "false";
+absl::StatusOr<bool> ReadFlag(const Request& request, const char* key) {
+  const std::string text = request.HasParam(key) ? request.Param(key) : "false";
   if (text == "true" || text == "false") return text == "true";
   return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be true or false"));
 }
 
-absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
+absl::StatusOr<SubmissionFilter> ParseFilter(const Request& request) {
   absl::Status status = CheckParameters(
       request, {"team", "track", "profile", "phase", "state", "before", "limit"});
   SubmissionFilter filter;
-  filter.team = request.get_param_value("team");
-  filter.track = request.get_param_value("track");
-  filter.profile = request.get_param_value("profile");
-  filter.phase = request.get_param_value("phase");
-  if (request.has_param("state")) {
-    const std::string state = request.get_param_value("state");
+  filter.team = request.Param("team");
+  filter.track = request.Param("track");
+  filter.profile = request.Param("profile");
+  filter.phase = request.Param("phase");
+  if (request.HasParam("state")) {
+    const std::string state = request.Param("state");
     filter.state = ParseEvaluationState(state);
     if (!filter.state) {
       status.Update(absl::InvalidArgumentError(
@@ -204,6 +205,6 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
   return filter;
 }
 
-int64_t IdOf(const httplib::Request& request) { return std::stoll(request.matches[1]); }
+int64_t IdOf(const Request& request) { return std::stoll(request.matches[1]); }
 
 }  // namespace myograde::server

@@ -2,8 +2,6 @@
 // names the key and says what is allowed.
 #pragma once
 
-#include <httplib.h>
-
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,6 +11,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/admission/admission.h"
+#include "server/api/http_request.h"
 #include "server/base/plain_text.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
@@ -49,7 +48,7 @@ absl::Status ParseNothing(const nlohmann::json& body);
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
 
 // The header Idempotency-Key, with a digest of the address and the body; no key without one.
-absl::StatusOr<RequestKey> ReadRequestKey(const httplib::Request& request,
+absl::StatusOr<RequestKey> ReadRequestKey(const Request& request,
                                           const nlohmann::json& body);
 
 // Whether there can be a team of this name; what a new one may be called is stricter
@@ -57,20 +56,20 @@ absl::StatusOr<RequestKey> ReadRequestKey(const httplib::Request& request,
 absl::Status CheckTeam(const std::string& team);
 
 // Whole numbers of a query; a missing parameter leaves `value` as it is.
-absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
+absl::Status ReadNumber(const Request& request, const char* key, int64_t max,
                         int64_t& value, int64_t min = 1);
 
 // "true" or "false"; false if it is missing.
-absl::StatusOr<bool> ReadFlag(const httplib::Request& request, const char* key);
+absl::StatusOr<bool> ReadFlag(const Request& request, const char* key);
 
-absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request);
+absl::StatusOr<SubmissionFilter> ParseFilter(const Request& request);
 
 // `known` are all of the parameters that an address has.
-absl::Status CheckParameters(const httplib::Request& request,
+absl::Status CheckParameters(const Request& request,
                              const std::vector<std::string>& known);
 
 // The number in a path like /v1/submissions/ID. REQUIRES: the pattern's first group is 1 to 18
 // digits.
-int64_t IdOf(const httplib::Request& request);
+int64_t IdOf(const Request& request);
 
 }  // namespace myograde::server

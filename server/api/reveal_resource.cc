@@ -29,7 +29,6 @@ struct HiddenSeeds {
   std::vector<uint64_t> further;  // that follow from the secret after them, as far as they were played
 };
 
-
 // Before the close a reveal would end the phase for good, so nothing does it early.
 absl::Status CheckOver(const PhaseConfig& phase, absl::Time now) {
   if (now >= phase.closes) return absl::OkStatus();
@@ -89,7 +88,7 @@ void RevealResource::Install(Routes& routes) {
               std::bind_front(&RevealResource::Reveal, this));
 }
 
-ApiResult RevealResource::Reveal(const httplib::Request& request, const Json& body) const {
+ApiResult RevealResource::Reveal(const Request& request, const Json& body) const {
   const absl::StatusOr<std::string> reason = ParseReason(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const std::string phase = request.matches[1];

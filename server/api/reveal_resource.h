@@ -17,7 +17,7 @@ class RevealResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Reveal(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult Reveal(const Request& request, const nlohmann::json& body) const;
 
   const ApiContext& context_;
 };

@@ -3,8 +3,6 @@
 // address's action.
 #pragma once
 
-#include <httplib.h>
-
 #include <functional>
 #include <memory>
 #include <optional>
@@ -17,7 +15,7 @@
 #include "server/api/caller.h"
 #include "server/api/error_of.h"
 #include "server/api/guard.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/router.h"
 #include "server/metrics/metrics.h"
 
 namespace myograde::server {
@@ -32,37 +30,32 @@ struct ApiAnswer {
 };
 using ApiResult = std::variant<ApiAnswer, ApiError>;
 
-// Adds addresses to a server. A pattern is a regular expression that must match the whole path; its
-// groups are the request's `matches`. Handlers ask about teams with Require (caller.h).
+// Adds addresses to a router. A pattern's groups are the request's `matches`. Handlers ask about teams with Require (caller.h).
 class Routes {
  public:
-  using Handler = std::function<ApiResult(const httplib::Request&)>;
-  using JsonHandler = std::function<ApiResult(const httplib::Request&, const nlohmann::json& body)>;
+  using Handler = std::function<ApiResult(const Request&)>;
+  using JsonHandler = std::function<ApiResult(const Request&, const nlohmann::json& body)>;
   // Fills in a response that is not JSON, or returns why it could not.
-  using FileHandler =
-      std::function<std::optional<ApiError>(const httplib::Request&, httplib::Response&)>;
+  using FileHandler = std::function<std::optional<ApiError>(const Request&, Response&)>;
 
   // All must outlive the server's last request.
-  Routes(UnixHttpServer& server, Guard& guard, Metrics& metrics)
-      : server_(server), guard_(guard), metrics_(metrics) {}
+  Routes(Router& router, Guard& guard, Metrics& metrics);
+  const Router& router() const { return router_; }
 
   // A handler of GET answers HEAD too.
   void Get(const std::string& pattern, Action action, Handler handler);
   void GetFile(const std::string& pattern, Action action, FileHandler handler);
   // A web page or a file of one, for everybody. It is no address of the API.
-  void GetPage(const std::string& path,
-               std::function<void(const httplib::Request&, httplib::Response&)> handler);
+  void GetPage(const std::string& path, std::function<void(const Request&, Response&)> handler);
   // The body is JSON.
   void Post(const std::string& pattern, Action action, JsonHandler handler);
-  void Delete(const std::string& pattern, Action action, Handler handler);
-  // The body follows `rule`; the handler reads it from UnixHttpServer::RequestBody().
+  // The body follows `rule`; the handler reads it from the request.
   void PostUpload(const std::string& path, Action action, BodyRule rule, Handler handler);
-  // Sets the answers to requests that no handler matches, to OPTIONS, and to requests whose handler
-  // throws.
-  void AddErrorAnswers();
 
  private:
-  UnixHttpServer& server_;
+  void Add(Address address);
+
+  Router& router_;
   Guard& guard_;
   Metrics& metrics_;
 };

@@ -12,7 +12,7 @@ void RuntimesResource::Install(Routes& routes) {
   routes.Get("/v1/runtimes", Action::kReadTracks, std::bind_front(&RuntimesResource::List, this));
 }
 
-ApiResult RuntimesResource::List(const httplib::Request& request) const {
+ApiResult RuntimesResource::List(const Request& request) const {
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
   nlohmann::json runtimes = nlohmann::json::array();
   for (const Runtime& runtime :

@@ -15,7 +15,7 @@ class RuntimesResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
+  ApiResult List(const Request& request) const;
 
   const ApiContext& context_;
 };

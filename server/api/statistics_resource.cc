@@ -49,7 +49,7 @@ void StatisticsResource::Install(Routes& routes) {
              std::bind_front(&StatisticsResource::Get, this));
 }
 
-ApiResult StatisticsResource::Get(const httplib::Request& request) {
+ApiResult StatisticsResource::Get(const Request& request) {
   return answers_.Get(request);
 }
 

@@ -17,7 +17,7 @@ class StatisticsResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Get(const httplib::Request& request);
+  ApiResult Get(const Request& request);
 
   BoardAnswers answers_;
 };

@@ -39,7 +39,7 @@ void SubmissionsResource::Install(Routes& routes) {
               std::bind_front(&Self::Mark, this));
 }
 
-ApiResult SubmissionsResource::List(const httplib::Request& request) const {
+ApiResult SubmissionsResource::List(const Request& request) const {
   absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
   if (!filter.ok()) return ErrorOf(filter.status());
   if (!CallerIsOrganiser()) filter->teams = Caller().teams;
@@ -83,14 +83,14 @@ ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
   return answer;
 }
 
-ApiResult SubmissionsResource::Get(const httplib::Request& request) const {
+ApiResult SubmissionsResource::Get(const Request& request) const {
   const absl::Status own = context_.readers.Read(
       [&](Reader& reader) { return RequireSubmission(reader, IdOf(request)); });
   if (!own.ok()) return ErrorOf(own);
   return StatusAnswer(IdOf(request));
 }
 
-ApiResult SubmissionsResource::Submit(const httplib::Request& request, const Json& body) const {
+ApiResult SubmissionsResource::Submit(const Request& request, const Json& body) const {
   absl::StatusOr<SubmitRequest> asked = ParseSubmit(body);
   if (!asked.ok()) return ErrorOf(asked.status());
   absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
@@ -113,7 +113,7 @@ ApiResult SubmissionsResource::Submit(const httplib::Request& request, const Jso
   return result;
 }
 
-ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Json& body) const {
+ApiResult SubmissionsResource::Cancel(const Request& request, const Json& body) const {
   const absl::StatusOr<std::string> reason = ParseCancel(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const int64_t id = IdOf(request);
@@ -147,7 +147,7 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
   return result;
 }
 
-ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json& body) const {
+ApiResult SubmissionsResource::Mark(const Request& request, const Json& body) const {
   absl::StatusOr<MarkRequest> wanted = ParseMark(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t id = IdOf(request);

@@ -19,11 +19,11 @@ class SubmissionsResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult Get(const httplib::Request& request) const;
-  ApiResult Submit(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult Cancel(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult Mark(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult List(const Request& request) const;
+  ApiResult Get(const Request& request) const;
+  ApiResult Submit(const Request& request, const nlohmann::json& body) const;
+  ApiResult Cancel(const Request& request, const nlohmann::json& body) const;
+  ApiResult Mark(const Request& request, const nlohmann::json& body) const;
   ApiResult StatusAnswer(int64_t submission) const;
 
   const ApiContext& context_;

@@ -24,7 +24,7 @@ using Json = nlohmann::json;
 
 constexpr char kTeam[] = "/v1/teams/([^]{1,64})";  // bytes; a name may hold any character
 
-std::string TeamIn(const httplib::Request& request) { return request.matches[1]; }
+std::string TeamIn(const Request& request) { return request.matches[1]; }
 
 // "" if it is left out.
 std::string ReasonOf(ConfigReader& reader, bool required = false) {
@@ -123,7 +123,7 @@ void TeamsResource::Install(Routes& routes) {
               std::bind_front(&TeamsResource::Ban, this));
 }
 
-ApiResult TeamsResource::List(const httplib::Request& request) const {
+ApiResult TeamsResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
@@ -140,7 +140,7 @@ ApiResult TeamsResource::List(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult TeamsResource::Get(const httplib::Request& request) const {
+ApiResult TeamsResource::Get(const Request& request) const {
   absl::Status status = CheckParameters(request, {});
   if (status.ok()) status = CheckTeam(TeamIn(request));
   if (!status.ok()) return ErrorOf(status);
@@ -166,7 +166,7 @@ ApiResult TeamsResource::Change(const std::string& team,
   return ApiAnswer{http, *std::move(body)};
 }
 
-ApiResult TeamsResource::Create(const httplib::Request&, const Json& body) const {
+ApiResult TeamsResource::Create(const Request&, const Json& body) const {
   ConfigReader reader(body, "request");
   const std::string team = reader.String("team");
   const std::string why = ReasonOf(reader);
@@ -182,7 +182,7 @@ ApiResult TeamsResource::Create(const httplib::Request&, const Json& body) const
                 201);
 }
 
-ApiResult TeamsResource::Rename(const httplib::Request& request, const Json& body) const {
+ApiResult TeamsResource::Rename(const Request& request, const Json& body) const {
   ConfigReader reader(body, "request");
   const std::string name = reader.String("name");
   const std::string why = ReasonOf(reader);
@@ -196,7 +196,7 @@ ApiResult TeamsResource::Rename(const httplib::Request& request, const Json& bod
   });
 }
 
-ApiResult TeamsResource::SetMember(const httplib::Request& request, const Json& body) const {
+ApiResult TeamsResource::SetMember(const Request& request, const Json& body) const {
   ConfigReader reader(body, "request");
   const std::string text = reader.String("person");
   const bool belongs = reader.Boolean("belongs");
@@ -213,7 +213,7 @@ ApiResult TeamsResource::SetMember(const httplib::Request& request, const Json& 
   });
 }
 
-ApiResult TeamsResource::Ban(const httplib::Request& request, const Json& body) const {
+ApiResult TeamsResource::Ban(const Request& request, const Json& body) const {
   ConfigReader reader(body, "request");
   const bool banned = reader.Boolean("banned");
   const std::string why = ReasonOf(reader, /*required=*/banned);
@@ -271,7 +271,7 @@ absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
   return body;
 }
 
-ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body) const {
+ApiResult TeamsResource::Merge(const Request& request, const Json& body) const {
   ConfigReader reader(body, "request");
   const std::string into = reader.String("into");
   const bool dry_run = reader.Has("dry_run") && reader.Boolean("dry_run");

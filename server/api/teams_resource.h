@@ -20,13 +20,13 @@ class TeamsResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult Get(const httplib::Request& request) const;
-  ApiResult Create(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult Rename(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult SetMember(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult Merge(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult Ban(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult List(const Request& request) const;
+  ApiResult Get(const Request& request) const;
+  ApiResult Create(const Request& request, const nlohmann::json& body) const;
+  ApiResult Rename(const Request& request, const nlohmann::json& body) const;
+  ApiResult SetMember(const Request& request, const nlohmann::json& body) const;
+  ApiResult Merge(const Request& request, const nlohmann::json& body) const;
+  ApiResult Ban(const Request& request, const nlohmann::json& body) const;
 
   // Does it, and answers with the team as it is afterwards. `change` returns whether it changed
   // anything.

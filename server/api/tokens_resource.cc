@@ -105,7 +105,7 @@ void TokensResource::Install(Routes& routes) {
               std::bind_front(&TokensResource::Revoke, this));
 }
 
-ApiResult TokensResource::Create(const httplib::Request&, const Json& body) const {
+ApiResult TokensResource::Create(const Request&, const Json& body) const {
   absl::StatusOr<NewToken> token = ParseToken(body, absl::ToUnixMillis(context_.clock.Now()));
   if (!token.ok()) return ErrorOf(token.status());
   if (const auto error = MayManage(token->role)) return *error;
@@ -122,7 +122,7 @@ ApiResult TokensResource::Create(const httplib::Request&, const Json& body) cons
   return Show(*id, 201, {{"token", *text}});
 }
 
-ApiResult TokensResource::List(const httplib::Request& request) const {
+ApiResult TokensResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
@@ -142,7 +142,7 @@ ApiResult TokensResource::List(const httplib::Request& request) const {
   return answer;
 }
 
-ApiResult TokensResource::Revoke(const httplib::Request& request, const Json& body) const {
+ApiResult TokensResource::Revoke(const Request& request, const Json& body) const {
   ConfigReader reader(body, "request");
   absl::Status status = reader.Finish();
   if (!status.ok()) return ErrorOf(status);

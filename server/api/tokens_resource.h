@@ -19,9 +19,9 @@ class TokensResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Create(const httplib::Request& request, const nlohmann::json& body) const;
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult Revoke(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult Create(const Request& request, const nlohmann::json& body) const;
+  ApiResult List(const Request& request) const;
+  ApiResult Revoke(const Request& request, const nlohmann::json& body) const;
   // The token as it is in the store.
   ApiResult Show(int64_t id, int http, nlohmann::json more) const;
 

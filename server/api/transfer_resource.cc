@@ -14,6 +14,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
+#include "server/api/unix_http_server.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"
 #include "server/store/transfer.h"
@@ -78,7 +79,7 @@ std::string TransferResource::SpoolPath() {
 }
 
 std::optional<ApiError> TransferResource::SendMade(
-    const char* type, httplib::Response& response,
+    const char* type, Response& response,
     const std::function<absl::Status(const std::string&)>& make) {
   UnixHttpServer::AllowUploadTime();
   context_.access_log.Flush();  // what organisers did before is in the copy
@@ -89,20 +90,20 @@ std::optional<ApiError> TransferResource::SendMade(
     fs::remove(path, error);
   };
   absl::Status status = make(path);
-  if (status.ok()) status = UnixHttpServer::AnswerWithFile(path, type, response);
+  if (status.ok()) status = response.SetFile(path, type);
   if (!status.ok()) return ErrorOf(status);
   return std::nullopt;
 }
 
-std::optional<ApiError> TransferResource::SendExport(const httplib::Request&,
-                                                     httplib::Response& response) {
+std::optional<ApiError> TransferResource::SendExport(const Request&,
+                                                     Response& response) {
   return SendMade("application/json", response, [this](const std::string& path) {
     return WriteExport(context_.readers, path);
   });
 }
 
-std::optional<ApiError> TransferResource::SendBackup(const httplib::Request&,
-                                                     httplib::Response& response) {
+std::optional<ApiError> TransferResource::SendBackup(const Request&,
+                                                     Response& response) {
   const auto copy = [this](const std::string& path) {
     return context_.readers.Backup(
         path,
@@ -119,14 +120,14 @@ std::optional<ApiError> TransferResource::SendBackup(const httplib::Request&,
   return error;
 }
 
-ApiResult TransferResource::Import(const httplib::Request&) {
+ApiResult TransferResource::Import(const Request& request) {
   UnixHttpServer::AllowUploadTime();
   const std::string path = SpoolPath();
   const absl::Cleanup remove = [&] {
     std::error_code error;
     fs::remove(path, error);
   };
-  absl::Status status = UnixHttpServer::RequestBody().MoveTo(path);
+  absl::Status status = request.body->MoveTo(path);
   if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<ExportInfo> info = CheckExport(path);
   if (!info.ok()) return ErrorOf(info.status());

@@ -23,12 +23,12 @@ class TransferResource {
   void Install(Routes& routes);
 
  private:
-  std::optional<ApiError> SendExport(const httplib::Request& request, httplib::Response& response);
-  std::optional<ApiError> SendBackup(const httplib::Request& request, httplib::Response& response);
-  ApiResult Import(const httplib::Request& request);
+  std::optional<ApiError> SendExport(const Request& request, Response& response);
+  std::optional<ApiError> SendBackup(const Request& request, Response& response);
+  ApiResult Import(const Request& request);
 
   // `make` writes the file; the client gets it with its length, or the reason why not.
-  std::optional<ApiError> SendMade(const char* type, httplib::Response& response,
+  std::optional<ApiError> SendMade(const char* type, Response& response,
                                    const std::function<absl::Status(const std::string&)>& make);
   std::string SpoolPath();
 

@@ -12,7 +12,6 @@
 #include <cstring>
 #include <exception>
 #include <optional>
-#include <string_view>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -26,10 +25,6 @@ namespace myograde::server {
 namespace {
 
 constexpr int kBacklog = 1024;
-// Beyond the first an answer begins to be sent while it is made, beyond the second
-// its handler waits for the client.
-constexpr size_t kSendFrom = 256 << 10;
-constexpr size_t kMaxUnsent = 16 << 20;
 constexpr int kSmallUploads = 8;
 constexpr int kDiskWorkers = 4;
 constexpr int kHandshakeWorkers = 4;
@@ -42,88 +37,8 @@ struct CurrentRequest {
   const std::atomic<bool>* stopping = nullptr;
   absl::Duration deadline;
   absl::Duration upload;
-  Peer caller;
 };
 thread_local CurrentRequest current;
-
-// cpp-httplib tells of every answer without a body how long that is, which HTTP forbids for these,
-// and which is not so of a stream; and of a limit of requests that connections don't have.
-std::string HeadToSend(std::string_view head, bool streams) {
-  const bool bodiless = head.starts_with("HTTP/1.1 204 ") || head.starts_with("HTTP/1.1 304 ");
-  std::string sent;
-  for (size_t at = 0, end = 0; at < head.size(); at = end) {
-    end = std::min(head.find("\r\n", at), head.size() - 2) + 2;
-    const std::string_view line = head.substr(at, end - at);
-    if (line.starts_with("Keep-Alive:")) continue;
-    if ((bodiless || streams) && line == "Content-Length: 0\r\n") continue;
-    sent += line;
-  }
-  return sent;
-}
-
-// A request that is there as a whole, as cpp-httplib reads it.
-class WholeRequest : public httplib::Stream {
- public:
-  WholeRequest(Connection& connection, bool close) : connection_(connection) {
-    head_ = connection.head->canonical;
-    if (connection.head->method != "GET" && connection.head->method != "HEAD") {
-      absl::StrAppend(&head_, "Content-Length: ", connection.body.size(), "\r\n");
-    }
-    head_ += close ? "Connection: close\r\n\r\n" : "\r\n";
-  }
-
-  bool is_readable() const override { return true; }
-  bool is_writable() const override { return true; }
-
-  ssize_t read(char* to, size_t size) override {
-    if (read_ < head_.size()) {
-      const size_t n = head_.copy(to, size, read_);
-      read_ += n;
-      return static_cast<ssize_t>(n);
-    }
-    const ssize_t n = connection_.body.ReadAt(to, size, body_read_);
-    body_read_ += std::max<ssize_t>(n, 0);
-    return n;
-  }
-
-  // The first write is the answer's head.
-  ssize_t write(const char* from, size_t size) override {
-    if (answered_) {
-      connection_.out.append(from, size);
-    } else {
-      connection_.out += HeadToSend({from, size}, connection_.stream != nullptr);
-    }
-    answered_ = true;
-    if (connection_.unsent() >= kSendFrom && !connection_.Send()) return -1;
-    while (connection_.unsent() > kMaxUnsent) {
-      if (*current.stopping || Now() >= current.deadline) return -1;
-      // The kinds of poll are those of epoll.
-      const auto kinds = static_cast<short>(connection_.transport->Wants(/*to_send=*/true));
-      pollfd entry = {connection_.fd.get(), kinds, 0};
-      poll(&entry, 1, 100);
-      if (!connection_.Send()) return -1;
-    }
-    return static_cast<ssize_t>(size);
-  }
-
-  void get_remote_ip_and_port(std::string& ip, int& port) const override {
-    ip = current.caller.key;
-    port = 0;
-  }
-  void get_local_ip_and_port(std::string& ip, int& port) const override {
-    ip = current.caller.network ? "network" : "unix";
-    port = 0;
-  }
-  // Any number would do, but cpp-httplib takes none that select() could not.
-  socket_t socket() const override { return 0; }
-
- private:
-  Connection& connection_;
-  std::string head_;
-  size_t read_ = 0;
-  int64_t body_read_ = 0;
-  bool answered_ = false;
-};
 
 // The groups of the user at the other end, but for the main one.
 std::vector<gid_t> GroupsOf(int fd) {
@@ -195,7 +110,7 @@ UnixHttpServer::UnixHttpServer(const HttpLimits& limits, std::string spool)
       queue_(QueueLimits(limits)),
       gate_({.limits = limits,
              .spool = {spool_, limits.disk_reserve, &budget_},
-             .rule_of = [this](const RequestHead& head) { return RuleOf(head); },
+             .rule_of = [this](const Request& head) { return RuleOf(head); },
              .on_refusal =
                  [this](int http) {
                    if (count_refusal_ != nullptr) count_refusal_(http);
@@ -205,34 +120,6 @@ UnixHttpServer::UnixHttpServer(const HttpLimits& limits, std::string spool)
 UnixHttpServer::~UnixHttpServer() { Shutdown(); }
 
 bool UnixHttpServer::Stopping() { return *current.stopping; }
-
-Body& UnixHttpServer::RequestBody() { return current.connection->body; }
-
-absl::Status UnixHttpServer::AnswerWithFile(const std::string& path, const char* type,
-                                            httplib::Response& response) {
-  Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  struct stat info;
-  if (!file.valid() || fstat(file.get(), &info) != 0) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be read"));
-  }
-  response.set_header("Content-Type", type);
-  response.set_header("Content-Length", absl::StrCat(info.st_size));
-  if (current.connection->head->method == "HEAD") return absl::OkStatus();
-  current.connection->file = {std::move(file), 0, info.st_size};
-  return absl::OkStatus();
-}
-
-void UnixHttpServer::AnswerWithStream(const char* type, absl::Duration every, absl::Duration time,
-                                      std::function<std::optional<std::string>()> next,
-                                      httplib::Response& response) {
-  response.set_header("Content-Type", type);
-  response.set_header("Connection", "close");  // ends it
-  current.connection->close_after = true;
-  if (current.connection->head->method == "HEAD") return;
-  const absl::Duration now = Now();
-  current.connection->stream = std::make_unique<Stream>(
-      Stream{std::move(next), every, /*due=*/now, /*began=*/now, /*until=*/now + time});
-}
 
 absl::Duration UnixHttpServer::TimeLeft() {
   if (current.connection == nullptr) return absl::InfiniteDuration();
@@ -263,20 +150,9 @@ std::optional<Peer> UnixHttpServer::PeerOf(int fd) const {
   return peer;
 }
 
-void UnixHttpServer::SetBodyRule(const std::string& path, BodyRule rule) {
-  if (path.find('(') == std::string::npos) {
-    rules_[path] = std::move(rule);
-  } else {
-    pattern_rules_.emplace_back(std::regex(path), std::move(rule));
-  }
-}
-
-BodyRule UnixHttpServer::RuleOf(const RequestHead& head) const {
-  const auto it = rules_.find(head.path);
-  if (it != rules_.end() && head.method == "POST") return it->second;
-  for (const auto& [pattern, rule] : pattern_rules_) {
-    if (head.method == "POST" && std::regex_match(head.path, pattern)) return rule;
-  }
+BodyRule UnixHttpServer::RuleOf(const Request& head) const {
+  const Address* address = router_.Find(head);
+  if (address != nullptr && !address->body.types.empty()) return address->body;
   return {.most = limits_.body_bytes, .types = {"application/json"}};
 }
 
@@ -319,8 +195,6 @@ void UnixHttpServer::StartOn(Fd listener) {
 }
 
 void UnixHttpServer::Begin() {
-  // cpp-httplib takes a server without a listener for one that stops, and cuts files off.
-  svr_sock_ = listener_.get();
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { Work(); });
   std::vector<Listener> listeners = {
       {.fd = listener_.get(), .peer_of = [this](int fd) { return PeerOf(fd); }}};
@@ -346,13 +220,21 @@ void UnixHttpServer::Work() {
 }
 
 void UnixHttpServer::Serve(Connection& connection) {
-  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload,
-             connection.Asker()};
-  const bool close = !connection.head->keep_alive;
-  WholeRequest stream(connection, close);
-  bool closed = false;
-  const bool served = process_request(stream, /*close_connection=*/false, closed, nullptr);
-  connection.close_after = connection.close_after || close || closed || !served;
+  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload};
+  connection.head->body = &connection.body;
+  Response response;
+  try {
+    router_.Serve(*connection.head, response);
+  } catch (const std::exception& error) {
+    spdlog::warn("{} failed: {}", connection.head->path, error.what());
+    response.SetError({500, "internal", "the server failed; its log tells the organisers why"});
+  }
+  connection.close_after =
+      connection.close_after || !connection.head->keep_alive || response.stream != nullptr;
+  connection.out +=
+      response.TakeBytes(connection.head->method == "HEAD", connection.close_after);
+  connection.file = std::move(response.file);
+  connection.stream = std::move(response.stream);
   // The body's place is free before the client knows that it may send the next.
   connection.body.Drop();
   connection.next = connection.Send() ? Connection::Next::kSend : Connection::Next::kClose;
@@ -360,8 +242,7 @@ void UnixHttpServer::Serve(Connection& connection) {
 }
 
 void UnixHttpServer::Continue(Connection& connection) {
-  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload,
-             connection.Asker()};
+  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload};
   std::optional<std::string> more;
   try {
     more = connection.stream->next();
@@ -387,7 +268,6 @@ void UnixHttpServer::Shutdown() {
   // Nobody finds a socket at which nobody answers, however long the handlers take.
   if (!path_.empty()) unlink(path_.c_str());
   path_.clear();
-  svr_sock_ = INVALID_SOCKET;
   listener_.reset();
   network_.reset();
   for (std::thread& worker : workers_) worker.join();

@@ -1,18 +1,14 @@
-// An HTTP server on a Unix socket and, if there is one, a TCP port: cpp-httplib's
-// routing behind a gate of our own (gate.h), which collects requests, so that a
-// handler runs when its request is there as a whole, whatever other clients do or
-// don't; handlers learn who asks, from the kernel.
+// An HTTP server on a Unix socket and, if there is one, a TCP port. The gate (gate.h) collects
+// requests, so that a handler runs when its request is there as a whole, whatever other clients do
+// or don't; handlers learn who asks, from the kernel.
 #pragma once
 
-#include <httplib.h>
 #include <sys/types.h>
 
 #include <atomic>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
-#include <regex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -24,15 +20,21 @@
 #include "protocol/base/fd.h"
 #include "server/api/gate.h"
 #include "server/api/network_door.h"
+#include "server/api/router.h"
 #include "server/config/server_config.h"
 
 namespace myograde::server {
 
-class UnixHttpServer : public httplib::Server {
+class UnixHttpServer {
  public:
   // Large bodies lie in the folder `spool`, which must be there.
   UnixHttpServer(const HttpLimits& limits, std::string spool);
-  ~UnixHttpServer() override;
+  ~UnixHttpServer();
+  UnixHttpServer(const UnixHttpServer&) = delete;
+  UnixHttpServer& operator=(const UnixHttpServer&) = delete;
+
+  // Who answers requests; add to it before Start.
+  Router& router() { return router_; }
 
   // Who of this host's users is an organiser, besides root and the user that runs this process: has
   // places kept free. Before Start.
@@ -45,11 +47,6 @@ class UnixHttpServer : public httplib::Server {
   }
   // Is told of each request that is refused before a handler sees it, with its status. Before Start.
   void SetRefusalCounter(std::function<void(int http)> count) { count_refusal_ = std::move(count); }
-  // What `path` takes for a body; every other address takes JSON of `body_bytes`
-  // bytes. Before Start.
-  // `path` may be a pattern, as of Routes.
-  void SetBodyRule(const std::string& path, BodyRule rule);
-
   // Opens the door to the network; before Start, if at all. `handed` and errors as of
   // NetworkDoor::Open.
   absl::Status OpenNetwork(const ListenConfig& config, Fd handed = Fd());
@@ -76,18 +73,6 @@ class UnixHttpServer : public httplib::Server {
   static absl::Duration TimeLeft();
   // Whether nobody waits for the answer any more: it is late, the server stops, or the client is gone.
   static bool IsOver();
-  // The body of the request that this thread handles.
-  static Body& RequestBody();
-  // Answers with a whole file, in pieces that are read when those before are sent, so that it may
-  // be of any size and no worker waits for the client. It stays open until then; its name may go.
-  // NotFoundError: there is none.
-  static absl::Status AnswerWithFile(const std::string& path, const char* type,
-                                     httplib::Response& response);
-  // Answers with what `next` returns, at once and then every so often (see Stream), for `time` at
-  // most; the connection ends with it.
-  static void AnswerWithStream(const char* type, absl::Duration every, absl::Duration time,
-                               std::function<std::optional<std::string>()> next,
-                               httplib::Response& response);
   // Gives the client more time to take a long answer: `limits.upload` in place of
   // `limits.request`.
   static void AllowUploadTime();
@@ -98,7 +83,7 @@ class UnixHttpServer : public httplib::Server {
  private:
   absl::Status Bind(const std::string& path);
   void Begin();
-  BodyRule RuleOf(const RequestHead& head) const;
+  BodyRule RuleOf(const Request& head) const;
   std::optional<Peer> PeerOf(int fd) const;
   void Work();
   void Serve(Connection& connection);
@@ -106,8 +91,7 @@ class UnixHttpServer : public httplib::Server {
 
   const HttpLimits limits_;
   const std::string spool_;
-  std::map<std::string, BodyRule> rules_;
-  std::vector<std::pair<std::regex, BodyRule>> pattern_rules_;
+  Router router_;
   std::function<bool(const Peer&)> is_organiser_;
   std::function<std::optional<ApiError>(Connection&)> admit_;
   std::function<void(int http)> count_refusal_;

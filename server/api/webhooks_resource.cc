@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/requests.h"
+#include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 
 namespace myograde::server {
@@ -48,7 +49,7 @@ void WebhooksResource::Install(Routes& routes) {
               std::bind_front(&WebhooksResource::Test, this));
 }
 
-ApiResult WebhooksResource::List(const httplib::Request& request) const {
+ApiResult WebhooksResource::List(const Request& request) const {
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
   Json list = Json::array();
   std::vector<Damage> damaged;
@@ -69,7 +70,7 @@ ApiResult WebhooksResource::List(const httplib::Request& request) const {
   return ApiAnswer{200, {{"webhooks", std::move(list)}, {"unreadable", DamagedToJson(damaged)}}};
 }
 
-ApiResult WebhooksResource::Test(const httplib::Request& request, const Json& body) const {
+ApiResult WebhooksResource::Test(const Request& request, const Json& body) const {
   if (absl::Status status = ParseNothing(body); !status.ok()) return ErrorOf(status);
   const std::string name = request.matches[1];
   const Webhook* configured = context_.webhooks.Find(name);

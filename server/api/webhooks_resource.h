@@ -15,8 +15,8 @@ class WebhooksResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult List(const httplib::Request& request) const;
-  ApiResult Test(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult List(const Request& request) const;
+  ApiResult Test(const Request& request, const nlohmann::json& body) const;
 
   const ApiContext& context_;
 };

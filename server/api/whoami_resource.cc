@@ -16,7 +16,7 @@ void WhoamiResource::Install(Routes& routes) {
   routes.Get("/v1/whoami", Action::kReadApi, std::bind_front(&WhoamiResource::Whoami, this));
 }
 
-ApiResult WhoamiResource::Whoami(const httplib::Request& request) const {
+ApiResult WhoamiResource::Whoami(const Request& request) const {
   absl::Status status = CheckParameters(request, {});
   if (!status.ok()) return ErrorOf(status);
   const Identity& caller = Caller();

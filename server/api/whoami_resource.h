@@ -15,7 +15,7 @@ class WhoamiResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult Whoami(const httplib::Request& request) const;
+  ApiResult Whoami(const Request& request) const;
 
   const ApiContext& context_;
 };

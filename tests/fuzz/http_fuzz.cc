@@ -12,6 +12,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
 #include "server/api/requests.h"
 #include "server/api/unix_http_server.h"
 #include "tests/fuzz/fuzz.h"
@@ -25,54 +26,51 @@ namespace {
 constexpr absl::Duration kRequest = absl::Seconds(2);
 constexpr int64_t kBody = 4096;
 
-void Install(UnixHttpServer& server) {
-  using httplib::Request;
-  using httplib::Response;
-  server.Get("/v1/health", [](const Request&, Response& response) {
-    response.set_content("{\"state\":\"ready\"}\n", "application/json");
+void Add(Router& router, const std::string& method, const std::string& pattern,
+         std::function<void(const Request&, Response&)> serve, BodyRule body = {}) {
+  router.Add({method, pattern, Action::kReadApi, std::move(serve), std::move(body)});
+}
+
+// `file` is what is exported.
+void Install(Router& router, const std::string& file) {
+  Add(router, "GET", "/v1/health", [](const Request&, Response& response) {
+    response.SetContent("{\"state\":\"ready\"}\n", "application/json");
   });
-  server.Get("/v1/submissions", [](const Request& request, Response& response) {
+  Add(router, "GET", "/v1/submissions", [](const Request& request, Response& response) {
     const auto filter = ParseFilter(request);
     response.status = filter.ok() ? 200 : 400;
-    response.set_content(std::string(filter.status().message()), "text/plain");
+    response.SetContent(std::string(filter.status().message()), "text/plain");
   });
-  server.Get(R"(/v1/submissions/(\d{1,18}))", [](const Request& request, Response& response) {
-    response.set_content(std::to_string(std::stoll(request.matches[1])), "text/plain");
+  Add(router, "GET", R"(/v1/submissions/(\d{1,18}))", [](const Request& request, Response& response) {
+    response.SetContent(std::to_string(IdOf(request)), "text/plain");
   });
-  server.Get("/v1/export", [](const Request&, Response& response) {
-    response.set_content_provider(
-        100'000, "application/json", [](size_t offset, size_t length, httplib::DataSink& sink) {
-          Require(offset + length <= 100'000, "a range lies in its file");
-          const std::string part(std::min<size_t>(length, 1 << 16), 'x');
-          return sink.write(part.data(), part.size());
-        });
+  Add(router, "GET", "/v1/export", [file](const Request&, Response& response) {
+    Require(response.SetFile(file, "application/json").ok(), "a file is sent");
   });
-  server.Post("/v1/submissions", [](const Request&, Response& response,
-                                    const httplib::ContentReader&) {
-    const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
+  Add(router, "POST", "/v1/submissions", [](const Request& request, Response& response) {
+    const absl::StatusOr<std::string> body = request.body->Text();
     Require(body.ok() && std::ssize(*body) <= kBody, "a body is whole and within its limit");
     const absl::StatusOr<nlohmann::json> json = ParseJson(*body, "request");
     response.status = json.ok() && ParseSubmit(*json).ok() ? 201 : 400;
-    response.set_content("{}", "application/json");
+    response.SetContent("{}", "application/json");
   });
   // Large enough to be spooled to disk.
-  server.SetBodyRule("/v1/artefacts",
-                     {.most = 1 << 20, .upload = true, .types = {"application/x-tar"}});
-  server.Post("/v1/artefacts", [](const Request&, Response& response,
-                                  const httplib::ContentReader&) {
-    const Body& body = UnixHttpServer::RequestBody();
-    const int64_t size = body.size();
-    const absl::StatusOr<std::string> text = body.Text();
-    Require(text.ok() && std::ssize(*text) == size, "a body is as long as it says");
-    response.set_content(std::to_string(size), "text/plain");
-  });
+  Add(router, "POST", "/v1/artefacts",
+      [](const Request& request, Response& response) {
+        const int64_t size = request.body->size();
+        const absl::StatusOr<std::string> text = request.body->Text();
+        Require(text.ok() && std::ssize(*text) == size, "a body is as long as it says");
+        response.SetContent(std::to_string(size), "text/plain");
+      },
+      {.most = 1 << 20, .upload = true, .types = {"application/x-tar"}});
 }
 
 class World {
  public:
   World() : server_({.workers = 2, .clients = 8, .request = kRequest, .upload = kRequest,
                      .idle = kRequest, .body_bytes = kBody}, folder_ / "") {
-    Install(server_);
+    Require(WriteFile(folder_ / "export", std::string(100'000, 'x')).ok(), "a file is written");
+    Install(server_.router(), folder_ / "export");
     Require(server_.Start(path()).ok(), "a server starts");
   }
 

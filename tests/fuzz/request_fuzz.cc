@@ -51,8 +51,8 @@ void CheckRerun(const nlohmann::json& body) {
 }
 
 void CheckFilter(const std::string& query) {
-  httplib::Request request;
-  httplib::detail::parse_query_text(query, request.params);
+  Request request;
+  request.params = ParseQuery(query);
   const absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
   if (!filter.ok()) return;
   Require(filter->limit >= 1 && filter->limit <= 1000 && filter->before >= 1,

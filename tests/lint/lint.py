@@ -19,68 +19,68 @@ ROOT = PARTS | {"configs", "docker", "CMakeLists.txt", "CMakePresets.json", "REA
 # Folder -> (folders of the project it may include, patterns of foreign headers it must not).
 # The longest matching folder counts.
 RULES = {
-    "protocol/base": ({"protocol/base"}, r"lcm/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/"),
+    "protocol/base": ({"protocol/base"}, r"lcm/|mujoco/|SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/"),
     "protocol/policy": ({"protocol/base", "protocol/policy"},
-                        r"nlohmann/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
+                        r"nlohmann/|mujoco/|SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/|archive"),
     "protocol/tracks": ({"protocol/base", "protocol/policy", "protocol/tracks"},
-                        r"lcm/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
+                        r"lcm/|mujoco/|SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/|archive"),
     "protocol/lease": ({"protocol/base", "protocol/policy", "protocol/tracks", "protocol/lease"},
-                       r"lcm/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
+                       r"lcm/|mujoco/|SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/|archive"),
     "protocol/log": ({"protocol/base", "protocol/policy", "protocol/tracks", "protocol/lease",
                       "protocol/log"},
-                     r"mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
-    "protocol": ({"protocol"}, r"mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
-    "sim": ({"protocol", "sim"}, r"SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive|lcm/"),
+                     r"mujoco/|SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/|archive"),
+    "protocol": ({"protocol"}, r"mujoco/|SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/|archive"),
+    "sim": ({"protocol", "sim"}, r"SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/|archive|lcm/"),
     # What a track is judged by is read from its config, so JSON is not foreign here.
     "scoring": ({"protocol/base", "protocol/tracks/episode_facts.h", "scoring"},
-                r"lcm/|mujoco/|openssl/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|"
+                r"lcm/|mujoco/|openssl/|SQLiteCpp/|sqlite3|boost/|CLI/|spdlog/|"
                 r"absl/time|absl/random|chrono$|random$|fstream$|filesystem$|ctime$|unistd"),
-    "server/base": ({"protocol/base", "server/base"}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+    "server/base": ({"protocol/base", "server/base"}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     # Who may do what is a function of values.
     "server/access": ({"protocol/base", "server/base", "server/store/rows.h", "server/access"},
-                      r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|spdlog/|chrono$|fstream$|filesystem$|"
+                      r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|spdlog/|chrono$|fstream$|filesystem$|"
                       r"unistd"),
     "server/metrics": ({"protocol/base", "server/metrics"},
-                       r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|spdlog/"),
+                       r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|spdlog/"),
     # No HTTP server: it only calls others.
     "server/webhook": ({"protocol/base", "server/base", "server/metrics", "server/config",
-                        "server/store", "server/webhook"}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+                        "server/store", "server/webhook"}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/runtime": ({"protocol/base", "server/base", "server/artefact/listing.h",
-                        "server/runtime"}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|spdlog/"),
+                        "server/runtime"}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|spdlog/"),
     "server/scheduler": ({"protocol/base", "server/base", "server/scheduler"},
-                         r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|filesystem$|unistd"),
-    "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|httplib|CLI/"),
+                         r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|fstream$|filesystem$|unistd"),
+    "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|boost/|CLI/"),
     "server/config": ({"protocol", "scoring/statistics_config.h", "server/base", "server/access",
-                       "server/scheduler", "server/store", "server/config"}, r"mujoco/|lcm/|httplib|CLI/"),
+                       "server/scheduler", "server/store", "server/config"}, r"mujoco/|lcm/|boost/|CLI/"),
     "server/grading": ({"protocol", "scoring", "server/base", "server/store", "server/proof",
-                        "server/grading"}, r"mujoco/|lcm/|httplib|CLI/|fstream$|filesystem$|unistd"),
+                        "server/grading"}, r"mujoco/|lcm/|boost/|CLI/|fstream$|filesystem$|unistd"),
     "server/challenge": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "access", "proof/seed_list.h", "store", "grading", "challenge")},
-        r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|unistd"),
+        r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|fstream$|unistd"),
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "artefact", "runtime", "sandbox", "runner", "executor", "proof", "scheduler",
-        "store", "config", "grading", "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+        "store", "config", "grading", "engine")}, r"mujoco/|lcm/|boost/|CLI/"),
     # Where leases run; it decides nothing, and knows neither evaluations nor boards.
     "server/executor": ({"protocol"} | {f"server/{part}" for part in (
         "base", "artefact", "runtime", "sandbox", "runner", "proof", "config/slurm_config.h",
-        "executor")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+        "executor")}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     # What is made of logs; no HTTP, no rights.
     "server/pictures": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "runner", "proof", "store", "grading", "pictures")},
-        r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+        r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/admission": ({"protocol"} | {f"server/{part}" for part in (
         "base", "artefact", "runtime", "sandbox", "proof", "store", "config", "grading", "challenge",
-        "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+        "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "access", "runner", "executor", "proof", "store", "config", "grading",
         "challenge", "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "pictures", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     # What browsers are sent as it is.
-    "server/web": ({"server/web"}, r"absl/|nlohmann/|mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+    "server/web": ({"server/web"}, r"absl/|nlohmann/|mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
-                            r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+                            r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/cli/base": ({"protocol/base", "protocol/lease", "server/base", "server/cli/terminal",
-                         "server/cli/base"}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+                         "server/cli/base"}, r"mujoco/|lcm/|SQLiteCpp/|boost/"),
     "server/cli/client": ({"protocol", "server/base", "server/artefact/artefact.h",
                            "server/proof/compare_logs.h", "server/proof/merkle_tree.h",
                            "server/proof/record_head.h", "server/proof/unpack_log.h",
@@ -88,11 +88,11 @@ RULES = {
                                "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
     "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "artefact", "runtime", "sandbox", "runner", "executor/slurm/job_needs.h", "proof",
-        "scheduler", "store", "config", "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+        "scheduler", "store", "config", "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|boost/"),
     "server/cli": ({"protocol/tracks/registry.h", "server/cli"},
-                   r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+                   r"mujoco/|lcm/|SQLiteCpp/|boost/"),
     "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),
-    "policies": ({"protocol", "policies"}, r"mujoco/|SQLiteCpp/|sqlite3|httplib|spdlog/"),
+    "policies": ({"protocol", "policies"}, r"mujoco/|SQLiteCpp/|sqlite3|boost/|spdlog/"),
     "tests": (PARTS, r"$^"),
 }
 # Targets of the project that a folder must not link.

@@ -30,7 +30,7 @@ TEST(ConnectionTest, WhatWasReadAtATurnsEndIsNotWaitedFor) {
     connection.in = absl::StrCat("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: ",
                                  kTurnBytes + last.size(), "\r\n\r\n",
                                  std::string(kTurnBytes, 'x'));
-    const auto rule_of = [](const RequestHead&) {
+    const auto rule_of = [](const Request&) {
       BodyRule rule;
       rule.most = int64_t{16} << 20;
       rule.upload = true;
@@ -54,7 +54,7 @@ std::string AskerOf(bool proxy, const std::string& header) {
   const Fd client(ends[1]);
   Connection connection(1, Fd(ends[0]), std::make_shared<PeerLoad>(peer));
   connection.in = absl::StrCat("GET / HTTP/1.1\r\nHost: localhost\r\n", header, "\r\n");
-  EXPECT_EQ(connection.Feed([](const RequestHead&) { return BodyRule{}; }, {}), Next::kServe);
+  EXPECT_EQ(connection.Feed([](const Request&) { return BodyRule{}; }, {}), Next::kServe);
   return connection.Asker().key;
 }
 

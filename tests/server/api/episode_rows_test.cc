@@ -15,8 +15,8 @@ using Json = nlohmann::json;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-httplib::Request Asking(std::initializer_list<std::pair<const std::string, std::string>> given) {
-  httplib::Request request;
+Request Asking(std::initializer_list<std::pair<const std::string, std::string>> given) {
+  Request request;
   request.params = given;
   return request;
 }

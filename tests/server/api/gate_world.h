@@ -142,7 +142,7 @@ class GateTest : public ::testing::Test {
     const SpoolOptions spool = {folder_, 1, &budget_};
     gate_ = std::make_unique<Gate>(
         Gate::Options{.limits = limits, .spool = spool,
-                      .rule_of = [](const RequestHead& head) {
+                      .rule_of = [](const Request& head) {
                         if (head.path == "/upload") {
                           return BodyRule{.most = 8 << 20, .upload = true, .types = {"application/x-tar"}};
                         }

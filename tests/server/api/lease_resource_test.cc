@@ -12,6 +12,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "server/api/guard.h"
+#include "server/api/unix_http_server.h"
 #include "server/executor/node/http_channel.h"
 #include "server/executor/spool/lease_folder.h"
 #include "server/executor/spool/spool_door.h"
@@ -30,9 +31,10 @@ constexpr int64_t kMostLog = 100'000;
 class LeaseResourceTest : public testing::Test {
  protected:
   LeaseResourceTest() {
-    server_->SetAdmit([this](Connection& connection) { return guard_.AdmitBody(connection); });
+    server_->SetAdmit([this](Connection& connection) {
+      return guard_.AdmitBody(connection, server_->router());
+    });
     resource_.Install(routes_);
-    routes_.AddErrorAnswers();
     ListenConfig listen;
     listen.address = "127.0.0.1";
     EXPECT_TRUE(server_->OpenNetwork(listen).ok());
@@ -71,7 +73,7 @@ class LeaseResourceTest : public testing::Test {
                 .clock = SystemClock(),
                 .leases = &door_}};
   std::optional<UnixHttpServer> server_{std::in_place, limits_, temp_.path().string()};
-  Routes routes_{*server_, guard_, metrics_};
+  Routes routes_{server_->router(), guard_, metrics_};
   LeaseResource resource_{&door_};
   std::optional<LeaseFolder> lease_;
   std::string token_;

@@ -9,7 +9,7 @@ namespace myograde::server {
 namespace {
 
 TEST(Paging, ReadsAPage) {
-  httplib::Request request;
+  Request request;
   EXPECT_EQ(ReadPage(request)->before, std::numeric_limits<int64_t>::max());
   EXPECT_EQ(ReadPage(request)->limit, 100);
   request.params = {{"before", "9223372036854775807"}, {"limit", "1000"}};
@@ -21,20 +21,20 @@ TEST(Paging, RefusesWhatIsNoNumberInItsRange) {
   for (const char* key : {"before", "limit"}) {
     for (const char* value : {"", "0", "-1", "+1", " 1", "1 ", "1.0", "1e2", "0x1", "x", "1,2",
                               "9223372036854775808", "99999999999999999999999", "١"}) {
-      httplib::Request request;
+      Request request;
       request.params = {{key, value}};
       const absl::Status status = ReadPage(request).status();
       EXPECT_TRUE(absl::IsInvalidArgument(status)) << key << "=" << value;
       EXPECT_NE(status.message().find(key), absl::string_view::npos) << status;
     }
   }
-  httplib::Request request;
+  Request request;
   request.params = {{"limit", "1001"}};
   EXPECT_FALSE(ReadPage(request).ok());
 }
 
 TEST(Paging, SaysWhereTheNextPageBegins) {
-  httplib::Request request;
+  Request request;
   request.path = "/v1/submissions";
   request.params = {{"team", "a&b>; rel=\"x\"\r\nY: 1"}, {"limit", "2"}, {"before", "9"}};
   ApiAnswer answer;

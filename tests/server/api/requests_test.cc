@@ -115,7 +115,7 @@ TEST(ParseCancel, HasAReasonOfItsOwn) {
 }
 
 std::string FilterProblem(const std::vector<std::pair<std::string, std::string>>& parameters) {
-  httplib::Request request;
+  Request request;
   for (const auto& [key, value] : parameters) request.params.emplace(key, value);
   return std::string(ParseFilter(request).status().message());
 }
@@ -145,9 +145,9 @@ TEST(ParseFilter, ChecksEveryParameter) {
 
 absl::StatusOr<RequestKey> KeyOf(const std::vector<std::string>& values, const json& body = json(),
                                  const std::string& path = "/v1/submissions") {
-  httplib::Request request;
+  Request request;
   request.path = path;
-  for (const std::string& value : values) request.headers.emplace("Idempotency-Key", value);
+  for (const std::string& value : values) request.headers.emplace("idempotency-key", value);
   return ReadRequestKey(request, body);
 }
 
