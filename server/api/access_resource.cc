@@ -3,6 +3,7 @@
 #include <functional>
 #include <string>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
@@ -33,7 +34,7 @@ Json EventToJson(const AccessEventRow& event) {
 }
 
 ApiResult ListAddresses(const Request& request, const Router& router) {
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   for (const Address& address : router.addresses()) {
     if (!address.page) list.push_back(AddressToJson(address));
@@ -60,17 +61,16 @@ ApiResult AccessResource::ListEvents(const Request& request) const {
   }
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     const Listed<AccessEventRow> listed = reader.AccessEvents(kind, page->before, page->limit);
     Json events = Json::array();
     for (const AccessEventRow& event : listed.rows) events.push_back(EventToJson(event));
     answer.body = {{"events", std::move(events)}, {"unreadable", DamagedToJson(listed.damaged)}};
     AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/founding.h"
 #include "server/api/requests.h"
 #include "server/api/unix_http_server.h"
@@ -63,22 +64,17 @@ void ArtefactsResource::Install(Routes& routes) {
 }
 
 ApiResult ArtefactsResource::Upload(const Request& request) const {
-  absl::StatusOr<UploadRequest> upload = ParseUpload(request);
-  if (!upload.ok()) return ErrorOf(upload.status());
-  if (upload->from.team.empty()) {
-    if (absl::Status status = CheckSomeTeam(context_.readers); !status.ok()) {
-      return ErrorOf(status);
-    }
+  ASSIGN_OR_RETURN(UploadRequest upload, ParseUpload(request));
+  if (upload.from.team.empty()) {
+    RETURN_IF_ERROR(CheckSomeTeam(context_.readers));
   } else {
-    absl::StatusOr<std::optional<Founding>> founding =
-        FoundingFor(context_, upload->from.team);
-    if (!founding.ok()) return ErrorOf(founding.status());
+    ASSIGN_OR_RETURN(std::optional<Founding> founding, FoundingFor(context_, upload.from.team));
     // An organiser may upload for a team of others.
-    if (!CallerIsOrganiser()) upload->founding = *std::move(founding);
+    if (!CallerIsOrganiser()) upload.founding = std::move(founding);
   }
   UploadedBody body(*request.body);
-  const absl::StatusOr<ReceivedArtefact> received = context_.admission.Receive(*upload, body);
-  if (!received.ok()) return TeamErrorOf(received.status(), upload->from.team);
+  const absl::StatusOr<ReceivedArtefact> received = context_.admission.Receive(upload, body);
+  if (!received.ok()) return TeamErrorOf(received.status(), upload.from.team);
   const ArtefactRow& artefact = received->artefact;
   return ApiAnswer{received->is_new ? 201 : 200,
                    {{"artefact", artefact.hash},

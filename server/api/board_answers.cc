@@ -23,17 +23,15 @@ absl::StatusOr<std::shared_ptr<const std::string>> BoardAnswers::TextOf(Reader& 
 }
 
 ApiResult BoardAnswers::Get(const Request& request) {
-  absl::Status status = CheckParameters(request, BoardParametersAnd({}));
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, BoardParametersAnd({})));
   ApiAnswer answer{.tagged = true};
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
     ASSIGN_OR_RETURN(answer.text, TextOf(reader, asked));
     ASSIGN_OR_RETURN(answer.for_all_origins,
                      IsPhasePublic(reader, context_, asked.track->config.phase));
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 

@@ -57,14 +57,13 @@ void BoardsResource::Install(Routes& routes) {
               std::bind_front(&BoardsResource::Rebuild, this));
 }
 
-std::optional<ApiError> BoardsResource::Badge(const Request& request,
-                                              Response& response) {
+absl::Status BoardsResource::Badge(const Request& request, Response& response) {
   absl::Status status = CheckParameters(request, BoardParametersAnd({"team"}));
   if (!request.HasParam("team")) {
     status.Update(absl::InvalidArgumentError("\"team\" is missing: the name of a team"));
   }
-  if (!status.ok()) return ErrorOf(status);
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(status);
+  return context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
     ASSIGN_OR_RETURN(const auto text, answers_.TextOf(reader, asked));
     ASSIGN_OR_RETURN(const auto badge,
@@ -72,14 +71,11 @@ std::optional<ApiError> BoardsResource::Badge(const Request& request,
     SendDrawing(badge, response);
     return absl::OkStatus();
   });
-  return status.ok() ? std::nullopt : std::optional(ErrorOf(status));
 }
 
-std::optional<ApiError> BoardsResource::Feed(const Request& request,
-                                             Response& response) {
-  absl::Status status = CheckParameters(request, BoardParametersAnd({}));
-  if (!status.ok()) return ErrorOf(status);
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+absl::Status BoardsResource::Feed(const Request& request, Response& response) {
+  RETURN_IF_ERROR(CheckParameters(request, BoardParametersAnd({})));
+  return context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
     ASSIGN_OR_RETURN(const auto text, answers_.TextOf(reader, asked));
     const Json board = Json::parse(*text);
@@ -100,7 +96,6 @@ std::optional<ApiError> BoardsResource::Feed(const Request& request,
     response.SetContent(FeedOf(board, changed, ended), "application/atom+xml");
     return absl::OkStatus();
   });
-  return status.ok() ? std::nullopt : std::optional(ErrorOf(status));
 }
 
 ApiResult BoardsResource::Get(const Request& request) { return answers_.Get(request); }
@@ -113,9 +108,9 @@ ApiResult BoardsResource::Explain(const Request& request) const {
           "\"", key, "\" is missing: the number of a submission, or the name of a team")));
     }
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer{.tagged = true};
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context_));
     ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
     ASSIGN_OR_RETURN(const auto explanation,
@@ -131,30 +126,27 @@ ApiResult BoardsResource::Explain(const Request& request) const {
                    {"below", RowToJson(explanation.below)},
                    {"why", explanation.sentence}};
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
 ApiResult BoardsResource::Rebuild(const Request&, const Json& body) const {
   ConfigReader reader(body, "request");
-  if (absl::Status status = reader.Finish(); !status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(reader.Finish());
   UnixHttpServer::AllowUploadTime();
-  auto standings = MakeStandings(context_.readers, /*missing_only=*/false);
-  if (!standings.ok()) return ErrorOf(standings.status());
-  const size_t count = standings->rows.size();
-  const Json unreadable = DamagedToJson(standings->damaged);
+  ASSIGN_OR_RETURN(auto standings, MakeStandings(context_.readers, /*missing_only=*/false));
+  const size_t count = standings.rows.size();
+  const Json unreadable = DamagedToJson(standings.damaged);
   // One that ends in between is made of its rows whenever a board needs it.
-  const absl::Status status = context_.engine.Change(
-      [rows = std::move(standings->rows)](Writer& writer) {
+  RETURN_IF_ERROR(context_.engine.Change(
+      [rows = std::move(standings.rows)](Writer& writer) {
         absl::Status written = writer.DropStandings();
         for (const auto& [evaluation, standing] : rows) {
           written.Update(writer.SetStanding(evaluation, standing));
         }
         return written;
       },
-      context_.config.http.upload);
-  if (!status.ok()) return ErrorOf(status);
+      context_.config.http.upload));
   NoteAct("boards", absl::StrCat(count, " rows are rebuilt"));
   return ApiAnswer{200, {{"rebuilt", count}, {"unreadable", unreadable}}};
 }

@@ -22,8 +22,8 @@ class BoardsResource {
 
  private:
   ApiResult Get(const Request& request);
-  std::optional<ApiError> Badge(const Request& request, Response& response);
-  std::optional<ApiError> Feed(const Request& request, Response& response);
+  absl::Status Badge(const Request& request, Response& response);
+  absl::Status Feed(const Request& request, Response& response);
   ApiResult Explain(const Request& request) const;
   ApiResult Rebuild(const Request& request, const nlohmann::json& body) const;
 

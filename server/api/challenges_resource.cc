@@ -77,15 +77,13 @@ void ChallengesResource::Install(Routes& routes) {
 }
 
 ApiResult ChallengesResource::List(const Request& request) const {
-  absl::Status status = CheckParameters(request, {});
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     absl::StatusOr<Json> json = ChallengesToJson(reader, context_);
     if (json.ok()) answer.body = *std::move(json);
     return json.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
@@ -100,8 +98,7 @@ bool ChallengesResource::IsFormer(const std::string& phase) const {
 
 ApiResult ChallengesResource::Act(const std::string& phase, const std::string& event,
                                   const Json& body) const {
-  const absl::StatusOr<std::string> reason = ParseReason(body);
-  if (!reason.ok()) return ErrorOf(reason.status());
+  ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const PhaseConfig* config = phase.empty() ? nullptr : context_.phases.ConfigOf(phase);
   absl::Status status;
   if (config != nullptr) {
@@ -111,13 +108,12 @@ ApiResult ChallengesResource::Act(const std::string& phase, const std::string& e
     // What a phase withheld stays withheld until it is published, with a file or without.
     if (event == kPublishedEvent && IsFormer(phase)) status = absl::OkStatus();
   }
-  if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
-      [phase, event, who = CallerKey(), why = *reason](Writer& writer) {
+  RETURN_IF_ERROR(status);
+  ASSIGN_OR_RETURN(const bool changed, context_.engine.Change<bool>(
+      [phase, event, who = CallerKey(), why = reason](Writer& writer) {
         return writer.AddPhaseEvent(phase, event, who, why);
       },
-      context_.config.http.request);
-  if (!changed.ok()) return ErrorOf(changed.status());
+      context_.config.http.request));
   Json state;
   if (config != nullptr) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -126,36 +122,33 @@ ApiResult ChallengesResource::Act(const std::string& phase, const std::string& e
       return absl::OkStatus();
     });
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   NoteAct(phase.empty() ? "all submissions" : absl::StrCat("phase ", phase), event);
   return ApiAnswer{200, {{"phase", TextOrNull(phase)},
                          {"event", event},
-                         {"changed", *changed},
+                         {"changed", changed},
                          {"state", std::move(state)},
-                         {"reason", *reason}}};
+                         {"reason", reason}}};
 }
 
 ApiResult ChallengesResource::Choose(const Request& request, const Json& body) const {
-  absl::Status status = ParseNothing(body);
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(ParseNothing(body));
   const int64_t id = IdOf(request);
   SubmissionRow row;
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     RETURN_IF_ERROR(RequireSubmission(reader, id));
     ASSIGN_OR_RETURN(row, reader.Submission(id));
     return CheckChoice(reader, row, context_);
-  });
-  if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
+  }));
+  ASSIGN_OR_RETURN(const bool changed, context_.engine.Change<bool>(
       [id, who = CallerKey()](Writer& writer) { return writer.Choose(id, who); },
-      context_.config.http.request);
-  if (!changed.ok()) return ErrorOf(changed.status());
+      context_.config.http.request));
   return ApiAnswer{200, {{"submission", id},
                          {"team", row.team},
                          {"track", row.track},
                          {"profile", row.profile},
                          {"phase", TextOrNull(row.phase)},
-                         {"changed", *changed}}};
+                         {"changed", changed}}};
 }
 
 }  // namespace myograde::server

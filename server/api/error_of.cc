@@ -1,6 +1,11 @@
 #include "server/api/error_of.h"
 
+#include <string>
+#include <vector>
+
+#include <absl/strings/cord.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
 #include <spdlog/spdlog.h>
 
 #include "server/api/caller.h"
@@ -10,9 +15,19 @@
 #include "server/store/reader.h"
 
 namespace myograde::server {
+namespace {
+
+// Of a status's payload: the HTTP status, the seconds of Retry-After and the code.
+constexpr char kErrorForm[] = "myograde/error";
+
+}  // namespace
 
 ApiError ErrorOf(const absl::Status& status) {
   const std::string message(status.message());
+  if (const auto form = status.GetPayload(kErrorForm); form.has_value()) {
+    const std::vector<std::string> parts = absl::StrSplit(std::string(*form), ' ');
+    return {std::stoi(parts[0]), parts[2], message, std::stoll(parts[1])};
+  }
   const std::string code = ErrorCodeOf(status);
   if (code == kDamagedRowCode) return {500, code, message};
   if (code == kKeyReusedCode) return {422, code, message};
@@ -41,18 +56,23 @@ ApiError ErrorOf(const absl::Status& status) {
   }
 }
 
-ApiError TeamErrorOf(const absl::Status& status, const std::string& team) {
-  ApiError error = ErrorOf(status);
+absl::Status StatusOf(const ApiError& error) {
+  absl::Status status = absl::UnknownError(error.message);
+  status.SetPayload(kErrorForm, absl::Cord(absl::StrCat(error.http, " ", error.retry_after_s, " ",
+                                                        error.code)));
+  return status;
+}
+
+absl::Status TeamErrorOf(const absl::Status& status, const std::string& team) {
   const std::string other = ResembledTeam(status);
-  if (other.empty()) return error;
+  if (other.empty()) return status;
   const LogScope scope({.team = team});
   spdlog::info("a team \"{}\" was refused: it looks like team \"{}\"", team, other);
-  if (CallerIsOrganiser()) {
-    error.message = absl::StrCat("the team's name looks like that of team \"", other,
-                                 "\"; choose another name, or write that one exactly as it stands "
-                                 "here");
-  }
-  return error;
+  if (!CallerIsOrganiser()) return status;
+  ApiError error = ErrorOf(status);
+  error.message = absl::StrCat("the team's name looks like that of team \"", other,
+                               "\"; choose another name, or write that one exactly as it stands here");
+  return StatusOf(error);
 }
 
 }  // namespace myograde::server

@@ -230,7 +230,7 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
       return json.status();
     });
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   return answer;
 }
 
@@ -243,36 +243,30 @@ ApiResult EvaluationsResource::Get(const Request& request) const {
 }
 
 ApiResult EvaluationsResource::Rerun(const Request& request, const Json& body) const {
-  const absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
-  if (!wanted.ok()) return ErrorOf(wanted.status());
-  const absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
-  if (!key.ok()) return ErrorOf(key.status());
-  const absl::StatusOr<std::optional<Accepted>> earlier =
-      FindEarlier(context_.readers, CallerKey(), *key);
-  if (!earlier.ok()) return ErrorOf(earlier.status());
-  if (earlier->has_value()) return RerunAnswer(**earlier);
+  ASSIGN_OR_RETURN(const RerunRequest wanted, ParseRerun(body));
+  ASSIGN_OR_RETURN(const RequestKey key, ReadRequestKey(request, body));
+  ASSIGN_OR_RETURN(const std::optional<Accepted> earlier, FindEarlier(context_.readers, CallerKey(), key));
+  if (earlier.has_value()) return RerunAnswer(*earlier);
   const int64_t submission = IdOf(request);
-  absl::StatusOr<NewRerun> rerun =
-      context_.readers.Read<NewRerun>([&](Reader& reader) -> absl::StatusOr<NewRerun> {
-        RETURN_IF_ERROR(RequireSubmission(reader, submission));
-        return MakeRerun(reader, context_, submission, *wanted);
-      });
-  if (!rerun.ok()) return ErrorOf(rerun.status());
-  rerun->request_key = *key;
-  const absl::StatusOr<Accepted> accepted = context_.engine.Rerun(
-      *rerun, CallerKey(), CallerIsOrganiser(), context_.config.reruns,
-      context_.config.http.request);
-  if (!accepted.ok()) return ErrorOf(accepted.status());
-  if (accepted->is_new()) {
+  ASSIGN_OR_RETURN(NewRerun rerun,
+                   context_.readers.Read<NewRerun>([&](Reader& reader) -> absl::StatusOr<NewRerun> {
+                     RETURN_IF_ERROR(RequireSubmission(reader, submission));
+                     return MakeRerun(reader, context_, submission, wanted);
+                   }));
+  rerun.request_key = key;
+  ASSIGN_OR_RETURN(const Accepted accepted, context_.engine.Rerun(
+      rerun, CallerKey(), CallerIsOrganiser(), context_.config.reruns,
+      context_.config.http.request));
+  if (accepted.is_new()) {
     NoteAct(absl::StrCat("submission ", submission),
-            absl::StrCat("evaluation ", accepted->evaluation));
+            absl::StrCat("evaluation ", accepted.evaluation));
   }
-  return RerunAnswer(*accepted);
+  return RerunAnswer(accepted);
 }
 
 ApiResult EvaluationsResource::RerunAnswer(const Accepted& accepted) const {
   ApiAnswer answer{.http = accepted.is_new() ? 201 : 200};
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(accepted.evaluation);
     if (!evaluation.ok()) return evaluation.status();
     answer.body = {{"evaluation", accepted.evaluation},
@@ -283,8 +277,7 @@ ApiResult EvaluationsResource::RerunAnswer(const Accepted& accepted) const {
                    {"last", evaluation->last},
                    {"repeated", accepted.repeated}};
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 

@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
 #include "server/api/unix_http_server.h"
 
@@ -22,11 +23,11 @@ std::string PathOfLease(const char* rest) {
 std::string NameOf(const Request& request) { return request.matches[1]; }
 
 // What the door says, to a node.
-ApiError RefusalOf(const absl::Status& status) {
+absl::Status RefusalOf(const absl::Status& status) {
   const std::string message(status.message());
-  if (absl::IsNotFound(status)) return {410, "lease_over", message};
-  if (absl::IsAlreadyExists(status)) return {409, "claimed", message};
-  return ErrorOf(status);
+  if (absl::IsNotFound(status)) return StatusOf({410, "lease_over", message});
+  if (absl::IsAlreadyExists(status)) return StatusOf({409, "claimed", message});
+  return status;
 }
 
 ApiResult Done(const absl::Status& status) {
@@ -39,11 +40,9 @@ template <typename Form>
 ApiResult TakeForm(const Request& request,
                    absl::StatusOr<Form> (*parse)(std::string_view, const std::string&),
                    const std::function<absl::Status(const Form&)>& put) {
-  const absl::StatusOr<std::string> body = request.body->Text();
-  if (!body.ok()) return ErrorOf(body.status());
-  const absl::StatusOr<Form> form = parse(*body, "request");
-  if (!form.ok()) return ErrorOf(form.status());
-  return Done(put(*form));
+  ASSIGN_OR_RETURN(const std::string body, request.body->Text());
+  ASSIGN_OR_RETURN(const Form form, parse(body, "request"));
+  return Done(put(form));
 }
 
 }  // namespace
@@ -71,15 +70,15 @@ void LeaseResource::Install(Routes& routes) {
   add("end", form, &Self::TakeEnd);
 }
 
-std::optional<ApiError> LeaseResource::CheckCaller(const Request& request) const {
-  if (door_ != nullptr && Caller().lease == NameOf(request)) return std::nullopt;
-  return ApiError{404, "not_found",
+absl::Status LeaseResource::CheckCaller(const Request& request) const {
+  if (door_ != nullptr && Caller().lease == NameOf(request)) return absl::OkStatus();
+  return StatusOf({404, "not_found",
                   absl::StrCat("there is no such attempt of a lease for you; only the node that "
-                               "plays it may ask, with the token of attempt ", NameOf(request))};
+                               "plays it may ask, with the token of attempt ", NameOf(request))});
 }
 
 ApiResult LeaseResource::GetOrder(const Request& request) const {
-  if (auto error = CheckCaller(request)) return *std::move(error);
+  RETURN_IF_ERROR(CheckCaller(request));
   absl::StatusOr<std::string> text = door_->OrderText(NameOf(request));
   if (!text.ok()) return RefusalOf(text.status());
   ApiAnswer answer;
@@ -87,52 +86,50 @@ ApiResult LeaseResource::GetOrder(const Request& request) const {
   return answer;
 }
 
-std::optional<ApiError> LeaseResource::GetArtefact(const Request& request,
-                                                   Response& response) const {
-  if (auto error = CheckCaller(request)) return error;
+absl::Status LeaseResource::GetArtefact(const Request& request, Response& response) const {
+  RETURN_IF_ERROR(CheckCaller(request));
   const absl::StatusOr<std::string> path = door_->ArtefactPath(NameOf(request));
   if (!path.ok()) return RefusalOf(path.status());
   UnixHttpServer::AllowUploadTime();
-  absl::Status status = response.SetFile(*path, "application/x-tar");
+  const absl::Status status = response.SetFile(*path, "application/x-tar");
   if (!status.ok()) return RefusalOf(status);
   response.SetHeader("Cache-Control", "no-store");
   response.SetHeader("X-Content-Type-Options", "nosniff");
-  return std::nullopt;
+  return absl::OkStatus();
 }
 
 ApiResult LeaseResource::TakeClaim(const Request& request) const {
-  if (auto error = CheckCaller(request)) return *std::move(error);
+  RETURN_IF_ERROR(CheckCaller(request));
   return TakeForm<NodeClaim>(request, NodeClaimFromText, [&](const NodeClaim& claim) {
     return door_->PutClaim(NameOf(request), claim);
   });
 }
 
 ApiResult LeaseResource::TakeProof(const Request& request) const {
-  if (auto error = CheckCaller(request)) return *std::move(error);
+  RETURN_IF_ERROR(CheckCaller(request));
   return TakeForm<NodeProof>(request, NodeProofFromText, [&](const NodeProof& proof) {
     return door_->PutProof(NameOf(request), proof);
   });
 }
 
 ApiResult LeaseResource::TakeRecords(const Request& request) const {
-  if (auto error = CheckCaller(request)) return *std::move(error);
+  RETURN_IF_ERROR(CheckCaller(request));
   int64_t offset = -1;
   absl::Status status = CheckParameters(request, {"offset"});
   status.Update(ReadNumber(request, "offset", kMostRecordBytes, offset, /*min=*/0));
   if (status.ok() && offset < 0) {
     status = absl::InvalidArgumentError("\"offset\" is missing: where in the records these belong");
   }
-  if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<std::string> bytes = request.body->Text();
-  if (!bytes.ok()) return ErrorOf(bytes.status());
+  RETURN_IF_ERROR(status);
+  ASSIGN_OR_RETURN(const std::string bytes, request.body->Text());
   const absl::StatusOr<RecordsState> state =
-      door_->AddRecords(NameOf(request), offset, *bytes);
+      door_->AddRecords(NameOf(request), offset, bytes);
   if (!state.ok()) return RefusalOf(state.status());
   return ApiAnswer{200, {{"size", state->size}, {"taken", state->taken}, {"stop", state->stop}}};
 }
 
 ApiResult LeaseResource::TakeLog(const Request& request) const {
-  if (auto error = CheckCaller(request)) return *std::move(error);
+  RETURN_IF_ERROR(CheckCaller(request));
   const Body& body = *request.body;
   int64_t at = 0;
   const ByteSource source = [&](char* to, size_t size) {
@@ -144,7 +141,7 @@ ApiResult LeaseResource::TakeLog(const Request& request) const {
 }
 
 ApiResult LeaseResource::TakeEnd(const Request& request) const {
-  if (auto error = CheckCaller(request)) return *std::move(error);
+  RETURN_IF_ERROR(CheckCaller(request));
   return TakeForm<NodeEnd>(request, NodeEndFromText, [&](const NodeEnd& end) {
     return door_->PutEnd(NameOf(request), end);
   });

@@ -21,15 +21,14 @@ class LeaseResource {
 
  private:
   ApiResult GetOrder(const Request& request) const;
-  std::optional<ApiError> GetArtefact(const Request& request,
-                                      Response& response) const;
+  absl::Status GetArtefact(const Request& request, Response& response) const;
   ApiResult TakeClaim(const Request& request) const;
   ApiResult TakeProof(const Request& request) const;
   ApiResult TakeRecords(const Request& request) const;
   ApiResult TakeLog(const Request& request) const;
   ApiResult TakeEnd(const Request& request) const;
   // Whether the caller is the node that plays it.
-  std::optional<ApiError> CheckCaller(const Request& request) const;
+  absl::Status CheckCaller(const Request& request) const;
 
   LeaseDoor* const door_;
 };

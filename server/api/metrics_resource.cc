@@ -46,8 +46,7 @@ void MetricsResource::Install(Routes& routes) {
   routes.GetFile("/metrics", Action::kReadMetrics, std::bind_front(&MetricsResource::Get, this));
 }
 
-std::optional<ApiError> MetricsResource::Get(const Request&,
-                                             Response& response) const {
+absl::Status MetricsResource::Get(const Request&, Response& response) const {
   Families families = context_.metrics.Collect();
   const LiveHealth health = context_.engine.Health();
   AddEngine(health, families);
@@ -57,7 +56,7 @@ std::optional<ApiError> MetricsResource::Get(const Request&,
   AddStore(families);
   response.SetHeader("Cache-Control", "no-store");
   response.SetContent(MetricsText(std::move(families)), kMetricsType);
-  return std::nullopt;
+  return absl::OkStatus();
 }
 
 void MetricsResource::AddEngine(const LiveHealth& health, Families& families) const {

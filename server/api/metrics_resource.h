@@ -19,7 +19,7 @@ class MetricsResource {
   void Install(Routes& routes);
 
  private:
-  std::optional<ApiError> Get(const Request& request, Response& response) const;
+  absl::Status Get(const Request& request, Response& response) const;
   void AddEngine(const LiveHealth& health, std::vector<MetricFamily>& families) const;
   void AddHost(const LiveHealth& health, std::vector<MetricFamily>& families) const;
   // Its jobs and nodes.

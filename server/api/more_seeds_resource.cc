@@ -53,30 +53,24 @@ absl::StatusOr<std::string> MoreSeedsResource::SecretOf(const std::string& phase
 }
 
 ApiResult MoreSeedsResource::Play(const Request& request, const Json& body) const {
-  const absl::StatusOr<MoreSeedsRequest> asked = ParseMoreSeeds(body, request.matches[1]);
-  if (!asked.ok()) return ErrorOf(asked.status());
-  const absl::StatusOr<std::string> secret = SecretOf(asked->phase);
-  if (!secret.ok()) return ErrorOf(secret.status());
-  const absl::StatusOr<std::vector<NewRejudge>> rejudges =
-      context_.readers.Read<std::vector<NewRejudge>>([&](Reader& reader) {
-        return MakeFurtherRejudges(reader, context_, *asked, *secret);
-      });
-  if (!rejudges.ok()) return ErrorOf(rejudges.status());
-  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
-  if (!sign.ok()) return ErrorOf(sign.status());
+  ASSIGN_OR_RETURN(const MoreSeedsRequest asked, ParseMoreSeeds(body, request.matches[1]));
+  ASSIGN_OR_RETURN(const std::string secret, SecretOf(asked.phase));
+  ASSIGN_OR_RETURN(const auto rejudges, context_.readers.Read<std::vector<NewRejudge>>([&](Reader& reader) {
+                     return MakeFurtherRejudges(reader, context_, asked, secret);
+                   }));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context_));
   Json created = Json::array();
-  for (const NewRejudge& rejudge : *rejudges) {
-    const absl::StatusOr<CreatedRejudge> made = context_.engine.CreateRejudge(
-        rejudge, *sign, CallerKey(), context_.config.http.request);
-    if (!made.ok()) return ErrorOf(made.status());
-    NoteAct(absl::StrCat("rejudge ", made->rejudge.id), "created for further episodes");
-    created.push_back(CreatedToJson(*made, rejudge));
+  for (const NewRejudge& rejudge : rejudges) {
+    ASSIGN_OR_RETURN(const CreatedRejudge made, context_.engine.CreateRejudge(
+        rejudge, sign, CallerKey(), context_.config.http.request));
+    NoteAct(absl::StrCat("rejudge ", made.rejudge.id), "created for further episodes");
+    created.push_back(CreatedToJson(made, rejudge));
   }
-  return ApiAnswer{201, {{"phase", asked->phase},
-                         {"board", asked->board},
-                         {"episodes", asked->episodes},
-                         {"commitment", SecretCommitment(*secret)},
-                         {"reason", asked->reason},
+  return ApiAnswer{201, {{"phase", asked.phase},
+                         {"board", asked.board},
+                         {"episodes", asked.episodes},
+                         {"commitment", SecretCommitment(secret)},
+                         {"reason", asked.reason},
                          {"rejudges", std::move(created)}}};
 }
 

@@ -42,13 +42,12 @@ void NodesResource::Install(Routes& routes) {
 }
 
 ApiResult NodesResource::List(const Request& request) const {
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   Listed<DrainedNodeRow> drained;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     drained = reader.DrainedNodes();
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   const bool cluster = context_.config.on_cluster;
   return ApiAnswer{200,
                    {{"cluster", cluster},
@@ -58,22 +57,21 @@ ApiResult NodesResource::List(const Request& request) const {
 }
 
 ApiResult NodesResource::Set(const Request& request, const Json& body) const {
-  const absl::StatusOr<NodeAct> act = ParseNodeAct(body);
-  if (!act.ok()) return ErrorOf(act.status());
+  ASSIGN_OR_RETURN(const NodeAct act, ParseNodeAct(body));
   if (!context_.config.on_cluster) {
-    return ApiError{409, "no_cluster",
+    return StatusOf({409, "no_cluster",
                     "leases run on this host, so there are no nodes; \"executor\" of server.json "
-                    "says where they run"};
+                    "says where they run"});
   }
   const std::string node = request.matches[1];
   const absl::Duration timeout = context_.config.http.request;
   const absl::Status status =
-      act->drain ? context_.engine.DrainNode(node, act->why, CallerKey(), timeout)
+      act.drain ? context_.engine.DrainNode(node, act.why, CallerKey(), timeout)
                  : context_.engine.AdmitNode(node, CallerKey(), timeout);
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("node ", node),
-          act->drain ? absl::StrCat("drained: ", act->why) : std::string("admitted"));
-  return ApiAnswer{200, {{"node", node}, {"state", act->drain ? "drained" : "admitted"}}};
+          act.drain ? absl::StrCat("drained: ", act.why) : std::string("admitted"));
+  return ApiAnswer{200, {{"node", node}, {"state", act.drain ? "drained" : "admitted"}}};
 }
 
 }  // namespace myograde::server

@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/openapi/document.h"
 #include "server/api/requests.h"
 
@@ -11,7 +12,7 @@ namespace myograde::server {
 void OpenApiResource::Install(Routes& routes) {
   const auto document = std::make_shared<const std::string>(OpenApiDocument());
   routes.Get("/v1/openapi.json", Action::kReadApi, [document](const Request& request) -> ApiResult {
-    if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+    RETURN_IF_ERROR(CheckParameters(request, {}));
     return ApiAnswer{.text = document, .tagged = true};
   });
 }

@@ -83,64 +83,61 @@ void PicturesResource::Install(Routes& routes) {
                  std::bind_front(&PicturesResource::SendModel, this));
 }
 
-std::optional<ApiError> PicturesResource::SendTrajectory(const Request& request,
-                                                         Response& response) const {
+absl::Status PicturesResource::SendTrajectory(const Request& request, Response& response) const {
   return SendOfLog(PictureKind::kTrajectory, "application/vnd.myograde.trajectory", request,
                    response);
 }
 
-std::optional<ApiError> PicturesResource::SendPicture(const Request& request,
-                                                      Response& response) const {
+absl::Status PicturesResource::SendPicture(const Request& request, Response& response) const {
   return SendOfLog(PictureKind::kPicture, "image/png", request, response);
 }
 
-std::optional<ApiError> PicturesResource::SendOfLog(PictureKind kind, const char* type,
+absl::Status PicturesResource::SendOfLog(PictureKind kind, const char* type,
                                                     const Request& request,
                                                     Response& response) const {
   const std::string hash = request.matches[1];
   absl::Status status = CheckParameters(request, {});
   if (status.ok()) status = RequireShownLog(context_, hash);
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   const PictureKey key = {kind, hash};
   const std::string log = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
   if (access(log.c_str(), F_OK) != 0 && !context_.pictures.files().Has(key)) {
-    return ErrorOf(MissingLog(hash));
+    return MissingLog(hash);
   }
   return Send(key, type, request, response);
 }
 
-std::optional<ApiError> PicturesResource::SendModel(const Request& request,
-                                                    Response& response) const {
+absl::Status PicturesResource::SendModel(const Request& request, Response& response) const {
   const std::string track = request.matches[1];
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   if (FindTrack(track) == nullptr) {
-    return ErrorOf(absl::NotFoundError(absl::StrCat("there is no model of a track ", track)));
+    return absl::NotFoundError(absl::StrCat("there is no model of a track ", track));
   }
   return Send({PictureKind::kModel, track}, "model/gltf-binary", request, response);
 }
 
-std::optional<ApiError> PicturesResource::Send(const PictureKey& key, const char* type,
+absl::Status PicturesResource::Send(const PictureKey& key, const char* type,
                                                const Request& request,
                                                Response& response) const {
   const PictureState state = context_.pictures.Ask(key, CallerIsOrganiser() ? "" : CallerKey());
   switch (state.is) {
     case PictureState::Is::kReady:
-      if (SendFile(context_.pictures.files(), key, type, request, response)) return std::nullopt;
+      if (SendFile(context_.pictures.files(), key, type, request, response)) return absl::OkStatus();
       // It was removed this very moment, to make room.
-      return ApiError{503, "busy", "the file was just removed; ask again", kAskAgainSeconds};
+      return StatusOf({503, "busy", "the file was just removed; ask again", kAskAgainSeconds});
     case PictureState::Is::kWaiting:
     case PictureState::Is::kPlaying:
       SendWaiting(state, response);
-      return std::nullopt;
+      return absl::OkStatus();
     case PictureState::Is::kMissing:
-      return ErrorOf(MissingLog(key.of));
+      return MissingLog(key.of);
     case PictureState::Is::kFailed:
-      return ApiError{409, "no_picture", state.why};
+      return StatusOf({409, "no_picture", state.why});
     case PictureState::Is::kFull:
       break;
   }
-  return ApiError{503, "busy", "too many trajectories and pictures wait to be made; ask again later",
-                  10 * kAskAgainSeconds};
+  return StatusOf({503, "busy", "too many trajectories and pictures wait to be made; ask again later",
+                  10 * kAskAgainSeconds});
 }
 
 }  // namespace myograde::server

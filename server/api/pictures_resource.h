@@ -19,17 +19,14 @@ class PicturesResource {
   void Install(Routes& routes);
 
  private:
-  std::optional<ApiError> SendTrajectory(const Request& request,
-                                         Response& response) const;
-  std::optional<ApiError> SendPicture(const Request& request,
-                                      Response& response) const;
-  std::optional<ApiError> SendModel(const Request& request,
-                                    Response& response) const;
-  std::optional<ApiError> SendOfLog(PictureKind kind, const char* type,
+  absl::Status SendTrajectory(const Request& request, Response& response) const;
+  absl::Status SendPicture(const Request& request, Response& response) const;
+  absl::Status SendModel(const Request& request, Response& response) const;
+  absl::Status SendOfLog(PictureKind kind, const char* type,
                                     const Request& request,
                                     Response& response) const;
   // The file, or how far it is.
-  std::optional<ApiError> Send(const PictureKey& key, const char* type,
+  absl::Status Send(const PictureKey& key, const char* type,
                                const Request& request, Response& response) const;
 
   const ApiContext& context_;

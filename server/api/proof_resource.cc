@@ -134,52 +134,46 @@ void ProofResource::Install(Routes& routes) {
 }
 
 ApiResult ProofResource::GetReceipt(const Request& request) const {
-  const absl::StatusOr<bool> reason = ReadFlag(request, "reason");
-  if (!reason.ok()) return ErrorOf(reason.status());
+  ASSIGN_OR_RETURN(const bool reason, ReadFlag(request, "reason"));
   absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
   std::optional<WithheldReceipt> withheld;
   const absl::Status status = context_.readers.Read([&](Reader& reader) {
     receipt = AskedReceipt(request, reader, context_);
     // A copy's boards can't be compared with those of a store that can't read what they follow from.
-    if (*reason && (receipt.ok() || ErrorCodeOf(receipt.status()) == kWithheldCode)) {
+    if (reason && (receipt.ok() || ErrorCodeOf(receipt.status()) == kWithheldCode)) {
       const absl::Status rows = reader.CheckStandingRows(IdOf(request));
       if (DamageOf(rows).has_value()) receipt = rows;
     }
-    if (receipt.ok() || !*reason) return receipt.status();
+    if (receipt.ok() || !reason) return receipt.status();
     absl::StatusOr<WithheldReceipt> why = WithheldFor(request, reader, context_, receipt.status());
     if (why.ok()) withheld = *std::move(why);
     return why.status();
   });
-  if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
-  if (!key.ok()) return ErrorOf(key.status());
+  RETURN_IF_ERROR(status);
+  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context_.receipts_key.Get());
   if (withheld.has_value()) {
-    absl::StatusOr<nlohmann::json> json = SignWithheld(*withheld, **key);
-    if (!json.ok()) return ErrorOf(json.status());
-    return ApiAnswer{200, *std::move(json)};
+    ASSIGN_OR_RETURN(nlohmann::json json, SignWithheld(*withheld, *key));
+    return ApiAnswer{200, std::move(json)};
   }
-  absl::StatusOr<std::string> text = SignReceipt(*receipt, **key);
-  if (!text.ok()) return ErrorOf(text.status());
-  return ApiAnswer{200, nlohmann::json::parse(*text)};
+  ASSIGN_OR_RETURN(std::string text, SignReceipt(*receipt, *key));
+  return ApiAnswer{200, nlohmann::json::parse(text)};
 }
 
 ApiResult ProofResource::GetKey(const Request&) const {
-  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
-  if (!key.ok()) return ErrorOf(key.status());
-  return ApiAnswer{200, {{"algorithm", "ed25519"}, {"key", (*key)->PublicPem()}}};
+  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context_.receipts_key.Get());
+  return ApiAnswer{200, {{"algorithm", "ed25519"}, {"key", key->PublicPem()}}};
 }
 
 // The file as it is stored. Its name is a hash, so no path of a client's making is opened.
-std::optional<ApiError> ProofResource::SendLog(const Request& request,
-                                               Response& response) const {
+absl::Status ProofResource::SendLog(const Request& request, Response& response) const {
   const std::string hash = request.matches[1];
   absl::Status sent = RequireShownLog(context_, hash);
   if (sent.ok()) {
     const std::string path = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
     sent = response.SetFile(path, "application/zstd");
   }
-  if (sent.ok()) return std::nullopt;
-  return ErrorOf(absl::IsNotFound(sent) ? MissingLog(hash) : sent);
+  if (sent.ok()) return absl::OkStatus();
+  return absl::IsNotFound(sent) ? MissingLog(hash) : sent;
 }
 
 }  // namespace myograde::server

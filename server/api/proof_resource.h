@@ -19,8 +19,7 @@ class ProofResource {
  private:
   ApiResult GetReceipt(const Request& request) const;
   ApiResult GetKey(const Request& request) const;
-  std::optional<ApiError> SendLog(const Request& request,
-                                  Response& response) const;
+  absl::Status SendLog(const Request& request, Response& response) const;
 
   const ApiContext& context_;
 };

@@ -76,10 +76,9 @@ absl::StatusOr<QueueResource::Snapshot> QueueResource::Look() {
 }
 
 ApiResult QueueResource::Get(const Request& request) {
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
-  const absl::StatusOr<Snapshot> now = Make();
-  if (!now.ok()) return ErrorOf(now.status());
-  return ApiAnswer{.text = std::make_shared<const std::string>(now->text + "\n")};
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  ASSIGN_OR_RETURN(const Snapshot now, Make());
+  return ApiAnswer{.text = std::make_shared<const std::string>(now.text + "\n")};
 }
 
 std::optional<std::string> QueueResource::NextEvent(Snapshot& last) {
@@ -96,14 +95,13 @@ std::optional<std::string> QueueResource::NextEvent(Snapshot& last) {
   return absl::StrCat("event: queue\ndata: ", last.text, "\n\n");
 }
 
-std::optional<ApiError> QueueResource::Follow(const Request& request,
-                                              Response& response) {
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+absl::Status QueueResource::Follow(const Request& request, Response& response) {
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   response.SetHeader("Cache-Control", "no-store");
   response.SetHeader("X-Accel-Buffering", "no");  // proxies hand each event on at once
   response.SetStream("text/event-stream", kLookEvery, kLongest,
                      [this, last = std::make_shared<Snapshot>()] { return NextEvent(*last); });
-  return std::nullopt;
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

@@ -31,7 +31,7 @@ class QueueResource {
   };
 
   ApiResult Get(const Request& request);
-  std::optional<ApiError> Follow(const Request& request, Response& response);
+  absl::Status Follow(const Request& request, Response& response);
   // The queue as the caller sees it, at most a second old: however many look on, those who see the
   // same share one.
   absl::StatusOr<Snapshot> Look();

@@ -134,43 +134,40 @@ ApiResult QuotaResource::Get(const Request& request) const {
   if (status.ok()) status = CheckTeam(asked);
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   if (!track.empty()) status = context_.tracks.Find(track, "").status();
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     RETURN_IF_ERROR(RequireTeam(reader, asked));
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);
     AddNextPage(request, *page, ledger, answer);
     return AddLedger(reader, context_, ledger, answer.body);
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
 ApiResult QuotaResource::Grant(const Request&, const Json& body) const {
-  absl::StatusOr<NewGrant> grant = ParseGrant(body);
-  if (!grant.ok()) return ErrorOf(grant.status());
-  absl::Status status = CheckPlace(*grant, context_);
-  if (!status.ok()) return ErrorOf(status);
-  status = context_.engine.Change(
-      [row = *grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },
+  ASSIGN_OR_RETURN(NewGrant grant, ParseGrant(body));
+  RETURN_IF_ERROR(CheckPlace(grant, context_));
+  absl::Status status = context_.engine.Change(
+      [row = grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },
       context_.config.http.request);
   ApiAnswer answer{201};
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) {
-      grant->team = reader.TeamOf(grant->team);
-      answer.body = QuotaOf(reader, context_, grant->team, grant->track);
+      grant.team = reader.TeamOf(grant.team);
+      answer.body = QuotaOf(reader, context_, grant.team, grant.track);
       return AddLedger(reader, context_,
-                       reader.Ledger(grant->team, grant->track, INT64_MAX, 1), answer.body);
+                       reader.Ledger(grant.team, grant.track, INT64_MAX, 1), answer.body);
     });
   }
-  if (!status.ok()) return TeamErrorOf(status, grant->team);
-  NoteAct(absl::StrCat("team ", grant->team),
-          absl::StrCat(grant->amount, " more of ", BudgetText(grant->budget), " on ", grant->track,
-                       ": ", grant->why));
+  if (!status.ok()) return TeamErrorOf(status, grant.team);
+  NoteAct(absl::StrCat("team ", grant.team),
+          absl::StrCat(grant.amount, " more of ", BudgetText(grant.budget), " on ", grant.track,
+                       ": ", grant.why));
   return answer;
 }
 

@@ -63,9 +63,9 @@ ApiResult RecordResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {"from", "limit"});
   status.Update(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
   status.Update(ReadNumber(request, "limit", kMostEntries, limit));
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer{.tagged = true};
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     const int64_t size = reader.RecordSize();
     const Listed<RecordRow> listed = reader.Record(from, limit);
     const int64_t next = std::max(listed.last_id + 1, from + limit);
@@ -73,24 +73,19 @@ ApiResult RecordResource::List(const Request& request) const {
     answer.text = std::make_shared<const std::string>(
         PageText(listed, size, next < size ? Json(next) : Json()));
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
 ApiResult RecordResource::GetHead(const Request& request) const {
-  absl::Status status = CheckParameters(request, {});
-  if (!status.ok()) return ErrorOf(status);
-  absl::StatusOr<RecordHead> head = context_.readers.Read<RecordHead>([&](Reader& reader) {
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  ASSIGN_OR_RETURN(RecordHead head, context_.readers.Read<RecordHead>([&](Reader& reader) {
     return context_.record.Head(reader);
-  });
-  if (!head.ok()) return ErrorOf(head.status());
-  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
-  if (!key.ok()) return ErrorOf(key.status());
-  absl::StatusOr<std::string> text = SignHead(*head, **key);
-  if (!text.ok()) return ErrorOf(text.status());
+  }));
+  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context_.receipts_key.Get());
+  ASSIGN_OR_RETURN(std::string text, SignHead(head, *key));
   ApiAnswer answer{.tagged = true};
-  answer.text = std::make_shared<const std::string>(*std::move(text));
+  answer.text = std::make_shared<const std::string>(std::move(text));
   return answer;
 }
 
@@ -103,14 +98,13 @@ ApiResult RecordResource::Prove(const Request& request) const {
   if (status.ok() && entry < 0) {
     status = absl::InvalidArgumentError("\"entry\" is missing: the index of the entry to prove");
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer{.tagged = true};
-  status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     const absl::StatusOr<EntryProof> proof = context_.record.Prove(reader, entry, size);
     if (proof.ok()) answer.body = EntryProofToJson(*proof);
     return proof.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
@@ -123,9 +117,9 @@ ApiResult RecordResource::Compare(const Request& request) const {
   if (status.ok() && from < 0) {
     status = absl::InvalidArgumentError("\"from\" is missing: the size of the earlier record");
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer{.tagged = true};
-  status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     ASSIGN_OR_RETURN(const auto compared, context_.record.Compare(reader, from, to));
     answer.body = {{"from", from},
                    {"to", to == 0 ? reader.RecordSize() : to},
@@ -133,8 +127,7 @@ ApiResult RecordResource::Compare(const Request& request) const {
                    {"to_root", HexOf(compared.to_root)},
                    {"proof", ProofToJson(compared.proof)}};
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 

@@ -47,9 +47,9 @@ ApiResult RejudgesResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     Listed<RejudgeRow> listed = reader.Rejudges(page->before, page->limit);
     answer.body["rejudges"] = Json::array();
     for (const RejudgeRow& row : listed.rows) {
@@ -59,8 +59,7 @@ ApiResult RejudgesResource::List(const Request& request) const {
     answer.body["unreadable"] = DamagedToJson(listed.damaged);
     AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
@@ -70,44 +69,38 @@ ApiResult RejudgesResource::Get(const Request& request) const {
   if (!changes.empty() && changes != "0" && changes != "1") {
     status.Update(absl::InvalidArgumentError("\"changes\" must be 0 or 1"));
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(IdOf(request)));
     ASSIGN_OR_RETURN(answer.body, WholeRejudgeToJson(reader, row));
     return changes == "1" ? AddRejudgeChanges(reader, row, answer.body) : absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
 ApiResult RejudgesResource::Show(int64_t id, int http, Json more) const {
   ApiAnswer answer{http};
-  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
     absl::StatusOr<Json> json = WholeRejudgeToJson(reader, row);
     if (json.ok()) answer.body = *std::move(json);
     return json.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   answer.body.update(more);
   return answer;
 }
 
 ApiResult RejudgesResource::Create(const Request&, const Json& body) const {
-  const absl::StatusOr<RejudgeRequest> asked = ParseRejudge(body);
-  if (!asked.ok()) return ErrorOf(asked.status());
-  const absl::StatusOr<NewRejudge> rejudge = context_.readers.Read<NewRejudge>(
-      [&](Reader& reader) { return MakeRejudge(reader, context_, *asked); });
-  if (!rejudge.ok()) return ErrorOf(rejudge.status());
-  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
-  if (!sign.ok()) return ErrorOf(sign.status());
-  const absl::StatusOr<CreatedRejudge> created =
-      context_.engine.CreateRejudge(*rejudge, *sign, CallerKey(), context_.config.http.request);
-  if (!created.ok()) return ErrorOf(created.status());
-  const int64_t id = created->rejudge.id;
+  ASSIGN_OR_RETURN(const RejudgeRequest asked, ParseRejudge(body));
+  ASSIGN_OR_RETURN(const NewRejudge rejudge, context_.readers.Read<NewRejudge>(
+      [&](Reader& reader) { return MakeRejudge(reader, context_, asked); }));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context_));
+  ASSIGN_OR_RETURN(const CreatedRejudge created,
+                   context_.engine.CreateRejudge(rejudge, sign, CallerKey(), context_.config.http.request));
+  const int64_t id = created.rejudge.id;
   NoteAct(SubjectOf(id), "created");
-  return Show(id, 201, {{"plan", PlanToJson(created->plan)}});
+  return Show(id, 201, {{"plan", PlanToJson(created.plan)}});
 }
 
 absl::StatusOr<std::string> RejudgesResource::ConfigInForce(int64_t id) const {
@@ -137,38 +130,30 @@ AfterRejudge RejudgesResource::PlayFromNowOn() const {
 }
 
 ApiResult RejudgesResource::Apply(const Request& request, const Json& body) const {
-  absl::StatusOr<ApplyRequest> asked = ParseApply(body);
-  if (!asked.ok()) return ErrorOf(asked.status());
+  ASSIGN_OR_RETURN(ApplyRequest asked, ParseApply(body));
   const int64_t id = IdOf(request);
-  absl::StatusOr<std::string> in_force = ConfigInForce(id);
-  if (!in_force.ok()) return ErrorOf(in_force.status());
-  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
-  if (!sign.ok()) return ErrorOf(sign.status());
-  const absl::StatusOr<RejudgeDone> done = context_.engine.ApplyRejudge(
-      {id, asked->reason, std::move(asked->without), *std::move(in_force)}, *sign, CallerKey(),
-      context_.config.http.request, PlayFromNowOn());
-  if (!done.ok()) return ErrorOf(done.status());
+  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(id));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context_));
+  ASSIGN_OR_RETURN(const RejudgeDone done, context_.engine.ApplyRejudge(
+      {id, asked.reason, std::move(asked.without), std::move(in_force)}, sign, CallerKey(),
+      context_.config.http.request, PlayFromNowOn()));
   NoteAct(SubjectOf(id), "applied");
-  return Show(id, 200, {{"config_before", done->config_before},
-                        {"config_after", done->config_after}});
+  return Show(id, 200, {{"config_before", done.config_before},
+                        {"config_after", done.config_after}});
 }
 
 ApiResult RejudgesResource::Drop(const Request& request, const Json& body) const {
-  const absl::StatusOr<std::string> reason = ParseReason(body);
-  if (!reason.ok()) return ErrorOf(reason.status());
+  ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const int64_t id = IdOf(request);
-  absl::StatusOr<std::string> in_force = ConfigInForce(id);
-  if (!in_force.ok()) return ErrorOf(in_force.status());
-  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
-  if (!sign.ok()) return ErrorOf(sign.status());
-  const absl::StatusOr<RejudgeDone> done = context_.engine.DropRejudge(
-      {id, *reason, {}, *std::move(in_force)}, *sign, CallerKey(), context_.config.http.request,
-      PlayFromNowOn());
-  if (!done.ok()) return ErrorOf(done.status());
+  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(id));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context_));
+  ASSIGN_OR_RETURN(const RejudgeDone done, context_.engine.DropRejudge(
+      {id, reason, {}, std::move(in_force)}, sign, CallerKey(), context_.config.http.request,
+      PlayFromNowOn()));
   NoteAct(SubjectOf(id), "dropped");
-  return Show(id, 200, {{"config_before", done->config_before},
-                        {"config_after", done->config_after},
-                        {"accepted_under_to_config", done->stay}});
+  return Show(id, 200, {{"config_before", done.config_before},
+                        {"config_after", done.config_after},
+                        {"accepted_under_to_config", done.stay}});
 }
 
 }  // namespace myograde::server

@@ -89,28 +89,25 @@ void RevealResource::Install(Routes& routes) {
 }
 
 ApiResult RevealResource::Reveal(const Request& request, const Json& body) const {
-  const absl::StatusOr<std::string> reason = ParseReason(body);
-  if (!reason.ok()) return ErrorOf(reason.status());
+  ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const std::string phase = request.matches[1];
-  const absl::StatusOr<HiddenSeeds> hidden = context_.readers.Read<HiddenSeeds>(
-      [&](Reader& reader) { return SeedsToReveal(reader, context_, phase); });
-  if (!hidden.ok()) return ErrorOf(hidden.status());
-  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
-      [phase, who = CallerKey(), why = *reason](Writer& writer) {
+  ASSIGN_OR_RETURN(const HiddenSeeds hidden, context_.readers.Read<HiddenSeeds>(
+      [&](Reader& reader) { return SeedsToReveal(reader, context_, phase); }));
+  ASSIGN_OR_RETURN(const bool changed, context_.engine.Change<bool>(
+      [phase, who = CallerKey(), why = reason](Writer& writer) {
         return writer.AddPhaseEvent(phase, kRevealedEvent, who, why);
       },
-      context_.config.http.request);
-  if (!changed.ok()) return ErrorOf(changed.status());
+      context_.config.http.request));
   NoteAct(absl::StrCat("phase ", phase), kRevealedEvent);
   return ApiAnswer{200, {{"phase", phase},
                          {"event", kRevealedEvent},
-                         {"changed", *changed},
-                         {"reason", *reason},
-                         {"commitment", SecretCommitment(hidden->secret)},
-                         {"secret", absl::BytesToHexString(hidden->secret)},
-                         {"seeds_sha256", SeedListHash(hidden->seeds)},
-                         {"seeds", hidden->seeds},
-                         {"further_seeds", hidden->further}}};
+                         {"changed", changed},
+                         {"reason", reason},
+                         {"commitment", SecretCommitment(hidden.secret)},
+                         {"secret", absl::BytesToHexString(hidden.secret)},
+                         {"seeds_sha256", SeedListHash(hidden.seeds)},
+                         {"seeds", hidden.seeds},
+                         {"further_seeds", hidden.further}}};
 }
 
 }  // namespace myograde::server

@@ -9,6 +9,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/entity_tag.h"
 #include "server/api/negotiation.h"
 #include "server/api/unix_http_server.h"
@@ -63,8 +64,8 @@ void SendTagged(const Request& request, Response& response, int http,
 
 void SendResult(const Request& request, Response& response,
                 const ApiResult& result) {
-  if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
-  const auto& answer = std::get<ApiAnswer>(result);
+  if (!result.ok()) return SendError(response, ErrorOf(result.status()));
+  const ApiAnswer& answer = *result;
   if (!answer.next.empty()) {
     response.SetHeader("Link", absl::StrCat("<", answer.next, ">; rel=\"next\""));
   }
@@ -146,7 +147,8 @@ void Routes::Get(const std::string& pattern, Action action, Handler handler) {
 
 void Routes::GetFile(const std::string& pattern, Action action, FileHandler handler) {
   Add({"GET", pattern, action, [handler = std::move(handler)](const Request& request, Response& response) {
-         if (auto error = handler(request, response)) SendError(response, *std::move(error));
+         const absl::Status status = handler(request, response);
+         if (!status.ok()) SendError(response, ErrorOf(status));
        }});
 }
 
@@ -159,11 +161,9 @@ void Routes::GetPage(const std::string& path,
 void Routes::Post(const std::string& pattern, Action action, JsonHandler handler) {
   PostUpload(pattern, action, BodyRule(),
              [handler = std::move(handler)](const Request& request) -> ApiResult {
-               const absl::StatusOr<std::string> body = request.body->Text();
-               if (!body.ok()) return ErrorOf(body.status());
-               const absl::StatusOr<nlohmann::json> json = ParseJson(*body, "request");
-               if (!json.ok()) return ErrorOf(json.status());
-               return handler(request, *json);
+               ASSIGN_OR_RETURN(const std::string body, request.body->Text());
+               ASSIGN_OR_RETURN(const nlohmann::json json, ParseJson(body, "request"));
+               return handler(request, json);
              });
 }
 

@@ -7,8 +7,8 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <variant>
 
+#include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
 #include "server/api/api_error.h"
@@ -28,15 +28,17 @@ struct ApiAnswer {
   bool for_all_origins = false;  // pages of other origins may read it, if nobody's token asked
   std::string next = {};  // the address of a list's next page; "": there is none
 };
-using ApiResult = std::variant<ApiAnswer, ApiError>;
+// An error becomes the one that ErrorOf says.
+using ApiResult = absl::StatusOr<ApiAnswer>;
 
-// Adds addresses to a router. A pattern's groups are the request's `matches`. Handlers ask about teams with Require (caller.h).
+// Adds addresses to a router. A pattern's groups are the request's `matches`. Handlers ask about
+// teams with Require (caller.h).
 class Routes {
  public:
   using Handler = std::function<ApiResult(const Request&)>;
   using JsonHandler = std::function<ApiResult(const Request&, const nlohmann::json& body)>;
   // Fills in a response that is not JSON, or returns why it could not.
-  using FileHandler = std::function<std::optional<ApiError>(const Request&, Response&)>;
+  using FileHandler = std::function<absl::Status(const Request&, Response&)>;
 
   // All must outlive the server's last request.
   Routes(Router& router, Guard& guard, Metrics& metrics);

@@ -3,6 +3,7 @@
 #include <functional>
 #include <utility>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
 #include "server/runtime/runtimes.h"
 
@@ -13,7 +14,7 @@ void RuntimesResource::Install(Routes& routes) {
 }
 
 ApiResult RuntimesResource::List(const Request& request) const {
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   nlohmann::json runtimes = nlohmann::json::array();
   for (const Runtime& runtime :
        Runtimes(context_.config.runtimes, context_.config.runtimes_dir).List()) {

@@ -40,16 +40,15 @@ void SubmissionsResource::Install(Routes& routes) {
 }
 
 ApiResult SubmissionsResource::List(const Request& request) const {
-  absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
-  if (!filter.ok()) return ErrorOf(filter.status());
-  if (!CallerIsOrganiser()) filter->teams = Caller().teams;
+  ASSIGN_OR_RETURN(SubmissionFilter filter, ParseFilter(request));
+  if (!CallerIsOrganiser()) filter.teams = Caller().teams;
   Json list = Json::array();
   Listed<SubmissionRow> found;
   bool more = false;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
-    filter->team = reader.TeamOf(filter->team);
-    found = reader.Submissions(*filter);
-    more = std::ssize(found.rows) + std::ssize(found.damaged) == filter->limit;
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
+    filter.team = reader.TeamOf(filter.team);
+    found = reader.Submissions(filter);
+    more = std::ssize(found.rows) + std::ssize(found.damaged) == filter.limit;
     for (const SubmissionRow& row : found.rows) {
       const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
       if (original.ok()) {
@@ -64,8 +63,7 @@ ApiResult SubmissionsResource::List(const Request& request) const {
       }
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   ApiAnswer answer{200,
                    {{"submissions", std::move(list)},
                     {"unreadable", DamagedToJson(found.damaged)}}};
@@ -75,95 +73,81 @@ ApiResult SubmissionsResource::List(const Request& request) const {
 
 ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
   ApiAnswer answer;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(answer.body, SubmissionStatus(reader, context_, submission));
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
 ApiResult SubmissionsResource::Get(const Request& request) const {
   const absl::Status own = context_.readers.Read(
       [&](Reader& reader) { return RequireSubmission(reader, IdOf(request)); });
-  if (!own.ok()) return ErrorOf(own);
+  RETURN_IF_ERROR(own);
   return StatusAnswer(IdOf(request));
 }
 
 ApiResult SubmissionsResource::Submit(const Request& request, const Json& body) const {
-  absl::StatusOr<SubmitRequest> asked = ParseSubmit(body);
-  if (!asked.ok()) return ErrorOf(asked.status());
-  absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
-  if (!key.ok()) return ErrorOf(key.status());
-  asked->key = *std::move(key);
-  absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, asked->team);
-  if (!founding.ok()) return ErrorOf(founding.status());
-  asked->founding = *std::move(founding);
-  asked->organiser = CallerIsOrganiser();
-  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*asked, CallerKey());
-  if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked->team);
+  ASSIGN_OR_RETURN(SubmitRequest asked, ParseSubmit(body));
+  ASSIGN_OR_RETURN(RequestKey key, ReadRequestKey(request, body));
+  asked.key = std::move(key);
+  ASSIGN_OR_RETURN(std::optional<Founding> founding, FoundingFor(context_, asked.team));
+  asked.founding = std::move(founding);
+  asked.organiser = CallerIsOrganiser();
+  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(asked, CallerKey());
+  if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked.team);
   NoteAct(absl::StrCat("submission ", accepted->submission),
-          absl::StrCat("for team ", asked->team, accepted->is_new() ? "" : ", known already"));
-  ApiResult result = StatusAnswer(accepted->submission);
-  if (auto* answer = std::get_if<ApiAnswer>(&result)) {
-    answer->http = accepted->is_new() ? 201 : 200;
-    answer->body["linked"] = accepted->linked;
-    answer->body["repeated"] = accepted->repeated;
-  }
-  return result;
+          absl::StrCat("for team ", asked.team, accepted->is_new() ? "" : ", known already"));
+  ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(accepted->submission));
+  answer.http = accepted->is_new() ? 201 : 200;
+  answer.body["linked"] = accepted->linked;
+  answer.body["repeated"] = accepted->repeated;
+  return answer;
 }
 
 ApiResult SubmissionsResource::Cancel(const Request& request, const Json& body) const {
-  const absl::StatusOr<std::string> reason = ParseCancel(body);
-  if (!reason.ok()) return ErrorOf(reason.status());
+  ASSIGN_OR_RETURN(const std::string reason, ParseCancel(body));
   const int64_t id = IdOf(request);
   absl::StatusOr<Visibility> sight = Visibility{};
-  absl::Status status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     RETURN_IF_ERROR(RequireSubmission(reader, id));
     ASSIGN_OR_RETURN(const SubmissionRow row, reader.Submission(id));
     // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
     sight = SightOfPhase(reader, context_, row.phase);
     return sight.status();
-  });
-  if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<CancelReport> report =
-      context_.engine.Cancel(id, /*reruns=*/CallerIsOrganiser(), /*charge=*/!sight->progress, *reason,
-                             CallerKey(), context_.config.http.request);
-  if (!report.ok()) return ErrorOf(report.status());
-  NoteAct(absl::StrCat("submission ", id), *reason);
-  ApiResult result = StatusAnswer(id);
-  auto* answer = std::get_if<ApiAnswer>(&result);
-  if (answer == nullptr) return result;
+  }));
+  ASSIGN_OR_RETURN(const CancelReport report,
+                   context_.engine.Cancel(id, /*reruns=*/CallerIsOrganiser(), /*charge=*/!sight->progress, reason,
+                                          CallerKey(), context_.config.http.request));
+  NoteAct(absl::StrCat("submission ", id), reason);
+  ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(id));
   std::string charged;
-  status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     charged = reader.ChargedBudget(id);
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
-  answer->body["cancel"] = {{"killed", report->killed},
-                            {"still_ending", report->still_ending},
-                            {"took_wall_s", absl::ToDoubleSeconds(report->took)},
+  }));
+  answer.body["cancel"] = {{"killed", report.killed},
+                            {"still_ending", report.still_ending},
+                            {"took_wall_s", absl::ToDoubleSeconds(report.took)},
                             {"charged", TextOrNull(charged)}};
-  return result;
+  return answer;
 }
 
 ApiResult SubmissionsResource::Mark(const Request& request, const Json& body) const {
-  absl::StatusOr<MarkRequest> wanted = ParseMark(body);
-  if (!wanted.ok()) return ErrorOf(wanted.status());
+  ASSIGN_OR_RETURN(MarkRequest wanted, ParseMark(body));
   const int64_t id = IdOf(request);
   // What can't be answered is not done.
-  absl::Status status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     absl::Status readable = reader.Submission(id).status();
     readable.Update(reader.MarkHistory(id).status());
     return readable;
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
-      [id, who = CallerKey(), mark = *wanted](Writer& writer) {
+      [id, who = CallerKey(), mark = wanted](Writer& writer) {
         return writer.Mark(id, mark.mark, mark.set, who, mark.reason);
       },
       context_.config.http.request);
-  status = changed.status();
+  absl::Status status = changed.status();
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -173,17 +157,17 @@ ApiResult SubmissionsResource::Mark(const Request& request, const Json& body) co
                      {"team", submission.team},
                      {"track", submission.track},
                      {"profile", submission.profile},
-                     {"mark", wanted->mark},
-                     {"set", wanted->set},
+                     {"mark", wanted.mark},
+                     {"set", wanted.set},
                      {"changed", *changed},
                      {"marks", MarksToJson(marks)}};
       return absl::OkStatus();
     });
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("submission ", id),
-          absl::StrCat(wanted->set ? "" : "not ", wanted->mark,
-                       wanted->reason.empty() ? "" : ": ", wanted->reason));
+          absl::StrCat(wanted.set ? "" : "not ", wanted.mark,
+                       wanted.reason.empty() ? "" : ": ", wanted.reason));
   return answer;
 }
 

@@ -127,30 +127,27 @@ ApiResult TeamsResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     const Listed<TeamRow> listed = reader.Teams(page->before, page->limit);
     answer.body = {{"teams", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
     for (const TeamRow& team : listed.rows) answer.body["teams"].push_back(TeamToJson(team));
     AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
 ApiResult TeamsResource::Get(const Request& request) const {
   absl::Status status = CheckParameters(request, {});
   if (status.ok()) status = CheckTeam(TeamIn(request));
-  if (!status.ok()) return ErrorOf(status);
-  absl::StatusOr<Json> body =
-      context_.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
+  RETURN_IF_ERROR(status);
+  ASSIGN_OR_RETURN(Json body, context_.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
         RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
         return WholeTeam(reader, TeamIn(request));
-      });
-  if (!body.ok()) return ErrorOf(body.status());
-  return ApiAnswer{200, *std::move(body)};
+      }));
+  return ApiAnswer{200, std::move(body)};
 }
 
 ApiResult TeamsResource::Change(const std::string& team,
@@ -172,7 +169,7 @@ ApiResult TeamsResource::Create(const Request&, const Json& body) const {
   const std::string why = ReasonOf(reader);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("team ", team), "created");
   return Change(team,
                 [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
@@ -189,7 +186,7 @@ ApiResult TeamsResource::Rename(const Request& request, const Json& body) const 
   const std::string team = TeamIn(request);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("team ", team), absl::StrCat("renamed to ", name));
   return Change(team, [=, who = CallerKey()](Writer& writer) {
     return writer.RenameTeam(team, name, who, why);
@@ -203,12 +200,11 @@ ApiResult TeamsResource::SetMember(const Request& request, const Json& body) con
   const std::string team = TeamIn(request);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
-  if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<std::string> person = PersonNamed(text);
-  if (!person.ok()) return ErrorOf(person.status());
+  RETURN_IF_ERROR(status);
+  ASSIGN_OR_RETURN(const std::string person, PersonNamed(text));
   NoteAct(absl::StrCat("team ", team),
-          absl::StrCat(*person, belongs ? " is a member" : " is no member any more"));
-  return Change(team, [=, person = *person, who = CallerKey()](Writer& writer) {
+          absl::StrCat(person, belongs ? " is a member" : " is no member any more"));
+  return Change(team, [=, person = person, who = CallerKey()](Writer& writer) {
     return writer.SetMember(team, person, belongs, who);
   });
 }
@@ -220,7 +216,7 @@ ApiResult TeamsResource::Ban(const Request& request, const Json& body) const {
   const std::string team = TeamIn(request);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(banned ? "banned" : "not banned any more", why.empty() ? "" : ": ", why));
   return Change(team, [=, who = CallerKey()](Writer& writer) {
@@ -281,7 +277,7 @@ ApiResult TeamsResource::Merge(const Request& request, const Json& body) const {
   for (const std::string& name : {team, into}) {
     if (status.ok()) status = CheckTeam(name);
   }
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   absl::StatusOr<Json> answer = ConsequencesOf(team, into);
   if (answer.ok() && !dry_run) {
     status = context_.engine
@@ -294,7 +290,7 @@ ApiResult TeamsResource::Merge(const Request& request, const Json& body) const {
                  .status();
   }
   status.Update(answer.status());
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   (*answer)["merged"] = !dry_run;
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(dry_run ? "to be merged into " : "merged into ", into));

@@ -89,11 +89,11 @@ absl::StatusOr<NewToken> ParseToken(const Json& body, int64_t now_ms) {
 }
 
 // Nobody hands out more than they have.
-std::optional<ApiError> MayManage(const std::string& role) {
-  if (role == kParticipantRole || CallerMay(Action::kManageOperators)) return std::nullopt;
+absl::Status MayManage(const std::string& role) {
+  if (role == kParticipantRole || CallerMay(Action::kManageOperators)) return absl::OkStatus();
   NoteDenial("role");
-  return ApiError{403, "forbidden",
-                  "only an operator makes and revokes tokens of organisers and operators"};
+  return StatusOf({403, "forbidden",
+                  "only an operator makes and revokes tokens of organisers and operators"});
 }
 
 }  // namespace
@@ -106,30 +106,27 @@ void TokensResource::Install(Routes& routes) {
 }
 
 ApiResult TokensResource::Create(const Request&, const Json& body) const {
-  absl::StatusOr<NewToken> token = ParseToken(body, absl::ToUnixMillis(context_.clock.Now()));
-  if (!token.ok()) return ErrorOf(token.status());
-  if (const auto error = MayManage(token->role)) return *error;
-  const absl::StatusOr<std::string> text = NewTokenText();
-  if (!text.ok()) return ErrorOf(text.status());
-  token->hash = TokenHash(*text);
-  const absl::StatusOr<int64_t> id = context_.engine.Change<int64_t>(
-      [row = *token, who = CallerKey()](Writer& writer) { return writer.AddToken(row, who); },
-      context_.config.http.request);
-  if (!id.ok()) return ErrorOf(id.status());
-  NoteAct(absl::StrCat("token ", *id),
-          absl::StrCat("made for ", token->team.empty() ? token->role : token->team, ": ",
-                       token->label));
-  return Show(*id, 201, {{"token", *text}});
+  ASSIGN_OR_RETURN(NewToken token, ParseToken(body, absl::ToUnixMillis(context_.clock.Now())));
+  RETURN_IF_ERROR(MayManage(token.role));
+  ASSIGN_OR_RETURN(const std::string text, NewTokenText());
+  token.hash = TokenHash(text);
+  ASSIGN_OR_RETURN(const int64_t id, context_.engine.Change<int64_t>(
+      [row = token, who = CallerKey()](Writer& writer) { return writer.AddToken(row, who); },
+      context_.config.http.request));
+  NoteAct(absl::StrCat("token ", id),
+          absl::StrCat("made for ", token.team.empty() ? token.role : token.team, ": ",
+                       token.label));
+  return Show(id, 201, {{"token", text}});
 }
 
 ApiResult TokensResource::List(const Request& request) const {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(status);
   const int64_t now = absl::ToUnixMillis(context_.clock.Now());
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     const Listed<TokenRow> listed = reader.Tokens(page->before, page->limit);
     answer.body = {{"tokens", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
     for (const TokenRow& token : listed.rows) {
@@ -137,41 +134,36 @@ ApiResult TokensResource::List(const Request& request) const {
     }
     AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return answer;
 }
 
 ApiResult TokensResource::Revoke(const Request& request, const Json& body) const {
   ConfigReader reader(body, "request");
-  absl::Status status = reader.Finish();
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(reader.Finish());
   const int64_t id = IdOf(request);
   // Of an unreadable row nobody knows the role, so that it takes an operator.
   std::string role = "operator";
-  status = context_.readers.Read([&](Reader& store) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& store) {
     const absl::StatusOr<TokenRow> token = store.Token(id);
     if (token.ok()) role = token->role;
     return absl::IsNotFound(token.status()) ? token.status() : absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
-  if (const auto error = MayManage(role)) return *error;
-  const absl::StatusOr<bool> changed = context_.engine.Change<bool>(
+  }));
+  RETURN_IF_ERROR(MayManage(role));
+  ASSIGN_OR_RETURN(const bool changed, context_.engine.Change<bool>(
       [id, who = CallerKey()](Writer& writer) { return writer.RevokeToken(id, who); },
-      context_.config.http.request);
-  if (!changed.ok()) return ErrorOf(changed.status());
-  NoteAct(absl::StrCat("token ", id), *changed ? "revoked" : "was revoked before");
-  return Show(id, 200, {{"changed", *changed}});
+      context_.config.http.request));
+  NoteAct(absl::StrCat("token ", id), changed ? "revoked" : "was revoked before");
+  return Show(id, 200, {{"changed", changed}});
 }
 
 ApiResult TokensResource::Show(int64_t id, int http, Json more) const {
   ApiAnswer answer{http};
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     ASSIGN_OR_RETURN(const TokenRow token, reader.Token(id));
     answer.body = TokenToJson(token, absl::ToUnixMillis(context_.clock.Now()));
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   answer.body.update(more);
   return answer;
 }

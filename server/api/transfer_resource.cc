@@ -14,6 +14,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/unix_http_server.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"
@@ -78,7 +79,7 @@ std::string TransferResource::SpoolPath() {
   return absl::StrCat(context_.data_dir, "/spool/", ++names_);
 }
 
-std::optional<ApiError> TransferResource::SendMade(
+absl::Status TransferResource::SendMade(
     const char* type, Response& response,
     const std::function<absl::Status(const std::string&)>& make) {
   UnixHttpServer::AllowUploadTime();
@@ -89,21 +90,17 @@ std::optional<ApiError> TransferResource::SendMade(
     std::error_code error;
     fs::remove(path, error);
   };
-  absl::Status status = make(path);
-  if (status.ok()) status = response.SetFile(path, type);
-  if (!status.ok()) return ErrorOf(status);
-  return std::nullopt;
+  RETURN_IF_ERROR(make(path));
+  return response.SetFile(path, type);
 }
 
-std::optional<ApiError> TransferResource::SendExport(const Request&,
-                                                     Response& response) {
+absl::Status TransferResource::SendExport(const Request&, Response& response) {
   return SendMade("application/json", response, [this](const std::string& path) {
     return WriteExport(context_.readers, path);
   });
 }
 
-std::optional<ApiError> TransferResource::SendBackup(const Request&,
-                                                     Response& response) {
+absl::Status TransferResource::SendBackup(const Request&, Response& response) {
   const auto copy = [this](const std::string& path) {
     return context_.readers.Backup(
         path,
@@ -114,10 +111,10 @@ std::optional<ApiError> TransferResource::SendBackup(const Request&,
           spdlog::error("backup: a row of the store is damaged, and so in the copy: {}", what);
         });
   };
-  std::optional<ApiError> error = SendMade("application/vnd.sqlite3", response, copy);
+  RETURN_IF_ERROR(SendMade("application/vnd.sqlite3", response, copy));
   // An export is a function of the store's rows, so it adds none.
-  if (!error.has_value()) NoteAct("store", "backed up");
-  return error;
+  NoteAct("store", "backed up");
+  return absl::OkStatus();
 }
 
 ApiResult TransferResource::Import(const Request& request) {
@@ -127,19 +124,16 @@ ApiResult TransferResource::Import(const Request& request) {
     std::error_code error;
     fs::remove(path, error);
   };
-  absl::Status status = request.body->MoveTo(path);
-  if (!status.ok()) return ErrorOf(status);
-  absl::StatusOr<ExportInfo> info = CheckExport(path);
-  if (!info.ok()) return ErrorOf(info.status());
-  status = context_.engine.Change(
-      [path, checked = *info, who = CallerKey()](Writer& writer) {
+  RETURN_IF_ERROR(request.body->MoveTo(path));
+  ASSIGN_OR_RETURN(ExportInfo info, CheckExport(path));
+  RETURN_IF_ERROR(context_.engine.Change(
+      [path, checked = info, who = CallerKey()](Writer& writer) {
         return writer.Import(path, checked, who, CheckReadable);
       },
-      context_.config.http.upload);
-  if (!status.ok()) return ErrorOf(status);
+      context_.config.http.upload));
   FillView(context_);
-  NoteAct("store", absl::StrCat("filled from an export with the SHA-256 ", info->sha256));
-  return ApiAnswer{200, {{"sha256", info->sha256}, {"schema", info->schema}, {"rows", info->rows}}};
+  NoteAct("store", absl::StrCat("filled from an export with the SHA-256 ", info.sha256));
+  return ApiAnswer{200, {{"sha256", info.sha256}, {"schema", info.schema}, {"rows", info.rows}}};
 }
 
 }  // namespace myograde::server

@@ -23,12 +23,12 @@ class TransferResource {
   void Install(Routes& routes);
 
  private:
-  std::optional<ApiError> SendExport(const Request& request, Response& response);
-  std::optional<ApiError> SendBackup(const Request& request, Response& response);
+  absl::Status SendExport(const Request& request, Response& response);
+  absl::Status SendBackup(const Request& request, Response& response);
   ApiResult Import(const Request& request);
 
   // `make` writes the file; the client gets it with its length, or the reason why not.
-  std::optional<ApiError> SendMade(const char* type, Response& response,
+  absl::Status SendMade(const char* type, Response& response,
                                    const std::function<absl::Status(const std::string&)>& make);
   std::string SpoolPath();
 

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/views.h"
@@ -50,10 +51,10 @@ void WebhooksResource::Install(Routes& routes) {
 }
 
 ApiResult WebhooksResource::List(const Request& request) const {
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   std::vector<Damage> damaged;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
     std::map<std::string, DeliveryCounts> counts;
     for (DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
     for (const Webhook& webhook : context_.webhooks.webhooks()) {
@@ -65,32 +66,30 @@ ApiResult WebhooksResource::List(const Request& request) const {
       damaged.insert(damaged.end(), rows.damaged.begin(), rows.damaged.end());
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
+  }));
   return ApiAnswer{200, {{"webhooks", std::move(list)}, {"unreadable", DamagedToJson(damaged)}}};
 }
 
 ApiResult WebhooksResource::Test(const Request& request, const Json& body) const {
-  if (absl::Status status = ParseNothing(body); !status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(ParseNothing(body));
   const std::string name = request.matches[1];
   const Webhook* configured = context_.webhooks.Find(name);
   if (configured == nullptr) {
-    return ApiError{404, "not_found", absl::StrCat("server.json has no webhook \"", name, "\"")};
+    return StatusOf({404, "not_found", absl::StrCat("server.json has no webhook \"", name, "\"")});
   }
   Webhook webhook = *configured;
   webhook.config.timeout =
       std::min(webhook.config.timeout, context_.config.http.request * kTestShare);
   const absl::Duration begin = context_.clock.Monotonic();
-  const absl::StatusOr<PostResult> result =
-      context_.webhooks.Test(webhook, [] { return UnixHttpServer::Stopping(); });
-  if (!result.ok()) return ErrorOf(result.status());
-  NoteAct(absl::StrCat("webhook ", name), result->delivered ? "delivered" : "not delivered");
+  ASSIGN_OR_RETURN(const PostResult result,
+                   context_.webhooks.Test(webhook, [] { return UnixHttpServer::Stopping(); }));
+  NoteAct(absl::StrCat("webhook ", name), result.delivered ? "delivered" : "not delivered");
   return ApiAnswer{
       200,
       {{"webhook", name},
-       {"delivered", result->delivered},
-       {"status", result->http == 0 ? Json() : Json(result->http)},
-       {"problem", TextOrNull(result->problem)},
+       {"delivered", result.delivered},
+       {"status", result.http == 0 ? Json() : Json(result.http)},
+       {"problem", TextOrNull(result.problem)},
        {"took_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - begin)}}};
 }
 

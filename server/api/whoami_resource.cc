@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 
@@ -17,12 +18,11 @@ void WhoamiResource::Install(Routes& routes) {
 }
 
 ApiResult WhoamiResource::Whoami(const Request& request) const {
-  absl::Status status = CheckParameters(request, {});
-  if (!status.ok()) return ErrorOf(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
   const Identity& caller = Caller();
   Json token;
   if (caller.token != 0) {
-    status = context_.readers.Read([&](Reader& reader) {
+    RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
       const absl::StatusOr<TokenRow> row = reader.Token(caller.token);
       if (row.ok()) {
         token = {{"id", row->id},
@@ -30,9 +30,8 @@ ApiResult WhoamiResource::Whoami(const Request& request) const {
                  {"expires_at", TimeToJson(row->expires_at)}};
       }
       return row.status();
-    });
+    }));
   }
-  if (!status.ok()) return ErrorOf(status);
   return ApiAnswer{200,
                    {{"role", RoleName(caller.role)},
                     {"teams", caller.teams},
