@@ -1,5 +1,6 @@
 #include "server/api/api.h"
 
+#include "server/api/resources.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
@@ -23,33 +24,23 @@ void Api::Install(UnixHttpServer& server) {
   });
   server.SetRefusalCounter([this](int http) { context_.metrics.CountRefusal(http); });
   Routes routes(server.router(), guard_, context_.metrics);
-  access_.Install(routes);
-  host_.Install(routes);
-  leases_.Install(routes);
-  metrics_.Install(routes);
-  artefacts_.Install(routes);
-  submissions_.Install(routes);
-  evaluations_.Install(routes);
-  boards_.Install(routes);
-  challenges_.Install(routes);
-  quota_.Install(routes);
-  nodes_.Install(routes);
-  pictures_.Install(routes);
-  proof_.Install(routes);
-  record_.Install(routes);
-  rejudges_.Install(routes);
-  reveal_.Install(routes);
-  runtimes_.Install(routes);
-  statistics_.Install(routes);
-  more_seeds_.Install(routes);
-  teams_.Install(routes);
-  tokens_.Install(routes);
-  transfer_.Install(routes);
-  webhooks_.Install(routes);
-  whoami_.Install(routes);
-  openapi_.Install(routes);
-  queue_.Install(routes);
-  pages_.Install(routes);
+  AddAccess(routes, context_);
+  AddTeams(routes, context_);
+  AddQuota(routes, context_);
+  AddSubmissions(routes, context_);
+  AddEvaluations(routes, context_);
+  AddPictures(routes, context_);
+  AddQueue(routes, context_, guard_);
+  AddBoards(routes, context_);
+  AddRejudges(routes, context_);
+  AddChallenges(routes, context_);
+  AddProof(routes, context_);
+  AddHost(routes, context_);
+  AddMetrics(routes, context_);
+  AddTransfer(routes, context_);
+  AddWebhooks(routes, context_);
+  AddLeases(routes, context_.leases);
+  AddPages(routes, context_);
 }
 
 }  // namespace myograde::server

@@ -1,30 +1,36 @@
-#include "server/api/boards_resource.h"
+#include "server/api/resources.h"
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/board_answers.h"
 #include "server/api/board_feeds.h"
 #include "server/api/board_query.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
+#include "server/api/kept_statistics.h"
 #include "server/api/requests.h"
+#include "server/api/statistics_view.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
 #include "server/grading/leaderboard.h"
 
 namespace myograde::server {
+namespace {
 
 using Json = nlohmann::json;
-
-namespace {
+using Answers = std::shared_ptr<BoardAnswers>;
 
 // Opened by itself, an image runs nothing and loads nothing either.
 void SendDrawing(const std::string& svg, Response& response) {
@@ -34,38 +40,34 @@ void SendDrawing(const std::string& svg, Response& response) {
   response.SetContent(svg, "image/svg+xml");
 }
 
-}  // namespace
-
-BoardsResource::BoardsResource(const ApiContext& context, KeptStatistics& statistics)
-    : context_(context),
-      answers_(context, [&context, &statistics](Reader& reader, const BoardQuery& asked) {
-        const absl::StatusOr<Json> board = BoardView(
-            reader, asked, StatisticsConfigOf(context, asked.track->config.phase), statistics);
-        return board.ok() ? CanonicalJson(*board) + "\n"
-                          : absl::StatusOr<std::string>(board.status());
-      }) {}
-
-void BoardsResource::Install(Routes& routes) {
-  routes.Get("/v1/leaderboard", Action::kReadBoard, std::bind_front(&BoardsResource::Get, this));
-  routes.GetFile("/v1/leaderboard/badge", Action::kReadBoard,
-                 std::bind_front(&BoardsResource::Badge, this));
-  routes.GetFile("/v1/leaderboard/feed", Action::kReadBoard,
-                 std::bind_front(&BoardsResource::Feed, this));
-  routes.Get("/v1/leaderboard/explain", Action::kReadBoard,
-             std::bind_front(&BoardsResource::Explain, this));
-  routes.Post("/v1/leaderboard/rebuild", Action::kRebuildBoards,
-              std::bind_front(&BoardsResource::Rebuild, this));
+absl::StatusOr<std::string> MakeStatisticsText(Reader& reader, const ApiContext& context,
+                                               const BoardQuery& asked, KeptStatistics& kept) {
+  const Track& track = *asked.track;
+  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, track, asked.moment()));
+  const scoring::BoardRules& rules = asked.rules->rules;
+  ASSIGN_OR_RETURN(const Leaderboard board,
+                   MakeLeaderboard(source.standings, source.marks, rules, track.scoring.team));
+  const scoring::StatisticsConfig config = StatisticsConfigOf(context, track.config.phase);
+  ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, config.groups));
+  ASSIGN_OR_RETURN(Json json, StatisticsAnswer(reader, track, rules, board, *statistics, config));
+  AddBoardAsked(asked, source.withheld, json);
+  std::vector<Damage> damaged = source.damaged;
+  damaged.insert(damaged.end(), board.damaged.begin(), board.damaged.end());
+  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
+  json["unreadable"] = DamagedToJson(damaged);
+  return CanonicalJson(json) + "\n";
 }
 
-absl::Status BoardsResource::Badge(const Request& request, Response& response) {
+absl::Status SendBadge(const ApiContext& context, const Answers& answers, const Request& request,
+                       Response& response) {
   absl::Status status = CheckParameters(request, BoardParametersAnd({"team"}));
   if (!request.HasParam("team")) {
     status.Update(absl::InvalidArgumentError("\"team\" is missing: the name of a team"));
   }
   RETURN_IF_ERROR(status);
-  return context_.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
-    ASSIGN_OR_RETURN(const auto text, answers_.TextOf(reader, asked));
+  return context.readers.Read([&](Reader& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context));
+    ASSIGN_OR_RETURN(const auto text, answers->TextOf(reader, asked));
     ASSIGN_OR_RETURN(const auto badge,
                      BadgeOf(Json::parse(*text), reader.TeamOf(request.Param("team"))));
     SendDrawing(badge, response);
@@ -73,11 +75,12 @@ absl::Status BoardsResource::Badge(const Request& request, Response& response) {
   });
 }
 
-absl::Status BoardsResource::Feed(const Request& request, Response& response) {
+absl::Status SendFeed(const ApiContext& context, const Answers& answers, const Request& request,
+                      Response& response) {
   RETURN_IF_ERROR(CheckParameters(request, BoardParametersAnd({})));
-  return context_.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
-    ASSIGN_OR_RETURN(const auto text, answers_.TextOf(reader, asked));
+  return context.readers.Read([&](Reader& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context));
+    ASSIGN_OR_RETURN(const auto text, answers->TextOf(reader, asked));
     const Json board = Json::parse(*text);
     std::map<int64_t, std::string> ended;
     for (const Json& row : board["rows"]) {
@@ -98,9 +101,7 @@ absl::Status BoardsResource::Feed(const Request& request, Response& response) {
   });
 }
 
-ApiResult BoardsResource::Get(const Request& request) { return answers_.Get(request); }
-
-ApiResult BoardsResource::Explain(const Request& request) const {
+ApiResult ExplainPlaces(const ApiContext& context, const Request& request) {
   absl::Status status = CheckParameters(request, BoardParametersAnd({"a", "b"}));
   for (const char* key : {"a", "b"}) {
     if (!request.HasParam(key)) {
@@ -110,8 +111,8 @@ ApiResult BoardsResource::Explain(const Request& request) const {
   }
   RETURN_IF_ERROR(status);
   ApiAnswer answer{.tagged = true};
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context_));
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context));
     ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
     ASSIGN_OR_RETURN(const auto explanation,
                      ExplainOrder(source.standings, source.marks, board.rules->rules,
@@ -130,15 +131,15 @@ ApiResult BoardsResource::Explain(const Request& request) const {
   return answer;
 }
 
-ApiResult BoardsResource::Rebuild(const Request&, const Json& body) const {
+ApiResult RebuildBoards(const ApiContext& context, const Request&, const Json& body) {
   ConfigReader reader(body, "request");
   RETURN_IF_ERROR(reader.Finish());
   UnixHttpServer::AllowUploadTime();
-  ASSIGN_OR_RETURN(auto standings, MakeStandings(context_.readers, /*missing_only=*/false));
+  ASSIGN_OR_RETURN(auto standings, MakeStandings(context.readers, /*missing_only=*/false));
   const size_t count = standings.rows.size();
   const Json unreadable = DamagedToJson(standings.damaged);
   // One that ends in between is made of its rows whenever a board needs it.
-  RETURN_IF_ERROR(context_.engine.Change(
+  RETURN_IF_ERROR(context.engine.Change(
       [rows = std::move(standings.rows)](Writer& writer) {
         absl::Status written = writer.DropStandings();
         for (const auto& [evaluation, standing] : rows) {
@@ -146,9 +147,37 @@ ApiResult BoardsResource::Rebuild(const Request&, const Json& body) const {
         }
         return written;
       },
-      context_.config.http.upload));
+      context.config.http.upload));
   NoteAct("boards", absl::StrCat(count, " rows are rebuilt"));
   return ApiAnswer{200, {{"rebuilt", count}, {"unreadable", unreadable}}};
+}
+
+}  // namespace
+
+void AddBoards(Routes& routes, const ApiContext& context) {
+  const auto statistics = std::make_shared<KeptStatistics>();
+  const auto boards = std::make_shared<BoardAnswers>(
+      context, [&context, statistics](Reader& reader, const BoardQuery& asked) {
+        const absl::StatusOr<Json> board = BoardView(
+            reader, asked, StatisticsConfigOf(context, asked.track->config.phase), *statistics);
+        return board.ok() ? CanonicalJson(*board) + "\n"
+                          : absl::StatusOr<std::string>(board.status());
+      });
+  const auto tests = std::make_shared<BoardAnswers>(
+      context, [&context, statistics](Reader& reader, const BoardQuery& asked) {
+        return MakeStatisticsText(reader, context, asked, *statistics);
+      });
+  routes.Get("/v1/leaderboard", Action::kReadBoard, std::bind_front(&BoardAnswers::Get, boards));
+  routes.GetFile("/v1/leaderboard/badge", Action::kReadBoard,
+                 std::bind_front(SendBadge, std::cref(context), boards));
+  routes.GetFile("/v1/leaderboard/feed", Action::kReadBoard,
+                 std::bind_front(SendFeed, std::cref(context), boards));
+  routes.Get("/v1/leaderboard/explain", Action::kReadBoard,
+             std::bind_front(ExplainPlaces, std::cref(context)));
+  routes.Get("/v1/leaderboard/statistics", Action::kReadBoard,
+             std::bind_front(&BoardAnswers::Get, tests));
+  routes.Post("/v1/leaderboard/rebuild", Action::kRebuildBoards,
+              std::bind_front(RebuildBoards, std::cref(context)));
 }
 
 }  // namespace myograde::server

@@ -1,5 +1,6 @@
-#include "server/api/evaluations_resource.h"
+#include "server/api/resources.h"
 
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <set>
@@ -9,13 +10,16 @@
 #include <vector>
 
 #include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
 #include "server/api/episode_rows.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
@@ -196,27 +200,15 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
   return rerun;
 }
 
-}  // namespace
-
-void EvaluationsResource::Install(Routes& routes) {
-  using Self = EvaluationsResource;
-  routes.Get(R"(/v1/submissions/(\d{1,18})/result)", Action::kReadSubmission,
-             std::bind_front(&Self::GetResult, this));
-  routes.Get(R"(/v1/evaluations/(\d{1,18}))", Action::kReadSubmission,
-             std::bind_front(&Self::Get, this));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/rerun)", Action::kRerun,
-              std::bind_front(&Self::Rerun, this));
-}
-
-ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
-                                                const Request& request) const {
+ApiResult EvaluationAnswer(const ApiContext& context, int64_t id, bool of_submission,
+                           const Request& request) {
   absl::Status status =
       CheckParameters(request, {"details", "episodes", "fields", "first", "last", "summary"});
   const absl::StatusOr<EpisodeSelection> selection = ParseEpisodes(request);
   status.Update(selection.status());
   ApiAnswer answer;
   if (status.ok()) {
-    status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    status = context.readers.Read([&](Reader& reader) -> absl::Status {
       RETURN_IF_ERROR(
           of_submission ? RequireSubmission(reader, id) : RequireEvaluation(reader, id));
       int64_t evaluation = id;
@@ -225,7 +217,7 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
         ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(id));
         evaluation = original.id;
       }
-      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, *selection);
+      absl::StatusOr<Json> json = EvaluationToJson(reader, context, evaluation, *selection);
       if (json.ok()) answer.body = *std::move(json);
       return json.status();
     });
@@ -234,39 +226,18 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
   return answer;
 }
 
-ApiResult EvaluationsResource::GetResult(const Request& request) const {
-  return EvaluationAnswer(IdOf(request), /*of_submission=*/true, request);
+// The original evaluation of a submission.
+ApiResult GetResult(const ApiContext& context, const Request& request) {
+  return EvaluationAnswer(context, IdOf(request), /*of_submission=*/true, request);
 }
 
-ApiResult EvaluationsResource::Get(const Request& request) const {
-  return EvaluationAnswer(IdOf(request), /*of_submission=*/false, request);
+ApiResult GetEvaluation(const ApiContext& context, const Request& request) {
+  return EvaluationAnswer(context, IdOf(request), /*of_submission=*/false, request);
 }
 
-ApiResult EvaluationsResource::Rerun(const Request& request, const Json& body) const {
-  ASSIGN_OR_RETURN(const RerunRequest wanted, ParseRerun(body));
-  ASSIGN_OR_RETURN(const RequestKey key, ReadRequestKey(request, body));
-  ASSIGN_OR_RETURN(const std::optional<Accepted> earlier, FindEarlier(context_.readers, CallerKey(), key));
-  if (earlier.has_value()) return RerunAnswer(*earlier);
-  const int64_t submission = IdOf(request);
-  ASSIGN_OR_RETURN(NewRerun rerun,
-                   context_.readers.Read<NewRerun>([&](Reader& reader) -> absl::StatusOr<NewRerun> {
-                     RETURN_IF_ERROR(RequireSubmission(reader, submission));
-                     return MakeRerun(reader, context_, submission, wanted);
-                   }));
-  rerun.request_key = key;
-  ASSIGN_OR_RETURN(const Accepted accepted, context_.engine.Rerun(
-      rerun, CallerKey(), CallerIsOrganiser(), context_.config.reruns,
-      context_.config.http.request));
-  if (accepted.is_new()) {
-    NoteAct(absl::StrCat("submission ", submission),
-            absl::StrCat("evaluation ", accepted.evaluation));
-  }
-  return RerunAnswer(accepted);
-}
-
-ApiResult EvaluationsResource::RerunAnswer(const Accepted& accepted) const {
+ApiResult RerunAnswer(const ApiContext& context, const Accepted& accepted) {
   ApiAnswer answer{.http = accepted.is_new() ? 201 : 200};
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
     const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(accepted.evaluation);
     if (!evaluation.ok()) return evaluation.status();
     answer.body = {{"evaluation", accepted.evaluation},
@@ -279,6 +250,39 @@ ApiResult EvaluationsResource::RerunAnswer(const Accepted& accepted) const {
     return absl::OkStatus();
   }));
   return answer;
+}
+
+ApiResult RerunSubmission(const ApiContext& context, const Request& request, const Json& body) {
+  ASSIGN_OR_RETURN(const RerunRequest wanted, ParseRerun(body));
+  ASSIGN_OR_RETURN(const RequestKey key, ReadRequestKey(request, body));
+  ASSIGN_OR_RETURN(const std::optional<Accepted> earlier, FindEarlier(context.readers, CallerKey(), key));
+  if (earlier.has_value()) return RerunAnswer(context, *earlier);
+  const int64_t submission = IdOf(request);
+  ASSIGN_OR_RETURN(NewRerun rerun,
+                   context.readers.Read<NewRerun>([&](Reader& reader) -> absl::StatusOr<NewRerun> {
+                     RETURN_IF_ERROR(RequireSubmission(reader, submission));
+                     return MakeRerun(reader, context, submission, wanted);
+                   }));
+  rerun.request_key = key;
+  ASSIGN_OR_RETURN(const Accepted accepted, context.engine.Rerun(
+      rerun, CallerKey(), CallerIsOrganiser(), context.config.reruns,
+      context.config.http.request));
+  if (accepted.is_new()) {
+    NoteAct(absl::StrCat("submission ", submission),
+            absl::StrCat("evaluation ", accepted.evaluation));
+  }
+  return RerunAnswer(context, accepted);
+}
+
+}  // namespace
+
+void AddEvaluations(Routes& routes, const ApiContext& context) {
+  routes.Get(R"(/v1/submissions/(\d{1,18})/result)", Action::kReadSubmission,
+             std::bind_front(GetResult, std::cref(context)));
+  routes.Get(R"(/v1/evaluations/(\d{1,18}))", Action::kReadSubmission,
+             std::bind_front(GetEvaluation, std::cref(context)));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/rerun)", Action::kRerun,
+              std::bind_front(RerunSubmission, std::cref(context)));
 }
 
 }  // namespace myograde::server

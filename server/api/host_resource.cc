@@ -1,15 +1,26 @@
-#include "server/api/host_resource.h"
+#include "server/api/resources.h"
 
 #include <unistd.h>
 
 #include <functional>
+#include <map>
+#include <string>
 #include <utility>
 
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/status_macros.h"
+#include "server/api/context.h"
+#include "server/api/node_view_json.h"
 #include "server/api/readiness.h"
+#include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 #include "server/base/host_name.h"
 #include "server/proof/grader_build.h"
+#include "server/runtime/runtimes.h"
 #include "server/store/schema.h"
 
 namespace myograde::server {
@@ -17,51 +28,27 @@ namespace {
 
 using Json = nlohmann::json;
 
-}  // namespace
+// Names that Slurm and DNS have for hosts.
+constexpr char kNode[] = R"(/v1/nodes/([A-Za-z0-9][A-Za-z0-9._-]{0,254}))";
 
-void HostResource::Install(Routes& routes) {
-  routes.Get("/v1/health", Action::kReadHealth, std::bind_front(&HostResource::Health, this));
-  routes.Get("/v1/live", Action::kReadHealth, std::bind_front(&HostResource::Live, this));
-  routes.Get("/v1/ready", Action::kReadHealth, std::bind_front(&HostResource::Ready, this));
-  routes.Get("/v1/tracks", Action::kReadTracks, std::bind_front(&HostResource::ListTracks, this));
+struct NodeAct {
+  bool drain = false;
+  std::string why;  // "" for an admission
+};
+
+absl::StatusOr<NodeAct> ParseNodeAct(const Json& body) {
+  ConfigReader reader(body, "request");
+  NodeAct act;
+  act.drain = reader.Choice("state", {"drained", "admitted"}) == "drained";
+  if (act.drain) act.why = ReadReason(reader);
+  RETURN_IF_ERROR(reader.Finish());
+  return act;
 }
 
-// Everybody sees that it works, participants how busy it is, and organisers the host.
-ApiResult HostResource::Health(const Request&) const {
-  const LiveHealth health = context_.engine.Health();
-  Json body = {{"status", StatusOf(health)},
-               {"version", GraderVersion()},
-               {"api", 1}};
-  if (Caller().role >= Role::kParticipant) {
-    body["slots"] = context_.config.scheduler.slots;
-    body["running"] = health.running;
-    body["pending_leases"] = health.pending;
-  }
-  if (CallerMay(Action::kReadHost)) body.update(HostToJson(health));
-  return ApiAnswer{200, std::move(body)};
-}
-
-ApiResult HostResource::Live(const Request&) const {
-  return ApiAnswer{200, {{"live", true}}};
-}
-
-ApiResult HostResource::Ready(const Request&) const {
-  const std::vector<Obstacle> obstacles =
-      ObstaclesOf(context_.engine.Health(), context_.config, context_.data_dir,
-                  UnixHttpServer::Stopping());
-  Json body = {{"ready", obstacles.empty()}};
-  if (CallerMay(Action::kReadHost)) {
-    Json& reasons = body["reasons"] = Json::array();
-    for (const Obstacle& obstacle : obstacles) {
-      reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
-    }
-  }
-  return ApiAnswer{obstacles.empty() ? 200 : 503, std::move(body)};
-}
-
-nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
+// What organisers see beside.
+nlohmann::json HostToJson(const ApiContext& context, const LiveHealth& health) {
   Json running = Json::array();
-  for (const auto& [lease, live] : context_.engine.Running()) {
+  for (const auto& [lease, live] : context.engine.Running()) {
     running.push_back({{"lease", lease},
                        {"evaluation", live.evaluation},
                        {"submission", live.submission},
@@ -86,7 +73,7 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
   }
   Json held_back = Json::array();
   // A store that can't be read is told of elsewhere.
-  (void)context_.readers.Read([&](Reader& reader) {
+  (void)context.readers.Read([&](Reader& reader) {
     held_back = reader.HeldBack();
     return absl::OkStatus();
   });
@@ -109,14 +96,48 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
           {"held_back", std::move(held_back)},
           {"schema", SchemaMigrations().size()},
           {"pid", getpid()},
-          {"data", context_.data_dir},
-          {"started_at", TimeToJson(absl::ToUnixMillis(context_.started_at))},
-          {"uptime_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - context_.began)}};
+          {"data", context.data_dir},
+          {"started_at", TimeToJson(absl::ToUnixMillis(context.started_at))},
+          {"uptime_wall_s", absl::ToDoubleSeconds(context.clock.Monotonic() - context.began)}};
 }
 
-ApiResult HostResource::ListTracks(const Request&) const {
+// Everybody sees that it works, participants how busy it is, and organisers the host.
+ApiResult GetHealth(const ApiContext& context, const Request&) {
+  const LiveHealth health = context.engine.Health();
+  Json body = {{"status", StatusOf(health)},
+               {"version", GraderVersion()},
+               {"api", 1}};
+  if (Caller().role >= Role::kParticipant) {
+    body["slots"] = context.config.scheduler.slots;
+    body["running"] = health.running;
+    body["pending_leases"] = health.pending;
+  }
+  if (CallerMay(Action::kReadHost)) body.update(HostToJson(context, health));
+  return ApiAnswer{200, std::move(body)};
+}
+
+// Whether the process serves requests, and whether it can do its work.
+ApiResult GetLive(const Request&) {
+  return ApiAnswer{200, {{"live", true}}};
+}
+
+ApiResult GetReady(const ApiContext& context, const Request&) {
+  const std::vector<Obstacle> obstacles =
+      ObstaclesOf(context.engine.Health(), context.config, context.data_dir,
+                  UnixHttpServer::Stopping());
+  Json body = {{"ready", obstacles.empty()}};
+  if (CallerMay(Action::kReadHost)) {
+    Json& reasons = body["reasons"] = Json::array();
+    for (const Obstacle& obstacle : obstacles) {
+      reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
+    }
+  }
+  return ApiAnswer{obstacles.empty() ? 200 : 503, std::move(body)};
+}
+
+ApiResult ListTracks(const ApiContext& context, const Request&) {
   Json list = Json::array();
-  for (const auto& [name, offer] : context_.tracks.entries()) {
+  for (const auto& [name, offer] : context.tracks.entries()) {
     Json profiles = Json::array();
     for (const auto& [profile, track] : offer.profiles) {
       profiles.push_back({{"profile", profile},
@@ -135,6 +156,61 @@ ApiResult HostResource::ListTracks(const Request&) const {
                     {"profiles", std::move(profiles)}});
   }
   return ApiAnswer{200, {{"tracks", std::move(list)}}};
+}
+
+ApiResult ListNodes(const ApiContext& context, const Request& request) {
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  Listed<DrainedNodeRow> drained;
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
+    drained = reader.DrainedNodes();
+    return absl::OkStatus();
+  }));
+  const bool cluster = context.config.on_cluster;
+  return ApiAnswer{200,
+                   {{"cluster", cluster},
+                    {"message", TextOrNull(context.engine.Health().executor_trouble)},
+                    {"nodes", NodesToJson(context.engine.Nodes(), drained.rows, cluster)},
+                    {"unreadable", DamagedToJson(drained.damaged)}}};
+}
+
+ApiResult SetNode(const ApiContext& context, const Request& request, const Json& body) {
+  ASSIGN_OR_RETURN(const NodeAct act, ParseNodeAct(body));
+  if (!context.config.on_cluster) {
+    return StatusOf({409, "no_cluster",
+                    "leases run on this host, so there are no nodes; \"executor\" of server.json "
+                    "says where they run"});
+  }
+  const std::string node = request.matches[1];
+  const absl::Duration timeout = context.config.http.request;
+  const absl::Status status =
+      act.drain ? context.engine.DrainNode(node, act.why, CallerKey(), timeout)
+                 : context.engine.AdmitNode(node, CallerKey(), timeout);
+  RETURN_IF_ERROR(status);
+  NoteAct(absl::StrCat("node ", node),
+          act.drain ? absl::StrCat("drained: ", act.why) : std::string("admitted"));
+  return ApiAnswer{200, {{"node", node}, {"state", act.drain ? "drained" : "admitted"}}};
+}
+
+ApiResult ListRuntimes(const ApiContext& context, const Request& request) {
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  nlohmann::json runtimes = nlohmann::json::array();
+  for (const Runtime& runtime :
+       Runtimes(context.config.runtimes, context.config.runtimes_dir).List()) {
+    runtimes.push_back(RuntimeToJson(runtime));
+  }
+  return ApiAnswer{.body = {{"runtimes", std::move(runtimes)}}, .tagged = true};
+}
+
+}  // namespace
+
+void AddHost(Routes& routes, const ApiContext& context) {
+  routes.Get("/v1/health", Action::kReadHealth, std::bind_front(GetHealth, std::cref(context)));
+  routes.Get("/v1/live", Action::kReadHealth, GetLive);
+  routes.Get("/v1/ready", Action::kReadHealth, std::bind_front(GetReady, std::cref(context)));
+  routes.Get("/v1/tracks", Action::kReadTracks, std::bind_front(ListTracks, std::cref(context)));
+  routes.Get("/v1/nodes", Action::kReadHost, std::bind_front(ListNodes, std::cref(context)));
+  routes.Post(kNode, Action::kManageNodes, std::bind_front(SetNode, std::cref(context)));
+  routes.Get("/v1/runtimes", Action::kReadTracks, std::bind_front(ListRuntimes, std::cref(context)));
 }
 
 }  // namespace myograde::server

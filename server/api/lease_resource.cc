@@ -1,4 +1,4 @@
-#include "server/api/lease_resource.h"
+#include "server/api/resources.h"
 
 #include <functional>
 #include <memory>
@@ -45,50 +45,25 @@ ApiResult TakeForm(const Request& request,
   return Done(put(form));
 }
 
-}  // namespace
-
-void LeaseResource::Install(Routes& routes) {
-  using Self = LeaseResource;
-  const BodyRule form = {.most = static_cast<int64_t>(kMostFormBytes),
-                         .types = {"application/json"}};
-  const auto add = [&](const char* rest, const BodyRule& rule,
-                       ApiResult (Self::*handle)(const Request&) const) {
-    routes.PostUpload(PathOfLease(rest), Action::kPlayLease, rule, std::bind_front(handle, this));
-  };
-  routes.Get(PathOfLease("order"), Action::kPlayLease, std::bind_front(&Self::GetOrder, this));
-  routes.GetFile(PathOfLease("artefact"), Action::kPlayLease,
-                 std::bind_front(&Self::GetArtefact, this));
-  add("claim", form, &Self::TakeClaim);
-  add("proof", form, &Self::TakeProof);
-  add("records", {.most = kMostRecordsAtOnce, .types = {"application/octet-stream"}},
-      &Self::TakeRecords);
-  add("logs/([0-9a-f]{64})",
-      {.most = door_ == nullptr ? kMostRecordsAtOnce : door_->most_log_bytes(),
-       .upload = true,
-       .types = {"application/octet-stream"}},
-      &Self::TakeLog);
-  add("end", form, &Self::TakeEnd);
-}
-
-absl::Status LeaseResource::CheckCaller(const Request& request) const {
-  if (door_ != nullptr && Caller().lease == NameOf(request)) return absl::OkStatus();
+absl::Status CheckNode(LeaseDoor* door, const Request& request) {
+  if (door != nullptr && Caller().lease == NameOf(request)) return absl::OkStatus();
   return StatusOf({404, "not_found",
                   absl::StrCat("there is no such attempt of a lease for you; only the node that "
                                "plays it may ask, with the token of attempt ", NameOf(request))});
 }
 
-ApiResult LeaseResource::GetOrder(const Request& request) const {
-  RETURN_IF_ERROR(CheckCaller(request));
-  absl::StatusOr<std::string> text = door_->OrderText(NameOf(request));
+ApiResult GetOrder(LeaseDoor* door, const Request& request) {
+  RETURN_IF_ERROR(CheckNode(door, request));
+  absl::StatusOr<std::string> text = door->OrderText(NameOf(request));
   if (!text.ok()) return RefusalOf(text.status());
   ApiAnswer answer;
   answer.text = std::make_shared<const std::string>(*std::move(text) + "\n");
   return answer;
 }
 
-absl::Status LeaseResource::GetArtefact(const Request& request, Response& response) const {
-  RETURN_IF_ERROR(CheckCaller(request));
-  const absl::StatusOr<std::string> path = door_->ArtefactPath(NameOf(request));
+absl::Status SendArtefact(LeaseDoor* door, const Request& request, Response& response) {
+  RETURN_IF_ERROR(CheckNode(door, request));
+  const absl::StatusOr<std::string> path = door->ArtefactPath(NameOf(request));
   if (!path.ok()) return RefusalOf(path.status());
   UnixHttpServer::AllowUploadTime();
   const absl::Status status = response.SetFile(*path, "application/x-tar");
@@ -98,22 +73,22 @@ absl::Status LeaseResource::GetArtefact(const Request& request, Response& respon
   return absl::OkStatus();
 }
 
-ApiResult LeaseResource::TakeClaim(const Request& request) const {
-  RETURN_IF_ERROR(CheckCaller(request));
+ApiResult TakeClaim(LeaseDoor* door, const Request& request) {
+  RETURN_IF_ERROR(CheckNode(door, request));
   return TakeForm<NodeClaim>(request, NodeClaimFromText, [&](const NodeClaim& claim) {
-    return door_->PutClaim(NameOf(request), claim);
+    return door->PutClaim(NameOf(request), claim);
   });
 }
 
-ApiResult LeaseResource::TakeProof(const Request& request) const {
-  RETURN_IF_ERROR(CheckCaller(request));
+ApiResult TakeProof(LeaseDoor* door, const Request& request) {
+  RETURN_IF_ERROR(CheckNode(door, request));
   return TakeForm<NodeProof>(request, NodeProofFromText, [&](const NodeProof& proof) {
-    return door_->PutProof(NameOf(request), proof);
+    return door->PutProof(NameOf(request), proof);
   });
 }
 
-ApiResult LeaseResource::TakeRecords(const Request& request) const {
-  RETURN_IF_ERROR(CheckCaller(request));
+ApiResult TakeRecords(LeaseDoor* door, const Request& request) {
+  RETURN_IF_ERROR(CheckNode(door, request));
   int64_t offset = -1;
   absl::Status status = CheckParameters(request, {"offset"});
   status.Update(ReadNumber(request, "offset", kMostRecordBytes, offset, /*min=*/0));
@@ -123,13 +98,13 @@ ApiResult LeaseResource::TakeRecords(const Request& request) const {
   RETURN_IF_ERROR(status);
   ASSIGN_OR_RETURN(const std::string bytes, request.body->Text());
   const absl::StatusOr<RecordsState> state =
-      door_->AddRecords(NameOf(request), offset, bytes);
+      door->AddRecords(NameOf(request), offset, bytes);
   if (!state.ok()) return RefusalOf(state.status());
   return ApiAnswer{200, {{"size", state->size}, {"taken", state->taken}, {"stop", state->stop}}};
 }
 
-ApiResult LeaseResource::TakeLog(const Request& request) const {
-  RETURN_IF_ERROR(CheckCaller(request));
+ApiResult TakeLog(LeaseDoor* door, const Request& request) {
+  RETURN_IF_ERROR(CheckNode(door, request));
   const Body& body = *request.body;
   int64_t at = 0;
   const ByteSource source = [&](char* to, size_t size) {
@@ -137,14 +112,38 @@ ApiResult LeaseResource::TakeLog(const Request& request) const {
     if (n > 0) at += n;
     return n;
   };
-  return Done(door_->PutLog(NameOf(request), request.matches[2] + ".lcmlog.zst", source));
+  return Done(door->PutLog(NameOf(request), request.matches[2] + ".lcmlog.zst", source));
 }
 
-ApiResult LeaseResource::TakeEnd(const Request& request) const {
-  RETURN_IF_ERROR(CheckCaller(request));
+ApiResult TakeEnd(LeaseDoor* door, const Request& request) {
+  RETURN_IF_ERROR(CheckNode(door, request));
   return TakeForm<NodeEnd>(request, NodeEndFromText, [&](const NodeEnd& end) {
-    return door_->PutEnd(NameOf(request), end);
+    return door->PutEnd(NameOf(request), end);
   });
+}
+
+}  // namespace
+
+void AddLeases(Routes& routes, LeaseDoor* door) {
+  const BodyRule form = {.most = static_cast<int64_t>(kMostFormBytes),
+                         .types = {"application/json"}};
+  const auto add = [&](const char* rest, const BodyRule& rule,
+                       ApiResult (*handle)(LeaseDoor*, const Request&)) {
+    routes.PostUpload(PathOfLease(rest), Action::kPlayLease, rule, std::bind_front(handle, door));
+  };
+  routes.Get(PathOfLease("order"), Action::kPlayLease, std::bind_front(GetOrder, door));
+  routes.GetFile(PathOfLease("artefact"), Action::kPlayLease,
+                 std::bind_front(SendArtefact, door));
+  add("claim", form, TakeClaim);
+  add("proof", form, TakeProof);
+  add("records", {.most = kMostRecordsAtOnce, .types = {"application/octet-stream"}},
+      TakeRecords);
+  add("logs/([0-9a-f]{64})",
+      {.most = door == nullptr ? kMostRecordsAtOnce : door->most_log_bytes(),
+       .upload = true,
+       .types = {"application/octet-stream"}},
+      TakeLog);
+  add("end", form, TakeEnd);
 }
 
 }  // namespace myograde::server

@@ -1,16 +1,21 @@
-#include "server/api/metrics_resource.h"
+#include "server/api/resources.h"
 
 #include <algorithm>
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 
+#include "server/api/context.h"
 #include "server/api/readiness.h"
+#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/metrics/disk_space.h"
+#include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
 #include "server/scheduler/team_line.h"
 #include "server/store/schema.h"
@@ -40,26 +45,7 @@ double StoreBytes(const std::string& data_dir) {
   return bytes;
 }
 
-}  // namespace
-
-void MetricsResource::Install(Routes& routes) {
-  routes.GetFile("/metrics", Action::kReadMetrics, std::bind_front(&MetricsResource::Get, this));
-}
-
-absl::Status MetricsResource::Get(const Request&, Response& response) const {
-  Families families = context_.metrics.Collect();
-  const LiveHealth health = context_.engine.Health();
-  AddEngine(health, families);
-  AddHost(health, families);
-  if (context_.config.on_cluster) AddCluster(families);
-  AddDisks(families);
-  AddStore(families);
-  response.SetHeader("Cache-Control", "no-store");
-  response.SetContent(MetricsText(std::move(families)), kMetricsType);
-  return absl::OkStatus();
-}
-
-void MetricsResource::AddEngine(const LiveHealth& health, Families& families) const {
+void AddEngineMetrics(const ApiContext& context, const LiveHealth& health, Families& families) {
   MetricFamily evaluations =
       GaugeFamily("myograde_queue_evaluations", "Evaluations with a lease that waits, by class");
   MetricFamily leases = GaugeFamily("myograde_queue_leases", "Leases that wait, by class");
@@ -81,7 +67,7 @@ void MetricsResource::AddEngine(const LiveHealth& health, Families& families) co
            "How long the lease that runs longest has run, in seconds; 0: none runs",
            SecondsOf(health.oldest_run));
   AddGauge(families, "myograde_slots", "Leases that may run at once",
-           context_.config.scheduler.slots);
+           context.config.scheduler.slots);
   AddGauge(families, "myograde_slots_busy", "Slots that a lease or a self-test occupies",
            health.busy_slots);
   AddGauge(families, "myograde_slots_closed",
@@ -97,7 +83,7 @@ void MetricsResource::AddEngine(const LiveHealth& health, Families& families) co
            health.store_trouble.empty() ? 1 : 0);
 }
 
-void MetricsResource::AddHost(const LiveHealth& health, Families& families) const {
+void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Families& families) {
   MetricFamily states = GaugeFamily("myograde_host_state",
                                     "1 for the state that this host is in, 0 for the others");
   for (const auto state : {HostHealth::State::kWell, HostHealth::State::kSuspected,
@@ -105,7 +91,7 @@ void MetricsResource::AddHost(const LiveHealth& health, Families& families) cons
     AddValue(states, "state", HostStateName(state), health.host == state ? 1 : 0);
   }
   families.push_back(std::move(states));
-  const std::vector<Obstacle> obstacles = ObstaclesOf(health, context_.config, context_.data_dir,
+  const std::vector<Obstacle> obstacles = ObstaclesOf(health, context.config, context.data_dir,
                                                       UnixHttpServer::Stopping());
   AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0",
            obstacles.empty() ? 1 : 0);
@@ -123,17 +109,18 @@ void MetricsResource::AddHost(const LiveHealth& health, Families& families) cons
   families.push_back(std::move(build));
   AddGauge(families, "myograde_start_time_seconds",
            "When the daemon started, in seconds since 1970",
-           absl::ToDoubleSeconds(context_.started_at - absl::UnixEpoch()));
+           absl::ToDoubleSeconds(context.started_at - absl::UnixEpoch()));
 }
 
-void MetricsResource::AddCluster(Families& families) const {
-  const LiveJobs live = context_.engine.Jobs();
+// Its jobs and nodes.
+void AddClusterMetrics(const ApiContext& context, Families& families) {
+  const LiveJobs live = context.engine.Jobs();
   MetricFamily jobs = GaugeFamily("myograde_jobs", "Jobs of leases on the cluster, by state");
   AddValue(jobs, "state", "queued", static_cast<double>(live.queued));
   AddValue(jobs, "state", "running", static_cast<double>(live.running));
   families.push_back(std::move(jobs));
   std::map<std::string, int64_t> states = {{"new", 0}, {"proved", 0}, {"drained", 0}};
-  for (const NodeView& node : context_.engine.Nodes()) ++states[node.state];
+  for (const NodeView& node : context.engine.Nodes()) ++states[node.state];
   MetricFamily nodes = GaugeFamily("myograde_nodes", "Nodes of the cluster, by state");
   for (const auto& [state, count] : states) {
     AddValue(nodes, "state", state, static_cast<double>(count));
@@ -141,13 +128,13 @@ void MetricsResource::AddCluster(Families& families) const {
   families.push_back(std::move(nodes));
 }
 
-void MetricsResource::AddDisks(Families& families) const {
+void AddDiskMetrics(const ApiContext& context, Families& families) {
   MetricFamily size = GaugeFamily("myograde_disk_size_bytes", "Size of the disk of a folder");
   MetricFamily used = GaugeFamily("myograde_disk_used_bytes", "Used part of it");
   MetricFamily free = GaugeFamily("myograde_disk_free_bytes",
                                   "Free part of it, without what is kept for root");
-  const std::pair<const char*, const std::string*> folders[] = {{"data", &context_.data_dir},
-                                                                {"cache", &context_.cache_dir}};
+  const std::pair<const char*, const std::string*> folders[] = {{"data", &context.data_dir},
+                                                                {"cache", &context.cache_dir}};
   for (const auto& [name, folder] : folders) {
     const std::optional<DiskSpace> disk = DiskSpaceAt(*folder);
     if (!disk.has_value()) continue;
@@ -158,13 +145,35 @@ void MetricsResource::AddDisks(Families& families) const {
   for (MetricFamily* family : {&size, &used, &free}) families.push_back(std::move(*family));
   AddGauge(families, "myograde_disk_reserve_bytes",
            "What uploads must leave free on the data folder's disk",
-           static_cast<double>(context_.config.artefacts.disk_reserve));
+           static_cast<double>(context.config.artefacts.disk_reserve));
   AddGauge(families, "myograde_store_size_bytes", "Size of the store with its write-ahead log",
-           StoreBytes(context_.data_dir));
+           StoreBytes(context.data_dir));
 }
 
-void MetricsResource::AddStore(Families& families) const {
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+void AddWebhookMetrics(const ApiContext& context, Reader& reader, Families& families) {
+  MetricFamily waiting = GaugeFamily("myograde_webhook_waiting",
+                                     "Events that wait to be delivered, by webhook");
+  MetricFamily oldest = GaugeFamily("myograde_webhook_oldest_waiting_seconds",
+                                    "Age of the oldest of them in seconds; 0: none waits");
+  std::map<std::string, DeliveryCounts> counts;
+  for (const DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
+  for (const Webhook& webhook : context.webhooks.webhooks()) {
+    const DeliveryCounts& count = counts[webhook.config.name];
+    const absl::Duration age =
+        count.oldest_waiting_at == 0
+            ? absl::ZeroDuration()
+            : std::max(context.clock.Now() - absl::FromUnixMillis(count.oldest_waiting_at),
+                       absl::ZeroDuration());
+    AddValue(waiting, "webhook", webhook.config.name, static_cast<double>(count.waiting));
+    AddValue(oldest, "webhook", webhook.config.name, absl::ToDoubleSeconds(age));
+  }
+  families.push_back(std::move(waiting));
+  families.push_back(std::move(oldest));
+}
+
+// What only a reading of the store tells; without it where the store can't be read.
+void AddStoreMetrics(const ApiContext& context, Families& families) {
+  const absl::Status status = context.readers.Read([&](Reader& reader) {
     MetricFamily states = GaugeFamily("myograde_submissions",
                                       "Submissions, by the state of their own evaluation");
     std::map<std::string, int64_t> counts = reader.SubmissionsByState();
@@ -183,32 +192,30 @@ void MetricsResource::AddStore(Families& families) const {
     AddGauge(families, "myograde_unsubmitted_uploads", "Uploads that nobody has submitted yet",
              static_cast<double>(uploads.size()));
     AddGauge(families, "myograde_unsubmitted_upload_bytes", "Their size in bytes, unpacked", bytes);
-    AddWebhooks(reader, families);
+    AddWebhookMetrics(context, reader, families);
     return absl::OkStatus();
   });
   AddGauge(families, "myograde_store_readable", "1, or 0 if the store could not be read just now",
            status.ok() ? 1 : 0);
 }
 
-void MetricsResource::AddWebhooks(Reader& reader, Families& families) const {
-  MetricFamily waiting = GaugeFamily("myograde_webhook_waiting",
-                                     "Events that wait to be delivered, by webhook");
-  MetricFamily oldest = GaugeFamily("myograde_webhook_oldest_waiting_seconds",
-                                    "Age of the oldest of them in seconds; 0: none waits");
-  std::map<std::string, DeliveryCounts> counts;
-  for (const DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
-  for (const Webhook& webhook : context_.webhooks.webhooks()) {
-    const DeliveryCounts& count = counts[webhook.config.name];
-    const absl::Duration age =
-        count.oldest_waiting_at == 0
-            ? absl::ZeroDuration()
-            : std::max(context_.clock.Now() - absl::FromUnixMillis(count.oldest_waiting_at),
-                       absl::ZeroDuration());
-    AddValue(waiting, "webhook", webhook.config.name, static_cast<double>(count.waiting));
-    AddValue(oldest, "webhook", webhook.config.name, absl::ToDoubleSeconds(age));
-  }
-  families.push_back(std::move(waiting));
-  families.push_back(std::move(oldest));
+absl::Status GetMetrics(const ApiContext& context, const Request&, Response& response) {
+  Families families = context.metrics.Collect();
+  const LiveHealth health = context.engine.Health();
+  AddEngineMetrics(context, health, families);
+  AddHostMetrics(context, health, families);
+  if (context.config.on_cluster) AddClusterMetrics(context, families);
+  AddDiskMetrics(context, families);
+  AddStoreMetrics(context, families);
+  response.SetHeader("Cache-Control", "no-store");
+  response.SetContent(MetricsText(std::move(families)), kMetricsType);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddMetrics(Routes& routes, const ApiContext& context) {
+  routes.GetFile("/metrics", Action::kReadMetrics, std::bind_front(GetMetrics, std::cref(context)));
 }
 
 }  // namespace myograde::server

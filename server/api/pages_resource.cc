@@ -1,14 +1,19 @@
-#include "server/api/pages_resource.h"
-
-#include <absl/strings/str_cat.h>
+#include "server/api/resources.h"
 
 #include <algorithm>
+#include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
 
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/status_macros.h"
 #include "server/api/entity_tag.h"
 #include "server/api/negotiation.h"
+#include "server/api/openapi/document.h"
+#include "server/api/requests.h"
 #include "server/web/files.h"
 
 namespace myograde::server {
@@ -87,23 +92,20 @@ std::string PageInstead(const Documents& documents, std::string_view path) {
   return documents.contains(found) ? found : "";
 }
 
-}  // namespace
-
-void PagesResource::ServeDocument(const Request& request,
-                                  Response& response) const {
+void ServeDocument(const Documents& documents, const Request& request, Response& response) {
   const std::string root = "/docs";
   SetHeaders(response);
   std::string path = request.path.substr(root.size());
   if (!path.empty()) path.erase(0, 1);
-  const auto found = documents_.find(path);
-  if (found == documents_.end()) {
-    if (const std::string instead = PageInstead(documents_, path); !instead.empty()) {
+  const auto found = documents.find(path);
+  if (found == documents.end()) {
+    if (const std::string instead = PageInstead(documents, path); !instead.empty()) {
       response.status = 302;
       response.SetHeader("Location", absl::StrCat(root, "/", instead));
       return;
     }
     response.status = 404;
-    response.SetContent(documents_.empty() ? "The documents are not on this server: ./dev docs "
+    response.SetContent(documents.empty() ? "The documents are not on this server: ./dev docs "
                                               "makes them, and README.md has a tour.\n"
                                             : absl::StrCat("There is no such page. ", root,
                                                            " leads to the documents.\n"),
@@ -115,11 +117,16 @@ void PagesResource::ServeDocument(const Request& request,
                {document.tag, document.packed_tag}, request, response);
 }
 
-void PagesResource::Install(Routes& routes) {
+}  // namespace
+
+void AddPages(Routes& routes, const ApiContext& context) {
+  const auto document = std::make_shared<const std::string>(OpenApiDocument());
+  routes.Get("/v1/openapi.json", Action::kReadApi, [document](const Request& request) -> ApiResult {
+    RETURN_IF_ERROR(CheckParameters(request, {}));
+    return ApiAnswer{.text = document, .tagged = true};
+  });
   routes.GetPage("/docs(?:/[^/]+)*/?",
-                 [this](const Request& request, Response& response) {
-                   ServeDocument(request, response);
-                 });
+                 std::bind_front(ServeDocument, std::cref(context.documents)));
   for (const WebFile& file : WebFiles()) {
     const std::string tag = EntityTagOf(file.text);
     const std::string packed_tag = EntityTagOf(file.packed);

@@ -1,8 +1,10 @@
-#include "server/api/pictures_resource.h"
+#include "server/api/resources.h"
 
 #include <unistd.h>
 
 #include <functional>
+#include <optional>
+#include <string>
 #include <string_view>
 
 #include <absl/strings/str_cat.h>
@@ -13,10 +15,13 @@
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
 #include "server/api/caller.h"
+#include "server/api/context.h"
 #include "server/api/log_access.h"
 #include "server/api/negotiation.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/pictures/packing.h"
+#include "server/pictures/pictures.h"
 #include "server/runner/log_keeper.h"
 
 namespace myograde::server {
@@ -72,57 +77,13 @@ void SendWaiting(const PictureState& state, Response& response) {
   response.SetContent(CanonicalJson(body) + "\n", "application/json");
 }
 
-}  // namespace
-
-void PicturesResource::Install(Routes& routes) {
-  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/trajectory)", Action::kReadLog,
-                 std::bind_front(&PicturesResource::SendTrajectory, this));
-  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/picture[.]png)", Action::kReadLog,
-                 std::bind_front(&PicturesResource::SendPicture, this));
-  routes.GetFile(R"(/v1/models/([a-z0-9-]{1,64})[.]glb)", Action::kReadTracks,
-                 std::bind_front(&PicturesResource::SendModel, this));
-}
-
-absl::Status PicturesResource::SendTrajectory(const Request& request, Response& response) const {
-  return SendOfLog(PictureKind::kTrajectory, "application/vnd.myograde.trajectory", request,
-                   response);
-}
-
-absl::Status PicturesResource::SendPicture(const Request& request, Response& response) const {
-  return SendOfLog(PictureKind::kPicture, "image/png", request, response);
-}
-
-absl::Status PicturesResource::SendOfLog(PictureKind kind, const char* type,
-                                                    const Request& request,
-                                                    Response& response) const {
-  const std::string hash = request.matches[1];
-  absl::Status status = CheckParameters(request, {});
-  if (status.ok()) status = RequireShownLog(context_, hash);
-  RETURN_IF_ERROR(status);
-  const PictureKey key = {kind, hash};
-  const std::string log = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
-  if (access(log.c_str(), F_OK) != 0 && !context_.pictures.files().Has(key)) {
-    return MissingLog(hash);
-  }
-  return Send(key, type, request, response);
-}
-
-absl::Status PicturesResource::SendModel(const Request& request, Response& response) const {
-  const std::string track = request.matches[1];
-  RETURN_IF_ERROR(CheckParameters(request, {}));
-  if (FindTrack(track) == nullptr) {
-    return absl::NotFoundError(absl::StrCat("there is no model of a track ", track));
-  }
-  return Send({PictureKind::kModel, track}, "model/gltf-binary", request, response);
-}
-
-absl::Status PicturesResource::Send(const PictureKey& key, const char* type,
-                                               const Request& request,
-                                               Response& response) const {
-  const PictureState state = context_.pictures.Ask(key, CallerIsOrganiser() ? "" : CallerKey());
+// The file, or how far it is.
+absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, const char* type,
+                             const Request& request, Response& response) {
+  const PictureState state = context.pictures.Ask(key, CallerIsOrganiser() ? "" : CallerKey());
   switch (state.is) {
     case PictureState::Is::kReady:
-      if (SendFile(context_.pictures.files(), key, type, request, response)) return absl::OkStatus();
+      if (SendFile(context.pictures.files(), key, type, request, response)) return absl::OkStatus();
       // It was removed this very moment, to make room.
       return StatusOf({503, "busy", "the file was just removed; ask again", kAskAgainSeconds});
     case PictureState::Is::kWaiting:
@@ -138,6 +99,49 @@ absl::Status PicturesResource::Send(const PictureKey& key, const char* type,
   }
   return StatusOf({503, "busy", "too many trajectories and pictures wait to be made; ask again later",
                   10 * kAskAgainSeconds});
+}
+
+absl::Status SendPictureOfLog(const ApiContext& context, PictureKind kind, const char* type,
+                              const Request& request, Response& response) {
+  const std::string hash = request.matches[1];
+  absl::Status status = CheckParameters(request, {});
+  if (status.ok()) status = RequireShownLog(context, hash);
+  RETURN_IF_ERROR(status);
+  const PictureKey key = {kind, hash};
+  const std::string log = absl::StrCat(context.data_dir, "/logs/", LogFileName(hash));
+  if (access(log.c_str(), F_OK) != 0 && !context.pictures.files().Has(key)) {
+    return MissingLog(hash);
+  }
+  return SendPictureFile(context, key, type, request, response);
+}
+
+absl::Status SendTrajectory(const ApiContext& context, const Request& request, Response& response) {
+  return SendPictureOfLog(context, PictureKind::kTrajectory, "application/vnd.myograde.trajectory", request,
+                   response);
+}
+
+absl::Status SendPicture(const ApiContext& context, const Request& request, Response& response) {
+  return SendPictureOfLog(context, PictureKind::kPicture, "image/png", request, response);
+}
+
+absl::Status SendModel(const ApiContext& context, const Request& request, Response& response) {
+  const std::string track = request.matches[1];
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  if (FindTrack(track) == nullptr) {
+    return absl::NotFoundError(absl::StrCat("there is no model of a track ", track));
+  }
+  return SendPictureFile(context, {PictureKind::kModel, track}, "model/gltf-binary", request, response);
+}
+
+}  // namespace
+
+void AddPictures(Routes& routes, const ApiContext& context) {
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/trajectory)", Action::kReadLog,
+                 std::bind_front(SendTrajectory, std::cref(context)));
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/picture[.]png)", Action::kReadLog,
+                 std::bind_front(SendPicture, std::cref(context)));
+  routes.GetFile(R"(/v1/models/([a-z0-9-]{1,64})[.]glb)", Action::kReadTracks,
+                 std::bind_front(SendModel, std::cref(context)));
 }
 
 }  // namespace myograde::server

@@ -1,5 +1,6 @@
-#include "server/api/proof_resource.h"
+#include "server/api/resources.h"
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -8,12 +9,18 @@
 #include <vector>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
+#include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
 #include "server/api/log_access.h"
 #include "server/api/phase_sight.h"
 #include "server/api/receipt_view.h"
+#include "server/api/record_log.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
+#include "server/api/views.h"
 #include "server/proof/receipt.h"
 #include "server/proof/record_head.h"
 #include "server/runner/log_keeper.h"
@@ -22,6 +29,8 @@
 
 namespace myograde::server {
 namespace {
+
+using Json = nlohmann::json;
 
 // A receipt lists the result of each episode, so a phase that withholds those withholds it as a whole.
 // `everybody`: whoever the caller is, it is to be published.
@@ -123,34 +132,49 @@ absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, Reader& read
   return withheld;
 }
 
-}  // namespace
+constexpr int64_t kMaxIndex = int64_t{1} << 40;
+constexpr int64_t kMostEntries = 1000;
 
-void ProofResource::Install(Routes& routes) {
-  routes.Get(R"(/v1/submissions/(\d{1,18})/receipt)", Action::kReadReceipt,
-             std::bind_front(&ProofResource::GetReceipt, this));
-  routes.Get("/v1/key", Action::kReadKey, std::bind_front(&ProofResource::GetKey, this));
-  routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", Action::kReadLog,
-                 std::bind_front(&ProofResource::SendLog, this));
+// The reader has checked that an entry is a JSON object. To parse and write each again would be most of
+// an answer's time, and anybody may ask for a thousand.
+std::string PageText(const Listed<RecordRow>& listed, int64_t size, const Json& next_from) {
+  std::vector<std::string> entries;
+  for (const RecordRow& row : listed.rows) {
+    entries.push_back(absl::StrCat(R"({"chain":")", row.chain, R"(","entry":)", row.entry_json,
+                                   R"(,"index":)", row.index, "}"));
+  }
+  return absl::StrCat(R"({"entries":[)", absl::StrJoin(entries, ","), R"(],"next_from":)", next_from.dump(),
+                      R"(,"size":)", size, R"(,"unreadable":)",
+                      CanonicalJson(DamagedToJson(listed.damaged)), "}\n");
 }
 
-ApiResult ProofResource::GetReceipt(const Request& request) const {
+// Oldest first, as the record is read from its beginning and only grows at its end.
+std::string NextPage(const Request& request, int64_t next) {
+  std::string address = absl::StrCat(request.path, "?from=", next);
+  if (request.HasParam("limit")) {
+    absl::StrAppend(&address, "&limit=", request.Param("limit"));
+  }
+  return address;
+}
+
+ApiResult GetReceipt(const ApiContext& context, const Request& request) {
   ASSIGN_OR_RETURN(const bool reason, ReadFlag(request, "reason"));
   absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
   std::optional<WithheldReceipt> withheld;
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
-    receipt = AskedReceipt(request, reader, context_);
+  const absl::Status status = context.readers.Read([&](Reader& reader) {
+    receipt = AskedReceipt(request, reader, context);
     // A copy's boards can't be compared with those of a store that can't read what they follow from.
     if (reason && (receipt.ok() || ErrorCodeOf(receipt.status()) == kWithheldCode)) {
       const absl::Status rows = reader.CheckStandingRows(IdOf(request));
       if (DamageOf(rows).has_value()) receipt = rows;
     }
     if (receipt.ok() || !reason) return receipt.status();
-    absl::StatusOr<WithheldReceipt> why = WithheldFor(request, reader, context_, receipt.status());
+    absl::StatusOr<WithheldReceipt> why = WithheldFor(request, reader, context, receipt.status());
     if (why.ok()) withheld = *std::move(why);
     return why.status();
   });
   RETURN_IF_ERROR(status);
-  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context_.receipts_key.Get());
+  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
   if (withheld.has_value()) {
     ASSIGN_OR_RETURN(nlohmann::json json, SignWithheld(*withheld, *key));
     return ApiAnswer{200, std::move(json)};
@@ -159,21 +183,110 @@ ApiResult ProofResource::GetReceipt(const Request& request) const {
   return ApiAnswer{200, nlohmann::json::parse(text)};
 }
 
-ApiResult ProofResource::GetKey(const Request&) const {
-  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context_.receipts_key.Get());
+ApiResult GetKey(const ApiContext& context, const Request&) {
+  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
   return ApiAnswer{200, {{"algorithm", "ed25519"}, {"key", key->PublicPem()}}};
 }
 
 // The file as it is stored. Its name is a hash, so no path of a client's making is opened.
-absl::Status ProofResource::SendLog(const Request& request, Response& response) const {
+absl::Status SendLog(const ApiContext& context, const Request& request, Response& response) {
   const std::string hash = request.matches[1];
-  absl::Status sent = RequireShownLog(context_, hash);
+  absl::Status sent = RequireShownLog(context, hash);
   if (sent.ok()) {
-    const std::string path = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
+    const std::string path = absl::StrCat(context.data_dir, "/logs/", LogFileName(hash));
     sent = response.SetFile(path, "application/zstd");
   }
   if (sent.ok()) return absl::OkStatus();
   return absl::IsNotFound(sent) ? MissingLog(hash) : sent;
+}
+
+ApiResult ListRecord(const ApiContext& context, const Request& request) {
+  int64_t from = 0;
+  int64_t limit = 100;
+  absl::Status status = CheckParameters(request, {"from", "limit"});
+  status.Update(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
+  status.Update(ReadNumber(request, "limit", kMostEntries, limit));
+  RETURN_IF_ERROR(status);
+  ApiAnswer answer{.tagged = true};
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
+    const int64_t size = reader.RecordSize();
+    const Listed<RecordRow> listed = reader.Record(from, limit);
+    const int64_t next = std::max(listed.last_id + 1, from + limit);
+    if (next < size) answer.next = NextPage(request, next);
+    answer.text = std::make_shared<const std::string>(
+        PageText(listed, size, next < size ? Json(next) : Json()));
+    return absl::OkStatus();
+  }));
+  return answer;
+}
+
+ApiResult GetRecordHead(const ApiContext& context, const Request& request) {
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  ASSIGN_OR_RETURN(RecordHead head, context.readers.Read<RecordHead>([&](Reader& reader) {
+    return context.record.Head(reader);
+  }));
+  ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
+  ASSIGN_OR_RETURN(std::string text, SignHead(head, *key));
+  ApiAnswer answer{.tagged = true};
+  answer.text = std::make_shared<const std::string>(std::move(text));
+  return answer;
+}
+
+ApiResult ProveEntry(const ApiContext& context, const Request& request) {
+  int64_t entry = -1;
+  int64_t size = 0;
+  absl::Status status = CheckParameters(request, {"entry", "size"});
+  status.Update(ReadNumber(request, "entry", kMaxIndex, entry, /*min=*/0));
+  status.Update(ReadNumber(request, "size", kMaxIndex, size));
+  if (status.ok() && entry < 0) {
+    status = absl::InvalidArgumentError("\"entry\" is missing: the index of the entry to prove");
+  }
+  RETURN_IF_ERROR(status);
+  ApiAnswer answer{.tagged = true};
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
+    const absl::StatusOr<EntryProof> proof = context.record.Prove(reader, entry, size);
+    if (proof.ok()) answer.body = EntryProofToJson(*proof);
+    return proof.status();
+  }));
+  return answer;
+}
+
+ApiResult CompareRecords(const ApiContext& context, const Request& request) {
+  int64_t from = -1;
+  int64_t to = 0;
+  absl::Status status = CheckParameters(request, {"from", "to"});
+  status.Update(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
+  status.Update(ReadNumber(request, "to", kMaxIndex, to, /*min=*/0));
+  if (status.ok() && from < 0) {
+    status = absl::InvalidArgumentError("\"from\" is missing: the size of the earlier record");
+  }
+  RETURN_IF_ERROR(status);
+  ApiAnswer answer{.tagged = true};
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
+    ASSIGN_OR_RETURN(const auto compared, context.record.Compare(reader, from, to));
+    answer.body = {{"from", from},
+                   {"to", to == 0 ? reader.RecordSize() : to},
+                   {"from_root", HexOf(compared.from_root)},
+                   {"to_root", HexOf(compared.to_root)},
+                   {"proof", ProofToJson(compared.proof)}};
+    return absl::OkStatus();
+  }));
+  return answer;
+}
+
+}  // namespace
+
+void AddProof(Routes& routes, const ApiContext& context) {
+  routes.Get(R"(/v1/submissions/(\d{1,18})/receipt)", Action::kReadReceipt,
+             std::bind_front(GetReceipt, std::cref(context)));
+  routes.Get("/v1/key", Action::kReadKey, std::bind_front(GetKey, std::cref(context)));
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", Action::kReadLog,
+                 std::bind_front(SendLog, std::cref(context)));
+  routes.Get("/v1/record", Action::kReadRecord, std::bind_front(ListRecord, std::cref(context)));
+  routes.Get("/v1/record/head", Action::kReadRecord, std::bind_front(GetRecordHead, std::cref(context)));
+  routes.Get("/v1/record/proof", Action::kReadRecord, std::bind_front(ProveEntry, std::cref(context)));
+  routes.Get("/v1/record/consistency", Action::kReadRecord,
+             std::bind_front(CompareRecords, std::cref(context)));
 }
 
 }  // namespace myograde::server

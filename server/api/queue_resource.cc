@@ -1,16 +1,25 @@
-#include "server/api/queue_resource.h"
+#include "server/api/resources.h"
 
 #include <functional>
+#include <map>
 #include <memory>
+#include <optional>
+#include <string>
 #include <utility>
 
+#include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
+#include <absl/time/time.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/mutex.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
+#include "server/api/guard.h"
 #include "server/api/queue_view.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 
 namespace myograde::server {
@@ -39,16 +48,37 @@ std::string StableText(Json view) {
   return CanonicalJson(view);
 }
 
-}  // namespace
+// Safe from any thread.
+class Queue {
+ public:
+  // Both must outlive it.
+  Queue(const ApiContext& context, Guard& guard) : context_(context), guard_(guard) {}
 
-void QueueResource::Install(Routes& routes) {
-  using Self = QueueResource;
-  routes.Get("/v1/queue", Action::kReadSubmission, std::bind_front(&Self::Get, this));
-  routes.GetFile("/v1/queue/events", Action::kReadSubmission,
-                 std::bind_front(&Self::Follow, this));
-}
+  ApiResult Get(const Request& request);
+  absl::Status Follow(const Request& request, Response& response);
 
-absl::StatusOr<QueueResource::Snapshot> QueueResource::Make() const {
+ private:
+  struct Snapshot {
+    std::string text;    // the answer
+    std::string stable;  // the same without what changes with the clock alone
+    absl::Duration made;
+  };
+
+  // The queue as the caller sees it, at most a second old: however many look on, those who see the
+  // same share one.
+  absl::StatusOr<Snapshot> Look();
+  absl::StatusOr<Snapshot> Make() const;
+  // The caller's next event, "" if nothing has changed since the one in `last`; nullopt: they may not
+  // look on any longer, or the store can't be read.
+  std::optional<std::string> NextEvent(Snapshot& last);
+
+  const ApiContext& context_;
+  Guard& guard_;
+  Mutex mutex_;
+  std::map<std::string, Snapshot> shared_ ABSL_GUARDED_BY(mutex_);
+};
+
+absl::StatusOr<Queue::Snapshot> Queue::Make() const {
   Snapshot made;
   RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(Json view, QueueView(reader, context_));
@@ -60,7 +90,7 @@ absl::StatusOr<QueueResource::Snapshot> QueueResource::Make() const {
   return made;
 }
 
-absl::StatusOr<QueueResource::Snapshot> QueueResource::Look() {
+absl::StatusOr<Queue::Snapshot> Queue::Look() {
   const std::string sight = SightOfCaller();
   const absl::Duration now = context_.clock.Monotonic();
   {
@@ -75,13 +105,13 @@ absl::StatusOr<QueueResource::Snapshot> QueueResource::Look() {
   return made;
 }
 
-ApiResult QueueResource::Get(const Request& request) {
+ApiResult Queue::Get(const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   ASSIGN_OR_RETURN(const Snapshot now, Make());
   return ApiAnswer{.text = std::make_shared<const std::string>(now.text + "\n")};
 }
 
-std::optional<std::string> QueueResource::NextEvent(Snapshot& last) {
+std::optional<std::string> Queue::NextEvent(Snapshot& last) {
   // A token may have been revoked, or a member removed, since the event before.
   const auto admitted =
       guard_.Admit(UnixHttpServer::RequestConnection(), Action::kReadSubmission);
@@ -95,13 +125,21 @@ std::optional<std::string> QueueResource::NextEvent(Snapshot& last) {
   return absl::StrCat("event: queue\ndata: ", last.text, "\n\n");
 }
 
-absl::Status QueueResource::Follow(const Request& request, Response& response) {
+absl::Status Queue::Follow(const Request& request, Response& response) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   response.SetHeader("Cache-Control", "no-store");
   response.SetHeader("X-Accel-Buffering", "no");  // proxies hand each event on at once
   response.SetStream("text/event-stream", kLookEvery, kLongest,
                      [this, last = std::make_shared<Snapshot>()] { return NextEvent(*last); });
   return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddQueue(Routes& routes, const ApiContext& context, Guard& guard) {
+  const auto queue = std::make_shared<Queue>(context, guard);
+  routes.Get("/v1/queue", Action::kReadSubmission, std::bind_front(&Queue::Get, queue));
+  routes.GetFile("/v1/queue/events", Action::kReadSubmission, std::bind_front(&Queue::Follow, queue));
 }
 
 }  // namespace myograde::server

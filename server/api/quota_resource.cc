@@ -1,4 +1,4 @@
-#include "server/api/quota_resource.h"
+#include "server/api/resources.h"
 
 #include <algorithm>
 #include <functional>
@@ -6,12 +6,15 @@
 #include <string>
 
 #include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
 #include "server/api/paging.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/store/quota.h"
 
@@ -117,14 +120,7 @@ absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
   return status;
 }
 
-}  // namespace
-
-void QuotaResource::Install(Routes& routes) {
-  routes.Get("/v1/quota", Action::kReadQuota, std::bind_front(&QuotaResource::Get, this));
-  routes.Post("/v1/quota/grants", Action::kGrant, std::bind_front(&QuotaResource::Grant, this));
-}
-
-ApiResult QuotaResource::Get(const Request& request) const {
+ApiResult GetQuota(const ApiContext& context, const Request& request) {
   absl::Status status = CheckParameters(request, {"team", "track", "before", "limit"});
   if (status.ok() && !request.HasParam("team")) {
     status = absl::InvalidArgumentError("\"team\" is missing: a quota is a team's");
@@ -135,32 +131,32 @@ ApiResult QuotaResource::Get(const Request& request) const {
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
   RETURN_IF_ERROR(status);
-  if (!track.empty()) status = context_.tracks.Find(track, "").status();
+  if (!track.empty()) status = context.tracks.Find(track, "").status();
   RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     RETURN_IF_ERROR(RequireTeam(reader, asked));
     const std::string team = reader.TeamOf(asked);
-    answer.body = QuotaOf(reader, context_, team, track);
+    answer.body = QuotaOf(reader, context, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);
     AddNextPage(request, *page, ledger, answer);
-    return AddLedger(reader, context_, ledger, answer.body);
+    return AddLedger(reader, context, ledger, answer.body);
   }));
   return answer;
 }
 
-ApiResult QuotaResource::Grant(const Request&, const Json& body) const {
+ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body) {
   ASSIGN_OR_RETURN(NewGrant grant, ParseGrant(body));
-  RETURN_IF_ERROR(CheckPlace(grant, context_));
-  absl::Status status = context_.engine.Change(
+  RETURN_IF_ERROR(CheckPlace(grant, context));
+  absl::Status status = context.engine.Change(
       [row = grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },
-      context_.config.http.request);
+      context.config.http.request);
   ApiAnswer answer{201};
   if (status.ok()) {
-    status = context_.readers.Read([&](Reader& reader) {
+    status = context.readers.Read([&](Reader& reader) {
       grant.team = reader.TeamOf(grant.team);
-      answer.body = QuotaOf(reader, context_, grant.team, grant.track);
-      return AddLedger(reader, context_,
+      answer.body = QuotaOf(reader, context, grant.team, grant.track);
+      return AddLedger(reader, context,
                        reader.Ledger(grant.team, grant.track, INT64_MAX, 1), answer.body);
     });
   }
@@ -169,6 +165,13 @@ ApiResult QuotaResource::Grant(const Request&, const Json& body) const {
           absl::StrCat(grant.amount, " more of ", BudgetText(grant.budget), " on ", grant.track,
                        ": ", grant.why));
   return answer;
+}
+
+}  // namespace
+
+void AddQuota(Routes& routes, const ApiContext& context) {
+  routes.Get("/v1/quota", Action::kReadQuota, std::bind_front(GetQuota, std::cref(context)));
+  routes.Post("/v1/quota/grants", Action::kGrant, std::bind_front(GrantQuota, std::cref(context)));
 }
 
 }  // namespace myograde::server

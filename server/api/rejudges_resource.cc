@@ -1,18 +1,22 @@
-#include "server/api/rejudges_resource.h"
+#include "server/api/resources.h"
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
 #include "server/api/paging.h"
 #include "server/api/rejudge_document.h"
 #include "server/api/rejudge_plan.h"
 #include "server/api/rejudge_view.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/challenge/board_configs.h"
 
@@ -30,26 +34,13 @@ Json PlanToJson(const RejudgePlan& plan) {
           {"without_files", plan.without_files}};
 }
 
-}  // namespace
-
-void RejudgesResource::Install(Routes& routes) {
-  using Self = RejudgesResource;
-  routes.Get("/v1/rejudges", Action::kRejudge, std::bind_front(&Self::List, this));
-  routes.Post("/v1/rejudges", Action::kRejudge, std::bind_front(&Self::Create, this));
-  routes.Get(R"(/v1/rejudges/(\d{1,18}))", Action::kRejudge, std::bind_front(&Self::Get, this));
-  routes.Post(R"(/v1/rejudges/(\d{1,18})/apply)", Action::kRejudge,
-              std::bind_front(&Self::Apply, this));
-  routes.Post(R"(/v1/rejudges/(\d{1,18})/drop)", Action::kRejudge,
-              std::bind_front(&Self::Drop, this));
-}
-
-ApiResult RejudgesResource::List(const Request& request) const {
+ApiResult ListRejudges(const ApiContext& context, const Request& request) {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
   RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     Listed<RejudgeRow> listed = reader.Rejudges(page->before, page->limit);
     answer.body["rejudges"] = Json::array();
     for (const RejudgeRow& row : listed.rows) {
@@ -63,7 +54,7 @@ ApiResult RejudgesResource::List(const Request& request) const {
   return answer;
 }
 
-ApiResult RejudgesResource::Get(const Request& request) const {
+ApiResult GetRejudge(const ApiContext& context, const Request& request) {
   absl::Status status = CheckParameters(request, {"changes"});
   const std::string changes = request.Param("changes");
   if (!changes.empty() && changes != "0" && changes != "1") {
@@ -71,7 +62,7 @@ ApiResult RejudgesResource::Get(const Request& request) const {
   }
   RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(IdOf(request)));
     ASSIGN_OR_RETURN(answer.body, WholeRejudgeToJson(reader, row));
     return changes == "1" ? AddRejudgeChanges(reader, row, answer.body) : absl::OkStatus();
@@ -79,9 +70,10 @@ ApiResult RejudgesResource::Get(const Request& request) const {
   return answer;
 }
 
-ApiResult RejudgesResource::Show(int64_t id, int http, Json more) const {
+// The rejudge as it is now, with `more` keys.
+ApiResult ShowRejudge(const ApiContext& context, int64_t id, int http, Json more) {
   ApiAnswer answer{http};
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
     absl::StatusOr<Json> json = WholeRejudgeToJson(reader, row);
     if (json.ok()) answer.body = *std::move(json);
@@ -91,32 +83,34 @@ ApiResult RejudgesResource::Show(int64_t id, int http, Json more) const {
   return answer;
 }
 
-ApiResult RejudgesResource::Create(const Request&, const Json& body) const {
+ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& body) {
   ASSIGN_OR_RETURN(const RejudgeRequest asked, ParseRejudge(body));
-  ASSIGN_OR_RETURN(const NewRejudge rejudge, context_.readers.Read<NewRejudge>(
-      [&](Reader& reader) { return MakeRejudge(reader, context_, asked); }));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context_));
+  ASSIGN_OR_RETURN(const NewRejudge rejudge, context.readers.Read<NewRejudge>(
+      [&](Reader& reader) { return MakeRejudge(reader, context, asked); }));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
   ASSIGN_OR_RETURN(const CreatedRejudge created,
-                   context_.engine.CreateRejudge(rejudge, sign, CallerKey(), context_.config.http.request));
+                   context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
   const int64_t id = created.rejudge.id;
   NoteAct(SubjectOf(id), "created");
-  return Show(id, 201, {{"plan", PlanToJson(created.plan)}});
+  return ShowRejudge(context, id, 201, {{"plan", PlanToJson(created.plan)}});
 }
 
-absl::StatusOr<std::string> RejudgesResource::ConfigInForce(int64_t id) const {
+// The hash of the config in force on its board.
+absl::StatusOr<std::string> ConfigInForce(const ApiContext& context, int64_t id) {
   std::string hash;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
     ASSIGN_OR_RETURN(const TrackPtr live,
-                     TrackInForce(reader, context_, row.phase, row.track, row.profile));
+                     TrackInForce(reader, context, row.phase, row.track, row.profile));
     hash = live->config.hash;
     return absl::OkStatus();
   }));
   return hash;
 }
 
-AfterRejudge RejudgesResource::PlayFromNowOn() const {
-  return [&context = context_](const RejudgeDone& done) {
+// Has the daemon play and show the board's new config once an act is written.
+AfterRejudge PlayFromNowOn(const ApiContext& context) {
+  return [&context = context](const RejudgeDone& done) {
     if (done.config_after == done.config_before) return;
     const absl::Status switched = context.readers.Read([&](Reader& reader) {
       return SwitchConfig(reader, done.config_after, context.tracks, context.phases);
@@ -129,31 +123,43 @@ AfterRejudge RejudgesResource::PlayFromNowOn() const {
   };
 }
 
-ApiResult RejudgesResource::Apply(const Request& request, const Json& body) const {
+ApiResult ApplyRejudge(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(ApplyRequest asked, ParseApply(body));
   const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(id));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context_));
-  ASSIGN_OR_RETURN(const RejudgeDone done, context_.engine.ApplyRejudge(
+  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
+  ASSIGN_OR_RETURN(const RejudgeDone done, context.engine.ApplyRejudge(
       {id, asked.reason, std::move(asked.without), std::move(in_force)}, sign, CallerKey(),
-      context_.config.http.request, PlayFromNowOn()));
+      context.config.http.request, PlayFromNowOn(context)));
   NoteAct(SubjectOf(id), "applied");
-  return Show(id, 200, {{"config_before", done.config_before},
+  return ShowRejudge(context, id, 200, {{"config_before", done.config_before},
                         {"config_after", done.config_after}});
 }
 
-ApiResult RejudgesResource::Drop(const Request& request, const Json& body) const {
+ApiResult DropRejudge(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(id));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context_));
-  ASSIGN_OR_RETURN(const RejudgeDone done, context_.engine.DropRejudge(
-      {id, reason, {}, std::move(in_force)}, sign, CallerKey(), context_.config.http.request,
-      PlayFromNowOn()));
+  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
+  ASSIGN_OR_RETURN(const RejudgeDone done, context.engine.DropRejudge(
+      {id, reason, {}, std::move(in_force)}, sign, CallerKey(), context.config.http.request,
+      PlayFromNowOn(context)));
   NoteAct(SubjectOf(id), "dropped");
-  return Show(id, 200, {{"config_before", done.config_before},
+  return ShowRejudge(context, id, 200, {{"config_before", done.config_before},
                         {"config_after", done.config_after},
                         {"accepted_under_to_config", done.stay}});
+}
+
+}  // namespace
+
+void AddRejudges(Routes& routes, const ApiContext& context) {
+  routes.Get("/v1/rejudges", Action::kRejudge, std::bind_front(ListRejudges, std::cref(context)));
+  routes.Post("/v1/rejudges", Action::kRejudge, std::bind_front(CreateRejudge, std::cref(context)));
+  routes.Get(R"(/v1/rejudges/(\d{1,18}))", Action::kRejudge, std::bind_front(GetRejudge, std::cref(context)));
+  routes.Post(R"(/v1/rejudges/(\d{1,18})/apply)", Action::kRejudge,
+              std::bind_front(ApplyRejudge, std::cref(context)));
+  routes.Post(R"(/v1/rejudges/(\d{1,18})/drop)", Action::kRejudge,
+              std::bind_front(DropRejudge, std::cref(context)));
 }
 
 }  // namespace myograde::server

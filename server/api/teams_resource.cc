@@ -1,17 +1,22 @@
-#include "server/api/teams_resource.h"
+#include "server/api/resources.h"
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 #include <set>
+#include <string>
 #include <tuple>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
 #include "server/api/paging.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/base/names.h"
 #include "server/base/person.h"
@@ -106,30 +111,13 @@ int64_t ActiveTokens(Reader& reader, const std::string& team) {
   });
 }
 
-}  // namespace
-
-void TeamsResource::Install(Routes& routes) {
-  const std::string team = kTeam;
-  routes.Get("/v1/teams", Action::kManageTeams, std::bind_front(&TeamsResource::List, this));
-  routes.Post("/v1/teams", Action::kManageTeams, std::bind_front(&TeamsResource::Create, this));
-  routes.Get(team, Action::kReadTeam, std::bind_front(&TeamsResource::Get, this));
-  routes.Post(team + "/rename", Action::kManageTeams,
-              std::bind_front(&TeamsResource::Rename, this));
-  routes.Post(team + "/members", Action::kManageTeams,
-              std::bind_front(&TeamsResource::SetMember, this));
-  routes.Post(team + "/merge", Action::kManageTeams,
-              std::bind_front(&TeamsResource::Merge, this));
-  routes.Post(team + "/ban", Action::kManageTeams,
-              std::bind_front(&TeamsResource::Ban, this));
-}
-
-ApiResult TeamsResource::List(const Request& request) const {
+ApiResult ListTeams(const ApiContext& context, const Request& request) {
   absl::Status status = CheckParameters(request, {"before", "limit"});
   const absl::StatusOr<Page> page = ReadPage(request);
   status.Update(page.status());
   RETURN_IF_ERROR(status);
   ApiAnswer answer;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
     const Listed<TeamRow> listed = reader.Teams(page->before, page->limit);
     answer.body = {{"teams", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
     for (const TeamRow& team : listed.rows) answer.body["teams"].push_back(TeamToJson(team));
@@ -139,31 +127,32 @@ ApiResult TeamsResource::List(const Request& request) const {
   return answer;
 }
 
-ApiResult TeamsResource::Get(const Request& request) const {
+ApiResult GetTeam(const ApiContext& context, const Request& request) {
   absl::Status status = CheckParameters(request, {});
   if (status.ok()) status = CheckTeam(TeamIn(request));
   RETURN_IF_ERROR(status);
-  ASSIGN_OR_RETURN(Json body, context_.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
+  ASSIGN_OR_RETURN(Json body, context.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
         RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
         return WholeTeam(reader, TeamIn(request));
       }));
   return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult TeamsResource::Change(const std::string& team,
-                                std::function<absl::StatusOr<bool>(Writer&)> change,
-                                int http) const {
+// Does it, and answers with the team as it is afterwards. `change` returns whether it changed
+// anything.
+ApiResult ChangeTeam(const ApiContext& context, const std::string& team,
+                     std::function<absl::StatusOr<bool>(Writer&)> change, int http = 200) {
   const absl::StatusOr<bool> changed =
-      context_.engine.ChangeTeams(std::move(change), context_.config.http.request);
+      context.engine.ChangeTeams(std::move(change), context.config.http.request);
   if (!changed.ok()) return TeamErrorOf(changed.status(), team);
   absl::StatusOr<Json> body =
-      context_.readers.Read<Json>([&](Reader& reader) { return WholeTeam(reader, team); });
+      context.readers.Read<Json>([&](Reader& reader) { return WholeTeam(reader, team); });
   if (!body.ok()) return TeamErrorOf(body.status(), team);
   (*body)["changed"] = *changed;
   return ApiAnswer{http, *std::move(body)};
 }
 
-ApiResult TeamsResource::Create(const Request&, const Json& body) const {
+ApiResult CreateTeam(const ApiContext& context, const Request&, const Json& body) {
   ConfigReader reader(body, "request");
   const std::string team = reader.String("team");
   const std::string why = ReasonOf(reader);
@@ -171,7 +160,7 @@ ApiResult TeamsResource::Create(const Request&, const Json& body) const {
   if (status.ok()) status = CheckTeam(team);
   RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("team ", team), "created");
-  return Change(team,
+  return ChangeTeam(context, team,
                 [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
                   RETURN_IF_ERROR(writer.CreateTeam(team, who, why).status());
                   return true;
@@ -179,7 +168,7 @@ ApiResult TeamsResource::Create(const Request&, const Json& body) const {
                 201);
 }
 
-ApiResult TeamsResource::Rename(const Request& request, const Json& body) const {
+ApiResult RenameTeam(const ApiContext& context, const Request& request, const Json& body) {
   ConfigReader reader(body, "request");
   const std::string name = reader.String("name");
   const std::string why = ReasonOf(reader);
@@ -188,12 +177,12 @@ ApiResult TeamsResource::Rename(const Request& request, const Json& body) const 
   if (status.ok()) status = CheckTeam(team);
   RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("team ", team), absl::StrCat("renamed to ", name));
-  return Change(team, [=, who = CallerKey()](Writer& writer) {
+  return ChangeTeam(context, team, [=, who = CallerKey()](Writer& writer) {
     return writer.RenameTeam(team, name, who, why);
   });
 }
 
-ApiResult TeamsResource::SetMember(const Request& request, const Json& body) const {
+ApiResult SetTeamMember(const ApiContext& context, const Request& request, const Json& body) {
   ConfigReader reader(body, "request");
   const std::string text = reader.String("person");
   const bool belongs = reader.Boolean("belongs");
@@ -204,12 +193,12 @@ ApiResult TeamsResource::SetMember(const Request& request, const Json& body) con
   ASSIGN_OR_RETURN(const std::string person, PersonNamed(text));
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(person, belongs ? " is a member" : " is no member any more"));
-  return Change(team, [=, person = person, who = CallerKey()](Writer& writer) {
+  return ChangeTeam(context, team, [=, person = person, who = CallerKey()](Writer& writer) {
     return writer.SetMember(team, person, belongs, who);
   });
 }
 
-ApiResult TeamsResource::Ban(const Request& request, const Json& body) const {
+ApiResult BanTeam(const ApiContext& context, const Request& request, const Json& body) {
   ConfigReader reader(body, "request");
   const bool banned = reader.Boolean("banned");
   const std::string why = ReasonOf(reader, /*required=*/banned);
@@ -219,15 +208,16 @@ ApiResult TeamsResource::Ban(const Request& request, const Json& body) const {
   RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(banned ? "banned" : "not banned any more", why.empty() ? "" : ": ", why));
-  return Change(team, [=, who = CallerKey()](Writer& writer) {
+  return ChangeTeam(context, team, [=, who = CallerKey()](Writer& writer) {
     return writer.BanTeam(team, banned, who, why);
   });
 }
 
-absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
-                                                   const std::string& into) const {
+// What the two teams have used, and what one team of both would have used.
+absl::StatusOr<Json> ConsequencesOfMerge(const ApiContext& context, const std::string& team,
+                                         const std::string& into) {
   Json body;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     RETURN_IF_ERROR(reader.CheckMerge(team, into));
     const std::string from = reader.TeamOf(team);
     const std::string to = reader.TeamOf(into);
@@ -245,18 +235,18 @@ absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
             {"members", members},
             {"tracks", Json::array()},
             {"phases", Json::array()}};
-    const int64_t now = absl::ToUnixMillis(context_.clock.Now());
-    for (const auto& [track, offer] : context_.tracks.entries()) {
+    const int64_t now = absl::ToUnixMillis(context.clock.Now());
+    for (const auto& [track, offer] : context.tracks.entries()) {
       Json sums = SumsToJson(reader.Quota(from, track, now), reader.Quota(to, track, now),
-                             context_.config.quota.of(track).quota, /*of_a_phase=*/false);
+                             context.config.quota.of(track).quota, /*of_a_phase=*/false);
       sums["track"] = track;
       body["tracks"].push_back(std::move(sums));
     }
-    for (const PhasePtr& phase : context_.phases.entries()) {
+    for (const PhasePtr& phase : context.phases.entries()) {
       const auto& [name, track] = std::tie(phase->config.name, phase->config.track);
       Json sums = SumsToJson(reader.Quota(from, track, now, name),
                              reader.Quota(to, track, now, name),
-                             PhaseRules(phase->config, context_.config.quota.of(track)).quota,
+                             PhaseRules(phase->config, context.config.quota.of(track)).quota,
                              /*of_a_phase=*/true);
       sums["phase"] = name;
       sums["track"] = track;
@@ -267,7 +257,7 @@ absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
   return body;
 }
 
-ApiResult TeamsResource::Merge(const Request& request, const Json& body) const {
+ApiResult MergeTeams(const ApiContext& context, const Request& request, const Json& body) {
   ConfigReader reader(body, "request");
   const std::string into = reader.String("into");
   const bool dry_run = reader.Has("dry_run") && reader.Boolean("dry_run");
@@ -278,15 +268,15 @@ ApiResult TeamsResource::Merge(const Request& request, const Json& body) const {
     if (status.ok()) status = CheckTeam(name);
   }
   RETURN_IF_ERROR(status);
-  absl::StatusOr<Json> answer = ConsequencesOf(team, into);
+  absl::StatusOr<Json> answer = ConsequencesOfMerge(context, team, into);
   if (answer.ok() && !dry_run) {
-    status = context_.engine
+    status = context.engine
                  .ChangeTeams(
                      [=, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
                        RETURN_IF_ERROR(writer.MergeTeams(team, into, who, why));
                        return true;
                      },
-                     context_.config.http.request)
+                     context.config.http.request)
                  .status();
   }
   status.Update(answer.status());
@@ -295,6 +285,23 @@ ApiResult TeamsResource::Merge(const Request& request, const Json& body) const {
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(dry_run ? "to be merged into " : "merged into ", into));
   return ApiAnswer{200, *std::move(answer)};
+}
+
+}  // namespace
+
+void AddTeams(Routes& routes, const ApiContext& context) {
+  const std::string team = kTeam;
+  routes.Get("/v1/teams", Action::kManageTeams, std::bind_front(ListTeams, std::cref(context)));
+  routes.Post("/v1/teams", Action::kManageTeams, std::bind_front(CreateTeam, std::cref(context)));
+  routes.Get(team, Action::kReadTeam, std::bind_front(GetTeam, std::cref(context)));
+  routes.Post(team + "/rename", Action::kManageTeams,
+              std::bind_front(RenameTeam, std::cref(context)));
+  routes.Post(team + "/members", Action::kManageTeams,
+              std::bind_front(SetTeamMember, std::cref(context)));
+  routes.Post(team + "/merge", Action::kManageTeams,
+              std::bind_front(MergeTeams, std::cref(context)));
+  routes.Post(team + "/ban", Action::kManageTeams,
+              std::bind_front(BanTeam, std::cref(context)));
 }
 
 }  // namespace myograde::server

@@ -1,20 +1,28 @@
-#include "server/api/transfer_resource.h"
+#include "server/api/resources.h"
 
 #include <fcntl.h>
 
+#include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
 #include <absl/cleanup/cleanup.h>
+#include <absl/status/status.h>
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
+#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"
@@ -62,29 +70,17 @@ void FillView(const ApiContext& context) {
   if (!status.ok()) spdlog::warn("import: {}", std::string(status.message()));
 }
 
-}  // namespace
-
-void TransferResource::Install(Routes& routes) {
-  using Self = TransferResource;
-  routes.GetFile("/v1/export", Action::kExport, std::bind_front(&Self::SendExport, this));
-  routes.GetFile("/v1/backup", Action::kBackup, std::bind_front(&Self::SendBackup, this));
-  routes.PostUpload("/v1/import", Action::kImport,
-                    {.most = context_.config.artefacts.archive_bytes,
-                     .upload = true,
-                     .types = {"application/json", "application/octet-stream"}},
-                    std::bind_front(&Self::Import, this));
+std::string SpoolPath(const ApiContext& context) {
+  static std::atomic<int64_t> names = 0;
+  return absl::StrCat(context.data_dir, "/spool/", ++names);
 }
 
-std::string TransferResource::SpoolPath() {
-  return absl::StrCat(context_.data_dir, "/spool/", ++names_);
-}
-
-absl::Status TransferResource::SendMade(
-    const char* type, Response& response,
-    const std::function<absl::Status(const std::string&)>& make) {
+// `make` writes the file; the client gets it with its length, or the reason why not.
+absl::Status SendMade(const ApiContext& context, const char* type, Response& response,
+                      const std::function<absl::Status(const std::string&)>& make) {
   UnixHttpServer::AllowUploadTime();
-  context_.access_log.Flush();  // what organisers did before is in the copy
-  const std::string path = SpoolPath();
+  context.access_log.Flush();  // what organisers did before is in the copy
+  const std::string path = SpoolPath(context);
   // The answer keeps the file open, so its name can go at once.
   const absl::Cleanup remove = [&] {
     std::error_code error;
@@ -94,15 +90,15 @@ absl::Status TransferResource::SendMade(
   return response.SetFile(path, type);
 }
 
-absl::Status TransferResource::SendExport(const Request&, Response& response) {
-  return SendMade("application/json", response, [this](const std::string& path) {
-    return WriteExport(context_.readers, path);
+absl::Status SendExport(const ApiContext& context, const Request&, Response& response) {
+  return SendMade(context, "application/json", response, [&context](const std::string& path) {
+    return WriteExport(context.readers, path);
   });
 }
 
-absl::Status TransferResource::SendBackup(const Request&, Response& response) {
-  const auto copy = [this](const std::string& path) {
-    return context_.readers.Backup(
+absl::Status SendBackup(const ApiContext& context, const Request&, Response& response) {
+  const auto copy = [&context](const std::string& path) {
+    return context.readers.Backup(
         path,
         [](int64_t done, int64_t total) {
           spdlog::info("backup: {} of {} pages are copied", done, total);
@@ -111,29 +107,41 @@ absl::Status TransferResource::SendBackup(const Request&, Response& response) {
           spdlog::error("backup: a row of the store is damaged, and so in the copy: {}", what);
         });
   };
-  RETURN_IF_ERROR(SendMade("application/vnd.sqlite3", response, copy));
+  RETURN_IF_ERROR(SendMade(context, "application/vnd.sqlite3", response, copy));
   // An export is a function of the store's rows, so it adds none.
   NoteAct("store", "backed up");
   return absl::OkStatus();
 }
 
-ApiResult TransferResource::Import(const Request& request) {
+ApiResult ImportStore(const ApiContext& context, const Request& request) {
   UnixHttpServer::AllowUploadTime();
-  const std::string path = SpoolPath();
+  const std::string path = SpoolPath(context);
   const absl::Cleanup remove = [&] {
     std::error_code error;
     fs::remove(path, error);
   };
   RETURN_IF_ERROR(request.body->MoveTo(path));
   ASSIGN_OR_RETURN(ExportInfo info, CheckExport(path));
-  RETURN_IF_ERROR(context_.engine.Change(
+  RETURN_IF_ERROR(context.engine.Change(
       [path, checked = info, who = CallerKey()](Writer& writer) {
         return writer.Import(path, checked, who, CheckReadable);
       },
-      context_.config.http.upload));
-  FillView(context_);
+      context.config.http.upload));
+  FillView(context);
   NoteAct("store", absl::StrCat("filled from an export with the SHA-256 ", info.sha256));
   return ApiAnswer{200, {{"sha256", info.sha256}, {"schema", info.schema}, {"rows", info.rows}}};
+}
+
+}  // namespace
+
+void AddTransfer(Routes& routes, const ApiContext& context) {
+  routes.GetFile("/v1/export", Action::kExport, std::bind_front(SendExport, std::cref(context)));
+  routes.GetFile("/v1/backup", Action::kBackup, std::bind_front(SendBackup, std::cref(context)));
+  routes.PostUpload("/v1/import", Action::kImport,
+                    {.most = context.config.artefacts.archive_bytes,
+                     .upload = true,
+                     .types = {"application/json", "application/octet-stream"}},
+                    std::bind_front(ImportStore, std::cref(context)));
 }
 
 }  // namespace myograde::server

@@ -1,4 +1,4 @@
-#include "server/api/webhooks_resource.h"
+#include "server/api/resources.h"
 
 #include <algorithm>
 #include <functional>
@@ -8,7 +8,9 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/api/context.h"
 #include "server/api/requests.h"
+#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 
@@ -42,22 +44,14 @@ Json WebhookToJson(const Webhook& webhook, const DeliveryCounts& counts) {
           {"oldest_waiting_at", TimeToJson(counts.oldest_waiting_at)}};
 }
 
-}  // namespace
-
-void WebhooksResource::Install(Routes& routes) {
-  routes.Get("/v1/webhooks", Action::kManageWebhooks, std::bind_front(&WebhooksResource::List, this));
-  routes.Post(R"(/v1/webhooks/([A-Za-z0-9._-]{1,64})/test)", Action::kManageWebhooks,
-              std::bind_front(&WebhooksResource::Test, this));
-}
-
-ApiResult WebhooksResource::List(const Request& request) const {
+ApiResult ListWebhooks(const ApiContext& context, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   std::vector<Damage> damaged;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
     std::map<std::string, DeliveryCounts> counts;
     for (DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
-    for (const Webhook& webhook : context_.webhooks.webhooks()) {
+    for (const Webhook& webhook : context.webhooks.webhooks()) {
       const std::string& name = webhook.config.name;
       list.push_back(WebhookToJson(webhook, counts[name]));
       const Listed<DeliveryRow> rows = reader.Deliveries(name, INT64_MAX, kShownDeliveries);
@@ -70,19 +64,19 @@ ApiResult WebhooksResource::List(const Request& request) const {
   return ApiAnswer{200, {{"webhooks", std::move(list)}, {"unreadable", DamagedToJson(damaged)}}};
 }
 
-ApiResult WebhooksResource::Test(const Request& request, const Json& body) const {
+ApiResult TestWebhook(const ApiContext& context, const Request& request, const Json& body) {
   RETURN_IF_ERROR(ParseNothing(body));
   const std::string name = request.matches[1];
-  const Webhook* configured = context_.webhooks.Find(name);
+  const Webhook* configured = context.webhooks.Find(name);
   if (configured == nullptr) {
     return StatusOf({404, "not_found", absl::StrCat("server.json has no webhook \"", name, "\"")});
   }
   Webhook webhook = *configured;
   webhook.config.timeout =
-      std::min(webhook.config.timeout, context_.config.http.request * kTestShare);
-  const absl::Duration begin = context_.clock.Monotonic();
+      std::min(webhook.config.timeout, context.config.http.request * kTestShare);
+  const absl::Duration begin = context.clock.Monotonic();
   ASSIGN_OR_RETURN(const PostResult result,
-                   context_.webhooks.Test(webhook, [] { return UnixHttpServer::Stopping(); }));
+                   context.webhooks.Test(webhook, [] { return UnixHttpServer::Stopping(); }));
   NoteAct(absl::StrCat("webhook ", name), result.delivered ? "delivered" : "not delivered");
   return ApiAnswer{
       200,
@@ -90,7 +84,15 @@ ApiResult WebhooksResource::Test(const Request& request, const Json& body) const
        {"delivered", result.delivered},
        {"status", result.http == 0 ? Json() : Json(result.http)},
        {"problem", TextOrNull(result.problem)},
-       {"took_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - begin)}}};
+       {"took_wall_s", absl::ToDoubleSeconds(context.clock.Monotonic() - begin)}}};
+}
+
+}  // namespace
+
+void AddWebhooks(Routes& routes, const ApiContext& context) {
+  routes.Get("/v1/webhooks", Action::kManageWebhooks, std::bind_front(ListWebhooks, std::cref(context)));
+  routes.Post(R"(/v1/webhooks/([A-Za-z0-9._-]{1,64})/test)", Action::kManageWebhooks,
+              std::bind_front(TestWebhook, std::cref(context)));
 }
 
 }  // namespace myograde::server

@@ -1,7 +1,7 @@
 // What the daemon counts while it works, for Prometheus: counters and histograms that only grow,
 // and start at zero with the daemon. Counting is an atomic addition and a look-up among a few dozen
 // labels; it never waits for a disk or a scrape. What can be read off the daemon's state instead is
-// read when somebody asks (server/api/metrics_resource.h).
+// read when somebody asks (server/api/metrics_resource.cc).
 //
 // Every label has few values: names of tracks, actions, webhooks and kinds, never of teams or
 // submissions. Where a value comes from outside, all but the known ones count as "other".

@@ -15,8 +15,7 @@ import time
 import zipfile
 from unittest import mock
 
-import jsonschema
-
+from support.schemas import validate
 from system import BIN, SOURCE, SystemTest, track_config
 
 sys.path.insert(0, str(SOURCE / "server/runtime/make"))
@@ -93,8 +92,7 @@ class Runtimes(SystemTest):
     def offered(self):
         """The runtimes by name, as this host lists them."""
         answer = self.ask("runtime", "list")
-        jsonschema.validate(answer, json.loads(
-            (SOURCE / "configs/schema/runtimes.json").read_text(encoding="utf-8")))
+        validate(answer, "runtimes")
         return {entry["runtime"]: entry for entry in answer["runtimes"] if not entry["former"]}
 
     def policy(self, name, runtimes):
@@ -122,8 +120,7 @@ class Runtimes(SystemTest):
                                               requirements=self.pinned("1.0", "one"))
         self.assertEqual(status, 0, complaint)
         made = json.loads(printed)
-        jsonschema.validate(made, json.loads(
-            (SOURCE / "configs/schema/runtime.json").read_text(encoding="utf-8")))
+        validate(made, "runtime")
         self.assertEqual(self.offered()["greet"]["digest"], made["digest"])
         self.assertEqual([p["name"] for p in made["packages"]], ["greet"])
         folder = pathlib.Path(made["folder"])

@@ -12,7 +12,7 @@ import tempfile
 import unittest
 import unittest.mock
 
-import jsonschema
+from support.schemas import validate
 
 import myograde
 from myograde import errors, models
@@ -30,7 +30,7 @@ class InFolder(unittest.TestCase):
     def told(self, said, verb):
         """What --json printed, which is as its schema says."""
         value = json.loads(said.stdout)
-        jsonschema.validate(value, json.loads((SOURCE / f"configs/schema/{verb}.json").read_text()))
+        validate(value, verb)
         return value
 
     def run_module(self, *words, **variables):

@@ -1,6 +1,6 @@
 // A node's channel by HTTP and the daemon's end of it: everything arrives in the spool, and no token
 // but a lease's own opens anything of it.
-#include "server/api/lease_resource.h"
+#include "server/api/resources.h"
 
 #include <fcntl.h>
 
@@ -34,7 +34,7 @@ class LeaseResourceTest : public testing::Test {
     server_->SetAdmit([this](Connection& connection) {
       return guard_.AdmitBody(connection, server_->router());
     });
-    resource_.Install(routes_);
+    AddLeases(routes_, &door_);
     ListenConfig listen;
     listen.address = "127.0.0.1";
     EXPECT_TRUE(server_->OpenNetwork(listen).ok());
@@ -74,7 +74,6 @@ class LeaseResourceTest : public testing::Test {
                 .leases = &door_}};
   std::optional<UnixHttpServer> server_{std::in_place, limits_, temp_.path().string()};
   Routes routes_{server_->router(), guard_, metrics_};
-  LeaseResource resource_{&door_};
   std::optional<LeaseFolder> lease_;
   std::string token_;
 };

@@ -4,7 +4,6 @@ BIN_DIR and SOURCE_DIR are the arguments of the test."""
 import http.server
 import json
 import os
-import re
 import shutil
 import socketserver
 import subprocess
@@ -14,49 +13,10 @@ import threading
 import time
 import unittest
 
+from support.schemas import validate
+
 BIN_DIR, SOURCE_DIR = sys.argv[1:3]
 SECONDS = 60  # for which a call may take
-TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "null": type(None)}
-
-
-def has_type(value, name):
-    if name == "integer":
-        return isinstance(value, int) and not isinstance(value, bool)
-    if name == "number":
-        return isinstance(value, (int, float)) and not isinstance(value, bool)
-    return isinstance(value, TYPES[name])
-
-
-def mistakes(value, schema, where="$"):
-    """The subset of JSON Schema that the project's schemas use."""
-    if "anyOf" in schema:
-        tried = [mistakes(value, s, where) for s in schema["anyOf"]]
-        return [] if [] in tried else [m for t in tried for m in t]
-    if "const" in schema and value != schema["const"]:
-        return [f"{where}: is not {schema['const']!r}"]
-    if "enum" in schema and value not in schema["enum"]:
-        return [f"{where}: {value!r} is not one of {schema['enum']}"]
-    wanted = schema.get("type")
-    wanted = [wanted] if isinstance(wanted, str) else wanted
-    if wanted and not any(has_type(value, t) for t in wanted):
-        return [f"{where}: {value!r} is no {wanted}"]
-    found = []
-    if "pattern" in schema and not re.search(schema["pattern"], value):
-        found.append(f"{where}: {value!r} does not match {schema['pattern']}")
-    if isinstance(value, dict):
-        found += [f"{where}: lacks {k!r}" for k in schema.get("required", []) if k not in value]
-        for key, entry in value.items():
-            inner = schema.get("properties", {}).get(key, schema.get("additionalProperties", {}))
-            found += mistakes(entry, inner, f"{where}.{key}")
-    if isinstance(value, list) and "items" in schema:
-        for i, entry in enumerate(value):
-            found += mistakes(entry, schema["items"], f"{where}[{i}]")
-    return found
-
-
-def schema_of(verb):
-    with open(f"{SOURCE_DIR}/configs/schema/{verb}.json", encoding="utf-8") as file:
-        return json.load(file)
 
 
 def myograde(*args, **env):
@@ -193,5 +153,5 @@ class CliCase(unittest.TestCase):
         done = myograde(*args, "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
         value = json.loads(done.stdout)
-        self.assertEqual(mistakes(value, schema_of(verb)), [])
+        validate(value, verb)
         return value

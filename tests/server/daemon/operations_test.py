@@ -11,6 +11,7 @@ import jsonschema
 from daemon_test import SOURCE, DaemonCase
 from roles_test import TRACK, AccessCase
 from support import prometheus
+from support.schemas import validate
 from support.waiting import wait_until
 
 PAGE = "server/daemon/OPERATIONS.md"
@@ -160,18 +161,17 @@ class Alerts(unittest.TestCase):
 
 class Schema(unittest.TestCase):
     def test_it_takes_the_shipped_settings_and_those_of_the_page(self):
-        schema = json.loads((SOURCE / "configs/schema/server.json").read_text())
         shipped = json.loads((SOURCE / "configs/server.json").read_text())
-        jsonschema.validate(shipped, schema)
+        validate(shipped, "server")
         page = (SOURCE / PAGE).read_text()
         example = json.loads(re.search(r"^```\n(\{\"webhooks.*?)^```$", page,
                                        re.MULTILINE | re.DOTALL).group(1))
-        jsonschema.validate({**shipped, **example}, schema)
+        validate({**shipped, **example}, "server")
         for key, value in (("events", ["finished"]), ("url", "ftp://x"), ("timeout_s", 61),
                            ("secret_file", "x"), ("colour", 1)):
             broken = {"webhooks": [{**example["webhooks"][0], key: value}]}
             with self.assertRaises(jsonschema.ValidationError, msg=key):
-                jsonschema.validate({**shipped, **broken}, schema)
+                validate({**shipped, **broken}, "server")
 
 
 class Readiness(AccessCase):

@@ -11,10 +11,9 @@ import subprocess
 import unittest
 import urllib.parse
 
-import jsonschema
-
 from support.client import Connection, exchange
 from daemon_test import SOURCE, DaemonCase
+from support.schemas import validate
 from support.waiting import wait_until
 
 TRACK = "demo-manipulation"
@@ -30,8 +29,7 @@ class OrganiserCase(DaemonCase):
     def ask(self, *words, schema=None, data=None):
         answer = json.loads(self.cli(*words, "--json", data=data).stdout)
         if schema:
-            text = (SOURCE / "configs/schema" / f"{schema}.json").read_text()
-            jsonschema.validate(answer, json.loads(text))
+            validate(answer, schema)
         return answer
 
     def played(self, mode, team="alpha", **more):

@@ -16,7 +16,7 @@ import unittest
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 from cli_case import (  # pylint: disable=wrong-import-position
-    BIN_DIR, SOURCE_DIR, STATUS, CliCase, Handler, mistakes, schema_of)
+    BIN_DIR, SOURCE_DIR, STATUS, CliCase, Handler, validate)
 from support.certificates import make_certificate  # pylint: disable=wrong-import-position
 
 TOKEN = "myt_0123456789abcdef"
@@ -135,7 +135,7 @@ class ServerTest(CliCase):
     def log_in(self, port):
         answer = json.loads(self.done("login", f"https://localhost:{port}", "--ca-file",
                                       self.certificate, "--json", typed=TOKEN + "\n"))
-        self.assertEqual(mistakes(answer, schema_of("login")), [])
+        validate(answer, "login")
         return f"https://localhost:{port}"
 
     def shown(self):
@@ -156,12 +156,12 @@ class ServerTest(CliCase):
                                                "ca_file": str(self.certificate)})
         self.done("status", "7")
         who = json.loads(self.done("whoami", "--json"))
-        self.assertEqual(mistakes(who, schema_of("whoami")), [])
+        validate(who, "whoami")
         self.assertEqual((who["server"], who["role"]), (server, "participant"))
         self.assertIn("a participant of alpha", self.done("whoami"))
         self.assertEqual(set(self.shown()), {(port, f"Bearer {TOKEN}")})
         out = json.loads(self.done("logout", "--json"))
-        self.assertEqual(mistakes(out, schema_of("logout")), [])
+        validate(out, "logout")
         self.assertEqual((out["removed"], out["server"]), (True, server))
         self.assertFalse(os.path.exists(self.login_file))
         self.assertIn("no login", self.done("logout"))

@@ -6,7 +6,7 @@ import sys
 import unittest
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from cli_case import CliCase, SOURCE_DIR, mistakes, myograde, schema_of  # pylint: disable=wrong-import-position
+from cli_case import CliCase, SOURCE_DIR, myograde, validate  # pylint: disable=wrong-import-position
 
 SHEBANG = "#!/bin/sh\n"
 SINFO = "echo 'debug*|up|infinite|2|idle'; echo 'debug*|up|infinite|1|down*'; echo 'big|up|1:00|1|mix'"
@@ -59,7 +59,7 @@ class ClusterDoctorTest(CliCase):
         done = self.doctor("--json", **slurm)
         self.assertEqual(done.returncode, status, done.stdout + done.stderr)
         value = json.loads(done.stdout)
-        self.assertEqual(mistakes(value, schema_of("doctor")), [])
+        validate(value, "doctor")
         for check in value["checks"]:
             poor = check["state"] != "ok"
             self.assertTrue(check["found"], check)

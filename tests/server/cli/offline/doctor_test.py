@@ -8,8 +8,7 @@ import sys
 import tempfile
 import unittest
 
-sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from cli_case import mistakes, schema_of  # pylint: disable=wrong-import-position
+from support.schemas import validate
 
 BIN_DIR, SOURCE_DIR = sys.argv[1:3]
 NEEDED = {"configs", "kernel", "processor", "programs", "bubblewrap", "user_namespaces", "seccomp",
@@ -33,7 +32,7 @@ class DoctorTest(unittest.TestCase):
         done = self.doctor("--json", *args, prefix=prefix, **env)
         self.assertEqual(done.returncode, status, done.stdout + done.stderr)
         value = json.loads(done.stdout)
-        self.assertEqual(mistakes(value, schema_of("doctor")), [])
+        validate(value, "doctor")
         self.assertEqual(status == 4, value["state"] == "missing")
         for check in value["checks"]:
             poor = check["state"] != "ok"
@@ -132,7 +131,7 @@ class DoctorTest(unittest.TestCase):
         done = self.doctor("--sandbox", "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
         value = json.loads(done.stdout)
-        self.assertEqual(mistakes(value, schema_of("doctor")), [])
+        validate(value, "doctor")
         policy, simulator = value["policy"], value["simulator"]
         self.assertEqual(policy["process_1"], "/myograde/myograde-bridge")
         self.assertEqual(policy["command"][-1], "COMMAND")

@@ -10,7 +10,7 @@ import unittest
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 from cli_case import (  # pylint: disable=wrong-import-position
-    SOURCE_DIR, CliCase, Handler, mistakes, myograde, schema_of)
+    SOURCE_DIR, CliCase, Handler, myograde, validate)
 
 TRACK = "manipulation"
 WHOAMI = {"role": "participant", "teams": ["alpha"], "caller": "token 3", "remote": True, "token": None}
@@ -72,7 +72,7 @@ class DryRunTest(CliCase):
         self.assertEqual(done.returncode, status, done.stdout + done.stderr)
         self.assertEqual({command for command, _, _ in Handler.heard} - {"GET"}, set())
         report = json.loads(done.stdout)
-        self.assertEqual(mistakes(report, schema_of("submit-dry-run")), [])
+        validate(report, "submit-dry-run")
         self.report = report
         return {check["name"]: check for check in report["checks"]}
 

@@ -11,7 +11,7 @@ import urllib.parse
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 from cli_case import (  # pylint: disable=wrong-import-position
-    BIN_DIR, BOARD, RESULT, TIME, CliCase, Handler, mistakes, myograde, schema_of)
+    BIN_DIR, BOARD, RESULT, TIME, CliCase, Handler, myograde, validate)
 
 HAS_MATPLOTLIB = subprocess.run(["/usr/bin/python3", "-I", "-c", "import matplotlib"],
                                 capture_output=True, check=False).returncode == 0
@@ -176,7 +176,7 @@ class PlotTest(CliCase):
         done = myograde(*words, "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
         told = json.loads(done.stdout)
-        self.assertEqual(mistakes(told, schema_of("plot")), [])
+        validate(told, "plot")
         with open(file, "rb") as written:
             data = written.read()
         self.assertEqual((len(data), data[:5]), (told["bytes"], b"<?xml"))

@@ -15,7 +15,7 @@ import unittest
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 import cli_case  # pylint: disable=wrong-import-position
 from cli_case import (  # pylint: disable=wrong-import-position
-    BIN_DIR, RESULT, SOURCE_DIR, CliCase, Handler, mistakes, myograde, schema_of)
+    BIN_DIR, RESULT, SOURCE_DIR, CliCase, Handler, myograde, validate)
 
 cli_case.SECONDS = 250  # drawing has a low priority
 LOG = f"{SOURCE_DIR}/configs/reference/elbow.lcmlog.zst"
@@ -53,7 +53,7 @@ class Render(CliCase):
         done = myograde("render", *words, "--json", **env)
         self.assertEqual(done.returncode, 0, done.stderr)
         value = json.loads(done.stdout)
-        self.assertEqual(mistakes(value, schema_of("render")), [])
+        validate(value, "render")
         with open(value["file"], "rb") as file:
             content = file.read()
         self.assertEqual(value["sha256"], hashlib.sha256(content).hexdigest())
