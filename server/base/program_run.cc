@@ -60,6 +60,12 @@ std::string ProgramEnd::HowItEnded() const {
 
 std::string ProgramEnd::LastError() const { return LastLineOf(errors); }
 
+std::string WhyItFailed(const absl::StatusOr<ProgramEnd>& end) {
+  if (!end.ok()) return std::string(end.status().message());
+  const std::string last = end->LastError();
+  return last.empty() ? end->HowItEnded() : last;
+}
+
 absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
                                       const std::function<bool()>& stopped) {
   ASSIGN_OR_RETURN(const std::string path, ProgramPath(order.program));

@@ -30,10 +30,13 @@ struct ProgramEnd {
   std::string LastError() const;   // the last line of `errors`; "" if there is none
 };
 
+// Of a program that failed: the last line of its errors, or how it ended, or why it was not run.
+std::string WhyItFailed(const absl::StatusOr<ProgramEnd>& end);
+
 // CancelledError as soon as `stopped` (asked ten times a second), DeadlineExceededError,
 // ResourceExhaustedError if it prints more than it may: it and what it started are dead on return.
 // InternalError: it can't be started.
-absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
-                                      const std::function<bool()>& stopped);
+absl::StatusOr<ProgramEnd> RunProgram(
+    const ProgramOrder& order, const std::function<bool()>& stopped = [] { return false; });
 
 }  // namespace myograde::server

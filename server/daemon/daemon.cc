@@ -61,42 +61,6 @@ constexpr double kBeatsPerWatchdog = 4;
 // process otherwise. Takes milliseconds.
 constexpr absl::Duration kTrimEvery = absl::Seconds(10);
 
-// The data folder is private to the daemon: it holds the secret and everybody's submissions.
-absl::Status MakeFolders(const std::string& data) {
-  std::error_code error;
-  for (const char* part : {"", "/artefacts", "/logs", "/pictures", "/selftest", "/slots", "/spool", "/work"}) {
-    const std::string path = data + part;
-    if (!error) fs::create_directory(path, error);
-    // The slots' users must be able to read the self-test's artefact, like any other.
-    const bool shown = path.ends_with("/selftest");
-    const fs::perms rights = shown ? fs::perms(0755) : fs::perms::owner_all;
-    if (!error) fs::permissions(path, rights, error);
-    if (error) {
-      return absl::PermissionDeniedError(absl::StrCat(
-          path, ": can't be made or given its rights (", error.message(),
-          "); choose another data folder with --data"));
-    }
-  }
-  return absl::OkStatus();
-}
-
-// Work in progress of an earlier daemon that died is useless.
-void Empty(const std::string& folder) {
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    fs::remove_all(entry.path(), error);
-    if (error) spdlog::warn("{}: can't be removed: {}", entry.path().string(), error.message());
-  }
-}
-
-// Drafts of episode logs that were being written; finished logs have other names.
-void RemoveDrafts(const std::string& folder) {
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.path().filename().string().starts_with(".draft-")) fs::remove(entry.path(), error);
-  }
-}
-
 std::atomic<Engine*> engine_to_stop = nullptr;
 std::atomic<UnixHttpServer*> server_to_stop = nullptr;
 
@@ -167,44 +131,265 @@ void EndSoon(int exit_status, absl::Duration within) {
   }).detach();
 }
 
-// Makes room for the sandboxes' control groups, and says what an ordinary user lacks for sandboxes.
-void CheckSandboxes(const ServerConfig& config) {
-  if (config.on_cluster) return;
-  if (const absl::Status status = DivideDelegatedGroup(); !status.ok()) {
-    spdlog::warn("{}", std::string(status.message()));
+// A daemon's parts in the order in which they are made: what is made last goes first.
+class Daemon {
+ public:
+  Daemon(const DaemonOptions& options, DaemonConfigs configs)
+      : options_(options), configs_(std::move(configs)) {}
+
+  // One after the other. An error says why the daemon can't start.
+  absl::Status TakeFolder();
+  absl::Status OpenStore();
+  absl::Status RecoverEngine();
+  absl::Status AddServices();
+  absl::Status Listen();
+  // Until a signal; how the engine ended.
+  absl::Status Run();
+
+ private:
+  void StartPictures();
+  ApiContext Context();
+  // Tells the service manager that the daemon is alive, and gives free memory back.
+  void StartHeartbeat();
+  void Stop(const absl::Status& status);
+
+  const DaemonOptions options_;
+  DaemonConfigs configs_;
+  const ServerConfig& config_ = configs_.server;
+  const Clock& clock_ = SystemClock();
+  const std::string store_path_ = options_.data_dir + "/store.db";
+  std::optional<ServiceManager> manager_;
+  std::optional<DataLock> lock_;
+  std::unique_ptr<Store> store_;
+  const std::shared_ptr<Metrics> metrics_ = std::make_shared<Metrics>();
+  ReaderPool readers_{store_path_};
+  std::optional<Phases> phases_;
+  std::optional<StoreDisk> disk_;
+  std::optional<LeaseHosts> hosts_;
+  std::optional<Engine> engine_;
+  KeyFile receipts_key_{options_.data_dir + "/receipts.key"};
+  RecordLog record_;
+  std::optional<SignalGuard> signals_;
+  std::optional<ReferenceCheck> reference_;
+  std::optional<Admission> admission_;
+  std::optional<AccessLog> access_log_;
+  std::optional<WebhookSender> webhooks_;
+  EndedEvaluations ended_{readers_};
+  std::optional<Pictures> pictures_;
+  std::optional<Documents> documents_;
+  std::optional<Api> api_;
+  std::optional<UnixHttpServer> server_;
+  std::optional<NetworkGuard> network_;
+  std::optional<Retention> retention_;
+  std::optional<Rejudger> rejudger_;
+};
+
+absl::Status Daemon::TakeFolder() {
+  ASSIGN_OR_RETURN(manager_, ServiceManager::FromEnvironment());
+  RETURN_IF_ERROR(RaiseDescriptorLimit(config_));
+  std::error_code unmade;  // what is not there can't be locked
+  fs::create_directories(options_.data_dir, unmade);
+  ASSIGN_OR_RETURN(lock_, DataLock::Take(options_.data_dir));
+  RETURN_IF_ERROR(MakeFolders(options_.data_dir));
+  StartLog(config_.log_level, config_.log_format);
+  CheckSandboxes(config_);
+  ControlGroup::RemoveStale();
+  RemoveUnfinished(options_.data_dir);
+  return absl::OkStatus();
+}
+
+absl::Status Daemon::OpenStore() {
+  WarnOfLostStore(options_.data_dir, store_path_);
+  ASSIGN_OR_RETURN(store_, Store::Open(store_path_, clock_));
+  if (const auto& migration = store_->migration()) {
+    spdlog::info("the store had schema {} and now has {}; {} keeps it as it was", migration->from,
+                 migration->to, migration->copy);
   }
-  if (geteuid() == 0 || CanMakeUserNamespace()) return;
-  spdlog::error(
-      "this host lets the daemon's user (uid {}) make no user namespaces, so nothing can be graded: set "
-      "user.max_user_namespaces, and kernel.unprivileged_userns_clone=1 where the kernel has it, with "
-      "sysctl, or run the daemon as root",
-      geteuid());
+  if (store_->mended()) spdlog::error("{}", DamageText(*store_->mended()));
+  RETURN_IF_ERROR(SetWebhooks(configs_.webhooks, *store_));
+  readers_.SetObserver([this](absl::Duration took) { metrics_->ObserveStoreRead(took); });
+  readers_.SetCorruptObserver(
+      [this](const absl::Status& status) { store_->Distrust(std::string(status.message())); });
+  ASSIGN_OR_RETURN(phases_, MakePhases(configs_, *store_));
+  RETURN_IF_ERROR(TakeConfigsInForce(*store_, readers_, configs_.tracks, *phases_));
+  RETURN_IF_ERROR(LogPhases(*phases_, readers_, clock_.Now()));
+  ASSIGN_OR_RETURN(const std::vector<Damage> damaged, FillStandings(*store_, readers_));
+  for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
+  return absl::OkStatus();
 }
 
-// Raises the limit to the number of descriptors that the config may use.
-absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
-  const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
-  rlimit limit = {};
-  getrlimit(RLIMIT_NOFILE, &limit);
-  if (limit.rlim_cur >= needed) return absl::OkStatus();
-  const rlim_t allowed = limit.rlim_max;
-  limit = {needed, std::max(needed, allowed)};
-  if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
-      config.http.workers, " workers may need ", needed, " open files at once, and this process ",
-      "may have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of ",
-      "the three"));
+absl::Status Daemon::RecoverEngine() {
+  disk_.emplace(*store_, metrics_.get());
+  ASSIGN_OR_RETURN(const HomeFound home,
+                   FindHome(options_.data_dir, config_.on_cluster, /*adopt=*/false));
+  ASSIGN_OR_RETURN(hosts_, MakeLeaseHosts(options_, config_, store_->policy_secret(), home));
+  engine_.emplace(EngineOptions{config_, options_.data_dir, options_.cache_dir, metrics_}, *disk_, readers_,
+                  *hosts_->executor, clock_);
+  // Grading needs no key: without one, the daemon serves everything but receipts.
+  if (absl::Status status = receipts_key_.Get().status(); !status.ok()) {
+    spdlog::error("no receipt can be signed: {}", std::string(status.message()));
+  }
+  RETURN_IF_ERROR(StartRecord(*store_, readers_, receipts_key_, record_));
+  signals_.emplace(*engine_);
+  return engine_->Recover();
 }
 
-// Whoever lost the store should hear of it before the next submission gets number 1.
-void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
-  std::error_code error;
-  const std::string artefacts = data_dir + "/artefacts";
-  const bool there = std::filesystem::exists(path, error) && std::filesystem::file_size(path, error) > 0;
-  if (there || std::filesystem::is_empty(artefacts, error)) return;
-  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
-                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
+absl::Status Daemon::AddServices() {
+  const std::string references = options_.configs_dir + "/reference";
+  reference_.emplace(ReferenceOptions{.folder = references,
+                                      .work_dir = options_.data_dir + "/work/reference",
+                                      .cache_dir = options_.cache_dir,
+                                      .uid = geteuid() == 0 ? config_.uid_base + kReferenceUsers : -1});
+  for (const auto& [name, entry] : configs_.tracks.entries()) {
+    const std::string why =
+        WhyUnreferenced(references, entry.profiles.at(entry.default_profile)->config.kind->name);
+    if (!why.empty()) spdlog::warn("the track {} is for practice only: {}", name, why);
+  }
+  admission_.emplace(AdmissionOptions{.config = config_,
+                                      .data_dir = options_.data_dir,
+                                      .cache_dir = options_.cache_dir,
+                                      .reference =
+                                          [this](std::string_view kind, absl::Duration timeout) {
+                                            return reference_->Result(kind, timeout);
+                                          }},
+                     configs_.tracks, *phases_, *engine_, readers_, clock_);
+  const auto change = [this](std::function<absl::Status(Writer&)> act) {
+    return engine_->Change(std::move(act), config_.http.request);
+  };
+  access_log_.emplace(change, clock_, metrics_.get());
+  webhooks_.emplace(WebhookSender::Options{.webhooks = configs_.webhooks,
+                                           .readers = readers_,
+                                           .write = change,
+                                           .metrics = *metrics_,
+                                           .clock = clock_});
+  StartPictures();
+  ASSIGN_OR_RETURN(documents_, LoadDocuments(DocsDir()));
+  api_.emplace(Context());
+  server_.emplace(config_.http, options_.data_dir + "/spool");
+  api_->Install(*server_);
+  return absl::OkStatus();
+}
+
+void Daemon::StartPictures() {
+  const MakerOptions makers = {.work_dir = options_.data_dir + "/work/pictures",
+                               .cache_dir = options_.cache_dir,
+                               .uid = geteuid() == 0 ? config_.uid_base + kPictureUsers : -1};
+  pictures_.emplace(PicturesOptions{
+      .folder = options_.data_dir + "/pictures",
+      .build = [this] { return PictureBuild(options_.cache_dir); },
+      .most_bytes = config_.retention.picture_bytes,
+      .make =
+          [this, makers](const PictureKey& key, const Stopped& stopped) {
+            return MakeFile(readers_, options_.data_dir, makers, key, stopped);
+          },
+      .grading =
+          [this] {
+            const LiveHealth health = engine_->Health();
+            return health.running > 0 || health.pending > 0;
+          },
+      .quiet = config_.pictures_ahead,
+      .suggestions = [this] { return ended_.Pictures(); }});
+}
+
+ApiContext Daemon::Context() {
+  return {.config = config_,
+          .data_dir = options_.data_dir,
+          .cache_dir = options_.cache_dir,
+          .tracks_dir = options_.configs_dir + "/tracks",
+          .tracks = configs_.tracks,
+          .phases = *phases_,
+          .admission = *admission_,
+          .engine = *engine_,
+          .readers = readers_,
+          .receipts_key = receipts_key_,
+          .access_log = *access_log_,
+          .record = record_,
+          .pictures = *pictures_,
+          .metrics = *metrics_,
+          .webhooks = *webhooks_,
+          .documents = *documents_,
+          .metrics_token = configs_.metrics_token,
+          .leases = hosts_->door,
+          .challenge = phases_->any(),
+          .clock = clock_,
+          .started_at = clock_.Now(),
+          .began = clock_.Monotonic()};
+}
+
+absl::Status Daemon::Listen() {
+  Fd network_socket = manager_->TakeNetworkSocket();
+  WarnOfFilteredPackets(configs_, network_socket.valid());
+  if (config_.listen.has_value()) {
+    RETURN_IF_ERROR(server_->OpenNetwork(*config_.listen, std::move(network_socket)));
+  } else if (network_socket.valid()) {
+    return absl::InvalidArgumentError(
+        "the service manager listens on a TCP port, but server.json has no \"listen\" with the "
+        "certificate for it; add that (myograde-server.json(5)), or disable the socket unit");
+  }
+  // Before the socket answers, so that whoever waits for that finds the URL.
+  network_.emplace(options_.data_dir + "/listen", server_->NetworkUrl());
+  if (Fd socket = manager_->TakeSocket(); socket.valid()) {
+    server_->StartOn(std::move(socket));
+  } else {
+    RETURN_IF_ERROR(server_->Start(options_.socket));
+  }
+  server_to_stop = &*server_;
+  return absl::OkStatus();
+}
+
+absl::Status Daemon::Run() {
+  access_log_->Start();
+  webhooks_->Start();
+  std::optional<absl::Time> trusted;
+  if (const auto ms = store_->trusted_time_ms()) trusted = absl::FromUnixMillis(*ms);
+  retention_.emplace(config_.retention, config_.artefacts.disk_reserve, options_.data_dir, *engine_, readers_,
+                     clock_, trusted);
+  rejudger_.emplace(RejudgerOptions{.data_dir = options_.data_dir,
+                                    .grader =
+                                        [this] {
+                                          return WithRuntimes(
+                                              GraderBuild(options_.cache_dir, AdapterNames()),
+                                              RuntimeDigests(Runtimes(config_.runtimes, config_.runtimes_dir)));
+                                        }},
+                    *engine_, readers_);
+  spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options_.socket,
+               config_.scheduler.slots, configs_.tracks.entries().size(), phases_->entries().size());
+  if (config_.listen.has_value()) spdlog::info("listening on {}", server_->NetworkUrl());
+  manager_->Tell("READY=1");
+  StartHeartbeat();
+  const absl::Status status = engine_->Run();
+  Stop(status);
+  return status;
+}
+
+void Daemon::StartHeartbeat() {
+  engine_->SetHeartbeat(std::min(manager_->watchdog() / kBeatsPerWatchdog, kTrimEvery),
+                        [this, trimmed = clock_.Monotonic()]() mutable {
+                          if (manager_->watchdog() < absl::InfiniteDuration()) {
+                            manager_->Tell("WATCHDOG=1");
+                          }
+                          if (clock_.Monotonic() - trimmed < kTrimEvery) return;
+                          malloc_trim(0);
+                          trimmed = clock_.Monotonic();
+                        });
+}
+
+void Daemon::Stop(const absl::Status& status) {
+  manager_->Tell("STOPPING=1");
+  EndSoon(status.ok() ? 0 : 4, config_.on_cluster ? kLeaveClusterWithin : kLeaveWithin);
+  server_to_stop = nullptr;
+  pictures_->Stop();
+  webhooks_->Stop();
+  server_->Shutdown();
+  access_log_->Stop();
+  // The engine, the store's only writer until now, has ended.
+  const absl::Status recorded = access_log_->WriteAll(
+      [this](AccessLog::Change change) { return store_->Write(change); });
+  if (!recorded.ok()) {
+    spdlog::error("the last denied requests and acts are not recorded: {}",
+                  std::string(recorded.message()));
+  }
+  spdlog::info("stopped");
 }
 
 }  // namespace
@@ -225,192 +410,13 @@ absl::StatusOr<std::string> AdoptData(const std::string& data_dir) {
 absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   // With one heap per thread, each heap would keep as much memory as its largest answer took.
   mallopt(M_ARENA_MAX, 4);
-  const Clock& clock = SystemClock();
-  const ServerConfig& config = configs.server;
-  Tracks& tracks = configs.tracks;
-  ASSIGN_OR_RETURN(ServiceManager manager, ServiceManager::FromEnvironment());
-  RETURN_IF_ERROR(RaiseDescriptorLimit(config));
-  std::error_code unmade;  // what is not there can't be locked
-  fs::create_directories(options.data_dir, unmade);
-  ASSIGN_OR_RETURN(const DataLock lock, DataLock::Take(options.data_dir));
-  RETURN_IF_ERROR(MakeFolders(options.data_dir));
-  StartLog(config.log_level, config.log_format);
-  CheckSandboxes(config);
-  ControlGroup::RemoveStale();
-  Empty(options.data_dir + "/work");
-  Empty(options.data_dir + "/spool");
-  RemoveDrafts(options.data_dir + "/logs");
-
-  const std::string path = options.data_dir + "/store.db";
-  WarnOfLostStore(options.data_dir, path);
-  ASSIGN_OR_RETURN(std::unique_ptr<Store> store, Store::Open(path, clock));
-  if (const auto& migration = store->migration()) {
-    spdlog::info("the store had schema {} and now has {}; {} keeps it as it was", migration->from,
-                 migration->to, migration->copy);
-  }
-  if (store->mended()) spdlog::error("{}", DamageText(*store->mended()));
-  RETURN_IF_ERROR(SetWebhooks(configs.webhooks, *store));
-  const auto metrics = std::make_shared<Metrics>();
-  ReaderPool readers(path);
-  readers.SetObserver([&](absl::Duration took) { metrics->ObserveStoreRead(took); });
-  readers.SetCorruptObserver(
-      [&](const absl::Status& status) { store->Distrust(std::string(status.message())); });
-  ASSIGN_OR_RETURN(Phases phases, MakePhases(configs, *store));
-  RETURN_IF_ERROR(TakeConfigsInForce(*store, readers, tracks, phases));
-  RETURN_IF_ERROR(LogPhases(phases, readers, clock.Now()));
-  ASSIGN_OR_RETURN(const std::vector<Damage> damaged, FillStandings(*store, readers));
-  for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
-  StoreDisk disk(*store, metrics.get());
-  ASSIGN_OR_RETURN(const HomeFound home,
-                   FindHome(options.data_dir, config.on_cluster, /*adopt=*/false));
-  ASSIGN_OR_RETURN(const LeaseHosts hosts,
-                   MakeLeaseHosts(options, config, store->policy_secret(), home));
-  Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers,
-                *hosts.executor, clock);
-  // Grading needs no key: without one, the daemon serves everything but receipts.
-  KeyFile receipts_key(options.data_dir + "/receipts.key");
-  if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
-    spdlog::error("no receipt can be signed: {}", std::string(status.message()));
-  }
-  RecordLog record;
-  RETURN_IF_ERROR(StartRecord(*store, readers, receipts_key, record));
-  const SignalGuard signals(engine);
-  RETURN_IF_ERROR(engine.Recover());
-
-  const ReferenceCheck reference(
-      {.folder = options.configs_dir + "/reference",
-       .work_dir = options.data_dir + "/work/reference",
-       .cache_dir = options.cache_dir,
-       .uid = geteuid() == 0 ? config.uid_base + kReferenceUsers : -1});
-  for (const auto& [name, entry] : tracks.entries()) {
-    const std::string why = WhyUnreferenced(
-        options.configs_dir + "/reference", entry.profiles.at(entry.default_profile)->config.kind->name);
-    if (!why.empty()) spdlog::warn("the track {} is for practice only: {}", name, why);
-  }
-  Admission admission({.config = config,
-                       .data_dir = options.data_dir,
-                       .cache_dir = options.cache_dir,
-                       .reference =
-                           [&](std::string_view kind, absl::Duration timeout) {
-                             return reference.Result(kind, timeout);
-                           }},
-                      tracks, phases, engine, readers, clock);
-  AccessLog access_log(
-      [&](AccessLog::Change change) {
-        return engine.Change(std::move(change), config.http.request);
-      },
-      clock, metrics.get());
-  WebhookSender webhooks({.webhooks = configs.webhooks,
-                          .readers = readers,
-                          .write =
-                              [&](WebhookSender::Change change) {
-                                return engine.Change(std::move(change), config.http.request);
-                              },
-                          .metrics = *metrics,
-                          .clock = clock});
-  const MakerOptions makers = {.work_dir = options.data_dir + "/work/pictures",
-                               .cache_dir = options.cache_dir,
-                               .uid = geteuid() == 0 ? config.uid_base + kPictureUsers : -1};
-  EndedEvaluations ended(readers);
-  Pictures pictures({.folder = options.data_dir + "/pictures",
-                     .build = [&] { return PictureBuild(options.cache_dir); },
-                     .most_bytes = config.retention.picture_bytes,
-                     .make =
-                         [&](const PictureKey& key, const Stopped& stopped) {
-                           return MakeFile(readers, options.data_dir, makers, key, stopped);
-                         },
-                     .grading =
-                         [&] {
-                           const LiveHealth health = engine.Health();
-                           return health.running > 0 || health.pending > 0;
-                         },
-                     .quiet = config.pictures_ahead,
-                     .suggestions = [&] { return ended.Pictures(); }});
-  ASSIGN_OR_RETURN(const Documents documents, LoadDocuments(DocsDir()));
-  Api api({.config = config,
-           .data_dir = options.data_dir,
-           .cache_dir = options.cache_dir,
-           .tracks_dir = options.configs_dir + "/tracks",
-           .tracks = tracks,
-           .phases = phases,
-           .admission = admission,
-           .engine = engine,
-           .readers = readers,
-           .receipts_key = receipts_key,
-           .access_log = access_log,
-           .record = record,
-           .pictures = pictures,
-           .metrics = *metrics,
-           .webhooks = webhooks,
-           .documents = documents,
-           .metrics_token = configs.metrics_token,
-           .leases = hosts.door,
-           .challenge = phases.any(),
-           .clock = clock,
-           .started_at = clock.Now(),
-           .began = clock.Monotonic()});
-  UnixHttpServer server(config.http, options.data_dir + "/spool");
-  api.Install(server);
-  Fd network_socket = manager.TakeNetworkSocket();
-  WarnOfFilteredPackets(configs, network_socket.valid());
-  if (config.listen.has_value()) {
-    RETURN_IF_ERROR(server.OpenNetwork(*config.listen, std::move(network_socket)));
-  } else if (network_socket.valid()) {
-    return absl::InvalidArgumentError(
-        "the service manager listens on a TCP port, but server.json has no \"listen\" with the "
-        "certificate for it; add that (myograde-server.json(5)), or disable the socket unit");
-  }
-  // Before the socket answers, so that whoever waits for that finds the URL.
-  const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
-  if (Fd socket = manager.TakeSocket(); socket.valid()) {
-    server.StartOn(std::move(socket));
-  } else if (absl::Status status = server.Start(options.socket); !status.ok()) {
-    return status;
-  }
-  server_to_stop = &server;
-  access_log.Start();
-  webhooks.Start();
-  std::optional<absl::Time> trusted;
-  if (const auto ms = store->trusted_time_ms()) trusted = absl::FromUnixMillis(*ms);
-  const Retention retention(config.retention, config.artefacts.disk_reserve, options.data_dir, engine,
-                            readers, clock, trusted);
-  const Rejudger rejudger({.data_dir = options.data_dir,
-                           .grader = [&] {
-                             return WithRuntimes(
-                                 GraderBuild(options.cache_dir, AdapterNames()),
-                                 RuntimeDigests(Runtimes(config.runtimes, config.runtimes_dir)));
-                           }},
-                          engine, readers);
-  spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
-               config.scheduler.slots, tracks.entries().size(), phases.entries().size());
-  if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
-  manager.Tell("READY=1");
-  engine.SetHeartbeat(std::min(manager.watchdog() / kBeatsPerWatchdog, kTrimEvery),
-                      [&, trimmed = clock.Monotonic()]() mutable {
-                        if (manager.watchdog() < absl::InfiniteDuration()) {
-                          manager.Tell("WATCHDOG=1");
-                        }
-                        if (clock.Monotonic() - trimmed < kTrimEvery) return;
-                        malloc_trim(0);
-                        trimmed = clock.Monotonic();
-                      });
-  const absl::Status status = engine.Run();
-  manager.Tell("STOPPING=1");
-  EndSoon(status.ok() ? 0 : 4, config.on_cluster ? kLeaveClusterWithin : kLeaveWithin);
-  server_to_stop = nullptr;
-  pictures.Stop();
-  webhooks.Stop();
-  server.Shutdown();
-  access_log.Stop();
-  // The engine, the store's only writer until now, has ended.
-  const absl::Status recorded = access_log.WriteAll(
-      [&](AccessLog::Change change) { return store->Write(change); });
-  if (!recorded.ok()) {
-    spdlog::error("the last denied requests and acts are not recorded: {}",
-                  std::string(recorded.message()));
-  }
-  spdlog::info("stopped");
-  return status;
+  Daemon daemon(options, std::move(configs));
+  RETURN_IF_ERROR(daemon.TakeFolder());
+  RETURN_IF_ERROR(daemon.OpenStore());
+  RETURN_IF_ERROR(daemon.RecoverEngine());
+  RETURN_IF_ERROR(daemon.AddServices());
+  RETURN_IF_ERROR(daemon.Listen());
+  return daemon.Run();
 }
 
 }  // namespace myograde::server

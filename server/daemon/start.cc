@@ -1,5 +1,10 @@
 #include "server/daemon/start.h"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
 #include <optional>
 #include <set>
 #include <string>
@@ -13,9 +18,94 @@
 #include "server/base/ip_address.h"
 #include "server/base/packet_filter.h"
 #include "server/challenge/board_configs.h"
+#include "server/sandbox/delegated_group.h"
+#include "server/sandbox/stage.h"
 #include "server/webhook/sender.h"
 
 namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Work in progress of an earlier daemon that died is useless.
+void Empty(const std::string& folder) {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    fs::remove_all(entry.path(), error);
+    if (error) spdlog::warn("{}: can't be removed: {}", entry.path().string(), error.message());
+  }
+}
+
+// Drafts of episode logs that were being written; finished logs have other names.
+void RemoveDrafts(const std::string& folder) {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().filename().string().starts_with(".draft-")) fs::remove(entry.path(), error);
+  }
+}
+
+}  // namespace
+
+absl::Status MakeFolders(const std::string& data) {
+  std::error_code error;
+  for (const char* part : {"", "/artefacts", "/logs", "/pictures", "/selftest", "/slots", "/spool", "/work"}) {
+    const std::string path = data + part;
+    if (!error) fs::create_directory(path, error);
+    // The slots' users must be able to read the self-test's artefact, like any other.
+    const bool shown = path.ends_with("/selftest");
+    const fs::perms rights = shown ? fs::perms(0755) : fs::perms::owner_all;
+    if (!error) fs::permissions(path, rights, error);
+    if (error) {
+      return absl::PermissionDeniedError(absl::StrCat(
+          path, ": can't be made or given its rights (", error.message(),
+          "); choose another data folder with --data"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+void RemoveUnfinished(const std::string& data) {
+  Empty(data + "/work");
+  Empty(data + "/spool");
+  RemoveDrafts(data + "/logs");
+}
+
+void CheckSandboxes(const ServerConfig& config) {
+  if (config.on_cluster) return;
+  if (const absl::Status status = DivideDelegatedGroup(); !status.ok()) {
+    spdlog::warn("{}", std::string(status.message()));
+  }
+  if (geteuid() == 0 || CanMakeUserNamespace()) return;
+  spdlog::error(
+      "this host lets the daemon's user (uid {}) make no user namespaces, so nothing can be graded: set "
+      "user.max_user_namespaces, and kernel.unprivileged_userns_clone=1 where the kernel has it, with "
+      "sysctl, or run the daemon as root",
+      geteuid());
+}
+
+absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
+  const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
+  rlimit limit = {};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_cur >= needed) return absl::OkStatus();
+  const rlim_t allowed = limit.rlim_max;
+  limit = {needed, std::max(needed, allowed)};
+  if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
+      config.http.workers, " workers may need ", needed, " open files at once, and this process ",
+      "may have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of ",
+      "the three"));
+}
+
+void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
+  std::error_code error;
+  const std::string artefacts = data_dir + "/artefacts";
+  const bool there = std::filesystem::exists(path, error) && std::filesystem::file_size(path, error) > 0;
+  if (there || std::filesystem::is_empty(artefacts, error)) return;
+  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
+                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
+}
 
 absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
   const std::string store = data + "/store.db";

@@ -1,4 +1,4 @@
-// What a start of the daemon takes from the store, and tells it.
+// The steps of a daemon's start: its folder and host, and what it takes from the store and tells it.
 #pragma once
 
 #include <string>
@@ -17,6 +17,17 @@
 #include "server/store/store.h"
 
 namespace myograde::server {
+
+// The data folder is private to the daemon: it holds the secret and everybody's submissions.
+absl::Status MakeFolders(const std::string& data);
+// Removes what an earlier daemon that died was working on.
+void RemoveUnfinished(const std::string& data);
+// Raises the limit to the number of descriptors that the config may use.
+absl::Status RaiseDescriptorLimit(const ServerConfig& config);
+// Makes room for the sandboxes' control groups, and logs what an ordinary user lacks for sandboxes.
+void CheckSandboxes(const ServerConfig& config);
+// Whoever lost the store should hear of it before the next submission gets number 1.
+void WarnOfLostStore(const std::string& data_dir, const std::string& path);
 
 // Finds out whether the data folder `data` is a copy of the one that its store was last used in. Where
 // leases run on this host alone, or with `adopt`, it is then a store of its own; elsewhere `held_back`

@@ -6,19 +6,9 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/base/child_process.h"
+
 namespace myograde::server {
-namespace {
-
-// Reasons are one sentence; the whole output is in the log.
-std::string LastLineOf(const std::string& text) {
-  const size_t end = text.find_last_not_of(" \n");
-  if (end == std::string::npos) return "nothing";
-  const size_t begin = text.rfind('\n', end);
-  const size_t first = begin == std::string::npos ? 0 : begin + 1;
-  return text.substr(first, end - first + 1);
-}
-
-}  // namespace
 
 LeaseReport::LeaseReport(const std::vector<EpisodeOrder>& episodes, Limits limits,
                          absl::Duration now)
@@ -73,7 +63,7 @@ void LeaseReport::Tick(absl::Duration now) {
 void LeaseReport::Conclude(int wait_status, const std::string& last_words) {
   if (faulty()) return;
   if (!end_.has_value()) {
-    const std::string words = LastLineOf(last_words);
+    const std::string words = LastLineOf(last_words);  // the whole is in the log
     Fail(absl::StrCat("the runner ended (",
                       WIFSIGNALED(wait_status)
                           ? absl::StrCat("signal ", WTERMSIG(wait_status))

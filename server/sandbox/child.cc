@@ -80,19 +80,6 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
   return end;
 }
 
-ChildEnd RunProgram(std::vector<std::string> arguments, std::vector<std::string> environment,
-                    absl::Duration timeout) {
-  const std::vector<char*> argv = ExecVector(arguments);
-  const std::vector<char*> envp = ExecVector(environment);
-  return RunInChild(
-      [&] {
-        execve(argv[0], argv.data(), envp.data());
-        dprintf(STDERR_FILENO, "%s: %s\n", argv[0], std::strerror(errno));
-        return 127;
-      },
-      timeout);
-}
-
 std::string LastWords(const std::string& output, int lines) {
   std::string words;
   size_t end = output.size();

@@ -19,11 +19,6 @@ struct ChildEnd {
 // Kills the child's process group at `timeout`. REQUIRES: a single thread.
 ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout);
 
-// Runs a program by its absolute path, arguments[0], with exactly this environment of "NAME=value".
-// Exit code 127: it can't be executed, and the output says why.
-ChildEnd RunProgram(std::vector<std::string> arguments, std::vector<std::string> environment,
-                    absl::Duration timeout);
-
 // The last `lines` non-empty lines, joined by "; ", without control characters.
 std::string LastWords(const std::string& output, int lines = 1);
 

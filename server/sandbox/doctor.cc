@@ -21,6 +21,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/base/child_process.h"
+#include "server/base/program_run.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/delegated_group.h"
@@ -79,11 +81,12 @@ void CheckUserNamespaces(const DoctorOptions& options, std::vector<Check>& check
 }
 
 void CheckBubblewrap(std::vector<Check>& checks) {
-  const ChildEnd end = RunProgram({kBubblewrap, "--version"}, {}, kQuick);
-  if (end.exit_code == 0) {
-    checks.push_back(Fine("bubblewrap", LastWords(end.output)));
+  const absl::StatusOr<ProgramEnd> end = RunProgram(
+      {.program = kBubblewrap, .words = {"--version"}, .most_output = kMostPrinted, .deadline = kQuick});
+  if (end.ok() && end->exit_status == 0) {
+    checks.push_back(Fine("bubblewrap", LastLineOf(end->output)));
   } else {
-    checks.push_back(Missing("bubblewrap", Trouble(end),
+    checks.push_back(Missing("bubblewrap", WhyItFailed(end),
                              "no sandbox can be built, so nothing can be graded",
                              "install the package bubblewrap"));
   }

@@ -23,6 +23,8 @@
 #include "protocol/base/set_up.h"
 #include "server/base/child_process.h"
 #include "server/base/temp_folder.h"
+#include "server/base/child_process.h"
+#include "server/base/program_run.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/doctor_messages.h"
 
@@ -90,14 +92,18 @@ void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
   std::error_code error;
   fs::create_directory_symlink(options.cache_dir + "/myosuite-2.8.4",
                                scratch->path() + "/myosuite-2.8.4", error);
-  const ChildEnd end = RunProgram(
-      {options.bin_dir + "/myograde-sim", "--compile-models", scratch->path()},
-      {"PATH=/usr/bin:/bin", "LD_LIBRARY_PATH=" + options.cache_dir + "/mujoco-2.2.2/lib"},
-      kCompileTime);
-  if (end.exit_code != 0) {
-    const std::string words = end.in_time ? LastWords(end.output) : "no answer in time";
+  const absl::StatusOr<ProgramEnd> end = RunProgram(
+      {.program = options.bin_dir + "/myograde-sim",
+       .words = {"--compile-models", scratch->path()},
+       .most_output = kMostPrinted,
+       .deadline = kCompileTime,
+       .nice = 0,
+       .environment = {"PATH=/usr/bin:/bin",
+                       "LD_LIBRARY_PATH=" + options.cache_dir + "/mujoco-2.2.2/lib"}});
+  if (!end.ok() || end->exit_status != 0) {
     checks.push_back(Missing(
-        name, absl::StrReplaceAll(words, {{scratch->path(), options.cache_dir}}), costs, HowToSetUp()));
+        name, absl::StrReplaceAll(WhyItFailed(end), {{scratch->path(), options.cache_dir}}), costs,
+        HowToSetUp()));
     return;
   }
   const std::string found = "every source file has its SHA-256, and both tracks' models compile";
@@ -231,12 +237,15 @@ void CheckDisk(const char* name, const std::string& folder, double wanted, bool 
 }
 
 void CheckPython(const DoctorOptions& options, std::vector<Check>& checks) {
-  const ChildEnd python =
-      RunProgram({"/usr/bin/python3", "--version"}, {"PATH=/usr/bin:/bin"}, kQuick);
-  if (python.exit_code == 0) {
-    checks.push_back(Fine("python", "/usr/bin/python3: " + LastWords(python.output)));
+  const absl::StatusOr<ProgramEnd> python = RunProgram({.program = "/usr/bin/python3",
+                                                        .words = {"--version"},
+                                                        .most_output = kMostPrinted,
+                                                        .deadline = kQuick,
+                                                        .environment = {"PATH=/usr/bin:/bin"}});
+  if (python.ok() && python->exit_status == 0) {
+    checks.push_back(Fine("python", "/usr/bin/python3: " + LastLineOf(python->output)));
   } else {
-    checks.push_back(Poorer("python", "/usr/bin/python3: " + LastWords(python.output),
+    checks.push_back(Poorer("python", WhyItFailed(python),
                             "policies in Python can't run", "install the package python3"));
   }
   for (const auto& [name, folder] : options.runtimes) {

@@ -19,6 +19,7 @@ void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks);
 
 // Time limit of a program with next to nothing to do.
 inline constexpr absl::Duration kQuick = absl::Seconds(10);
+inline constexpr size_t kMostPrinted = 1 << 20;  // bytes, by a program
 
 // A check with the state kOk, kDegraded or kMissing.
 Check Fine(std::string name, std::string found);

@@ -35,8 +35,7 @@ absl::StatusOr<ProgramEnd> SlurmTools::Run(const std::string& name,
                                                .most_output = kMostOutput,
                                                .deadline = deadline,
                                                .nice = 0,
-                                               .environment = SlurmEnvironment()},
-                                              [] { return false; }));
+                                               .environment = SlurmEnvironment()}));
   if (end.exit_status != 0) {
     const std::string last = end.LastError();
     return absl::UnavailableError(

@@ -103,8 +103,7 @@ absl::Status Render(const TryOptions& options, const std::string& log, const std
                                                      .nice = kRenderNice},
                                                     StopRequested));
   if (run.exit_status == 0) return absl::OkStatus();
-  const std::string why(absl::StripPrefix(run.LastError(), "myograde: error: "));
-  return absl::InternalError(why.empty() ? run.HowItEnded() : why);
+  return absl::InternalError(absl::StripPrefix(WhyItFailed(run), "myograde: error: "));
 }
 
 // What the folder holds beside the logs, and what it lacks, each in a sentence.

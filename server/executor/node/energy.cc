@@ -37,8 +37,7 @@ std::optional<double> EnergyOfJob(absl::Duration most) {
                             absl::StrCat("--jobs=", job, ".batch")},
                   .most_output = 4096,
                   .deadline = most,
-                  .nice = 0},
-                 [] { return false; });
+                  .nice = 0});
   if (!end.ok() || end->exit_status != 0) return std::nullopt;
   return ParseEnergy(end->output);
 }
