@@ -174,7 +174,7 @@ class Daemon {
   std::optional<Admission> admission_;
   std::optional<AccessLog> access_log_;
   std::optional<WebhookSender> webhooks_;
-  EndedEvaluations ended_{readers_};
+  std::optional<EndedEvaluations> ended_;  // reads the store at once
   std::optional<Pictures> pictures_;
   std::optional<Documents> documents_;
   std::optional<Api> api_;
@@ -271,6 +271,7 @@ absl::Status Daemon::AddServices() {
 }
 
 void Daemon::StartPictures() {
+  ended_.emplace(readers_);
   const MakerOptions makers = {.work_dir = options_.data_dir + "/work/pictures",
                                .cache_dir = options_.cache_dir,
                                .uid = geteuid() == 0 ? config_.uid_base + kPictureUsers : -1};
@@ -288,7 +289,7 @@ void Daemon::StartPictures() {
             return health.running > 0 || health.pending > 0;
           },
       .quiet = config_.pictures_ahead,
-      .suggestions = [this] { return ended_.Pictures(); }});
+      .suggestions = [this] { return ended_->Pictures(); }});
 }
 
 ApiContext Daemon::Context() {

@@ -253,5 +253,33 @@ TEST_F(BoardConfigsTest, SeedsThatARejudgeRanksAreNotPractisedOn) {
   for (const uint64_t seed : Arm()->config.practice_seeds) EXPECT_GE(seed, 200u);
 }
 
+TEST_F(BoardConfigsTest, PhasesThatTheirStoreContradictsAreFound) {
+  const auto hidden = [](const std::string& challenge) {
+    return ChallengeOf({PhaseJson("hidden", {{"seeds", {{"committed", 10}}},
+                                             {"opens_at", "2026-12-01T00:00:00Z"},
+                                             {"closes_at", "2026-12-31T00:00:00Z"}})},
+                       challenge);
+  };
+  const auto found = [&](const ChallengeConfig& challenge) {
+    std::string text;
+    Read([&](Reader& reader) {
+      const auto mistakes = CheckAgainstStore({&challenge, 1}, reader, At("2026-12-10T00:00:00Z"));
+      ASSERT_TRUE(mistakes.ok()) << mistakes.status();
+      for (const std::string& mistake : *mistakes) text += mistake;
+    });
+    return text;
+  };
+  EXPECT_EQ(found(hidden("cup")), "") << "its secret is drawn when a daemon loads it";
+  Write([](Writer& writer) { return writer.PhaseSecret("hidden", "cup").status(); });
+  EXPECT_EQ(found(hidden("cup")), "");
+  EXPECT_THAT(found(hidden("other")), HasSubstr("cup"));
+  EXPECT_THAT(found(ChallengeOf({PhaseJson("hidden", {{"seeds", {500, 600}}})})),
+              HasSubstr("has committed to hidden seeds"));
+  Write([](Writer& writer) {
+    return writer.AddPhaseEvent("hidden", kRevealedEvent, "organiser", "it is over").status();
+  });
+  EXPECT_THAT(found(hidden("cup")), HasSubstr("were revealed"));
+}
+
 }  // namespace
 }  // namespace myograde::server

@@ -280,5 +280,10 @@ TEST_F(FindPhaseTest, OnlyItsOwnTrackNeedsAPhase) {
   EXPECT_FALSE(HasPhases(phases_, kLeg));
 }
 
+TEST(PhaseStateName, IsAWordOfTheApi) {
+  EXPECT_EQ(PhaseStateName(PhaseState::kUpcoming), "upcoming");
+  EXPECT_EQ(PhaseStateName(PhaseState::kClosed), "closed");
+}
+
 }  // namespace
 }  // namespace myograde::server
