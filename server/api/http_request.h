@@ -22,8 +22,8 @@ class Body;
 
 struct Request {
   std::string method;
-  std::string path;          // without the query; decoded, and so is the query
-  std::multimap<std::string, std::string> params;
+  std::string path;                                // decoded, without the query
+  std::multimap<std::string, std::string> params;  // of the query, decoded
   // By name in lower case, without Authorization.
   std::multimap<std::string, std::string> headers;
   std::string host;          // lower case, without a port; "" if there is none
@@ -38,7 +38,8 @@ struct Request {
   // nearest proxy added; "" if there is none.
   std::string forwarded_for;
 
-  // For a handler: `path` and the groups of its address's pattern; and the body, whole.
+  // For a handler: `path` and the groups of its address's pattern, if that is none itself; and the body,
+  // whole.
   std::vector<std::string> matches;
   Body* body = nullptr;
 

@@ -8,24 +8,30 @@
 namespace myograde::server {
 
 void Router::Add(Address address) {
-  paths_.emplace_back(address.pattern);
+  const bool is_path = address.pattern.find_first_of("([?*+\\") == std::string::npos;
+  paths_.push_back(is_path ? std::nullopt : std::optional<std::regex>(address.pattern));
   addresses_.push_back(std::move(address));
+}
+
+bool Router::IsAt(size_t address, const std::string& path, std::smatch& match) const {
+  const std::optional<std::regex>& pattern = paths_[address];
+  return pattern.has_value() ? std::regex_match(path, match, *pattern) : path == addresses_[address].pattern;
 }
 
 const Address* Router::Find(const Request& request) const {
   const std::string& method = request.method == "HEAD" ? "GET" : request.method;
+  std::smatch match;
   for (size_t i = 0; i < addresses_.size(); ++i) {
-    if (addresses_[i].method == method && std::regex_match(request.path, paths_[i])) {
-      return &addresses_[i];
-    }
+    if (addresses_[i].method == method && IsAt(i, request.path, match)) return &addresses_[i];
   }
   return nullptr;
 }
 
 std::set<std::string> Router::MethodsAt(const std::string& path) const {
   std::set<std::string> methods;
+  std::smatch match;
   for (size_t i = 0; i < addresses_.size(); ++i) {
-    if (!std::regex_match(path, paths_[i])) continue;
+    if (!IsAt(i, path, match)) continue;
     methods.insert({addresses_[i].method, "OPTIONS"});
     if (addresses_[i].method == "GET") methods.insert("HEAD");
   }
@@ -48,8 +54,8 @@ void Router::Serve(Request& request, Response& response) const {
     return response.SetError(WhyNone(request));
   }
   std::smatch match;
-  std::regex_match(request.path, match, paths_[static_cast<size_t>(address - addresses_.data())]);
-  request.matches.assign(match.begin(), match.end());
+  IsAt(static_cast<size_t>(address - addresses_.data()), request.path, match);
+  request.matches.assign(match.begin(), match.end());  // none of a path
   address->serve(request, response);
 }
 

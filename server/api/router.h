@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <regex>
 #include <set>
 #include <string>
@@ -42,8 +43,10 @@ class Router {
   void Serve(Request& request, Response& response) const;
 
  private:
+  bool IsAt(size_t address, const std::string& path, std::smatch& match) const;
+
   std::vector<Address> addresses_;
-  std::vector<std::regex> paths_;  // of each
+  std::vector<std::optional<std::regex>> paths_;  // of each; nullopt: the pattern is a path
   std::function<void(const Request&, Response&)> unknown_;
 };
 

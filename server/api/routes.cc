@@ -47,8 +47,7 @@ void SendError(Response& response, ApiError error) {
 }
 
 // Sends a text that may be kept, as long as its holder asks each time whether it is still current.
-void SendTagged(const Request& request, Response& response, int http,
-                const std::string& text) {
+void SendTagged(const Request& request, Response& response, int http, const std::string& text) {
   const std::string tag = EntityTagOf(text);
   response.SetHeader("ETag", tag);
   response.SetHeader("Cache-Control", "no-cache");
@@ -62,8 +61,7 @@ void SendTagged(const Request& request, Response& response, int http,
   response.SetContent(text, kJson);
 }
 
-void SendResult(const Request& request, Response& response,
-                const ApiResult& result) {
+void SendResult(const Request& request, Response& response, const ApiResult& result) {
   if (!result.ok()) return SendError(response, ErrorOf(result.status()));
   const ApiAnswer& answer = *result;
   if (!answer.next.empty()) {

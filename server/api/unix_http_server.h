@@ -47,6 +47,7 @@ class UnixHttpServer {
   }
   // Is told of each request that is refused before a handler sees it, with its status. Before Start.
   void SetRefusalCounter(std::function<void(int http)> count) { count_refusal_ = std::move(count); }
+
   // Opens the door to the network; before Start, if at all. `handed` and errors as of
   // NetworkDoor::Open.
   absl::Status OpenNetwork(const ListenConfig& config, Fd handed = Fd());

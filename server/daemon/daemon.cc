@@ -174,7 +174,7 @@ class Daemon {
   std::optional<Admission> admission_;
   std::optional<AccessLog> access_log_;
   std::optional<WebhookSender> webhooks_;
-  std::optional<EndedEvaluations> ended_;  // reads the store at once
+  std::optional<EndedEvaluations> ended_;
   std::optional<Pictures> pictures_;
   std::optional<Documents> documents_;
   std::optional<Api> api_;
@@ -271,7 +271,7 @@ absl::Status Daemon::AddServices() {
 }
 
 void Daemon::StartPictures() {
-  ended_.emplace(readers_);
+  ended_.emplace(readers_);  // reads the store
   const MakerOptions makers = {.work_dir = options_.data_dir + "/work/pictures",
                                .cache_dir = options_.cache_dir,
                                .uid = geteuid() == 0 ? config_.uid_base + kPictureUsers : -1};
