@@ -186,6 +186,15 @@ class Gymnasium(InFolder):
         self.assertEqual(len(set(known.policy_seeds)), 100)
 
 
+    def test_options_and_actions_of_a_wrong_kind_are_refused_in_a_sentence(self):
+        env = myograde.envs.GradedEnv("elbow")
+        self.addCleanup(env.close)
+        with self.assertRaisesRegex(errors.WrongUse, r"options=\[1\] can't be used; it must be a dict"):
+            env.reset(seed=1, options=[1])
+        env.reset(seed=1)
+        with self.assertRaisesRegex(errors.WrongUse, "the action must be an array of numbers"):
+            env.step([10**400] * env.action_space.shape[0])
+
 class Digests(InFolder):
     def test_the_same_seed_and_actions_give_a_servers_digests(self):
         self.assertTrue(myograde.envs.exact())

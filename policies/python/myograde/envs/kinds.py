@@ -87,6 +87,7 @@ KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "weights": (_weights, "a dict of finite numbers by the names of reward terms"),
     "extra_observations": TRUTH, "exact": TRUTH, "copy": TRUTH,
     "leg_sets": (lambda value: value is None or _leg_sets(value), "a sequence of myograde.LegSet"),
+    "options": (lambda value: value is None or isinstance(value, Mapping), "a dict"),
     "config": PATH, "cache": PATH,
     "num_envs": (_between(1, 2**31 - 1), "a whole number (int), at least 1"),
     "threads": (_between(0, 2**31 - 1), "a whole number (int), at least 0"),

@@ -107,7 +107,7 @@ def action_array(action: Any, shape: tuple[int, ...]) -> np.ndarray:
     """As the extension takes actions. WrongUse if they are no numbers, or of another shape."""
     try:
         array = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise WrongUse(f"the action must be an array of numbers of shape {shape}: {error}") from error
     if array.shape != shape:
         raise WrongUse(f"the action must have the shape {shape}, and has {array.shape}")

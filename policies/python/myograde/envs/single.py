@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import WrongUse
 from ..policy.leg import LegSet
-from . import extension, settings
+from . import extension, kinds, settings
 from .official import OfficialNames
 from .pictures import Pictures
 
@@ -90,6 +90,7 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
               options: Optional[dict[str, Any]] = None) -> tuple[Any, dict[str, Any]]:
         """Begins an episode. options["leg_sets"]: those of this episode, in place of the
         constructor's. ValueError names a number in them that is out of range."""
+        kinds.check(options=options)
         if seed is not None:
             seed = settings.check_seed(seed)
         super().reset(seed=seed)

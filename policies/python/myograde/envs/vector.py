@@ -118,6 +118,7 @@ class GradedVectorEnv(VectorEnv):  # type: ignore[type-arg,misc]
         """Begins an episode everywhere: environment i with seed + i, or seed[i].
         options["reset_mask"]: only where this array of bool is true; options["leg_sets"] as
         GradedEnv's, from now on."""
+        kinds.check(options=options)
         options = options or {}
         mask = self._mask(options.get("reset_mask"))
         seeds = self._seeds_of(seed)
