@@ -108,7 +108,7 @@ absl::Status LeaseRunner::Play() {
     RETURN_IF_ERROR(RunOnce());
   }
   AwaitPolicyExit();
-  sim_->Wait(kSimFarewell);
+  AwaitSimExit();
   return absl::OkStatus();
 }
 
@@ -342,9 +342,10 @@ void LeaseRunner::EndPolicy() {
 void LeaseRunner::EndSim() {
   if (sim_ == nullptr) return;
   const Deadline deadline(absl::Seconds(context_.config.policy.kill_s));
+  if (sim_tree_.has_value()) sim_cpu_ns_ = sim_tree_->CpuNs(/*by_chance=*/false);
   const bool dead = sim_->Kill(deadline.left());
   if (!sim_group_->KillAll(deadline.left()) || !dead) leftovers_.Keep(*sim_, *sim_group_);
-  sim_cpu_ns_ = sim_tree_.has_value() ? sim_tree_->CpuNs(/*by_chance=*/false) : sim_group_->cpu_ns();
+  if (!sim_tree_.has_value()) sim_cpu_ns_ = sim_group_->cpu_ns();
 }
 
 void LeaseRunner::RefreshCpu(bool by_chance) {
@@ -359,8 +360,14 @@ absl::Status LeaseRunner::ReportCpu() {
   return SendSimMessage(channel_.get(), {{"type", "cpu"}});
 }
 
-absl::Status LeaseRunner::SimEnded() {
+void LeaseRunner::AwaitSimExit() {
+  // A process takes its times along when it is reaped; a control group keeps them.
+  if (sim_tree_.has_value()) sim_tree_->CpuNs(/*by_chance=*/false);
   sim_->Wait(kSimFarewell);
+}
+
+absl::Status LeaseRunner::SimEnded() {
+  AwaitSimExit();
   char buffer[4096];
   for (ssize_t n;
        sim_stderr_.valid() && (n = read(sim_stderr_.get(), buffer, sizeof(buffer))) > 0;) {

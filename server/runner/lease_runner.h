@@ -44,6 +44,7 @@ class LeaseRunner {
   absl::Status KeepTrajectory(const nlohmann::json& json);
   absl::Status JudgeFault(const nlohmann::json& json);
   absl::Status CheckDeadlines() const;
+  void AwaitSimExit();
   absl::Status SimEnded();
   void EndSim();
   void EndPolicy();
