@@ -1,8 +1,6 @@
 #include "server/api/resources.h"
 
 #include <functional>
-#include <memory>
-#include <optional>
 #include <string>
 #include <utility>
 
@@ -12,10 +10,8 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/access/token_text.h"
-#include "server/api/context.h"
 #include "server/api/paging.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/base/plain_text.h"
 
@@ -125,8 +121,10 @@ absl::StatusOr<NewToken> ParseToken(const Json& body, int64_t now_ms) {
 absl::Status MayManage(const std::string& role) {
   if (role == kParticipantRole || CallerMay(Action::kManageOperators)) return absl::OkStatus();
   NoteDenial("role");
-  return StatusOf({403, "forbidden",
-                  "only an operator makes and revokes tokens of organisers and operators"});
+  return WithErrorCode(
+      absl::PermissionDeniedError(
+          "only an operator makes and revokes tokens of organisers and operators"),
+      kForbiddenCode);
 }
 
 ApiResult ListEvents(const ApiContext& context, const Request& request) {

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,13 +11,11 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/more_seeds.h"
 #include "server/api/phase_view.h"
 #include "server/api/rejudge_document.h"
 #include "server/api/rejudge_plan.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"

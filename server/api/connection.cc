@@ -174,8 +174,8 @@ bool Connection::Send() {
 Connection::Next Connection::Refuse(ApiError why) {
   error = std::move(why);
   drain_left = rule.most + kDrainBytes;
-  if (head.has_value() && !head->chunked && parser->in_body()) {
-    drain_left = std::min(drain_left, head->length - parser->size());
+  if (head.has_value() && !head->chunked && parser.in_body()) {
+    drain_left = std::min(drain_left, head->length - parser.size());
   }
   body.Drop();
   return Next::kRefuse;
@@ -184,7 +184,7 @@ Connection::Next Connection::Refuse(ApiError why) {
 Connection::Next Connection::StartBody(
     const std::function<BodyRule(const Request&)>& rule_of, const SpoolOptions& spool) {
   rule = rule_of(*head);
-  parser->BeginBody(*head, rule.most);
+  parser.BeginBody(*head, rule.most);
   const bool known = head->content_type.empty() ||
                      std::find(rule.types.begin(), rule.types.end(), head->content_type) !=
                          rule.types.end();
@@ -193,7 +193,7 @@ Connection::Next Connection::StartBody(
                    absl::StrCat("this address takes a body of type ", rule.types.front(),
                                 "; send it with the header Content-Type: ", rule.types.front())});
   }
-  if (parser->error()) return Refuse(*parser->error());
+  if (parser.error()) return Refuse(*parser.error());
   // Told before a byte of it is sent, where it could not be kept.
   if (head->length > kMemoryBody && !Reserve(head->length, spool)) return Refuse(error);
   if (head->expects_continue && in.empty()) out += "HTTP/1.1 100 Continue\r\n\r\n";
@@ -205,12 +205,9 @@ Connection::Next Connection::Feed(const std::function<BodyRule(const Request&)>&
   if (!head.has_value()) {
     if (!in.empty()) state = State::kReceiving;
     Request request;
-    for (size_t used = 1; used > 0 && !parser->has_head();) {
-      used = parser->TakeHead(in, request);
-      in.erase(0, used);
-    }
-    if (parser->error()) return Refuse(*parser->error());
-    if (!parser->has_head()) return Next::kRead;
+    in.erase(0, parser.TakeHead(in, request));
+    if (parser.error()) return Refuse(*parser.error());
+    if (!parser.has_head()) return Next::kRead;
     head = std::move(request);
     // A browser that was led here by another site's name (DNS rebinding) has that name as its origin.
     const bool local = peer->peer.local || (peer->peer.proxy && head->forwarded_for.empty());
@@ -225,10 +222,10 @@ Connection::Next Connection::Feed(const std::function<BodyRule(const Request&)>&
   }
   if (head->length > kMemoryBody || body.spooled()) return Next::kSpool;
   std::string piece;
-  in.erase(0, parser->TakeBody(in, piece));
+  in.erase(0, parser.TakeBody(in, piece));
   body.Append(piece);
-  if (parser->error()) return Refuse(*parser->error());
-  if (parser->done()) return Next::kServe;
+  if (parser.error()) return Refuse(*parser.error());
+  if (parser.done()) return Next::kServe;
   // Over the network, who sends more than comes with the head is asked first who they are.
   return body.size() > kMemoryBody || peer->peer.network ? Next::kSpool : Next::kRead;
 }
@@ -281,7 +278,7 @@ Connection::Next Connection::Spool(const SpoolOptions& options) {
   std::string piece;
   for (int64_t turn = 0; turn < kTurn;) {
     piece.clear();
-    in.erase(0, parser->TakeBody(in, piece));
+    in.erase(0, parser.TakeBody(in, piece));
     const int64_t after = body.size() + std::ssize(piece);
     if (after > reserved && !Reserve(kReserveStep, options)) return Refuse(error);
     if (body.size() / kLookAtDisk != after / kLookAtDisk && !CheckDisk(options)) {
@@ -291,8 +288,8 @@ Connection::Next Connection::Spool(const SpoolOptions& options) {
       return Refuse({503, "store", std::string(written.message())});
     }
     turn += std::ssize(piece);
-    if (parser->error()) return Refuse(*parser->error());
-    if (parser->done()) return Next::kServe;
+    if (parser.error()) return Refuse(*parser.error());
+    if (parser.done()) return Next::kServe;
     const size_t before = in.size();
     if (!Read(kPiece)) {
       return ended ? Refuse({400, "bad_request", "the request did not arrive whole; send it again"})
@@ -327,7 +324,7 @@ void Connection::Forget() {
   if (reserved > 0) budget_->Give(*peer, reserved);
   reserved = 0;
   head.reset();
-  parser = std::make_unique<RequestParser>();
+  parser = RequestParser();
   rule = BodyRule();
   admitted = false;
   upload.reset();

@@ -135,7 +135,7 @@ class Connection {
   std::unique_ptr<Stream> stream;  // of the answer; nullptr: it ends
 
   // The request.
-  std::unique_ptr<RequestParser> parser = std::make_unique<RequestParser>();
+  RequestParser parser;
   std::optional<Request> head;
   BodyRule rule;
   Body body;

@@ -1,35 +1,31 @@
 #include "server/api/error_of.h"
 
 #include <string>
-#include <vector>
 
 #include <absl/strings/cord.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_split.h>
 #include <spdlog/spdlog.h>
 
 #include "server/api/caller.h"
 #include "server/base/log_line.h"
 #include "server/store/damage.h"
-#include "server/store/quota.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {
 namespace {
 
-// Of a status's payload: the HTTP status, the seconds of Retry-After and the code.
-constexpr char kErrorForm[] = "myograde/error";
+constexpr char kRetryKey[] = "myograde/retry_after_s";
 
 }  // namespace
 
 ApiError ErrorOf(const absl::Status& status) {
   const std::string message(status.message());
-  if (const auto form = status.GetPayload(kErrorForm); form.has_value()) {
-    const std::vector<std::string> parts = absl::StrSplit(std::string(*form), ' ');
-    return {std::stoi(parts[0]), parts[2], message, std::stoll(parts[1])};
-  }
   const std::string code = ErrorCodeOf(status);
   if (code == kDamagedRowCode) return {500, code, message};
+  if (code == kLeaseOverCode) return {410, code, message};
+  if (const auto retry = status.GetPayload(kRetryKey); retry.has_value()) {
+    return {503, code, message, std::stoll(std::string(*retry))};
+  }
   if (code == kKeyReusedCode) return {422, code, message};
   if (code == kBannedCode || code == kForbiddenCode) return {403, code, message};
   const auto code_or = [&code](const char* usual) { return code.empty() ? usual : code; };
@@ -56,10 +52,10 @@ ApiError ErrorOf(const absl::Status& status) {
   }
 }
 
-absl::Status StatusOf(const ApiError& error) {
-  absl::Status status = absl::UnknownError(error.message);
-  status.SetPayload(kErrorForm, absl::Cord(absl::StrCat(error.http, " ", error.retry_after_s, " ",
-                                                        error.code)));
+absl::Status Busy(std::string_view message, int64_t retry_after_s) {
+  absl::Status status =
+      WithErrorCode(absl::UnavailableError({message.data(), message.size()}), "busy");
+  status.SetPayload(kRetryKey, absl::Cord(absl::StrCat(retry_after_s)));
   return status;
 }
 
@@ -69,10 +65,11 @@ absl::Status TeamErrorOf(const absl::Status& status, const std::string& team) {
   const LogScope scope({.team = team});
   spdlog::info("a team \"{}\" was refused: it looks like team \"{}\"", team, other);
   if (!CallerIsOrganiser()) return status;
-  ApiError error = ErrorOf(status);
-  error.message = absl::StrCat("the team's name looks like that of team \"", other,
-                               "\"; choose another name, or write that one exactly as it stands here");
-  return StatusOf(error);
+  return WithErrorCode(
+      absl::Status(status.code(),
+                   absl::StrCat("the team's name looks like that of team \"", other,
+                                "\"; choose another name, or write that one exactly as it stands here")),
+      ErrorCodeOf(status));
 }
 
 }  // namespace myograde::server

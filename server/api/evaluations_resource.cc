@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <set>
 #include <string>
 #include <string_view>
@@ -14,12 +13,10 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/episode_rows.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"

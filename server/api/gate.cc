@@ -284,7 +284,7 @@ void Gate::Do(Connection& connection, Next next) {
     if (connection.rule.upload) connection.deadline = connection.since + options_.limits.upload;
     if (connection.unsent() > 0) connection.Send();  // "go on"
   }
-  const bool receives = connection.parser->in_body() &&
+  const bool receives = connection.parser.in_body() &&
                         (next == Next::kRead || next == Next::kSpool || next == Next::kServe);
   if (receives && draining_) next = connection.Refuse(kStopping);
   switch (next) {
@@ -419,7 +419,7 @@ void Gate::LookAtClocks() {
     const bool moves = state != State::kIdle && state != State::kHandshake &&
                        state != State::kStreaming;
     const bool slow = moves && TooSlow(*connection, now);
-    const bool stops = draining_ && connection->parser->in_body();
+    const bool stops = draining_ && connection->parser.in_body();
     if (slow || stops || now >= connection->deadline) {
       over.push_back(connection.get());
     } else if (state == State::kStreaming && now >= connection->stream->due) {

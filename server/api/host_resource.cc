@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <functional>
-#include <map>
 #include <string>
 #include <utility>
 
@@ -11,11 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/node_view_json.h"
 #include "server/api/readiness.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 #include "server/base/host_name.h"
@@ -176,9 +173,10 @@ ApiResult ListNodes(const ApiContext& context, const Request& request) {
 ApiResult SetNode(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const NodeAct act, ParseNodeAct(body));
   if (!context.config.on_cluster) {
-    return StatusOf({409, "no_cluster",
-                    "leases run on this host, so there are no nodes; \"executor\" of server.json "
-                    "says where they run"});
+    return WithErrorCode(
+        absl::FailedPreconditionError("leases run on this host, so there are no nodes; \"executor\" of "
+                                      "server.json says where they run"),
+        "no_cluster");
   }
   const std::string node = request.matches[1];
   const absl::Duration timeout = context.config.http.request;

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include <absl/strings/ascii.h>
-#include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
@@ -18,6 +17,8 @@ namespace {
 
 namespace http = boost::beast::http;
 
+// Of a request's line and headers together, and of what stands between two chunks of a body.
+constexpr size_t kMaxHeadBytes = 32 << 10;
 constexpr size_t kMaxTargetBytes = 8000;
 constexpr size_t kMaxLineBytes = 8000;
 constexpr size_t kMaxLines = 100;
@@ -303,6 +304,7 @@ std::string EncodeForQuery(std::string_view text) {
 }
 
 RequestParser::RequestParser() = default;
+RequestParser& RequestParser::operator=(RequestParser&&) noexcept = default;
 RequestParser::~RequestParser() = default;
 
 bool RequestParser::has_head() const {
@@ -329,15 +331,16 @@ void RequestParser::ScanHead(std::string_view bytes) {
 }
 
 size_t RequestParser::TakeHead(std::string_view bytes, Request& request) {
+  size_t empty = 0;
   if (beast_ == nullptr) {
     // Empty lines before a request are an end of an earlier one.
-    size_t empty = 0;
     while (bytes.substr(empty).starts_with("\r\n")) empty += 2;
-    if (empty > 0 || bytes == "\r") return empty;
+    bytes.remove_prefix(empty);
+    if (bytes.empty() || bytes == "\r") return empty;
     beast_ = std::make_unique<Beast>();
   }
   ScanHead(bytes);
-  if (error_) return 0;
+  if (error_) return empty;
   boost::beast::error_code wrong;
   const size_t used = beast_->put(boost::asio::buffer(bytes.data(), bytes.size()), wrong);
   if (!wrong) {
@@ -346,7 +349,7 @@ size_t RequestParser::TakeHead(std::string_view bytes, Request& request) {
     error_ = beast_->refusal ? *beast_->refusal : HeadError(wrong, bytes);
   }
   scanned_ -= std::min(scanned_, used);
-  return used;
+  return empty + used;
 }
 
 void RequestParser::BeginBody(const Request& request, int64_t most) {

@@ -15,9 +15,6 @@
 
 namespace myograde::server {
 
-// Of a request's line and headers together, and of what stands between two chunks of a body.
-inline constexpr size_t kMaxHeadBytes = 32 << 10;
-
 class Body;
 
 struct Request {
@@ -60,6 +57,7 @@ std::string EncodeForQuery(std::string_view text);
 class RequestParser {
  public:
   RequestParser();
+  RequestParser& operator=(RequestParser&&) noexcept;
   ~RequestParser();
 
   // Takes the request's head off `bytes`, which are all that came since the last call used any up.

@@ -81,18 +81,22 @@ void Response::SetStream(const char* type, absl::Duration every, absl::Duration 
       Stream{std::move(next), every, /*due=*/now, /*began=*/now, /*until=*/now + time});
 }
 
+void Response::SetJson(int http, std::string content) {
+  status = http;
+  SetHeader("Cache-Control", "no-store");
+  SetHeader("X-Content-Type-Options", "nosniff");
+  SetContent(std::move(content), "application/json");
+}
+
 void Response::SetError(const ApiError& error) {
   *this = Response();
-  status = error.http;
   if (error.http == 429 || error.http == 503) {
     SetHeader("Retry-After", absl::StrCat(error.retry_after_s));
   }
   if (error.http == 401) SetHeader("WWW-Authenticate", "Bearer");
   if (!error.allow.empty()) SetHeader("Allow", error.allow);
   const nlohmann::json body = {{"error", {{"code", error.code}, {"message", error.message}}}};
-  SetHeader("Cache-Control", "no-store");
-  SetHeader("X-Content-Type-Options", "nosniff");
-  SetContent(CanonicalJson(body) + "\n", "application/json");
+  SetJson(error.http, CanonicalJson(body) + "\n");
 }
 
 std::string Response::TakeBytes(bool bodiless, bool close) {

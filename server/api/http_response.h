@@ -52,6 +52,8 @@ class Response {
   // connection ends with it.
   void SetStream(const char* type, absl::Duration every, absl::Duration time,
                  std::function<std::optional<std::string>()> next);
+  // JSON for its caller alone, that holds only for a moment.
+  void SetJson(int http, std::string content);
   // Tells of an error in the form of README.md, in place of whatever was set before.
   void SetError(const ApiError& error);
 

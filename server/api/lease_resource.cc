@@ -24,10 +24,9 @@ std::string NameOf(const Request& request) { return request.matches[1]; }
 
 // What the door says, to a node.
 absl::Status RefusalOf(const absl::Status& status) {
-  const std::string message(status.message());
-  if (absl::IsNotFound(status)) return StatusOf({410, "lease_over", message});
-  if (absl::IsAlreadyExists(status)) return StatusOf({409, "claimed", message});
-  return status;
+  if (absl::IsNotFound(status)) return WithErrorCode(status, kLeaseOverCode);
+  if (!absl::IsAlreadyExists(status)) return status;
+  return WithErrorCode(absl::FailedPreconditionError(status.message()), "claimed");
 }
 
 ApiResult Done(const absl::Status& status) {
@@ -47,9 +46,9 @@ ApiResult TakeForm(const Request& request,
 
 absl::Status CheckNode(LeaseDoor* door, const Request& request) {
   if (door != nullptr && Caller().lease == NameOf(request)) return absl::OkStatus();
-  return StatusOf({404, "not_found",
-                  absl::StrCat("there is no such attempt of a lease for you; only the node that "
-                               "plays it may ask, with the token of attempt ", NameOf(request))});
+  return absl::NotFoundError(
+      absl::StrCat("there is no such attempt of a lease for you; only the node that plays it may ask, "
+                   "with the token of attempt ", NameOf(request)));
 }
 
 ApiResult GetOrder(LeaseDoor* door, const Request& request) {

@@ -10,9 +10,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/api/context.h"
 #include "server/api/readiness.h"
-#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/metrics/disk_space.h"
 #include "server/metrics/metrics.h"

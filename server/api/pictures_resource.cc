@@ -3,9 +3,7 @@
 #include <unistd.h>
 
 #include <functional>
-#include <optional>
 #include <string>
-#include <string_view>
 
 #include <absl/strings/str_cat.h>
 
@@ -15,11 +13,9 @@
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
 #include "server/api/caller.h"
-#include "server/api/context.h"
 #include "server/api/log_access.h"
 #include "server/api/negotiation.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/pictures/packing.h"
 #include "server/pictures/pictures.h"
 #include "server/runner/log_keeper.h"
@@ -70,11 +66,8 @@ bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type
 void SendWaiting(const PictureState& state, Response& response) {
   const bool plays = state.is == PictureState::Is::kPlaying;
   const nlohmann::json body = {{"state", plays ? "playing" : "waiting"}, {"place", state.place}};
-  response.status = 202;
   response.SetHeader("Retry-After", absl::StrCat(kAskAgainSeconds));
-  response.SetHeader("Cache-Control", "no-store");
-  response.SetHeader("X-Content-Type-Options", "nosniff");
-  response.SetContent(CanonicalJson(body) + "\n", "application/json");
+  response.SetJson(202, CanonicalJson(body) + "\n");
 }
 
 // The file, or how far it is.
@@ -85,7 +78,7 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
     case PictureState::Is::kReady:
       if (SendFile(context.pictures.files(), key, type, request, response)) return absl::OkStatus();
       // It was removed this very moment, to make room.
-      return StatusOf({503, "busy", "the file was just removed; ask again", kAskAgainSeconds});
+      return Busy("the file was just removed; ask again", kAskAgainSeconds);
     case PictureState::Is::kWaiting:
     case PictureState::Is::kPlaying:
       SendWaiting(state, response);
@@ -93,12 +86,12 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
     case PictureState::Is::kMissing:
       return MissingLog(key.of);
     case PictureState::Is::kFailed:
-      return StatusOf({409, "no_picture", state.why});
+      return WithErrorCode(absl::FailedPreconditionError(state.why), "no_picture");
     case PictureState::Is::kFull:
       break;
   }
-  return StatusOf({503, "busy", "too many trajectories and pictures wait to be made; ask again later",
-                  10 * kAskAgainSeconds});
+  return Busy("too many trajectories and pictures wait to be made; ask again later",
+              10 * kAskAgainSeconds);
 }
 
 absl::Status SendPictureOfLog(const ApiContext& context, PictureKind kind, const char* type,

@@ -13,13 +13,11 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/log_access.h"
 #include "server/api/phase_sight.h"
 #include "server/api/receipt_view.h"
 #include "server/api/record_log.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/proof/receipt.h"
 #include "server/proof/record_head.h"

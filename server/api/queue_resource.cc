@@ -15,11 +15,8 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
-#include "server/api/guard.h"
 #include "server/api/queue_view.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 
 namespace myograde::server {

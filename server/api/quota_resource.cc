@@ -2,19 +2,16 @@
 
 #include <algorithm>
 #include <functional>
-#include <iterator>
 #include <string>
 
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/paging.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/store/quota.h"
 

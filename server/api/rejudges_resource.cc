@@ -10,13 +10,11 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/paging.h"
 #include "server/api/rejudge_document.h"
 #include "server/api/rejudge_plan.h"
 #include "server/api/rejudge_view.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/challenge/board_configs.h"
 

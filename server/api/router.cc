@@ -19,8 +19,12 @@ bool Router::IsAt(size_t address, const std::string& path, std::smatch& match) c
 }
 
 const Address* Router::Find(const Request& request) const {
-  const std::string& method = request.method == "HEAD" ? "GET" : request.method;
   std::smatch match;
+  return Find(request, match);
+}
+
+const Address* Router::Find(const Request& request, std::smatch& match) const {
+  const std::string& method = request.method == "HEAD" ? "GET" : request.method;
   for (size_t i = 0; i < addresses_.size(); ++i) {
     if (addresses_[i].method == method && IsAt(i, request.path, match)) return &addresses_[i];
   }
@@ -48,13 +52,12 @@ ApiError Router::WhyNone(const Request& request) const {
 }
 
 void Router::Serve(Request& request, Response& response) const {
-  const Address* address = Find(request);
+  std::smatch match;
+  const Address* address = Find(request, match);
   if (address == nullptr) {
     if (unknown_ != nullptr) return unknown_(request, response);
     return response.SetError(WhyNone(request));
   }
-  std::smatch match;
-  IsAt(static_cast<size_t>(address - addresses_.data()), request.path, match);
   request.matches.assign(match.begin(), match.end());  // none of a path
   address->serve(request, response);
 }

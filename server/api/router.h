@@ -33,7 +33,8 @@ class Router {
   void SetUnknown(std::function<void(const Request&, Response&)> serve) { unknown_ = std::move(serve); }
 
   const std::vector<Address>& addresses() const { return addresses_; }
-  // What GET asks for, HEAD does too. nullptr: there is no such address.
+  // What GET asks for, HEAD does too. nullptr: there is no such address. `match`: of its pattern.
+  const Address* Find(const Request& request, std::smatch& match) const;
   const Address* Find(const Request& request) const;
   // The methods of a path with HEAD and OPTIONS; none: nothing is there.
   std::set<std::string> MethodsAt(const std::string& path) const;

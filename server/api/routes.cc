@@ -17,16 +17,6 @@
 namespace myograde::server {
 namespace {
 
-constexpr char kJson[] = "application/json";
-
-// Most answers are for their caller alone, or hold only for a moment.
-void SendText(Response& response, int http, const std::string& text) {
-  response.status = http;
-  response.SetHeader("Cache-Control", "no-store");
-  response.SetHeader("X-Content-Type-Options", "nosniff");
-  response.SetContent(text, kJson);
-}
-
 // Messages about the host's trouble name its files, which is nothing for strangers.
 std::string MessageFor(const ApiError& error) {
   if (CallerIsOrganiser() || !UnixHttpServer::RequestConnection().Asker().network) {
@@ -47,7 +37,7 @@ void SendError(Response& response, ApiError error) {
 }
 
 // Sends a text that may be kept, as long as its holder asks each time whether it is still current.
-void SendTagged(const Request& request, Response& response, int http, const std::string& text) {
+void SendTagged(const Request& request, Response& response, int http, std::string text) {
   const std::string tag = EntityTagOf(text);
   response.SetHeader("ETag", tag);
   response.SetHeader("Cache-Control", "no-cache");
@@ -58,7 +48,7 @@ void SendTagged(const Request& request, Response& response, int http, const std:
     return;
   }
   response.status = http;
-  response.SetContent(text, kJson);
+  response.SetContent(std::move(text), "application/json");
 }
 
 void SendResult(const Request& request, Response& response, const ApiResult& result) {
@@ -72,10 +62,10 @@ void SendResult(const Request& request, Response& response, const ApiResult& res
   if (answer.for_all_origins && anonymous) {
     response.SetHeader("Access-Control-Allow-Origin", "*");
   }
-  const std::string text =
+  std::string text =
       answer.text == nullptr ? CanonicalJson(answer.body) + "\n" : *answer.text;
-  if (answer.tagged) return SendTagged(request, response, answer.http, text);
-  SendText(response, answer.http, text);
+  if (answer.tagged) return SendTagged(request, response, answer.http, std::move(text));
+  response.SetJson(answer.http, std::move(text));
 }
 
 // Counts the request that a response is to, when it ends.

@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <functional>
 #include <iterator>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -13,13 +12,11 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/founding.h"
 #include "server/api/paging.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/submission_view.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/views.h"

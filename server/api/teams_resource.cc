@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <memory>
 #include <set>
 #include <string>
 #include <tuple>
@@ -13,10 +12,8 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/paging.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/views.h"
 #include "server/base/names.h"
 #include "server/base/person.h"

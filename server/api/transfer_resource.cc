@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -21,8 +20,6 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
-#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"

@@ -8,9 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/context.h"
 #include "server/api/requests.h"
-#include "server/api/routes.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/views.h"
 
@@ -69,7 +67,7 @@ ApiResult TestWebhook(const ApiContext& context, const Request& request, const J
   const std::string name = request.matches[1];
   const Webhook* configured = context.webhooks.Find(name);
   if (configured == nullptr) {
-    return StatusOf({404, "not_found", absl::StrCat("server.json has no webhook \"", name, "\"")});
+    return absl::NotFoundError(absl::StrCat("server.json has no webhook \"", name, "\""));
   }
   Webhook webhook = *configured;
   webhook.config.timeout =

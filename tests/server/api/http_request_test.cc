@@ -31,10 +31,7 @@ Read ReadHead(const std::string& bytes, size_t piece = 1) {
   std::string in;
   for (size_t got = 0; got < bytes.size() && !read.good; got += piece) {
     in += bytes.substr(got, piece);
-    for (size_t used = 1; used > 0 && !parser.has_head();) {
-      used = parser.TakeHead(in, read.head);
-      in.erase(0, used);
-    }
+    in.erase(0, parser.TakeHead(in, read.head));
     read.good = parser.has_head();
     if (parser.error()) {
       read.error = *parser.error();
