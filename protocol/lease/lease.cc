@@ -1,8 +1,10 @@
 #include "protocol/lease/lease.h"
 
+#include <algorithm>
 #include <cfloat>
 #include <utility>
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
@@ -12,6 +14,8 @@ namespace myograde {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr size_t kMostJobDigits = 64;
 
 // ConfigReader's integers are signed; seeds use all 64 bits.
 uint64_t ReadUnsigned(ConfigReader& reader, const Json& json, const char* key) {
@@ -97,7 +101,46 @@ Json RecordToJson(const LeaseEndRecord& record) {
           {"peak_memory_bytes", record.peak_memory_bytes}};
 }
 
+Json RecordToJson(const NodeRecord& record) {
+  Json json = {{"type", "node"}, {"node", record.node}, {"job", record.job}, {"cpu_s", record.cpu_s}};
+  for (const auto& [key, text] : {std::pair("processor", &record.processor),
+                                  std::pair("trouble", &record.trouble),
+                                  std::pair("unfit", &record.unfit), std::pair("lost", &record.lost)}) {
+    if (!text->empty()) json[key] = *text;
+  }
+  if (record.blamed) json["blamed"] = true;
+  if (record.energy_j.has_value()) json["energy_j"] = *record.energy_j;
+  return json;
+}
+
+NodeRecord ReadNode(ConfigReader& reader) {
+  NodeRecord record;
+  record.node = reader.String("node");
+  record.job = reader.String("job");
+  record.cpu_s = reader.Number("cpu_s", {0, DBL_MAX});
+  for (const auto& [key, text] : {std::pair("processor", &record.processor),
+                                  std::pair("trouble", &record.trouble),
+                                  std::pair("unfit", &record.unfit), std::pair("lost", &record.lost)}) {
+    if (reader.Has(key)) *text = reader.String(key);
+  }
+  if (reader.Has("blamed")) record.blamed = reader.Boolean("blamed");
+  if (reader.Has("energy_j")) record.energy_j = reader.Number("energy_j", {0, DBL_MAX});
+  if (!record.node.empty() && !IsNodeName(record.node)) reader.Fail("node", "is no name of a node");
+  if (record.job.size() > kMostJobDigits ||
+      record.job.find_first_not_of("0123456789_") != std::string::npos) {
+    reader.Fail("job", "is no number of a job");
+  }
+  return record;
+}
+
 }  // namespace
+
+bool IsNodeName(std::string_view name) {
+  return !name.empty() && name.size() <= 255 && name != "." && name != ".." &&
+         std::all_of(name.begin(), name.end(), [](char c) {
+           return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' || c == '_';
+         });
+}
 
 nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
   Json episodes = Json::array();
@@ -184,7 +227,7 @@ std::string LeaseRecordToLine(const LeaseRecord& record) {
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
   ASSIGN_OR_RETURN(Json json, ParseJson(line, "lease record"));
   ConfigReader reader(json, "lease record");
-  const std::string type = reader.Choice("type", {"progress", "episode", "replay", "lease_end"});
+  const std::string type = reader.Choice("type", {"progress", "episode", "replay", "lease_end", "node"});
   if (!json.is_object()) return reader.Finish();
   if (type == "episode") {
     ASSIGN_OR_RETURN(EpisodeFacts facts, EpisodeFactsFromJson(json));
@@ -198,6 +241,8 @@ absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
     record = progress;
   } else if (type == "replay") {
     record = ReadReplay(reader);
+  } else if (type == "node") {
+    record = ReadNode(reader);
   } else {
     record = ReadLeaseEnd(reader);
   }

@@ -1,6 +1,6 @@
-// The order for one lease and its results. The daemon (or `myograde local`, or a Slurm job) writes
-// a LeaseOrder as a JSON file and starts `myograde-runner FILE`; the runner prints one LeaseRecord
-// per line on stdout.
+// The order for one lease and its results. The daemon (or `myograde local`, or a node of a cluster)
+// writes a LeaseOrder as a JSON file and starts `myograde-runner FILE`; the runner prints one
+// LeaseRecord per line on stdout.
 #pragma once
 
 #include <cstdint>
@@ -97,10 +97,28 @@ struct LeaseEndRecord {
   int64_t peak_memory_bytes = 0;  // 0: not measured on this host
 };
 
-using LeaseRecord = std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord, ReplayRecord>;
+// Of a lease on a cluster: where it is and what became of it, beside its runner's records. Each one
+// replaces the one before.
+struct NodeRecord {
+  std::string node = {};       // "": none has begun it
+  std::string job = {};        // the cluster's number of it
+  std::string processor = {};  // as the kernel names it; "": the node has not proved itself (yet)
+  std::string trouble = {};    // why the cluster takes no job for it; it is asked again
+  std::string unfit = {};      // why the node's results would not be the daemon's, or can't be
+  std::string lost = {};       // why it was not played to its end, though that is no fault of the grader's
+  bool blamed = false;         // the node is to blame for that
+  double cpu_s = 0;            // of all processes of the lease on the node, once it has ended
+  std::optional<double> energy_j = {};  // of the job, where the cluster measures it
+};
+
+using LeaseRecord =
+    std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord, ReplayRecord, NodeRecord>;
+
+// 1 to 255 letters, digits, dots, hyphens and underscores; neither "." nor "..".
+bool IsNodeName(std::string_view name);
 
 // One line of JSON without the newline, and the reverse. Non-finite numbers never occur. `type` is
-// "progress", "episode", "replay" or "lease_end".
+// "progress", "episode", "replay", "lease_end" or "node".
 std::string LeaseRecordToLine(const LeaseRecord& record);
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line);
 

@@ -55,7 +55,6 @@ constexpr Rule kRules[] = {
     {Action::kManageOperators, "manage operators", Role::kOperator},
     {Action::kManageWebhooks, "manage webhooks", Role::kOperator},
     {Action::kManageNodes, "manage nodes", Role::kOperator},
-    {Action::kPlayLease, "play lease", Role::kOperator},
 };
 
 constexpr auto kActions = [] {
@@ -96,7 +95,6 @@ bool NeedsTeam(Action action) { return RuleOf(action).of_a_team; }
 Access Decide(const Identity& identity, Action action, const std::optional<std::string>& team) {
   const Rule& rule = RuleOf(action);
   if (action == Action::kReadMetrics && identity.scraper) return Access::kAllowed;
-  if (action == Action::kPlayLease && !identity.lease.empty()) return Access::kAllowed;
   if (identity.role < rule.role) return Access::kForbidden;
   const bool any_team = identity.role >= Role::kOrganiser || !rule.of_a_team;
   if (any_team || !team.has_value() || identity.teams.contains(*team)) return Access::kAllowed;

@@ -27,8 +27,6 @@ struct Identity {
   bool may_found_team = false;
   // Showed the token of server.json's "metrics", which is good for nothing but those.
   bool scraper = false;
-  // The attempt of a lease whose token they showed, which is good for nothing but that; "": none.
-  std::string lease = {};
 };
 
 enum class Action {
@@ -41,7 +39,7 @@ enum class Action {
   kMark, kGrant, kRebuildBoards, kExport, kManageTeams, kManageTokens, kManagePhases, kRejudge,
   kReadEvents, kReadHost, kReadMetrics,
   // Operators.
-  kImport, kBackup, kManageOperators, kManageWebhooks, kManageNodes, kPlayLease,
+  kImport, kBackup, kManageOperators, kManageWebhooks, kManageNodes,
 };
 std::string_view ActionName(Action action);
 std::span<const Action> AllActions();

@@ -13,8 +13,7 @@ Api::Api(const ApiContext& context)
               .log = context_.access_log,
               .clock = context_.clock,
               .challenge = context_.challenge,
-              .metrics_token = context_.metrics_token,
-              .leases = context_.leases}) {}
+              .metrics_token = context_.metrics_token}) {}
 
 void Api::Install(UnixHttpServer& server) {
   server.SetOrganisers(
@@ -39,7 +38,6 @@ void Api::Install(UnixHttpServer& server) {
   AddMetrics(routes, context_);
   AddTransfer(routes, context_);
   AddWebhooks(routes, context_);
-  AddLeases(routes, context_.leases);
   AddPages(routes, context_);
 }
 

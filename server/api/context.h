@@ -13,7 +13,6 @@
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/executor/lease_door.h"
 #include "server/grading/tracks.h"
 #include "server/metrics/metrics.h"
 #include "server/pictures/pictures.h"
@@ -42,7 +41,6 @@ struct ApiContext {
   WebhookSender& webhooks;
   const Documents& documents;
   std::string metrics_token;  // Guard::Options
-  LeaseDoor* leases = nullptr;  // likewise
   // Whether there is a challenge (server/challenge): then a user of this host is nobody until an
   // organiser says who, and organisers create the teams.
   bool challenge = false;

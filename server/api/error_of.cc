@@ -22,7 +22,6 @@ ApiError ErrorOf(const absl::Status& status) {
   const std::string message(status.message());
   const std::string code = ErrorCodeOf(status);
   if (code == kDamagedRowCode) return {500, code, message};
-  if (code == kLeaseOverCode) return {410, code, message};
   if (const auto retry = status.GetPayload(kRetryKey); retry.has_value()) {
     return {503, code, message, std::stoll(std::string(*retry))};
   }

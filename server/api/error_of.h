@@ -12,9 +12,6 @@
 
 namespace myograde::server {
 
-// Of an attempt of a lease that is over: 410.
-inline constexpr char kLeaseOverCode[] = "lease_over";
-
 // The entry of README.md's table of errors for a status: by its code (ErrorCodeOf of
 // store/quota.h) if it has one, otherwise by its kind.
 ApiError ErrorOf(const absl::Status& status);

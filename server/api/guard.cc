@@ -125,9 +125,6 @@ std::optional<ApiError> Guard::AdmitUnknown(Connection& connection) {
 
 std::variant<Identity, ApiError> Guard::Identify(const Peer& peer, const Request& head,
                                                  std::optional<Action> action) {
-  if (action == Action::kPlayLease && head.authorization.has_value()) {
-    if (auto node = IdentifyNode(peer, head)) return *std::move(node);
-  }
   if (head.authorization.has_value()) {
     return IdentifyToken(peer, *head.authorization, action.value_or(Action::kReadApi));
   }
@@ -180,37 +177,6 @@ std::variant<Identity, ApiError> Guard::IdentifyToken(const Peer& peer,
   }
   Accept(hash, row->id);
   return std::get<Identity>(std::move(identity));
-}
-
-std::optional<std::variant<Identity, ApiError>> Guard::IdentifyNode(const Peer& peer,
-                                                                    const Request& head) {
-  constexpr std::string_view kBearer = "Bearer ";
-  constexpr std::string_view kLeases = "/v1/leases/";
-  const std::string_view authorization = *head.authorization;
-  if (options_.leases == nullptr || !authorization.starts_with(kBearer) ||
-      TokenIn(authorization).has_value()) {
-    return std::nullopt;
-  }
-  const std::string_view token = authorization.substr(kBearer.size());
-  const std::string hash = TokenHash(token);
-  if (std::optional<ApiError> wait = CheckTries(peer, hash)) return *std::move(wait);
-  const std::string name =
-      head.path.substr(kLeases.size(), head.path.find('/', kLeases.size()) - kLeases.size());
-  const absl::Status status = options_.leases->Check(name, token);
-  if (absl::IsNotFound(status)) {
-    return ApiError{410, "lease_over", std::string(status.message())};
-  }
-  if (!status.ok()) {
-    return RefuseToken(peer, hash, TokenProblem::kUnknown, std::nullopt, Action::kPlayLease);
-  }
-  {
-    const MutexLock lock(mutex_);
-    good_tokens_.FindOr(hash, -absl::InfiniteDuration());
-  }
-  Identity node = IdentityOfAddress(absl::StrCat("lease ", name));
-  node.remote = peer.network;
-  node.lease = name;
-  return node;
 }
 
 // Only hashes are compared, so the time that this takes tells nothing of the token.

@@ -22,7 +22,6 @@
 #include "server/api/connection.h"
 #include "server/api/router.h"
 #include "server/config/server_config.h"
-#include "server/executor/lease_door.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {
@@ -39,7 +38,6 @@ class Guard {
     bool challenge = false;  // IdentityOfUser
     // SHA-256 of the token with which a scraper reads the metrics; "": there is none.
     std::string metrics_token = "";
-    LeaseDoor* leases = nullptr;  // of a cluster's nodes; nullptr: none come here
   };
   // What `options` refers to must outlive it.
   explicit Guard(const Options& options);
@@ -64,9 +62,6 @@ class Guard {
   std::variant<Identity, ApiError> IdentifyUser(const Peer& peer, std::optional<Action> action);
   std::variant<Identity, ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
                                                  Action action);
-  // The node that plays a lease, at an address of that lease; nullopt: this is no token of one.
-  std::optional<std::variant<Identity, ApiError>> IdentifyNode(const Peer& peer,
-                                                               const Request& head);
   bool IsMetricsToken(std::string_view authorization) const;
   Identity AcceptScraper(const Peer& peer);
   std::optional<ApiError> CheckTries(const Peer& peer, const std::string& hash);

@@ -35,8 +35,6 @@ void AddMetrics(Routes& routes, const ApiContext& context);
 // Export, import and backup of whole stores; webhooks.
 void AddTransfer(Routes& routes, const ApiContext& context);
 void AddWebhooks(Routes& routes, const ApiContext& context);
-// What a node asks about the lease that it plays. `door`: nullptr: no nodes come here.
-void AddLeases(Routes& routes, LeaseDoor* door);
 // The web pages, the documents, and the API's description.
 void AddPages(Routes& routes, const ApiContext& context);
 

@@ -1,4 +1,4 @@
-#include "server/executor/spool/artefact_tar.h"
+#include "server/artefact/artefact_stream.h"
 
 #include <archive.h>
 #include <archive_entry.h>
@@ -119,37 +119,29 @@ class Lister {
   Found found_;
 };
 
-// The archive's bytes on their way to its file.
-struct TarFile {
-  int fd;
-  Sha256 hash = {};
-  int64_t bytes = 0;
-  int error = 0;
+// The archive's bytes on their way.
+struct TarBytes {
+  const ByteSink& sink;
+  absl::Status status = {};
 
   static la_ssize_t Write(archive*, void* self, const void* data, size_t size) {
-    auto& file = *static_cast<TarFile*>(self);
-    const ssize_t n = ::write(file.fd, data, size);
-    if (n < 0) {
-      file.error = errno;
-      return -1;
-    }
-    file.hash.Update(std::string_view(static_cast<const char*>(data), static_cast<size_t>(n)));
-    file.bytes += n;
-    return n;
+    auto& bytes = *static_cast<TarBytes*>(self);
+    bytes.status = bytes.sink({static_cast<const char*>(data), size});
+    return bytes.status.ok() ? static_cast<la_ssize_t>(size) : -1;
   }
 };
 
 class Packer {
  public:
-  Packer(int root, TarFile& file, const ByteProgress& progress)
-      : root_(root), file_(file), progress_(progress) {}
+  Packer(int root, TarBytes& bytes) : root_(root), bytes_(bytes) {}
 
   // Notes the digests of the files' content in their entries.
   absl::Status Pack(const Found& found) {
     archive_write_set_format_pax_restricted(writer_.get());
     archive_write_add_filter_none(writer_.get());
+    archive_write_set_bytes_per_block(writer_.get(), kTarPieceBytes);
     archive_write_set_bytes_in_last_block(writer_.get(), 1);
-    if (archive_write_open(writer_.get(), &file_, nullptr, TarFile::Write, nullptr) != ARCHIVE_OK) {
+    if (archive_write_open(writer_.get(), &bytes_, nullptr, TarBytes::Write, nullptr) != ARCHIVE_OK) {
       return Failed();
     }
     for (const auto& [path, entry] : found) {
@@ -186,27 +178,20 @@ class Packer {
       const auto size = static_cast<size_t>(n);
       hash.Update(std::string_view(piece_.data(), size));
       if (archive_write_data(writer_.get(), piece_.data(), size) != n) return Failed();
-      done_ += n;
-      if (progress_) progress_(done_, done_);
     }
     entry.sha256 = hash.FinishHex();
     return absl::OkStatus();
   }
 
   absl::Status Failed() const {
-    if (file_.error != 0) {
-      errno = file_.error;
-      return HostError("can't write the packed submission");
-    }
+    if (!bytes_.status.ok()) return bytes_.status;
     const char* why = archive_error_string(writer_.get());
     return absl::UnavailableError(
         absl::StrCat("can't pack the submission: ", why != nullptr ? why : "no reason given"));
   }
 
   const int root_;
-  TarFile& file_;
-  const ByteProgress& progress_;
-  int64_t done_ = 0;
+  TarBytes& bytes_;
   std::string piece_ = std::string(kTarPieceBytes, '\0');
   std::unique_ptr<archive, ArchiveWriter> writer_{archive_write_new()};
 };
@@ -313,72 +298,66 @@ class Unpacker {
   std::string piece_ = std::string(kTarPieceBytes, '\0');
 };
 
-// Reads all of a file, from its beginning, without its position.
-absl::StatusOr<PackedFolder> Describe(int file) {
-  PackedFolder found;
-  Sha256 hash;
-  std::string piece(kTarPieceBytes, '\0');
-  for (;;) {
-    const ssize_t n = ::pread(file, piece.data(), piece.size(), found.bytes);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return HostError("can't read the packed submission");
-    if (n == 0) break;
-    hash.Update(std::string_view(piece.data(), static_cast<size_t>(n)));
-    found.bytes += n;
-  }
-  found.sha256 = hash.FinishHex();
-  return found;
-}
+// The archive's bytes as they come.
+struct TarPieces {
+  const ByteSource& source;
+  std::string piece = {};
+  absl::Status status = {};
 
-absl::Status UnpackInto(int archive_fd, const std::string& digest, int root) {
+  static la_ssize_t Read(archive*, void* self, const void** data) {
+    auto& pieces = *static_cast<TarPieces*>(self);
+    absl::StatusOr<std::string> piece = pieces.source();
+    pieces.status = piece.status();
+    if (!piece.ok()) return -1;
+    pieces.piece = *std::move(piece);
+    *data = pieces.piece.data();
+    return std::ssize(pieces.piece);
+  }
+};
+
+absl::Status UnpackInto(const ByteSource& source, const std::string& digest, int root) {
   const Utf8Names utf8_names;
-  if (::lseek(archive_fd, 0, SEEK_SET) != 0) return HostError("can't read the packed submission");
+  TarPieces pieces = {source};
   const std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
   archive_read_support_format_tar(reader.get());
-  if (archive_read_open_fd(reader.get(), archive_fd, kTarPieceBytes) != ARCHIVE_OK) {
-    return absl::DataLossError("the packed submission is no tar");
+  if (archive_read_open(reader.get(), &pieces, nullptr, TarPieces::Read, nullptr) != ARCHIVE_OK) {
+    return pieces.status.ok() ? absl::DataLossError("the packed submission is no tar")
+                              : pieces.status;
   }
-  ASSIGN_OR_RETURN(const std::string found, Unpacker(reader.get(), root).Unpack());
-  if (found == digest) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("the packed submission holds files of digest ", found,
+  const absl::StatusOr<std::string> found = Unpacker(reader.get(), root).Unpack();
+  RETURN_IF_ERROR(pieces.status);
+  if (!found.ok()) return found.status();
+  if (*found == digest) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("the packed submission holds files of digest ", *found,
                                           ", and is to be ", digest));
 }
 
 }  // namespace
 
-absl::StatusOr<PackedFolder> PackArtefactFolder(const std::string& folder,
-                                                const std::string& digest, int archive,
-                                                const ByteProgress& progress) {
+absl::Status StreamArtefact(const std::string& folder, const std::string& digest,
+                            const ByteSink& sink) {
   const Utf8Names utf8_names;
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   if (!root.valid()) return HostError(absl::StrCat("can't open the submission's folder ", folder));
   Listing listing(NoLimits());
   Lister lister(root.get(), listing);
   RETURN_IF_ERROR(lister.List(""));
-  TarFile file = {archive};
-  RETURN_IF_ERROR(Packer(root.get(), file, progress).Pack(lister.found()));
-  if (listing.Digest() != digest) {
-    return absl::DataLossError(absl::StrCat(
-        "the submission's folder ", folder, " holds files of digest ", listing.Digest(),
-        ", and should hold ", digest, "; restore it from a backup, or have it submitted again"));
-  }
-  return PackedFolder{file.hash.FinishHex(), file.bytes};
+  TarBytes bytes = {sink};
+  RETURN_IF_ERROR(Packer(root.get(), bytes).Pack(lister.found()));
+  if (listing.Digest() == digest) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat(
+      "the submission's folder ", folder, " holds files of digest ", listing.Digest(),
+      ", and should hold ", digest, "; restore it from a backup, or have it submitted again"));
 }
 
-absl::Status UnpackArtefactFolder(int archive, const PackedFolder& packed,
-                                  const std::string& digest, const std::string& folder) {
-  ASSIGN_OR_RETURN(const PackedFolder found, Describe(archive));
-  if (found.bytes != packed.bytes || found.sha256 != packed.sha256) {
-    return absl::DataLossError(absl::StrCat(
-        "the packed submission has ", found.bytes, " bytes and digest ", found.sha256,
-        "; the order names ", packed.bytes, " bytes and ", packed.sha256));
-  }
+absl::Status PlaceStreamedArtefact(const ByteSource& source, const std::string& digest,
+                                   const std::string& folder) {
   if (::mkdir(folder.c_str(), 0755) != 0) {
     return HostError(absl::StrCat("can't make the folder ", folder));
   }
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   absl::Status status = root.valid() && ::fchmod(root.get(), 0755) == 0
-                            ? UnpackInto(archive, digest, root.get())
+                            ? UnpackInto(source, digest, root.get())
                             : HostError(absl::StrCat("can't open ", folder));
   if (status.ok()) return status;
   std::error_code ignored;

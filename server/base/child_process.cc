@@ -73,6 +73,10 @@ bool ChildProcess::Look() {
   return wait_status_.has_value();
 }
 
+void ChildProcess::Signal(int signal) const {
+  if (!wait_status_.has_value()) ::kill(pid_, signal);
+}
+
 bool ChildProcess::succeeded() const {
   return WIFEXITED(*wait_status_) && WEXITSTATUS(*wait_status_) == 0;
 }

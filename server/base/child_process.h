@@ -30,6 +30,9 @@ class ChildProcess {
   // Takes note of what it said and whether it ended, without waiting. True once it has ended.
   bool Look();
 
+  // Sends it a signal, unless it has ended.
+  void Signal(int signal) const;
+
   // As of waitpid(2). REQUIRES: it has ended.
   int wait_status() const { return *wait_status_; }
   bool succeeded() const;

@@ -294,12 +294,11 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
 // The object is read, and its mistakes found, wherever leases run.
 absl::Status ReadExecutor(const nlohmann::json& json, const std::string& where,
                           ServerConfig& config) {
-  ASSIGN_OR_RETURN(const SlurmConfig slurm, ReadSlurm(json, where));
-  config.slurm = slurm;
+  ASSIGN_OR_RETURN(config.slurm, ReadSlurm(json, where));
   if (!config.on_cluster) return absl::OkStatus();
-  config.scheduler.slots = slurm.most_jobs;
+  config.scheduler.slots = config.slurm.most_jobs;
   config.scheduler.begins_later = true;
-  return CheckSlurmIsUsable(slurm, where);
+  return absl::OkStatus();
 }
 
 absl::Status ReadStatisticsOf(const nlohmann::json& json, const std::string& where,
@@ -326,8 +325,7 @@ int64_t DescriptorsNeeded(const ServerConfig& config) {
   constexpr int64_t kOfAClient = 2;
   // A store connection with its write-ahead log, an open file, a pipe to the unpack process.
   constexpr int64_t kOfAWorker = 8;
-  const int64_t slots = config.on_cluster ? 0 : config.scheduler.slots;
-  return kBase + kOfASlot * slots + kOfAClient * config.http.clients +
+  return kBase + kOfASlot * config.scheduler.slots + kOfAClient * config.http.clients +
          config.http.waiting() + kOfAWorker * config.http.workers;
 }
 

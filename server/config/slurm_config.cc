@@ -13,9 +13,13 @@ namespace {
 
 constexpr size_t kMostOptions = 64;
 constexpr size_t kMaxWord = 4096;
-// What the daemon says to sbatch itself; said twice, its bookkeeping would be of other jobs.
-constexpr const char* kOwnOptions[] = {"--array", "-a", "--job-name", "-J", "--comment", "--requeue",
-                                       "--parsable", "--wait", "-W", "--wrap", "--test-only"};
+// What the daemon says to srun itself, and what would take a lease's streams away from it and can't be
+// undone by a later word.
+constexpr const char* kOwnOptions[] = {"--job-name", "-J",    "--comment",    "--test-only", "--label",
+                                       "-l",         "--pty", "--multi-prog", "--jobid",
+                                       "--no-allocate", "-Z"};
+// Of versions whose nodes shared a folder with the daemon, or came to it by HTTPS.
+constexpr const char* kFormerKeys[] = {"array_size", "shared_dir", "url", "ca_file", "claim_s", "poll_s"};
 
 // Printable ASCII without what would end a word of a script or a line.
 bool IsWord(const std::string& text) {
@@ -61,7 +65,7 @@ void ReadOptions(ConfigReader& reader, SlurmConfig& config) {
   for (const std::string& option : config.extra_options) {
     if (!option.starts_with('-') || !IsWord(option)) {
       reader.Fail("extra_options", absl::StrCat("has \"", option, "\": each must be an option of "
-                                                "sbatch in one word, such as \"--nice=100\""));
+                                                "srun in one word, such as \"--nice=100\""));
     } else if (IsOwn(option)) {
       reader.Fail("extra_options", absl::StrCat("has \"", option, "\", which the daemon sets itself"));
     }
@@ -69,13 +73,6 @@ void ReadOptions(ConfigReader& reader, SlurmConfig& config) {
 }
 
 void ReadPlaces(ConfigReader& reader, SlurmConfig& config) {
-  config.shared_dir = PathOr(reader, "shared_dir");
-  config.url = WordOr(reader, "url");
-  if (!config.url.empty() && !config.url.starts_with("https://")) {
-    reader.Fail("url", "must begin with https://, as orders and tokens travel there, or be \"\"");
-  }
-  while (config.url.ends_with('/')) config.url.pop_back();
-  config.ca_file = PathOr(reader, "ca_file");
   config.bin_dir = PathOr(reader, "bin_dir");
   config.cache_dir = PathOr(reader, "cache_dir");
   config.node_dir = PathOr(reader, "node_dir");
@@ -97,20 +94,11 @@ absl::StatusOr<SlurmConfig> ReadSlurm(const nlohmann::json& json, const std::str
   config.memory_mib = IntegerOr(reader, "memory_mib", 0, 0, int64_t{64} << 20);
   config.cpus = IntegerOr(reader, "cpus", config.cpus, 0, 1024);
   config.most_jobs = IntegerOr(reader, "most_jobs", config.most_jobs, 1, 20'000);
-  config.array_size = IntegerOr(reader, "array_size", config.array_size, 1, 1000);
   ReadPlaces(reader, config);
   config.queue_wait = SecondsOr(reader, "queue_wait_s", config.queue_wait, {1, 30.0 * 86400});
-  config.claim = SecondsOr(reader, "claim_s", config.claim, {1, 86400});
-  config.poll = SecondsOr(reader, "poll_s", config.poll, {0.1, 3600});
+  for (const char* key : kFormerKeys) reader.Ignore(key);
   RETURN_IF_ERROR(reader.Finish());
   return config;
-}
-
-absl::Status CheckSlurmIsUsable(const SlurmConfig& config, const std::string& where) {
-  if (!config.shared_dir.empty() || !config.url.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(where, ": neither \"shared_dir\" nor \"url\" is given: nodes get their leases through "
-                          "a folder that they share with the daemon, or by HTTPS from its address"));
 }
 
 std::vector<std::string> SlurmEnvironment() {

@@ -23,7 +23,6 @@
 #include "server/base/service_manager.h"
 #include "server/base/paths.h"
 #include "server/challenge/phases.h"
-#include "server/daemon/lease_hosts.h"
 #include "server/daemon/log.h"
 #include "server/daemon/start.h"
 #include "server/engine/engine.h"
@@ -165,7 +164,7 @@ class Daemon {
   ReaderPool readers_{store_path_};
   std::optional<Phases> phases_;
   std::optional<StoreDisk> disk_;
-  std::optional<LeaseHosts> hosts_;
+  std::unique_ptr<Executor> executor_;
   std::optional<Engine> engine_;
   KeyFile receipts_key_{options_.data_dir + "/receipts.key"};
   RecordLog record_;
@@ -222,9 +221,9 @@ absl::Status Daemon::RecoverEngine() {
   disk_.emplace(*store_, metrics_.get());
   ASSIGN_OR_RETURN(const HomeFound home,
                    FindHome(options_.data_dir, config_.on_cluster, /*adopt=*/false));
-  ASSIGN_OR_RETURN(hosts_, MakeLeaseHosts(options_, config_, store_->policy_secret(), home));
+  ASSIGN_OR_RETURN(executor_, MakeExecutor(options_, config_, store_->policy_secret(), home));
   engine_.emplace(EngineOptions{config_, options_.data_dir, options_.cache_dir, metrics_}, *disk_, readers_,
-                  *hosts_->executor, clock_);
+                  *executor_, clock_);
   // Grading needs no key: without one, the daemon serves everything but receipts.
   if (absl::Status status = receipts_key_.Get().status(); !status.ok()) {
     spdlog::error("no receipt can be signed: {}", std::string(status.message()));
@@ -310,7 +309,6 @@ ApiContext Daemon::Context() {
           .webhooks = *webhooks_,
           .documents = *documents_,
           .metrics_token = configs_.metrics_token,
-          .leases = hosts_->door,
           .challenge = phases_->any(),
           .clock = clock_,
           .started_at = clock_.Now(),

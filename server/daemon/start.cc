@@ -14,11 +14,17 @@
 #include <absl/strings/str_join.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
 #include "server/base/packet_filter.h"
+#include "server/base/paths.h"
 #include "server/challenge/board_configs.h"
+#include "server/executor/local/local_executor.h"
+#include "server/executor/slurm/slurm_executor.h"
+#include "server/proof/grader_build.h"
 #include "server/sandbox/delegated_group.h"
+#include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/stage.h"
 #include "server/webhook/sender.h"
 
@@ -26,6 +32,8 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr size_t kStoreIdDigits = 12;
 
 // Work in progress of an earlier daemon that died is useless.
 void Empty(const std::string& folder) {
@@ -240,6 +248,31 @@ absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_ke
     for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
     return absl::OkStatus();
   });
+}
+
+absl::StatusOr<std::unique_ptr<Executor>> MakeExecutor(const DaemonOptions& options,
+                                                       const ServerConfig& config,
+                                                       const std::string& secret,
+                                                       const HomeFound& home) {
+  const int64_t uid_base = geteuid() == 0 ? config.uid_base : -1;
+  if (!config.on_cluster) {
+    return std::make_unique<LocalExecutor>(SlotProcesses(uid_base, options.data_dir + "/slots"));
+  }
+  ASSIGN_OR_RETURN(const SandboxConfig sandbox, LoadSandboxConfig(options.configs_dir));
+  ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
+  return std::make_unique<SlurmExecutor>(SlurmOptions{
+      .config = config.slurm,
+      // Shown in the cluster's queue: tells nothing of the secret.
+      .store_id = Sha256Hex("a store on a cluster\n" + secret + home.home.key).substr(0, kStoreIdDigits),
+      .held_back = home.held_back,
+      .cache_dir = options.cache_dir,
+      .configs_dir = options.configs_dir,
+      .bin_dir = bin_dir,
+      .uid_base = uid_base,
+      .log_bytes = sandbox.sim.log_bytes,
+      .grader = [cache = options.cache_dir](const std::vector<std::string>& adapters) {
+        return GraderBuild(cache, adapters);
+      }});
 }
 
 }  // namespace myograde::server

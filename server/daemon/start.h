@@ -1,6 +1,7 @@
 // The steps of a daemon's start: its folder and host, and what it takes from the store and tells it.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -10,7 +11,9 @@
 
 #include "server/api/record_log.h"
 #include "server/challenge/phases.h"
+#include "server/config/server_config.h"
 #include "server/daemon/daemon.h"
+#include "server/executor/executor.h"
 #include "server/proof/signing_key.h"
 #include "server/store/home.h"
 #include "server/store/reader.h"
@@ -59,5 +62,12 @@ absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_ke
 // sends to other hosts (systemd's IPAddressDeny=). `handed`: the TCP port is the service manager's,
 // whose own filter counts.
 void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed);
+
+// Where leases run, by the config. `secret`, the store's policy secret, and its home tell its jobs from
+// another's, copies of the same store included.
+absl::StatusOr<std::unique_ptr<Executor>> MakeExecutor(const DaemonOptions& options,
+                                                       const ServerConfig& config,
+                                                       const std::string& secret,
+                                                       const HomeFound& home);
 
 }  // namespace myograde::server

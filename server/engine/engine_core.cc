@@ -66,12 +66,12 @@ absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
 absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
   absl::Duration wait = kLongestWait;
   for (const auto& [id, run] : running_) {
-    if (run.runner->remote()) break;
+    if (run.runner->pid() == 0) break;  // no process of this host's
     // Both streams have ended: only the process itself is left to wait for.
     if (run.runner->stdout_fd() < 0 && run.runner->stderr_fd() < 0) wait = kReapWait;
   }
   for (const StoppingRunner& ending : stopping_runners_) {
-    const bool polled = ending.stays || ending.runner->remote();
+    const bool polled = ending.stays || ending.runner->pid() == 0;
     wait = std::min(wait, polled ? kStayWait : kReapWait);
   }
   if (!cancels_.empty()) wait = kReapWait;
@@ -91,10 +91,7 @@ void EngineCore::AddDescriptors(std::vector<pollfd>& fds) const {
       if (fd >= 0) fds.push_back({fd, POLLIN, 0});
     }
   };
-  if (executor_.wake_fd() >= 0) fds.push_back({executor_.wake_fd(), POLLIN, 0});
-  if (!executor_.remote()) {
-    for (const auto& [id, run] : running_) add(*run.runner);
-  }
+  for (const auto& [id, run] : running_) add(*run.runner);
   if (test_ != nullptr && test_->runner() != nullptr) add(*test_->runner());
 }
 

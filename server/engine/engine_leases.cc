@@ -128,7 +128,7 @@ void EngineCore::StartLease(const Start& start) {
 }
 
 void EngineCore::Listen(LeaseRun& run) {
-  if (run.runner->remote()) FollowSite(run);
+  if (executor_.remote()) FollowSite(run);
   absl::StatusOr<std::vector<LeaseRecord>> records = run.runner->Read();
   if (!records.ok()) return run.report.Fail(std::string(records.status().message()));
   if (records->empty() || run.report.faulty()) return;

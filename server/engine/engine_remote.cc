@@ -24,7 +24,6 @@ bool EngineCore::MayStart() const {
 
 // The executor's news, before its runners are asked.
 void EngineCore::AttendExecutor() {
-  executor_.Attend();
   const std::string trouble = executor_.CannotStart();
   for (const DrainedNode& drained : executor_.TakeDrained()) {
     spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);

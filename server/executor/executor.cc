@@ -1,9 +1,15 @@
 #include "server/executor/executor.h"
 
+#include <filesystem>
+
 #include <absl/status/status.h>
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
 
 namespace myograde::server {
 namespace {
+
+namespace fs = std::filesystem;
 
 absl::Status NoCluster() {
   return absl::FailedPreconditionError(
@@ -11,6 +17,22 @@ absl::Status NoCluster() {
 }
 
 }  // namespace
+
+void Executor::CleanUp(const std::string& work_dir) {
+  std::error_code error;
+  fs::remove_all(work_dir, error);
+  if (error) spdlog::warn("{}: can't be removed: {}", work_dir, error.message());
+}
+
+absl::Status Executor::MakeWorkDir(const std::string& path) {
+  std::error_code error;
+  fs::remove_all(path, error);
+  if (!fs::create_directory(path, error)) {
+    return absl::UnavailableError(absl::StrCat(path, ": can't be made: ", error.message()));
+  }
+  fs::permissions(path, fs::perms::owner_all, error);
+  return absl::OkStatus();
+}
 
 absl::Status Executor::Drain(const std::string&, const std::string&) { return NoCluster(); }
 

@@ -36,8 +36,9 @@ class Executor {
   virtual absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order,
                                                         const LeaseSubject& subject) = 0;
 
-  // Removes a dead runner's work folder.
-  virtual void CleanUp(const std::string& work_dir) = 0;
+  // Removes a dead runner's work folder. What can't be removed is logged, and left to the daemon's
+  // next start.
+  virtual void CleanUp(const std::string& work_dir);
 
   // Living processes on this host in the sandboxes of slots `first` to `first + count - 1`, whoever
   // started them: by slot, described for people.
@@ -49,12 +50,6 @@ class Executor {
   // True if leases run on other hosts. Then they wait there for a processor before they begin
   // (Runner::begun), slots are jobs, and this host's self-test says nothing.
   virtual bool remote() const { return false; }
-
-  // Readable once any runner without descriptors of its own has news, until the next Attend(); -1:
-  // there are none such.
-  virtual int wake_fd() const { return -1; }
-  // Called at each turn of the engine's loop, before it asks the runners. Never waits.
-  virtual void Attend() {}
 
   // Why no lease can start now, in one sentence; "" if leases can.
   virtual std::string CannotStart() const { return ""; }
@@ -71,6 +66,10 @@ class Executor {
   virtual absl::Status Admit(const std::string& node);
   // What it drained by itself since the last call; the engine has the store remember it.
   virtual std::vector<DrainedNode> TakeDrained() { return {}; }
+
+ protected:
+  // A new, empty folder for a lease, private to this user.
+  static absl::Status MakeWorkDir(const std::string& path);
 };
 
 }  // namespace myograde::server

@@ -63,11 +63,7 @@ class Runner {
   // Where it runs.
   virtual RunnerSite site() const { return {}; }
 
-  // True if the runner is on another host: it has no descriptors (see Executor::wake_fd), and may take
-  // a while to be dead.
-  virtual bool remote() const { return false; }
-
-  // 0 on another host.
+  // Its process on this host; 0: it has none, and no descriptors either.
   virtual pid_t pid() const = 0;
 
   // The runner's wait status, see waitpid(2); valid once dead().

@@ -31,8 +31,7 @@ double Seconds(const timeval& time) {
   return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
 }
 
-absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
-  const std::string text = LeaseOrderToJson(order).dump();
+absl::Status WriteOrder(const std::string& text, const std::string& path) {
   ::unlink(path.c_str());
   Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!file.valid()) {
@@ -48,14 +47,20 @@ absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order) {
+  return Start(order, "myograde-runner", LeaseOrderToJson(order).dump());
+}
+
+absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order,
+                                                                    const std::string& name,
+                                                                    const std::string& text) {
   ASSIGN_OR_RETURN(std::string bin_dir, BinDir());
-  const std::string program = bin_dir + "/myograde-runner";
+  const std::string program = absl::StrCat(bin_dir, "/", name);
   if (::access(program.c_str(), X_OK) != 0) {
     return absl::NotFoundError(absl::StrCat("no program ", program, " (", std::strerror(errno),
                                             "); build it or set MYOGRADE_BIN_DIR"));
   }
   const std::string order_path = order.work_dir + "/order.json";
-  RETURN_IF_ERROR(WriteOrder(order, order_path));
+  RETURN_IF_ERROR(WriteOrder(text, order_path));
 
   ASSIGN_OR_RETURN(Pipe in, MakePipe());
   ASSIGN_OR_RETURN(Pipe out, MakeOutputPipe());

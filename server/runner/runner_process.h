@@ -37,6 +37,11 @@ class RunnerProcess : public Runner {
   // runner on it in its own process group. NotFoundError if the program or the folder is missing,
   // InternalError if the process can't be started. Don't use in a process that ignores SIGCHLD.
   static absl::StatusOr<std::unique_ptr<RunnerProcess>> Start(const LeaseOrder& order);
+  // The same of another program of the grader's, which takes the same words and prints records too.
+  // `text`: its order, instead.
+  static absl::StatusOr<std::unique_ptr<RunnerProcess>> Start(const LeaseOrder& order,
+                                                              const std::string& program,
+                                                              const std::string& text);
 
   // Kills what is still running.
   ~RunnerProcess() override;

@@ -121,22 +121,16 @@ def records():
     seed("lease_order", "gap", '{"episodes": [{"index": 0, "seed": 1, "policy_seed": 2}, '
          '{"index": 2, "seed": 1, "policy_seed": 2}]}')
     seed("lease_order", "budget", '{"track": {"budgets": {"step_s": 0}}, "uid": 62000, "slot": 3}')
-    seed("node_form", "claim", '{"form":1,"node":"n1","job":"12_3","restart":0,'
-         '"nonce":"0123456789abcdef"}')
-    seed("node_form", "proof", json.dumps(
-        {"form": 1, "node": "n1", "processor": "Xeon", "kernel": "6.1", "version": "0.1.0",
-         "grader": {"version": "0.1.0", "models": {}}, "reference": "", "doctor": ["no bwrap"]}))
-    seed("node_form", "end", json.dumps(
-        {"form": 1, "wait_status": 9, "stderr_tail": "caf\u00e9", "records_bytes": 67108864,
-         "records_sha256": "0" * 64, "cpu_s": 1e-9, "energy_j": None, "why": "preempted"}))
-    seed("node_form", "measured", json.dumps(
-        {"form": 1, "wait_status": 0, "stderr_tail": "", "records_bytes": 0,
-         "records_sha256": "0" * 64, "cpu_s": 0, "energy_j": 1e300, "why": ""}))
-    seed("node_form", "order", json.dumps(
-        {"form": 1, "name": "1-1-0123456789abcdef", "epoch": "e", "order": {}, "artefact": None,
-         "runtimes": [{"name": "torch", "digest": "", "path": "/opt"}], "grader": {}, "wall_s": 1,
-         "uid_base": -1, "self_test": False, "logs": True, "prove_again": ["n1"]}))
-    seed("node_form", "name", "1-1-0123456789abcdef")
+    seed("record", "node", json.dumps(
+        {"type": "node", "node": "n1", "job": "12", "processor": "Xeon", "cpu_s": 1e-9,
+         "energy_j": 1e300, "unfit": "caf\u00e9", "lost": "x", "blamed": True}))
+    seed("lease_stream", "messages", 'node 2\n{}\nlog 5\na\nb\x00c\nend 0\n\n')
+    seed("lease_stream", "half", 'record 7\nabc')
+    seed("lease_stream", "sizes", 'a 1\nx\nb 1000\n')
+    seed("lease_stream", "order", json.dumps(
+        {"order": {}, "artefact": "0" * 64, "runtimes": [{"name": "torch", "digest": ""}],
+         "grader": "{}", "uid_base": -1, "prove_again": ["n1"], "comment": "1-1-c0ffee",
+         "srun": ["srun"], "squeue": ["squeue"], "queue_wait_s": 60}))
 
 
 def configs():

@@ -1,25 +1,22 @@
-"""Leases that myograde-node plays for a cluster: the same records as the runner alone gives, once,
-and an end in time whatever happens to the daemon, the folder between them or the job."""
+"""A lease's end on a node of a cluster, without a cluster: the same records and logs as the runner alone
+gives, and an end in time whatever happens to the daemon or the job."""
 
-import contextlib
 import json
 import os
 import pathlib
 import shutil
 import signal
 import subprocess
+import tarfile
 import tempfile
 import time
 import unittest
 
-from support.waiting import wait_until
 from system import BIN, POLICIES, SOURCE, track_config
 
 ROOT = os.geteuid() == 0
 UID_BASE = 500000 + os.getpid() % 10000 * 8192 if ROOT else -1
 CACHE = pathlib.Path(os.environ["MYOGRADE_CACHE"])
-SECOND = 75
-TMPFS_BYTES = 16 << 20
 # Of a host and its load, not of the lease.
 LOAD = {"policy_cpu_s", "simulator_cpu_s", "wall_s", "peak_memory_bytes", "cpu_s"}
 
@@ -37,27 +34,84 @@ def records(lines):
             if record["type"] != "progress"]
 
 
-class Attempt:
-    """A folder of the spool, and what the same lease needs for the runner alone."""
+class Lease:
+    """The other end of a node's lease, which talks with it as the daemon's host does."""
 
-    def __init__(self, world, number, folder, track, episodes, spool=None):
-        self.spool = spool or world.spool
-        self.name = f"{number}-1-{number:016x}"
-        self.folder = self.spool / "leases" / self.name
+    def __init__(self, world, number, policy, track, episodes):
         self.work = world.root / f"work-{number}"
         self.work.mkdir()
-        world.run_checked([world.tool, self.spool, self.name, "first", folder, track, episodes,
-                           CACHE, UID_BASE, self.work])
+        world.run_checked([world.tool, policy, track, episodes, CACHE, UID_BASE, self.work])
+        self.order = json.loads((self.work / "cluster.json").read_text())
+        self.nodes, self.lines, self.logs, self.end = [], [], {}, None
+        self.wanted = 0
 
-    def lines(self):
-        with contextlib.suppress(FileNotFoundError):
-            return (self.folder / "records").read_text().splitlines()
-        return []
+    def start(self, world, **environment):
+        self.node = subprocess.Popen(
+            [BIN / "myograde-node", "--play", "--cache", CACHE, "--node-dir",
+             world.root / "node-dir"],
+            env={**world.environment, **environment}, stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        return self
 
-    def end(self):
-        with contextlib.suppress(FileNotFoundError):
-            return json.loads((self.folder / "end.json").read_text())
-        return None
+    def say(self, kind, data=b""):
+        self.node.stdin.write(b"%s %d\n%s\n" % (kind.encode(), len(data), data))
+        self.node.stdin.flush()
+
+    def hear(self):
+        """The next message's kind, which is answered; None at the end."""
+        head = self.node.stdout.readline().split()
+        if not head:
+            return None
+        kind, data = head[0].decode(), self.node.stdout.read(int(head[1]))
+        assert self.node.stdout.read(1) == b"\n"
+        if kind == "node":
+            self.nodes.append(json.loads(data))
+            if len(self.nodes) == 1:
+                self.say("order", json.dumps(self.order).encode())
+        elif kind == "want":
+            self.wanted += 1
+            self.send_artefact()
+        elif kind == "record":
+            self.lines.append(data.decode())
+        elif kind == "log":
+            name, _, log = data.partition(b"\n")
+            self.logs[name.decode() + ".lcmlog.zst"] = log
+        else:
+            assert kind == "end", kind
+            self.end = json.loads(data)
+            if self.end["record"]:
+                self.lines.append(self.end["record"])
+        return kind
+
+    def send_artefact(self):
+        with tempfile.TemporaryFile() as tar:
+            with tarfile.open(fileobj=tar, mode="w", format=tarfile.PAX_FORMAT) as archive:
+                for path in sorted((self.work / "policy").rglob("*")):
+                    archive.add(path, path.relative_to(self.work / "policy"), recursive=False)
+            tar.seek(0)
+            while piece := tar.read(100_000):
+                self.say("data", piece)
+            self.say("data")
+
+    def play(self):
+        """To its end; the exit status."""
+        while self.hear() is not None:
+            pass
+        return self.close()
+
+    def until_it_plays(self):
+        while not self.lines:
+            assert self.hear() is not None, self.node.stderr.read()
+
+    def close(self):
+        status = self.node.wait(60)
+        self.said = self.node.stderr.read().decode()
+        self.close_streams()
+        return status
+
+    def close_streams(self):
+        for stream in (self.node.stdin, self.node.stdout, self.node.stderr):
+            stream.close()
 
 
 class Node(unittest.TestCase):
@@ -66,7 +120,6 @@ class Node(unittest.TestCase):
         cls.root = pathlib.Path(tempfile.mkdtemp(prefix="myograde-node-test-"))
         cls.addClassCleanup(shutil.rmtree, cls.root, ignore_errors=True)
         cls.root.chmod(0o755)
-        cls.spool = cls.root / "spool"
         cls.tool = BIN.parent / "tests/node_order"
         configs = cls.root / "configs"
         shutil.copytree(SOURCE / "configs", configs)
@@ -93,190 +146,123 @@ class Node(unittest.TestCase):
             raise AssertionError(done.stdout + done.stderr)
         return done.stdout
 
-    def attempt(self, policy, episodes=3, spool=None):
+    def lease(self, policy, episodes=3, **environment):
+        """A lease whose node has begun; it is dead when the test is over."""
         track = "patient" if policy == "sleeps" else "short"
-        return Attempt(self, next(self.numbers), self.policies[policy], track, episodes, spool)
+        lease = Lease(self, next(self.numbers), self.policies[policy], track, episodes)
+        return self.begin(lease, **environment)
 
-    def start(self, attempt, **environment):
-        """A node's process on an attempt; it is dead when the test is over."""
-        node = subprocess.Popen(
-            [BIN / "myograde-node", "--spool", attempt.spool, "--lease", attempt.name,
-             "--cache", CACHE, "--node-dir", self.root / "node-dir"],
-            env={**self.environment, **environment}, stdin=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, text=True)
-        self.addCleanup(node.stderr.close)
-        self.addCleanup(node.wait)
-        self.addCleanup(node.kill)
-        return node
+    def begin(self, lease, **environment):
+        lease.start(self, **environment)
+        self.addCleanup(lease.close_streams)
+        self.addCleanup(lease.node.wait)
+        self.addCleanup(lease.node.kill)
+        return lease
 
-    def play(self, attempt, **environment):
-        """Plays it to its end; the exit status and what was said."""
-        node = self.start(attempt, **environment)
-        _, said = node.communicate(timeout=300)
-        return node.returncode, said
+    def alone(self, lease):
+        """What the runner alone prints for the same lease."""
+        said = self.run_checked([BIN / "myograde-runner", lease.work / "order.json"])
+        return records(said.splitlines())
 
-    def until_it_plays(self, attempt, node):
-        def plays():
-            if node.poll() is not None:
-                raise AssertionError(node.stderr.read())
-            return attempt.lines()
-        wait_until(plays, 300, "the node does not play")
-
-    def expect_end(self, node, attempt, within_s, words):
+    def check_ends(self, lease, words):
         begin = time.monotonic()
-        self.assertEqual(node.wait(timeout=60), 0)
-        self.assertLess(time.monotonic() - begin, within_s)
-        if attempt.folder.exists():
-            self.assertIn(words, attempt.end()["why"])
-        self.assertEqual([], [line for line in attempt.lines()
+        while lease.hear() is not None:
+            pass
+        lease.close()
+        self.assertLess(time.monotonic() - begin, 15)
+        self.assertIsNone(lease.end)
+        self.assertIn(words, lease.said)
+        self.assertEqual([], [line for line in lease.lines
                               if json.loads(line)["type"] == "lease_end"])
 
     def test_plays_a_lease_as_the_runner_does(self):
-        attempt = self.attempt("scripted")
-        status, said = self.play(attempt, SLURMD_NODENAME="n1", SLURM_ARRAY_JOB_ID="12",
-                                 SLURM_ARRAY_TASK_ID="3", SLURM_RESTART_COUNT="1")
-        self.assertEqual(status, 0, said)
-        self.assertEqual(attempt.end()["why"], "")
-        alone = self.run_checked([BIN / "myograde-runner", attempt.work / "order.json"])
-        self.assertEqual(records(attempt.lines()), records(alone.splitlines()))
-        episodes = [record for record in records(attempt.lines()) if record["type"] == "episode"]
-        self.assertEqual(len(episodes), 3)
-        logs = {path.name: path.read_bytes() for path in (attempt.folder / "logs").iterdir()}
-        self.assertEqual(logs, {path.name: path.read_bytes()
-                                for path in (attempt.work / "logs").iterdir()})
-        self.assertEqual(len(logs), 3)
-
-        claim = json.loads((attempt.folder / "claim").read_text())
-        self.assertEqual((claim["node"], claim["job"], claim["restart"]), ("n1", "12_3", 1))
-        proof = json.loads((attempt.folder / "node.json").read_text())
-        order = json.loads((attempt.folder / "order.json").read_text())
-        self.assertEqual((proof["grader"], proof["reference"], proof["doctor"], proof["node"]),
-                         (order["grader"], "", [], "n1"))
-        end = attempt.end()
-        self.assertEqual((end["wait_status"], end["why"], end["energy_j"]), (0, "", None))
-        self.assertEqual(end["records_bytes"], (attempt.folder / "records").stat().st_size)
-        self.assertGreater(end["cpu_s"], 0)
-        for path in [attempt.folder, *attempt.folder.rglob("*")]:
-            self.assertEqual(path.stat().st_mode & 0o77, 0, path)
+        lease = self.lease("scripted", SLURMD_NODENAME="n1", SLURM_JOB_ID="12")
+        self.assertEqual(lease.play(), 0, lease.said)
+        self.assertEqual(records(lease.lines), self.alone(lease))
+        self.assertEqual(sum(record["type"] == "episode" for record in records(lease.lines)), 3)
+        self.assertEqual(lease.logs, {path.name: path.read_bytes()
+                                      for path in (lease.work / "logs").iterdir()})
+        self.assertEqual(len(lease.logs), 3)
+        self.assertEqual({(node["node"], node["job"]) for node in lease.nodes}, {("n1", "12")})
+        self.assertTrue(lease.nodes[-1]["processor"])
+        self.assertGreater(lease.nodes[-1]["cpu_s"], 0)
+        self.assertEqual(lease.end["wait_status"], 0)
+        self.assertEqual(json.loads(lease.end["record"])["type"], "lease_end")
         work = self.root / "node-dir/work"
         self.assertEqual([], [*work.iterdir()] if work.exists() else [])
-
-        # What comes second, or again, changes nothing.
-        status, said = self.play(attempt)
-        self.assertEqual(status, SECOND, said)
-        self.assertEqual(attempt.end(), end)
+        # A submission comes once, and a node proves itself once.
+        again = self.lease("scripted")
+        begin = time.monotonic()
+        again.until_it_plays()
+        quick = time.monotonic() - begin
+        self.assertEqual(again.play(), 0)
+        self.assertEqual(again.wanted, 0)
+        proves = Lease(self, next(self.numbers), self.policies["scripted"], "short", 1)
+        proves.order["prove_again"] = ["n7"]
+        self.begin(proves, SLURMD_NODENAME="n7")
+        begin = time.monotonic()
+        proves.until_it_plays()
+        self.assertGreater(time.monotonic() - begin, quick)
+        self.assertEqual(proves.play(), 0)
 
     def test_a_policy_that_fails_fails_as_it_does_everywhere(self):
-        attempt = self.attempt("ends")
-        status, said = self.play(attempt)
-        self.assertEqual(status, 0, said)
-        alone = self.run_checked([BIN / "myograde-runner", attempt.work / "order.json"])
-        self.assertEqual(records(attempt.lines()), records(alone.splitlines()))
-        self.assertEqual(attempt.end()["why"], "")
+        lease = self.lease("ends")
+        self.assertEqual(lease.play(), 0, lease.said)
+        self.assertEqual(records(lease.lines), self.alone(lease))
 
-    def test_two_leases_share_a_node(self):
-        attempts = [self.attempt("sleeps") for _ in range(2)]
-        nodes = [self.start(attempt) for attempt in attempts]
-        for attempt, node in zip(attempts, nodes):
-            self.until_it_plays(attempt, node)
+    def test_two_leases_share_a_node_and_each_ends_with_its_srun(self):
+        leases = [self.lease("sleeps") for _ in range(2)]
+        for lease in leases:
+            lease.until_it_plays()
         self.assertEqual(len([*(self.root / "node-dir/work").iterdir()]), 2)
-        for attempt, node in zip(attempts, nodes):
-            (attempt.folder / "stop").touch()
-            self.expect_end(node, attempt, 15, "the daemon asked for the lease's end")
-
-    def test_a_new_epoch_ends_it(self):
-        attempt = self.attempt("sleeps")
-        node = self.start(attempt)
-        self.until_it_plays(attempt, node)
-        (self.spool / "epoch").write_text("second")
-        self.expect_end(node, attempt, 15, "the daemon was started again")
-
-    def test_a_folder_that_is_gone_ends_it(self):
-        attempt = self.attempt("sleeps")
-        node = self.start(attempt)
-        self.until_it_plays(attempt, node)
-        shutil.rmtree(attempt.folder)
-        self.expect_end(node, attempt, 15, "")
-        self.assertFalse(attempt.folder.exists())
+        leases[0].node.stdin.close()
+        leases[0].node.wait(60)
+        self.assertEqual(len([*(self.root / "node-dir/work").iterdir()]), 1)
+        leases[1].node.stdin.close()
+        for lease in leases:
+            self.check_ends(lease, "its srun is gone")
+        self.assertEqual([], [*(self.root / "node-dir/work").iterdir()])
 
     def test_sigterm_ends_it_and_is_told(self):
-        attempt = self.attempt("sleeps")
-        node = self.start(attempt)
-        self.until_it_plays(attempt, node)
-        node.send_signal(signal.SIGTERM)
-        self.expect_end(node, attempt, 15, "preempted, cancelled or at its time limit")
+        lease = self.lease("sleeps")
+        lease.until_it_plays()
+        lease.node.send_signal(signal.SIGTERM)
+        self.check_ends(lease, "preempted, cancelled or at its time limit")
 
     def test_a_node_whose_grader_differs_refuses(self):
-        attempt = self.attempt("scripted")
-        path = attempt.folder / "order.json"
-        order = json.loads(path.read_text())
-        order["grader"]["simulator"] = "0" * 64
-        path.write_text(json.dumps(order))
-        status, said = self.play(attempt)
-        self.assertEqual(status, 0, said)
-        self.assertIn("they differ in simulator", attempt.end()["why"])
-        self.assertEqual(attempt.lines(), [])
-        self.assertEqual(attempt.end()["records_bytes"], 0)
+        lease = Lease(self, next(self.numbers), self.policies["scripted"], "short", 1)
+        grader = json.loads(lease.order["grader"])
+        grader["simulator"] = "0" * 64
+        lease.order["grader"] = json.dumps(grader)
+        self.assertEqual(self.begin(lease).play(), 0)
+        self.assertIn("its simulator is", lease.nodes[-1]["unfit"])
+        self.assertIn("its simulator is", lease.nodes[-1]["lost"])
+        self.assertEqual(lease.lines, [])
 
     def test_a_submission_that_was_changed_on_its_way_is_not_played(self):
-        attempt = self.attempt("ends")
+        lease = Lease(self, next(self.numbers), self.policies["ends"], "short", 1)
+        (lease.work / "policy/ends").write_text("#!/bin/sh\nexit 8\n")
+        digest = lease.order["artefact"]
         # Unlike every other's, so that the node has not unpacked it yet.
-        path = attempt.folder / "order.json"
-        order = json.loads(path.read_text())
-        digest = order["artefact"]["digest"]
-        other = ("0" if digest[0] != "0" else "1") + digest[1:]
-        order["artefact"]["digest"] = other
-        path.write_text(json.dumps(order))
-        shutil.copy(self.spool / f"artefacts/{digest}.tar", self.spool / f"artefacts/{other}.tar")
-        status, said = self.play(attempt)
-        self.assertEqual(status, 0, said)
-        self.assertIn("the submission did not reach the node", attempt.end()["why"])
-        self.assertEqual(attempt.lines(), [])
-        self.assertFalse((self.root / "node-dir/artefacts" / other).exists())
+        lease.order["artefact"] = ("0" if digest[0] != "0" else "1") + digest[1:]
+        self.assertEqual(self.begin(lease).play(), 0)
+        self.assertIn("the submission did not reach it", lease.nodes[-1]["lost"])
+        self.assertTrue(lease.nodes[-1]["blamed"])
+        self.assertEqual(lease.lines, [])
+        self.assertEqual([], [path for path in (self.root / "node-dir/artefacts").iterdir()
+                              if path.name in (lease.order["artefact"],
+                                               lease.order["artefact"] + ".part")])
 
-    @unittest.skipUnless(ROOT, "only root can mount a disk that is full")
-    def test_a_full_folder_delays_it_and_loses_nothing(self):
-        disk = self.root / "disk"
-        disk.mkdir()
-        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={TMPFS_BYTES}", "tmpfs", disk],
-                       check=True)
-        self.addCleanup(subprocess.run, ["umount", "-l", disk], check=True)
-        filler = disk / "filler"
-
-        def fill():
-            with contextlib.suppress(OSError), open(filler, "wb", buffering=0) as file:
-                while True:
-                    file.write(bytes(4096))
-
-        attempt = self.attempt("scripted", episodes=60, spool=disk / "spool")
-        waiting = self.attempt("ends", spool=disk / "spool")
-        node = self.start(attempt)
-        self.until_it_plays(attempt, node)
-        fill()
-        other = self.start(waiting)
-        time.sleep(10)
-        self.assertIsNone(node.poll())
-        self.assertIsNone(other.poll())
-        self.assertEqual((attempt.end(), waiting.end()), (None, None))
-        filler.unlink()
-        for one, process in ((attempt, node), (waiting, other)):
-            self.assertEqual(process.wait(timeout=300), 0)
-            self.assertEqual(one.end()["why"], "")
-            alone = self.run_checked([BIN / "myograde-runner", one.work / "order.json"])
-            self.assertEqual(records(one.lines()), records(alone.splitlines()))
-        self.assertEqual(len([*(attempt.folder / "logs").iterdir()]), 60)
-
-    def test_the_proof_is_made_once_for_a_boot(self):
-        words = [BIN / "myograde-node", "--prove", "--cache", CACHE, "--node-dir",
-                 self.root / "proved"]
-        if ROOT:
-            words += ["--uid-base", UID_BASE]
-        first = self.run_checked(words)
-        begin = time.monotonic()
-        self.assertEqual(self.run_checked(words), first)
-        again = time.monotonic()
-        self.assertEqual(self.run_checked([*words, "--again"]), first)
-        self.assertGreater(time.monotonic() - again, again - begin)
+    def test_what_is_no_order_is_refused_in_a_sentence(self):
+        lease = Lease(self, next(self.numbers), self.policies["ends"], "short", 1)
+        lease.order["artefact"] = "../../etc"
+        self.assertEqual(self.begin(lease).play(), 4)
+        self.assertIn("myograde-node: a cluster's order: artefact: is no digest", lease.said)
+        for words in (["--play", "--cache"], ["--lifeline"], ["--prove"], []):
+            done = subprocess.run([BIN / "myograde-node", *words], capture_output=True, text=True,
+                                  check=False)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("usage: myograde-node", done.stderr)
 
 
 if __name__ == "__main__":

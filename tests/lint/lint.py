@@ -87,7 +87,7 @@ RULES = {
                            "server/store/transfer.h"} | {f"server/cli/{part}" for part in (
                                "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
     "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "artefact", "runtime", "sandbox", "runner", "executor/slurm/job_needs.h", "proof",
+        "base", "artefact", "runtime", "sandbox", "runner", "executor/slurm/srun.h", "proof",
         "scheduler", "store", "config", "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|boost/"),
     "server/cli": ({"protocol/tracks/registry.h", "server/cli"},
                    r"mujoco/|lcm/|SQLiteCpp/|boost/"),

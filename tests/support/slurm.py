@@ -14,7 +14,7 @@ import tempfile
 from . import proc
 from .waiting import wait_until
 
-PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "scontrol", "sinfo")
+PROGRAMS = ("munged", "slurmctld", "slurmd", "srun", "squeue", "scancel", "scontrol", "sinfo")
 START_S = 60
 STOP_S = 10
 
@@ -228,29 +228,21 @@ def wait_for_job(slurm, state, seconds=60):
 
 class Wrapped:
     """A folder with Slurm's commands that can be made to fail, for `slurm_bin_dir`: while there is a
-    file "sbatch.fail" beside them, sbatch fails; with "sbatch.hang" it hangs; with "sbatch.swallow" it
-    submits, and hangs instead of answering; with "sbatch.lost" it does nothing and says that all is
-    well. The same with the others."""
+    file "srun.fail" beside them, srun fails; with "srun.hang" it hangs. The same with the others."""
 
     SCRIPT = """\
 #!/bin/sh
 d={folder}
 n={name}
 [ -e "$d/$n.hang" ] && {{ while [ -e "$d/$n.hang" ]; do sleep 0.2; done; exit 1; }}
-[ -e "$d/$n.fail" ] && {{ echo "$n: error: Batch job submission failed: it is made to fail" >&2; exit 1; }}
-[ -e "$d/$n.lost" ] && exit 0
-[ -e "$d/$n.swallow" ] && {{
-  {program} "$@" >/dev/null
-  while [ -e "$d/$n.swallow" ]; do sleep 0.2; done
-  exit 1
-}}
+[ -e "$d/$n.fail" ] && {{ echo "$n: error: it is made to fail" >&2; exit 1; }}
 exec {program} "$@"
 """
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
         self.folder.mkdir()
-        for name in ("sbatch", "squeue", "scancel"):
+        for name in ("srun", "squeue", "scancel", "sinfo"):
             path = self.folder / name
             path.write_text(self.SCRIPT.format(folder=self.folder, name=name,
                                                program=shutil.which(name)))

@@ -1,14 +1,8 @@
 #include "server/cli/offline/cluster_checks.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 #include <map>
 #include <utility>
 
@@ -20,10 +14,8 @@
 #include <absl/strings/strip.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/fd.h"
-#include "protocol/base/file.h"
 #include "server/cli/offline/slurm_tools.h"
-#include "server/executor/slurm/job_needs.h"
+#include "server/executor/slurm/srun.h"
 
 namespace myograde::server {
 namespace {
@@ -42,7 +34,7 @@ Check Missing(std::string name, std::string found, std::string todo) {
 
 Check CommandsCheck(const SlurmTools& slurm) {
   std::vector<std::string> missing;
-  for (const char* name : {"sbatch", "squeue", "scancel", "scontrol", "sinfo", "srun"}) {
+  for (const char* name : {"srun", "squeue", "scancel", "scontrol", "sinfo"}) {
     if (!slurm.Find(name).ok()) missing.emplace_back(name);
   }
   if (!missing.empty()) {
@@ -50,7 +42,7 @@ Check CommandsCheck(const SlurmTools& slurm) {
                    "install Slurm's commands on this host (Debian: apt-get install slurm-client), or "
                    "name their folder in \"slurm_bin_dir\"");
   }
-  const absl::StatusOr<ProgramEnd> version = slurm.Run("sbatch", {"--version"});
+  const absl::StatusOr<ProgramEnd> version = slurm.Run("srun", {"--version"});
   if (!version.ok()) {
     return Missing("slurm_commands", std::string(version.status().message()),
                    "have this host read the cluster's configuration (/etc/slurm/slurm.conf, or "
@@ -116,7 +108,7 @@ Check PartitionCheck(const SlurmTools& slurm, const SlurmConfig& config) {
   return {"slurm_partition", CheckState::kOk, found, "", ""};
 }
 
-// What sbatch would be told of one lease's job.
+// What srun would be told of one lease's job.
 std::vector<std::string> JobOptions(const ClusterSubject& subject) {
   const Budgets budgets = subject.track.has_value() ? subject.track->budgets : Budgets();
   const absl::Duration wall = absl::Seconds(budgets.lease_wall_s) + subject.config.lease_grace;
@@ -127,9 +119,8 @@ std::vector<std::string> JobOptions(const ClusterSubject& subject) {
 // reservation, memory, processors and time.
 Check JobCheck(const SlurmTools& slurm, const ClusterSubject& subject) {
   std::vector<std::string> words = JobOptions(subject);
-  words.insert(words.end(), {"--test-only", "--output=/dev/null"});
-  const absl::StatusOr<ProgramEnd> end =
-      slurm.Run("sbatch", words, absl::Seconds(30), "#!/bin/sh\nexit 0\n");
+  words.insert(words.end(), {"--test-only", "true"});
+  const absl::StatusOr<ProgramEnd> end = slurm.Run("srun", words);
   if (!end.ok()) {
     return Missing("slurm_job", absl::StrCat("Slurm would not take a lease's job: ",
                                              std::string(end.status().message())),
@@ -149,94 +140,27 @@ Check LimitsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
     const auto it = pairs.find(key);
     return it != pairs.end() && absl::SimpleAtoi(it->second, &value) ? value : int64_t{0};
   };
-  const int64_t array = number("MaxArraySize");
   const int64_t jobs = number("MaxJobCount");
-  if (array == 0 || jobs == 0) {
+  if (jobs == 0) {
     return {"slurm_limits", CheckState::kDegraded,
-            "MaxArraySize and MaxJobCount can't be read from `scontrol show config`",
-            "jobs may be refused when many wait", "see why scontrol does not show them"};
+            "MaxJobCount can't be read from `scontrol show config`",
+            "jobs may be refused when many wait", "see why scontrol does not show it"};
   }
-  const std::string found = absl::StrCat("MaxArraySize ", array, ", MaxJobCount ", jobs,
-                                         ", of which the daemon wants arrays of ", config.array_size,
-                                         " and ", config.most_jobs, " jobs");
-  if (config.array_size >= array) {
-    return Missing("slurm_limits", found, absl::StrCat("set \"array_size\" to ", array - 1,
-                                                       " or less"));
-  }
+  const std::string found = absl::StrCat("MaxJobCount is ", jobs, ", of which the daemon wants ",
+                                         config.most_jobs);
   if (config.most_jobs > jobs) {
     return {"slurm_limits", CheckState::kDegraded, found,
-            "sbatch refuses jobs as soon as the cluster has that many, and leases wait for it",
+            "srun is refused as soon as the cluster has that many, and leases wait for it",
             "lower \"most_jobs\", or raise MaxJobCount in slurm.conf"};
   }
   return {"slurm_limits", CheckState::kOk, found, "", ""};
 }
 
-// A file in the shared folder that nodes are asked for; removed with this object.
-class Probe {
- public:
-  explicit Probe(const std::string& folder)
-      : path_(absl::StrCat(folder, "/.myograde-doctor-XXXXXX")),
-        text_(absl::StrCat(getpid(), "_", absl::ToInt64Nanoseconds(SystemClock().Monotonic()))) {
-    // A new file of its own, whoever else may write to the folder.
-    const Fd file(mkostemp(path_.data(), O_CLOEXEC));
-    if (!file.valid()) {
-      written_ = absl::PermissionDeniedError(
-          absl::StrCat(folder, ": no file can be made there (", std::strerror(errno), ")"));
-      return;
-    }
-    made_ = true;
-    written_ = WriteAll(file.get(), text_);
-  }
-  ~Probe() {
-    if (made_) unlink(path_.c_str());
-  }
-  Probe(const Probe&) = delete;
-  Probe& operator=(const Probe&) = delete;
-
-  const absl::Status& written() const { return written_; }
-  const std::string& path() const { return path_; }
-  const std::string& text() const { return text_; }
-
- private:
-  std::string path_;
-  const std::string text_;
-  bool made_ = false;
-  absl::Status written_;
-};
-
-Check FolderCheck(const SlurmConfig& config, const std::optional<Probe>& probe) {
-  if (!probe.has_value()) {
-    return config.url.empty()
-               ? Missing("cluster_files", "neither \"shared_dir\" nor \"url\" is given",
-                         "name a folder that all nodes share in \"shared_dir\", or the daemon's "
-                         "address in \"url\"")
-               : Check{"cluster_files", CheckState::kOk,
-                       absl::StrCat("nodes get their leases by HTTPS from ", config.url), "", ""};
-  }
-  if (!probe->written().ok()) {
-    return Missing("cluster_files", std::string(probe->written().message()),
-                   absl::StrCat("make the folder ", config.shared_dir,
-                                ", owned by the daemon's user, on a disk that all nodes share"));
-  }
-  struct stat about = {};
-  if (stat(config.shared_dir.c_str(), &about) != 0 || (about.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
-    return Missing("cluster_files", absl::StrCat(config.shared_dir, " can be written by other users"),
-                   absl::StrCat("chmod go-w ", config.shared_dir,
-                                ": orders there hold hidden seeds"));
-  }
-  return {"cluster_files", CheckState::kOk,
-          absl::StrCat(config.shared_dir, " can be written by this user"), "", ""};
-}
-
-// Prints what a node has, one "KEY=VALUE" a line. $1: programs, $2: cache, $3: the probe, or "", $4: the
-// daemon's address, or "", $5: who signs its certificate, or "".
+// Prints what a node has, one "KEY=VALUE" a line. $1: programs, $2: cache.
 constexpr char kNodeScript[] =
     "echo \"host=$(uname -n)\"; "
     "[ -x \"$1/myograde-node\" ] && echo program=yes || echo program=no; "
     "[ -r \"$2\" ] && [ -n \"$(ls -A \"$2\" 2>/dev/null)\" ] && echo cache=yes || echo cache=no; "
-    "[ -z \"$3\" ] || echo \"probe=$(cat \"$3\" 2>/dev/null)\"; "
-    "[ -z \"$4\" ] || echo \"reach = $(\"$1/myograde-node\" --reach --url \"$4\" ${5:+--ca \"$5\"} 2>&1 "
-    "| tail -n 1)\"; "
     "echo \"time=$(date +%s)\"";
 
 Check ClockCheck(const std::string& node, const std::string& time, double now_s) {
@@ -251,34 +175,15 @@ Check ClockCheck(const std::string& node, const std::string& time, double now_s)
           "run a time service (chrony, systemd-timesyncd) on all nodes"};
 }
 
-// Whether the node opens the address of the leases as a lease does, TLS verified. `pairs`: of the script.
-Check ReachCheck(const std::string& node, const SlurmConfig& config,
-                 const std::map<std::string, std::string>& pairs) {
-  const auto reached = pairs.find("reach");
-  std::string why = reached == pairs.end() ? "the node did not try" : reached->second;
-  if (why.empty()) {
-    return {"cluster_address", CheckState::kOk,
-            absl::StrCat(node, " reaches ", config.url, " and trusts its TLS certificate"), "", ""};
-  }
-  why = std::string(absl::StripPrefix(why, "myograde-node: "));
-  return Missing("cluster_address", absl::StrCat(node, " can't use ", config.url, ": ", why),
-                 "start the daemon; if the certificate is at fault, see that \"ca_file\" is on every "
-                 "node and signs the TLS certificate of \"http.listen\", that it names the host of "
-                 "\"url\", and that the node's clock is right; else, see the node's route and firewall");
-}
-
 // What one node has, whichever Slurm gives; srun waits a while for one.
-std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& subject,
-                              const std::optional<Probe>& probe) {
+std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& subject) {
   const SlurmConfig& config = subject.config.slurm;
   const std::string bin = config.bin_dir.empty() ? subject.bin_dir : config.bin_dir;
   const std::string cache = config.cache_dir.empty() ? subject.cache_dir : config.cache_dir;
   std::vector<std::string> words = JobOptions(subject);
   words.insert(words.end(),
                {absl::StrCat("--immediate=", kNodeWithinSeconds), "--job-name=myograde-doctor",
-                "/bin/sh", "-c", kNodeScript, "doctor", bin, cache,
-                probe.has_value() ? probe->path() : "",
-                config.shared_dir.empty() ? config.url : "", config.ca_file});
+                "/bin/sh", "-c", kNodeScript, "doctor", bin, cache});
   const absl::StatusOr<ProgramEnd> end = slurm.Run("srun", words, kNodeDeadline);
   const double now = absl::ToDoubleSeconds(SystemClock().Now() - absl::UnixEpoch());
   if (!end.ok()) {
@@ -292,23 +197,14 @@ std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& sub
   std::vector<std::string> lacks;
   if (pairs["program"] != "yes") lacks.push_back(absl::StrCat(bin, "/myograde-node"));
   if (pairs["cache"] != "yes") lacks.push_back(absl::StrCat("the models in ", cache));
-  if (probe.has_value() && probe->written().ok() &&
-      pairs["probe"] != probe->text()) {
-    lacks.push_back(absl::StrCat("what this host writes to ", config.shared_dir));
-  }
   std::vector<Check> checks;
   if (lacks.empty()) {
     checks.push_back({"cluster_node", CheckState::kOk,
-                      absl::StrCat(node, " has the programs", probe.has_value()
-                                   ? ", the models and the shared folder" : " and the models"),
-                      "", ""});
+                      absl::StrCat(node, " has the programs and the models"), "", ""});
   } else {
     checks.push_back(Missing("cluster_node", absl::StrCat(node, " lacks ", absl::StrJoin(lacks, ", ")),
                              "install this version of MyoGrade on all nodes at the same places, or name "
-                             "them in \"bin_dir\", \"cache_dir\" and \"shared_dir\""));
-  }
-  if (config.shared_dir.empty() && !config.url.empty()) {
-    checks.push_back(ReachCheck(node, config, pairs));
+                             "them in \"bin_dir\" and \"cache_dir\""));
   }
   checks.push_back(ClockCheck(node, pairs["time"], now));
   return checks;
@@ -325,9 +221,6 @@ std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
                                "\"executor\" of server.json is local",
                                "leases run on the daemon's host alone",
                                "set \"executor\" to \"slurm\" once the other checks are ok"});
-  std::optional<Probe> probe;
-  if (!config.shared_dir.empty()) probe.emplace(config.shared_dir);
-  checks.push_back(FolderCheck(config, probe));
   const SlurmTools slurm(config.slurm_bin_dir);
   checks.push_back(CommandsCheck(slurm));
   if (checks.back().state == CheckState::kMissing) return checks;
@@ -337,7 +230,7 @@ std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
   checks.push_back(LimitsCheck(slurm, config));
   checks.push_back(JobCheck(slurm, subject));
   if (checks.back().state == CheckState::kMissing) return checks;
-  const std::vector<Check> node = NodeChecks(slurm, subject, probe);
+  const std::vector<Check> node = NodeChecks(slurm, subject);
   checks.insert(checks.end(), node.begin(), node.end());
   return checks;
 }

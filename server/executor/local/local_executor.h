@@ -16,7 +16,6 @@ class LocalExecutor : public Executor {
   explicit LocalExecutor(SlotProcesses slots) : slots_(std::move(slots)) {}
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order,
                                                 const LeaseSubject& subject) override;
-  void CleanUp(const std::string& work_dir) override;
   std::map<int, std::string> ProcessesOf(int first, int count) override;
 
  private:

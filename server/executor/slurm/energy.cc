@@ -1,4 +1,4 @@
-#include "server/executor/node/energy.h"
+#include "server/executor/slurm/energy.h"
 
 #include <cmath>
 #include <cstdlib>
@@ -34,7 +34,7 @@ std::optional<double> EnergyOfJob(absl::Duration most) {
   const absl::StatusOr<ProgramEnd> end =
       RunProgram({.program = *program,
                   .words = {"--noheader", "--parsable2", "--format=ConsumedEnergyRaw",
-                            absl::StrCat("--jobs=", job, ".batch")},
+                            absl::StrCat("--jobs=", job, ".0")},
                   .most_output = 4096,
                   .deadline = most,
                   .nice = 0});

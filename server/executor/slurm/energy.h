@@ -9,7 +9,7 @@
 
 namespace myograde::server {
 
-// Asks Slurm's sstat for the energy that the running batch job has used so far, in joules. nullopt:
+// Asks Slurm's sstat for the energy that the running job's step has used so far, in joules. nullopt:
 // this is no job (SLURM_JOB_ID), or the cluster does not measure it or does not answer within `most`.
 std::optional<double> EnergyOfJob(absl::Duration most = absl::Seconds(5));
 

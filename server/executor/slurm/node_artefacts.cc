@@ -1,4 +1,4 @@
-#include "server/executor/node/node_artefacts.h"
+#include "server/executor/slurm/node_artefacts.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -7,7 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <tuple>
 #include <vector>
@@ -17,8 +17,6 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
-#include "server/executor/spool/artefact_tar.h"
-#include "server/executor/spool/folder.h"
 
 namespace myograde::server {
 namespace {
@@ -27,6 +25,13 @@ namespace fs = std::filesystem;
 
 constexpr absl::Duration kLockPoll = absl::Milliseconds(100);
 constexpr char kLockEnding[] = ".lock";
+constexpr size_t kDigestDigits = 64;
+
+absl::Status DiskError(const std::string& path, absl::string_view done) {
+  const std::string message = absl::StrCat(path, ": can't be ", done, ": ", std::strerror(errno));
+  return errno == ENOSPC || errno == EDQUOT ? absl::ResourceExhaustedError(message)
+                                            : absl::UnavailableError(message);
+}
 
 // Takes the lock within `patience`.
 absl::Status Lock(const Fd& lock, int how, const Deadline& deadline) {
@@ -68,11 +73,12 @@ absl::StatusOr<Fd> NodeArtefacts::OpenLock(const std::string& digest) const {
   return lock;
 }
 
-absl::StatusOr<HeldArtefact> NodeArtefacts::Hold(const NodeArtefact& artefact, const Fetch& fetch,
+absl::StatusOr<HeldArtefact> NodeArtefacts::Hold(const std::string& digest,
+                                                 const ByteSource& source,
                                                  absl::Duration patience) const {
-  RETURN_IF_ERROR(Folder::Make(folder_).status());
-  const std::string folder = folder_ + "/" + artefact.digest;
-  ASSIGN_OR_RETURN(Fd lock, OpenLock(artefact.digest));
+  if (::mkdir(folder_.c_str(), 0700) != 0 && errno != EEXIST) return DiskError(folder_, "made");
+  const std::string folder = folder_ + "/" + digest;
+  ASSIGN_OR_RETURN(Fd lock, OpenLock(digest));
   const Deadline deadline(patience);
   for (;;) {
     RETURN_IF_ERROR(Lock(lock, LOCK_SH, deadline));
@@ -84,26 +90,20 @@ absl::StatusOr<HeldArtefact> NodeArtefacts::Hold(const NodeArtefact& artefact, c
     RETURN_IF_ERROR(Lock(lock, LOCK_EX, deadline));
     if (IsFolder(folder)) continue;
     MakeRoom();
-    RETURN_IF_ERROR(Unpack(artefact, fetch));
+    RETURN_IF_ERROR(Unpack(digest, source));
   }
 }
 
 // REQUIRES: its lock is this process' alone.
-absl::Status NodeArtefacts::Unpack(const NodeArtefact& artefact, const Fetch& fetch) const {
-  const std::string part = absl::StrCat(folder_, "/", artefact.digest, ".part");
+absl::Status NodeArtefacts::Unpack(const std::string& digest, const ByteSource& source) const {
+  const std::string part = absl::StrCat(folder_, "/", digest, ".part");
   std::error_code ignored;
   fs::remove_all(part, ignored);
-  std::string name = folder_ + "/archive.XXXXXX";
-  const Fd archive(mkostemp(name.data(), O_CLOEXEC));
-  if (!archive.valid()) return DiskError(name, "made");
-  unlink(name.c_str());
-  RETURN_IF_ERROR(fetch(artefact, archive.get()));
-  RETURN_IF_ERROR(
-      UnpackArtefactFolder(archive.get(), {artefact.archive_sha256, artefact.archive_bytes},
-                               artefact.digest, part));
+  RETURN_IF_ERROR(PlaceStreamedArtefact(source, digest, part));
   // A node that loses its power must not find half a submission under the whole one's name.
-  if (syncfs(archive.get()) != 0) return DiskError(part, "written to the disk");
-  if (rename(part.c_str(), (folder_ + "/" + artefact.digest).c_str()) != 0) {
+  const Fd placed(open(part.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!placed.valid() || syncfs(placed.get()) != 0) return DiskError(part, "written to the disk");
+  if (rename(part.c_str(), (folder_ + "/" + digest).c_str()) != 0) {
     return DiskError(part, "put in place");
   }
   return absl::OkStatus();
@@ -116,7 +116,7 @@ void NodeArtefacts::MakeRoom() const {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
     const std::string digest = entry.path().filename();
     struct stat info;
-    if (!IsDigest(digest) ||
+    if (digest.size() != kDigestDigits ||
         stat(absl::StrCat(folder_, "/", digest, kLockEnding).c_str(), &info) != 0) {
       continue;
     }

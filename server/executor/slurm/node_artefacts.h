@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <utility>
 
@@ -12,7 +11,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
-#include "server/executor/spool/forms.h"
+#include "server/artefact/artefact_stream.h"
 
 namespace myograde::server {
 
@@ -29,20 +28,17 @@ class HeldArtefact {
 
 class NodeArtefacts {
  public:
-  // Writes an order's archive to an empty file.
-  using Fetch = std::function<absl::Status(const NodeArtefact& artefact, int file)>;
-
   // Below `node_dir`, which must be there. `most_bytes`: of all that no lease plays.
   explicit NodeArtefacts(std::string node_dir, int64_t most_bytes = int64_t{20} << 30)
       : folder_(std::move(node_dir) + "/artefacts"), most_bytes_(most_bytes) {}
 
-  // Fetches and unpacks it unless that was done before. Waits for another lease that does the same,
-  // for `patience` at most (DeadlineExceededError). Errors as of `fetch` and UnpackArtefactFolder.
-  absl::StatusOr<HeldArtefact> Hold(const NodeArtefact& artefact, const Fetch& fetch,
+  // Unpacks the submission of that digest unless it is there. Waits for another lease that does the
+  // same, for `patience` at most (DeadlineExceededError). Errors as of PlaceStreamedArtefact.
+  absl::StatusOr<HeldArtefact> Hold(const std::string& digest, const ByteSource& source,
                                     absl::Duration patience = absl::Minutes(10)) const;
 
  private:
-  absl::Status Unpack(const NodeArtefact& artefact, const Fetch& fetch) const;
+  absl::Status Unpack(const std::string& digest, const ByteSource& source) const;
   void MakeRoom() const;
   absl::StatusOr<Fd> OpenLock(const std::string& digest) const;
 

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "server/executor/node_view.h"
-#include "server/executor/spool/forms.h"
 
 namespace myograde::server {
 
@@ -20,9 +19,10 @@ class NodeHealth {
   // Attempts in a row that ended badly on a node drain it.
   static constexpr int kMostBadEnds = 3;
 
-  // What a node says of itself, for a lease whose order names `grader` (canonical JSON, GraderBuild).
-  // "": it may play it. Else why not, and the node is drained.
-  std::string Prove(const NodeProof& proof, const std::string& grader);
+  // The node has found that its results are the daemon's.
+  void Proved(const std::string& node, const std::string& processor);
+  // It has found that they are not, or something else for which it must get no leases.
+  void Unfit(const std::string& node, const std::string& why);
 
   // An attempt ended on the node, by itself or otherwise: badly if by the grader's fault, by the
   // node's own word, or because it never took its lease.
@@ -42,7 +42,7 @@ class NodeHealth {
   // Nodes that were admitted again, and have not proved themselves since.
   std::vector<std::string> ToProveAgain() const;
   std::vector<NodeView> Views() const;
-  // Those that Prove and Ended drained since the last call.
+  // Those that Unfit and Ended drained since the last call.
   std::vector<DrainedNode> TakeDrained();
 
  private:
@@ -57,14 +57,8 @@ class NodeHealth {
     int64_t done = 0;
     int64_t faults = 0;
   };
-  void DrainIt(const std::string& name, const std::string& why);
-
   std::map<std::string, Node> nodes_;
   std::vector<DrainedNode> news_;
 };
-
-// Why the build `found` is not `expected` (GraderBuild as canonical JSON), to follow "its": one
-// part that differs. "" if they are equal.
-std::string BuildDifference(const std::string& expected, const std::string& found);
 
 }  // namespace myograde::server

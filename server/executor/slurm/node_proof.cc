@@ -1,29 +1,32 @@
-#include "server/executor/node/proof.h"
+#include "server/executor/slurm/node_proof.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/utsname.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
+#include <optional>
 #include <set>
-#include <utility>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
 #include <absl/time/clock.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
+#include "protocol/lease/lease.h"
 #include "server/base/host_name.h"
 #include "server/base/output_tail.h"
 #include "server/base/paths.h"
-#include "server/base/plain_text.h"
-#include "server/executor/spool/folder.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/sandbox/doctor.h"
@@ -35,31 +38,13 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr size_t kMostWord = 255;
 constexpr absl::Duration kOthersProof = absl::Minutes(10);
+constexpr size_t kLongestPart = 80;
 
-std::string Plain(const std::string& text) {
-  const size_t begin = text.find_first_not_of(' ');
-  if (begin == std::string::npos) return "";
-  const std::string trimmed = text.substr(begin, text.find_last_not_of(' ') - begin + 1);
-  return IsPlainText(trimmed, kMostWord) ? trimmed : "";
-}
-
-std::string ProcessorName() {
-  const std::string text = ReadFile("/proc/cpuinfo").value_or("");
-  const size_t key = text.find("model name");
-  const size_t colon = text.find(':', key);
-  if (key == std::string::npos || colon == std::string::npos) return "";
-  return Plain(text.substr(colon + 1, text.find('\n', colon) - colon - 1));
-}
-
-std::string KernelRelease() {
-  utsname names;
-  return uname(&names) == 0 ? Plain(names.release) : "";
-}
-
-std::string BuildOf(const ProofOptions& options) {
-  return CanonicalJson(GraderBuild(options.cache_dir, {options.adapter}));
+std::string PartText(const nlohmann::json& json) {
+  if (json.is_null()) return "none";
+  const std::string text = json.is_string() ? json.get<std::string>() : json.dump();
+  return text.size() <= kLongestPart ? text : absl::StrCat(text.substr(0, kLongestPart), "...");
 }
 
 // What the doctor's trial sandboxes get: the budgets of the track that wants the most memory.
@@ -80,7 +65,7 @@ std::optional<TrackConfig> LargestTrack(const std::string& config_dir) {
   return largest;
 }
 
-std::vector<std::string> MissingHere(const ProofOptions& options) {
+std::string FirstMissing(const ProofOptions& options) {
   DoctorOptions doctor;
   const absl::StatusOr<std::string> bin_dir = BinDir();
   if (bin_dir.ok()) doctor.bin_dir = fs::absolute(*bin_dir).lexically_normal();
@@ -89,28 +74,56 @@ std::vector<std::string> MissingHere(const ProofOptions& options) {
   doctor.data_dir = options.node_dir;
   doctor.track = LargestTrack(options.config_dir);
   doctor.uid_base = options.uid_base < 0 ? 0 : options.uid_base;
-  std::vector<std::string> missing;
   for (const Check& check : ExamineHost(doctor)) {
-    if (check.state != CheckState::kMissing) continue;
-    missing.push_back(PrintableUtf8(absl::StrCat(check.name, ": ", check.found)));
+    if (check.state == CheckState::kMissing) {
+      return absl::StrCat("can't grade: ", check.name, ": ", check.found,
+                          "; run \"myograde doctor\" on it");
+    }
   }
-  return missing;
+  return "";
 }
 
-std::string ProofPath(const ProofOptions& options, const std::string& build) {
+// The file that tells that this boot and this build were proved.
+std::string ProvedPath(const ProofOptions& options, const std::string& build) {
   const std::string boot = ReadFile("/proc/sys/kernel/random/boot_id").value_or("");
-  return absl::StrCat(options.node_dir, "/proof-",
-                      Sha256Hex(absl::StrCat(boot, build, options.config_dir)).substr(0, 16),
-                      ".json");
+  return absl::StrCat(options.node_dir, "/proved-",
+                      Sha256Hex(absl::StrCat(boot, build, options.config_dir)).substr(0, 16));
 }
 
-std::optional<NodeProof> Known(const ProofOptions& options, const std::string& path) {
-  const absl::StatusOr<std::string> text = ReadFile(path, kMostFormBytes);
-  if (!text.ok()) return std::nullopt;
-  absl::StatusOr<NodeProof> proof = NodeProofFromText(*text, path);
-  if (!proof.ok()) return std::nullopt;
-  proof->node = options.node;
-  return *std::move(proof);
+absl::StatusOr<Fd> LockProof(const std::string& node_dir) {
+  const std::string path = node_dir + "/proof.lock";
+  Fd lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!lock.valid()) {
+    return absl::UnavailableError(absl::StrCat(path, ": can't be opened: ", std::strerror(errno)));
+  }
+  const Deadline deadline(kOthersProof);
+  while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (deadline.over()) {
+      return absl::DeadlineExceededError(absl::StrCat(
+          "another process has been making this node's proof for ",
+          absl::FormatDuration(kOthersProof), " (", path, ")"));
+    }
+    absl::SleepFor(absl::Milliseconds(100));
+  }
+  return lock;
+}
+
+// What is wrong with this host, whatever the daemon's build.
+std::string WhyNotEqual(const ProofOptions& options) {
+  // Where sandboxes can't start, no episode can be played either.
+  if (std::string missing = FirstMissing(options); !missing.empty()) return missing;
+  const std::atomic<bool> never = false;
+  const absl::StatusOr<std::string> differs = PlayReference(
+      {.folder = options.config_dir + "/reference",
+       .work_dir = options.node_dir + "/reference",
+       .cache_dir = options.cache_dir,
+       .uid = options.uid_base < 0 ? -1 : options.uid_base + kReferenceUsers},
+      never);
+  if (!differs.ok()) {
+    return absl::StrCat("can't play the reference episodes: ", differs.status().message());
+  }
+  return differs->empty() ? ""
+                          : absl::StrCat("does not play the reference episodes as they are: ", *differs);
 }
 
 }  // namespace
@@ -124,89 +137,49 @@ std::string NodeName() {
   return IsNodeName(name) ? name : "unknown";
 }
 
-absl::StatusOr<NodeProof> MakeProof(const ProofOptions& options, const std::atomic<bool>& stop) {
-  NodeProof proof;
-  proof.node = options.node;
-  proof.processor = ProcessorName();
-  proof.kernel = KernelRelease();
-  proof.version = GraderVersion();
-  proof.grader = BuildOf(options);
-  proof.doctor = MissingHere(options);
-  // Where sandboxes can't start, no episode can be played either.
-  if (!proof.doctor.empty()) return proof;
-  const absl::StatusOr<std::string> reference = PlayReference(
-      {.folder = options.config_dir + "/reference",
-       .work_dir = absl::StrCat(options.node_dir, "/reference"),
-       .cache_dir = options.cache_dir,
-       .uid = options.uid_base < 0 ? -1 : options.uid_base + kReferenceUsers},
-      stop);
-  if (!reference.ok()) {
-    if (stop) return absl::CancelledError("the proof was stopped");
-    proof.reference = PrintableUtf8(absl::StrCat("the reference episodes could not be played: ",
-                                                 reference.status().message()));
-  } else {
-    proof.reference = PrintableUtf8(*reference);
-  }
-  return proof;
+std::string ProcessorName() {
+  const std::string text = ReadFile("/proc/cpuinfo").value_or("");
+  const size_t key = text.find("model name");
+  const size_t colon = text.find(": ", key);
+  if (key == std::string::npos || colon == std::string::npos) return "unknown";
+  return PrintableUtf8(text.substr(colon + 2, text.find('\n', colon) - colon - 2));
 }
 
-absl::StatusOr<NodeProof> KnownOrNewProof(const ProofOptions& options, bool again,
-                                          const std::atomic<bool>& stop) {
-  const std::string path = ProofPath(options, BuildOf(options));
-  if (!again) {
-    if (std::optional<NodeProof> known = Known(options, path)) return *std::move(known);
-  }
-  const std::string lock_path = options.node_dir + "/proof.lock";
-  const Fd lock(open(lock_path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (!lock.valid()) return DiskError(lock_path, "opened");
-  const Deadline deadline(kOthersProof);
-  while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
-    if (stop) return absl::CancelledError("the proof was stopped");
-    if (deadline.over()) {
-      return absl::DeadlineExceededError(absl::StrCat(
-          "another process has been making this node's proof for ",
-          absl::FormatDuration(kOthersProof), " (", lock_path, ")"));
+std::string BuildDifference(const std::string& expected, const std::string& found) {
+  const absl::StatusOr<nlohmann::json> ours = ParseJson(expected, "the daemon's build");
+  const absl::StatusOr<nlohmann::json> theirs = ParseJson(found, "the node's build");
+  if (!ours.ok()) return std::string(ours.status().message());
+  if (!theirs.ok()) return std::string(theirs.status().message());
+  if (*ours == *theirs) return "";
+  const nlohmann::json flat_ours = ours->flatten();
+  const nlohmann::json flat_theirs = theirs->flatten();
+  for (const auto* side : {&flat_ours, &flat_theirs}) {
+    for (const auto& [key, value] : side->items()) {
+      const nlohmann::json& a = flat_ours.contains(key) ? flat_ours[key] : nlohmann::json();
+      const nlohmann::json& b = flat_theirs.contains(key) ? flat_theirs[key] : nlohmann::json();
+      if (a == b && flat_ours.contains(key) == flat_theirs.contains(key)) continue;
+      return absl::StrCat(key.substr(1), " is ", PartText(b), ", and the daemon's is ", PartText(a));
     }
-    absl::SleepFor(absl::Milliseconds(100));
   }
-  if (!again) {
-    if (std::optional<NodeProof> known = Known(options, path)) return *std::move(known);
+  return "build is of another form than the daemon's";
+}
+
+absl::StatusOr<std::string> WhyUnfit(const ProofOptions& options, const std::string& grader) {
+  const std::string build = CanonicalJson(GraderBuild(options.cache_dir, {options.adapter}));
+  if (const std::string other = BuildDifference(grader, build); !other.empty()) {
+    return absl::StrCat("has another grader: its ", other,
+                        "; install the daemon's version and models there");
   }
-  absl::StatusOr<NodeProof> proof = MakeProof(options, stop);
-  if (!proof.ok()) return proof;
-  // One with problems is made again until they are mended.
+  const std::string path = ProvedPath(options, build);
+  ASSIGN_OR_RETURN(const Fd lock, LockProof(options.node_dir));
+  if (!options.again && fs::exists(path)) return "";
+  // With problems it is made again until they are mended.
   std::error_code ignored;
   fs::remove(path, ignored);
-  const bool good = proof->reference.empty() && proof->doctor.empty();
-  const absl::StatusOr<Folder> folder = Folder::Open(options.node_dir);
-  if (good && folder.ok()) {
-    // Without it the next lease makes it anew, so an error does no harm.
-    (void)folder->Put(fs::path(path).filename(), NodeProofToText(*proof));
-  }
-  return proof;
-}
-
-std::string WhyNotEqual(const NodeProof& proof, const std::string& grader) {
-  if (!proof.doctor.empty()) {
-    return absl::StrCat("this node can't grade: ", absl::StrJoin(proof.doctor, "; "),
-                        "; run \"myograde doctor\" on it");
-  }
-  if (!proof.reference.empty()) return proof.reference;
-  if (proof.grader == grader) return "";
-  const absl::StatusOr<Json> mine = ParseJson(proof.grader, "grader");
-  const absl::StatusOr<Json> wanted = ParseJson(grader, "grader");
-  std::vector<std::string> differs;
-  if (mine.ok() && wanted.ok() && mine->is_object() && wanted->is_object()) {
-    for (const auto& [key, value] : wanted->items()) {
-      if (!mine->contains(key) || mine->at(key) != value) differs.push_back(key);
-    }
-    for (const auto& [key, value] : mine->items()) {
-      if (!wanted->contains(key)) differs.push_back(key);
-    }
-  }
-  return absl::StrCat("this node's grader is not the daemon's: they differ in ",
-                      differs.empty() ? "form" : absl::StrJoin(differs, ", "),
-                      "; install the same MyoGrade and cache on it");
+  std::string why = PrintableUtf8(WhyNotEqual(options));
+  // Without it the next lease proves the node anew, so an error does no harm.
+  if (why.empty()) WriteFile(path, "").IgnoreError();
+  return why;
 }
 
 }  // namespace myograde::server

@@ -1,14 +1,11 @@
-// A node's proof that its results are those of every other: its grader build, the reference episodes
-// played on it, and what the doctor misses.
+// A node's proof that its results are the daemon's: its grader's build, the reference episodes played
+// on it, and what the doctor misses.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <string>
 
 #include <absl/status/statusor.h>
-
-#include "server/executor/spool/forms.h"
 
 namespace myograde::server {
 
@@ -16,26 +13,26 @@ struct ProofOptions {
   std::string cache_dir;
   std::string config_dir;
   std::string node_dir;   // must be there
-  std::string node;       // its name
   std::string adapter;    // whose files are part of the build; "": none's
   int64_t uid_base = -1;  // of the sandboxes; -1: none
+  bool again = false;     // whatever is known of an earlier proof
 };
 
 // The node's name: what the cluster calls it (SLURMD_NODENAME), else this host's, with "-" for what
 // no name may have.
 std::string NodeName();
 
-// Makes the proof: examines the host and plays the reference episodes, which takes from seconds to a
-// minute. What is wrong is told in it; an error says why it can't be made. REQUIRES: a single thread.
-absl::StatusOr<NodeProof> MakeProof(const ProofOptions& options, const std::atomic<bool>& stop);
+// As the kernel names it; "unknown": it does not.
+std::string ProcessorName();
 
-// The proof of this boot and this build if it was made before and was good, else a new one, made
-// by one process of the node at a time. `again`: a new one in any case.
-absl::StatusOr<NodeProof> KnownOrNewProof(const ProofOptions& options, bool again,
-                                          const std::atomic<bool>& stop);
+// Why this node must not play for a daemon whose GraderBuild is `grader` (canonical JSON), in one
+// sentence without a subject; "": it may. Unless it has proved itself since it booted, with this build,
+// the host is examined and the reference episodes are played, which takes up to a minute; one process
+// of the node at a time. An error: it can't be told. REQUIRES: a single thread.
+absl::StatusOr<std::string> WhyUnfit(const ProofOptions& options, const std::string& grader);
 
-// Why the node must not play an order of a daemon with this grader build, in one sentence; "" if it
-// may.
-std::string WhyNotEqual(const NodeProof& proof, const std::string& grader);
+// Why the build `found` is not `expected` (as canonical JSON), to follow "its": one part that
+// differs. "" if they are equal.
+std::string BuildDifference(const std::string& expected, const std::string& found);
 
 }  // namespace myograde::server

@@ -1,15 +1,16 @@
-#include "server/executor/node/node_slot.h"
+#include "server/executor/slurm/node_slot.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/executor/spool/folder.h"
 #include "server/sandbox/slot_processes.h"
 #include "server/sandbox/users.h"
 
@@ -53,7 +54,9 @@ absl::StatusOr<NodeSlot> NodeSlot::Take(const std::string& node_dir, int64_t uid
   for (int number = 0; number < kMostSlots; ++number) {
     const std::string path = absl::StrCat(node_dir, "/slots/", number);
     Fd lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
-    if (!lock.valid()) return DiskError(path, "opened");
+    if (!lock.valid()) {
+      return absl::UnavailableError(absl::StrCat(path, ": can't be opened: ", std::strerror(errno)));
+    }
     if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) continue;
     // What a killed lease left in it must be dead first.
     if (!processes.Find(number, 1).empty()) continue;

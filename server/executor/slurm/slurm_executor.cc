@@ -1,108 +1,137 @@
 #include "server/executor/slurm/slurm_executor.h"
 
-#include <sys/eventfd.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <csignal>
-#include <cstring>
+#include <chrono>
 #include <utility>
+#include <variant>
 
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <absl/strings/str_split.h>
 #include <spdlog/spdlog.h>
 
-#include "protocol/base/clock.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/child_process.h"
 #include "server/base/output_tail.h"
+#include "server/base/program_run.h"
 #include "server/base/random_bytes.h"
-#include "server/executor/slurm/slurm_runner.h"
+#include "server/executor/slurm/cluster_order.h"
+#include "server/executor/slurm/srun.h"
+#include "server/runner/runner_process.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr absl::Duration kJudgeEvery = absl::Milliseconds(100);
-// A thread that is busy with one thing for so long hangs.
-constexpr absl::Duration kHangs = absl::Seconds(30);
-constexpr size_t kEpochBytes = 16;
-constexpr size_t kNonceBytes = 8;
+constexpr size_t kCommentBytes = 8;
+constexpr absl::Duration kCommand = absl::Seconds(30);
+constexpr size_t kMostAnswer = 64u << 20;
+// Between two looks at the queue and at the nodes: while something is wrong, and otherwise.
+constexpr auto kWatchAgain = std::chrono::seconds(5);
+constexpr auto kWatchEvery = std::chrono::minutes(1);
 
-absl::StatusOr<std::string> RandomHex(size_t size) {
-  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(size));
-  return HexOf({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
-}
-
-std::string SpoolPath(const SlurmOptions& options) {
-  return options.config.shared_dir.empty()
-             ? options.data_dir + "/cluster"
-             : absl::StrCat(options.config.shared_dir, "/myograde-", options.store_id);
+const std::string& OrElse(const std::string& own, const std::string& usual) {
+  return own.empty() ? usual : own;
 }
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<SlurmExecutor>> SlurmExecutor::Make(SlurmOptions options) {
-  RETURN_IF_ERROR(CheckSlurmIsUsable(options.config, "server.json: slurm"));
-  ASSIGN_OR_RETURN(std::string epoch, RandomHex(kEpochBytes));
-  std::unique_ptr<SlurmExecutor> executor(
-      new SlurmExecutor(std::move(options), std::move(epoch)));
-  RETURN_IF_ERROR(executor->Begin());
-  return executor;
-}
+// A lease on the cluster, as the engine sees it.
+class SlurmExecutor::Lease : public Runner {
+ public:
+  // Its job, of this comment, is none to cancel from now on.
+  Lease(SlurmExecutor& executor, std::string comment) : executor_(executor), comment_(std::move(comment)) {
+    const MutexLock lock(executor_.mutex_);
+    executor_.leases_.emplace(comment_, this);
+  }
+  void Follow(std::unique_ptr<RunnerProcess> process) { process_ = std::move(process); }
+  ~Lease() override {
+    process_.reset();
+    const MutexLock lock(executor_.mutex_);
+    executor_.leases_.erase(comment_);
+    if (!here_.node.empty()) executor_.health_.Left(here_.node);
+  }
 
-SlurmExecutor::SlurmExecutor(SlurmOptions options, std::string epoch)
+  int stdout_fd() const override { return process_->stdout_fd(); }
+  int stderr_fd() const override { return process_->stderr_fd(); }
+  absl::StatusOr<std::vector<LeaseRecord>> Read() override {
+    ASSIGN_OR_RETURN(std::vector<LeaseRecord> records, process_->Read());
+    std::erase_if(records, [&](const LeaseRecord& record) {
+      const auto* node = std::get_if<NodeRecord>(&record);
+      if (node != nullptr) Take(*node);
+      return node != nullptr;
+    });
+    begun_ = begun_ || !records.empty();
+    return records;
+  }
+  // One that was lost is for the engine to return.
+  bool finished() override { return process_->finished() && lost().empty(); }
+  bool dead() override { return process_->dead(); }
+  void AskToEnd() override { process_->AskToEnd(); }
+  void KillNow() override { process_->KillNow(); }
+  bool begun() const override { return begun_; }
+  std::string lost() const override { return here_.lost; }
+  RunnerSite site() const override {
+    return {.node = here_.node, .job = here_.job, .cpu_s = here_.cpu_s, .energy_j = here_.energy_j};
+  }
+  pid_t pid() const override { return process_->pid(); }
+  int wait_status() const override { return process_->wait_status(); }
+  std::string stderr_tail() const override { return process_->stderr_tail(); }
+
+  // Why no job can be had for it; "": it has one, or waits for one.
+  const std::string& trouble() const { return here_.trouble; }
+
+ private:
+  void Take(const NodeRecord& record) {
+    const MutexLock lock(executor_.mutex_);
+    NodeHealth& health = executor_.health_;
+    if (here_.trouble.empty() && !record.trouble.empty()) {
+      spdlog::error("the cluster takes no jobs: {}", record.trouble);
+    }
+    if (here_.node != record.node) {
+      if (!here_.node.empty()) health.Left(here_.node);
+      if (!record.node.empty()) health.Began(record.node);
+    }
+    const std::string lost = here_.lost;
+    here_ = record;
+    if (!lost.empty()) here_.lost = lost;
+    if (record.node.empty()) return;
+    if (!record.unfit.empty()) health.Unfit(record.node, record.unfit);
+    if (record.blamed) health.Ended(record.node, /*badly=*/true, record.lost);
+    const std::string why = health.WhyDrained(record.node);
+    if (!why.empty()) executor_.news_.NotifyAll();
+    if (!why.empty() && !begun_) {
+      here_.lost = absl::StrCat("the node ", record.node, " is drained: ", why);
+    } else if (!record.processor.empty()) {
+      health.Proved(record.node, record.processor);
+    }
+  }
+
+  SlurmExecutor& executor_;
+  const std::string comment_;  // of its job
+  std::unique_ptr<RunnerProcess> process_;
+  NodeRecord here_;
+  bool begun_ = false;
+};
+
+SlurmExecutor::SlurmExecutor(SlurmOptions options)
     : options_(std::move(options)),
-      epoch_(std::move(epoch)),
       job_name_("myograde-" + options_.store_id),
-      spool_path_(SpoolPath(options_)),
-      limits_({.queue_wait = options_.config.queue_wait, .claim = options_.config.claim}),
-      commands_(
-          options_.config, job_name_,
-          [this] {
-            const MutexLock lock(mutex_);
-            return stopping_;
-          },
-          options_.command_deadline),
-      writer_(options_.data_dir, options_.grader),
-      // A job's script holds its leases' tokens, and comes to the node as a whole.
-      jobs_(options_.config.shared_dir.empty() ? 1 : options_.config.array_size) {}
-
-absl::Status SlurmExecutor::Begin() {
-  wake_ = Fd(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-  if (!wake_.valid()) {
-    return absl::InternalError(absl::StrCat("can't make an event: ", std::strerror(errno)));
-  }
-  if (!options_.held_back.empty()) return absl::OkStatus();
-  // On the daemon's own disk; a shared folder may hang, and is for the threads.
-  if (options_.config.shared_dir.empty()) {
-    RETURN_IF_ERROR(OpenToWrite());
-    door_ = std::make_unique<SpoolDoor>(*spool_, options_.log_bytes);
-  }
-  talking_thread_ = std::thread([this] { TalkToSlurm(); });
-  writing_thread_ = std::thread([this] { WriteSpool(); });
-  reading_thread_ = std::thread([this] { ReadSpool(); });
-  return absl::OkStatus();
+      unseen_("jobs of an earlier daemon are being cancelled") {
+  if (options_.held_back.empty()) watching_ = std::thread([this] { Watch(); });
 }
 
 SlurmExecutor::~SlurmExecutor() {
   {
     const MutexLock lock(mutex_);
     stopping_ = true;
-    talk_.NotifyAll();
-    write_.NotifyAll();
-    read_.NotifyAll();
+    news_.NotifyAll();
   }
-  for (std::thread* thread : {&talking_thread_, &writing_thread_, &reading_thread_}) {
-    if (thread->joinable()) thread->join();
-  }
-}
-
-absl::Duration SlurmExecutor::Now() const { return SystemClock().Monotonic(); }
-
-void SlurmExecutor::Wake() const {
-  const uint64_t one = 1;
-  // Full, it is readable already.
-  while (::write(wake_.get(), &one, sizeof(one)) < 0 && errno == EINTR) {
-  }
+  if (watching_.joinable()) watching_.join();
 }
 
 absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& order,
@@ -110,154 +139,169 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
   if (!order.replay.empty() || subject.artefact.empty()) {
     return absl::FailedPreconditionError("only leases of submissions run on the cluster");
   }
-  ASSIGN_OR_RETURN(std::string nonce, RandomHex(kNonceBytes));
-  auto attempt = std::make_shared<Attempt>();
-  attempt->name = absl::StrCat(subject.lease, "-", subject.attempt, "-", nonce);
-  attempt->evaluation = subject.evaluation;
-  attempt->needs = NeedsOf(options_.config, order.track.budgets, subject.wall);
-  attempt->artefact = subject.artefact;
-  attempt->artefact_dir = order.artefact_dir;
-  NodeOrder& sent = attempt->order;
-  sent.name = attempt->name;
-  sent.epoch = epoch_;
+  ASSIGN_OR_RETURN(const std::string random, RandomBytes(kCommentBytes));
+  const std::string comment =
+      absl::StrCat(subject.lease, "-", subject.attempt, "-",
+                   HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
+  ASSIGN_OR_RETURN(const std::string text, OrderText(order, subject, comment));
+  auto lease = std::make_unique<Lease>(*this, comment);
+  RETURN_IF_ERROR(MakeWorkDir(order.work_dir));
+  absl::StatusOr<std::unique_ptr<RunnerProcess>> process =
+      RunnerProcess::Start(order, "myograde-node", text);
+  if (!process.ok()) {
+    CleanUp(order.work_dir);
+    return process.status();
+  }
+  lease->Follow(*std::move(process));
+  return lease;
+}
+
+absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
+                                                     const LeaseSubject& subject,
+                                                     const std::string& comment) {
+  const SlurmConfig& config = options_.config;
+  ClusterOrder sent;
   sent.order = order;
-  sent.order.artefact_dir = sent.order.work_dir = sent.order.cache_dir = sent.order.log_dir = "";
-  sent.order.slot_mark = "";
-  sent.order.uid = -1;
-  sent.order.slot = 0;
-  sent.order.pinned = false;  // several leases may share a node
-  for (size_t i = 0; i < order.runtimes.size() && i < subject.runtimes.size(); ++i) {
-    sent.runtimes.push_back(
-        {subject.runtimes[i].first, subject.runtimes[i].second, order.runtimes[i]});
-  }
-  sent.wall_s = absl::ToDoubleSeconds(subject.wall);
+  sent.order.log_bytes = options_.log_bytes;
+  sent.artefact = subject.artefact;
+  for (const auto& [name, digest] : subject.runtimes) sent.runtimes.push_back({name, digest});
+  sent.grader = CanonicalJson(options_.grader({order.adapter}));
   sent.uid_base = options_.uid_base;
-  sent.logs = !order.log_dir.empty();
-  const MutexLock lock(mutex_);
-  attempt->view.started = Now();
-  sent.prove_again = health_.ToProveAgain();
-  tasks_.push_back({Task::Kind::kWrite, attempt->name});
-  attempts_[attempt->name] = attempt;
-  write_.NotifyAll();
-  return std::make_unique<SlurmRunner>(*this, std::move(attempt));
-}
-
-void SlurmExecutor::Release(Attempt& attempt) {
-  const MutexLock lock(mutex_);
-  if (attempt.released) return;
-  attempt.released = true;
-  const bool ended = attempt.end.has_value();
-  jobs_.Remove(attempt.name, /*leaves=*/ended, Now());
-  if (door_ != nullptr) door_->Close(attempt.name);
-  if (attempt.counted) health_.Left(attempt.view.claim_node);
-  attempt.counted = false;
-  if (!ended) {
-    urgent_.push_back({Task::Kind::kStop, attempt.name});
-    write_.NotifyAll();
+  sent.queue_wait = config.queue_wait;
+  sent.comment = comment;
+  const auto command = [&](const char* name) {
+    // If it can't be found, the lease's process says so, and tries again.
+    return SlurmCommand(config, name).value_or(name);
+  };
+  sent.squeue = QueueWords(job_name_);
+  sent.squeue.insert(sent.squeue.begin(), command("squeue"));
+  ASSIGN_OR_RETURN(const std::string setpriv, FindProgram("setpriv"));
+  // Ends srun, and so the job, should the lease's process be killed.
+  sent.srun = {setpriv, "--pdeathsig", "TERM", command("srun")};
+  for (std::string& word : JobWords(config, NeedsOf(config, order.track.budgets, subject.wall))) {
+    sent.srun.push_back(std::move(word));
   }
-  talk_.NotifyAll();
-}
-
-bool SlurmExecutor::IsGone(const Attempt& attempt) const {
-  const MutexLock lock(mutex_);
-  // Its node's last word, or the cluster's.
-  return attempt.end.has_value() || (attempt.released && jobs_.gone(attempt.name, Now()));
-}
-
-void SlurmExecutor::Attend() {
-  uint64_t count;
-  while (::read(wake_.get(), &count, sizeof(count)) < 0 && errno == EINTR) {
+  {
+    const MutexLock lock(mutex_);
+    sent.prove_again = health_.ToProveAgain();
+    if (const std::vector<std::string> drained = health_.Drained(); !drained.empty()) {
+      sent.srun.push_back("--exclude=" + absl::StrJoin(drained, ","));
+    }
   }
-  const absl::Duration now = Now();
-  const MutexLock lock(mutex_);
-  if (now - judged_ < kJudgeEvery) return;
-  judged_ = now;
-  for (const auto& [name, attempt] : attempts_) {
-    if (!attempt->over && !attempt->released) Judge(*attempt, now);
+  for (const std::string& word :
+       {"--job-name=" + job_name_, "--comment=" + sent.comment, std::string("--export=NONE"),
+        std::string("--chdir=/"), std::string("--mpi=none"), std::string("--input=all"),
+        std::string("--output=all"), std::string("--error=all"),
+        OrElse(config.bin_dir, options_.bin_dir) + "/myograde-node", std::string("--play"),
+        std::string("--cache"), OrElse(config.cache_dir, options_.cache_dir),
+        std::string("--configs"), options_.configs_dir}) {
+    sent.srun.push_back(word);
   }
-  Clear(now);
-}
-
-void SlurmExecutor::Lose(Attempt& attempt, const std::string& why) {
-  if (attempt.over) return;
-  attempt.over = true;
-  attempt.lost = why;
-  Wake();
-}
-
-void SlurmExecutor::Judge(Attempt& attempt, absl::Duration now) {
-  AttemptView& view = attempt.view;
-  if (const JobView* job = jobs_.Find(attempt.name)) {
-    view.job = *job;
-    if (job->state == JobState::kRunning) view.running = std::min(view.running, job->seen);
-  } else {
-    view.job = {.id = "",
-                .node = "",
-                .reason = "",
-                .wait_status = 0,
-                .seen = -absl::InfiniteDuration(),
-                .over_since = absl::InfiniteDuration()};
+  if (!config.node_dir.empty()) {
+    sent.srun.insert(sent.srun.end(), {"--node-dir", config.node_dir});
   }
-  const bool ordered = view.ordered != absl::InfiniteDuration();
-  view.submit_why = ordered ? jobs_.trouble() : spool_trouble_;
-  const absl::Duration since = ordered ? jobs_.trouble_since() : spool_trouble_since_;
-  const bool failing = !view.submit_why.empty() && view.job.id.empty();
-  view.submit_trouble = failing ? std::max(since, view.started) : absl::InfiniteDuration();
-  view.looked = attempt.looked;
-  const AttemptVerdict verdict = JudgeAttempt(view, limits_, now);
-  if (verdict.kind == AttemptVerdict::Kind::kGoesOn) return;
-  if (!verdict.blame_node.empty()) health_.Ended(verdict.blame_node, /*badly=*/true, verdict.why);
-  if (verdict.kind == AttemptVerdict::Kind::kLost) return Lose(attempt, verdict.why);
-  // As if its runner had been killed, which it was.
-  attempt.over = true;
-  attempt.end.emplace();
-  attempt.end->wait_status = SIGKILL;
-  attempt.end->stderr_tail = verdict.why;
-  Wake();
+  return ClusterOrderToText(sent);
 }
 
-// Attempts that the engine is done with, and whose jobs are gone.
-void SlurmExecutor::Clear(absl::Duration now) {
-  std::erase_if(attempts_, [&](const auto& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    const Attempt& attempt = *entry.second;
-    if (!attempt.released || !jobs_.gone(attempt.name, now)) return false;
-    jobs_.Forget(attempt.name);
-    urgent_.push_back({Task::Kind::kRemove, attempt.name});
-    write_.NotifyAll();
-    return true;
-  });
+absl::StatusOr<std::string> SlurmExecutor::Ask(const std::string& name,
+                                               std::vector<std::string> words) const {
+  ASSIGN_OR_RETURN(const std::string path, SlurmCommand(options_.config, name));
+  ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
+                                               .words = std::move(words),
+                                               .most_output = kMostAnswer,
+                                               .deadline = kCommand,
+                                               .nice = 0,
+                                               .environment = SlurmEnvironment()},
+                                              [this] {
+                                                const MutexLock lock(mutex_);
+                                                return stopping_;
+                                              }));
+  if (end.exit_status == 0) return std::move(end.output);
+  const std::string said = WithoutName(end.LastError(), name);
+  return absl::UnavailableError(absl::StrCat(name, ": ", said.empty() ? end.HowItEnded() : said));
+}
+
+// The nodes of the partition that Slurm gives jobs.
+absl::StatusOr<std::set<std::string>> SlurmExecutor::UsableNodes() const {
+  const std::string& partition = options_.config.partition;
+  std::vector<std::string> words = {"--noheader", "--Node", "--format=%N|%P|%T"};
+  if (!partition.empty()) words.push_back("--partition=" + partition);
+  ASSIGN_OR_RETURN(const std::string answer, Ask("sinfo", std::move(words)));
+  std::set<std::string> nodes;
+  for (const absl::string_view line : absl::StrSplit(answer, '\n', absl::SkipWhitespace())) {
+    const std::vector<std::string> parts = absl::StrSplit(line, '|');
+    if (parts.size() != 3) return absl::InternalError(absl::StrCat("sinfo printed \"", line, "\""));
+    // The default partition has a star.
+    if (partition.empty() && !absl::EndsWith(parts[1], "*")) continue;
+    if (!absl::StartsWith(parts[2], "down") && !absl::StartsWith(parts[2], "drain")) {
+      nodes.insert(parts[0]);
+    }
+  }
+  return nodes;
+}
+
+// Cancels the store's jobs that no lease of this daemon's waits for: an earlier one left them, or their
+// srun was killed before Slurm heard of its end. How many there were.
+absl::StatusOr<size_t> SlurmExecutor::CancelStrays() const {
+  ASSIGN_OR_RETURN(const std::string answer, Ask("squeue", QueueWords(job_name_)));
+  ASSIGN_OR_RETURN(const std::vector<SlurmJob> jobs, ParseQueue(answer));
+  std::vector<std::string> words = {"--quiet"};
+  {
+    const MutexLock lock(mutex_);
+    for (const SlurmJob& job : jobs) {
+      if (!job.over() && !leases_.contains(job.comment)) words.push_back(job.id);
+    }
+  }
+  const size_t strays = words.size() - 1;
+  if (strays > 0) RETURN_IF_ERROR(Ask("scancel", std::move(words)).status());
+  return strays;
+}
+
+// The thread that asks Slurm what concerns no lease.
+void SlurmExecutor::Watch() {
+  while (true) {
+    const absl::StatusOr<size_t> strays = CancelStrays();
+    bool drained = false;
+    {
+      const MutexLock lock(mutex_);
+      drained = !health_.Drained().empty();
+    }
+    absl::StatusOr<std::set<std::string>> usable = std::set<std::string>();
+    if (drained) usable = UsableNodes();
+    const MutexLock lock(mutex_);
+    if (stopping_) return;
+    if (strays.ok()) {
+      unseen_.clear();
+    } else if (!unseen_.empty()) {
+      const std::string why = absl::StrCat("the cluster does not answer: ", strays.status().message());
+      if (unseen_ != why) spdlog::error("{}", why);
+      unseen_ = why;
+    }
+    if (usable.ok()) usable_ = *std::move(usable);
+    const bool calm = strays.ok() && *strays == 0 && !drained;
+    news_.WaitUntil(mutex_, std::chrono::steady_clock::now() + (calm ? kWatchEvery : kWatchAgain));
+    if (stopping_) return;
+  }
 }
 
 std::string SlurmExecutor::CannotStart() const {
   if (!options_.held_back.empty()) return options_.held_back;
   const MutexLock lock(mutex_);
-  const absl::Duration now = Now();
-  for (const Busy& busy : {writing_, reading_}) {
-    if (now - busy.since >= kHangs) {
-      return absl::StrCat("the folder ", spool_path_, " does not answer");
+  if (!unseen_.empty()) return unseen_;
+  const std::vector<std::string> drained = health_.Drained();
+  if (!usable_.empty() && std::all_of(usable_.begin(), usable_.end(), [&](const std::string& node) {
+        return std::find(drained.begin(), drained.end(), node) != drained.end();
+      })) {
+    return absl::StrCat("all nodes of the cluster are drained or down; ", drained.front(), ": ",
+                        health_.WhyDrained(drained.front()),
+                        "; repair them, then \"myograde cluster admit NODE\"");
+  }
+  for (const auto& [comment, lease] : leases_) {
+    if (!lease->trouble().empty()) {
+      return absl::StrCat("the cluster takes no jobs: ", lease->trouble());
     }
   }
-  if (!spool_trouble_.empty()) return spool_trouble_;
-  if (!queue_trouble_.empty()) return absl::StrCat("the cluster does not answer: ", queue_trouble_);
-  if (!jobs_.trouble().empty()) {
-    return absl::StrCat("the cluster takes no jobs: ", jobs_.trouble());
-  }
-  if (std::string why = WhyNoNode(); !why.empty()) return why;
-  return emptied_ ? "" : "what an earlier daemon left in the spool is being removed";
-}
-
-std::string SlurmExecutor::WhyNoNode() const {
-  const auto drained = [&](const std::string& node) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return health_.drained(node);
-  };
-  const std::vector<std::string> names = health_.Drained();
-  if (names.empty() || !usable_nodes_.has_value() ||
-      !std::all_of(usable_nodes_->begin(), usable_nodes_->end(), drained)) {
-    return "";
-  }
-  return absl::StrCat("all nodes of the cluster are drained or down; ", names.front(), ": ",
-                      health_.WhyDrained(names.front()),
-                      "; repair them, then \"myograde cluster admit NODE\"");
+  return "";
 }
 
 void SlurmExecutor::NoteEnd(const std::string& node, bool fault) {
@@ -273,18 +317,19 @@ std::vector<NodeView> SlurmExecutor::Nodes() const {
 
 absl::Status SlurmExecutor::Drain(const std::string& node, const std::string& why) {
   if (!IsNodeName(node)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", PrintableUtf8(node),
-                                                   "\" is no name of a node"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", PrintableUtf8(node), "\" is no name of a node"));
   }
   const MutexLock lock(mutex_);
   health_.Drain(node, why);
+  news_.NotifyAll();
   return absl::OkStatus();
 }
 
 absl::Status SlurmExecutor::Admit(const std::string& node) {
   if (!IsNodeName(node)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", PrintableUtf8(node),
-                                                   "\" is no name of a node"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", PrintableUtf8(node), "\" is no name of a node"));
   }
   const MutexLock lock(mutex_);
   health_.Admit(node);

@@ -1,10 +1,16 @@
-#include "server/executor/slurm/job_needs.h"
+#include "server/executor/slurm/srun.h"
+
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
+#include "server/base/child_process.h"
 
 namespace myograde::server {
 namespace {
@@ -14,6 +20,32 @@ constexpr double kMiB = 1 << 20;
 constexpr int64_t kGraderMiB = 1024;
 // For a node to prove itself, fetch and unpack, beside the lease's own time.
 constexpr absl::Duration kAround = absl::Minutes(10);
+constexpr size_t kLongestLine = 200;
+
+// States of jobs that are over. One that a later version adds counts as not over, and is asked for
+// again.
+struct EndState {
+  std::string_view state;
+  const char* how;
+};
+constexpr EndState kEnds[] = {
+    {"COMPLETED", "ended"},
+    {"FAILED", "failed"},
+    {"TIMEOUT", "reached its time limit"},
+    {"DEADLINE", "reached its time limit"},
+    {"OUT_OF_MEMORY", "used more memory than a lease's job may have"},
+    {"NODE_FAIL", "was lost with its node"},
+    {"BOOT_FAIL", "was lost with its node"},
+    {"PREEMPTED", "was preempted"},
+    {"REVOKED", "was cancelled"},
+    {"CANCELLED", "was cancelled"},
+};
+
+const EndState* EndOf(std::string_view state) {
+  const auto* found = std::find_if(std::begin(kEnds), std::end(kEnds),
+                                   [&](const EndState& end) { return end.state == state; });
+  return found == std::end(kEnds) ? nullptr : found;
+}
 
 }  // namespace
 
@@ -44,6 +76,64 @@ std::vector<std::string> JobWords(const SlurmConfig& config, const JobNeeds& nee
                              absl::StrCat("--mem=", needs.memory_mib, "M"),
                              absl::StrCat("--time=", needs.minutes)});
   return words;
+}
+
+absl::StatusOr<std::string> SlurmCommand(const SlurmConfig& config, const std::string& name) {
+  if (config.slurm_bin_dir.empty()) {
+    absl::StatusOr<std::string> found = FindProgram(name);
+    if (found.ok()) return found;
+    return absl::FailedPreconditionError(absl::StrCat(
+        name, " is in no folder of PATH; install Slurm's commands, or name their folder in "
+              "\"slurm_bin_dir\" of server.json"));
+  }
+  std::string path = absl::StrCat(config.slurm_bin_dir, "/", name);
+  if (access(path.c_str(), X_OK) == 0) return path;
+  return absl::FailedPreconditionError(
+      absl::StrCat("there is no program ", path, " (\"slurm_bin_dir\" of server.json)"));
+}
+
+std::string WithoutName(std::string_view line, std::string_view name) {
+  const std::string own = absl::StrCat(std::string(name), ": ");
+  for (const std::string_view prefix : {std::string_view(own), std::string_view("error: "),
+                                        std::string_view("fatal: ")}) {
+    if (line.starts_with(prefix)) line.remove_prefix(prefix.size());
+  }
+  return std::string(line);
+}
+
+bool SlurmJob::over() const { return EndOf(state) != nullptr; }
+
+std::string SlurmJob::HowItEnded() const {
+  const EndState* end = EndOf(state);
+  return end == nullptr ? "ended" : end->how;
+}
+
+bool SlurmJob::AtALimit() const {
+  return state == "TIMEOUT" || state == "DEADLINE" || state == "OUT_OF_MEMORY";
+}
+
+std::vector<std::string> QueueWords(const std::string& job_name) {
+  return {"--noheader", "--states=all", "--name=" + job_name, absl::StrCat("--user=", geteuid()),
+          "--Format=JobID:|,State:|,NodeList:|,Comment:|,Reason:"};
+}
+
+absl::StatusOr<std::vector<SlurmJob>> ParseQueue(std::string_view text) {
+  std::vector<SlurmJob> jobs;
+  const std::vector<std::string> lines =
+      absl::StrSplit(absl::string_view(text.data(), text.size()), '\n', absl::SkipWhitespace());
+  for (const std::string& line : lines) {
+    // Nothing before the reason holds a bar.
+    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits('|', 4));
+    if (parts.size() != 5) {
+      return absl::InternalError(absl::StrCat("squeue printed \"", line.substr(0, kLongestLine), "\""));
+    }
+    jobs.push_back({.id = parts[0],
+                    .state = parts[1],
+                    .node = parts[2],
+                    .comment = parts[3],
+                    .reason = std::string(absl::StripAsciiWhitespace(parts[4]))});
+  }
+  return jobs;
 }
 
 }  // namespace myograde::server

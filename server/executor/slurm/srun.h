@@ -1,10 +1,12 @@
-// What one lease's job asks of the cluster.
+// What Slurm's commands are told, and what they answer, as far as a lease depends on it.
 #pragma once
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
 #include "protocol/lease/track_config.h"
@@ -12,21 +14,46 @@
 
 namespace myograde::server {
 
-// Leases with equal needs can share a job array.
+// What one lease's job asks of the cluster.
 struct JobNeeds {
   int64_t minutes = 0;
   int64_t memory_mib = 0;
   int64_t cpus = 0;
-
-  bool operator==(const JobNeeds&) const = default;
 };
 
 // Of a lease of a track with these budgets, which may take `wall`: what the config says, and what it
 // leaves open by the budgets.
 JobNeeds NeedsOf(const SlurmConfig& config, const Budgets& budgets, absl::Duration wall);
 
-// Words of sbatch(1) and srun(1): the config's options, and the needs. Later words win, so that no
-// option of the config can change the needs.
+// Words of srun(1): the config's options, and the needs. Later words win, so that no option of the
+// config can change the needs.
 std::vector<std::string> JobWords(const SlurmConfig& config, const JobNeeds& needs);
+
+// The path of one of Slurm's commands. FailedPreconditionError: there is none, and what to do.
+absl::StatusOr<std::string> SlurmCommand(const SlurmConfig& config, const std::string& name);
+
+// A line that one of Slurm's commands said, without "NAME: error: " before it.
+std::string WithoutName(std::string_view line, std::string_view name);
+
+// A job of a store's, as squeue shows it.
+struct SlurmJob {
+  std::string id = {};
+  std::string state = {};    // in Slurm's words, such as "RUNNING"
+  std::string node = {};     // "": none yet
+  std::string comment = {};  // that it was submitted with
+  std::string reason = {};   // why it waits, or how it ended, in Slurm's words
+
+  // Whether nothing of it runs or will run any more.
+  bool over() const;
+  // How one that is over ended, to follow "job 12 on n1 ": "was preempted".
+  std::string HowItEnded() const;
+  // It ended by a limit of its own, which is the grader's fault.
+  bool AtALimit() const;
+};
+
+// Words of squeue(1) for all jobs of that name that the cluster still remembers, and its answer.
+// InternalError: a line is of another form, and which.
+std::vector<std::string> QueueWords(const std::string& job_name);
+absl::StatusOr<std::vector<SlurmJob>> ParseQueue(std::string_view text);
 
 }  // namespace myograde::server

@@ -81,7 +81,6 @@ class FarRunner : public Runner {
     return clock_.Monotonic() >= script_.quiet ? script_.lost : "";
   }
   RunnerSite site() const override { return {node_, job_, 12.5, 800.0}; }
-  bool remote() const override { return true; }
   pid_t pid() const override { return 0; }
   int wait_status() const override { return 0; }
   std::string stderr_tail() const override { return ""; }

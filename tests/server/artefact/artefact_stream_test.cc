@@ -1,8 +1,7 @@
 // A submission's folder on its way to a node: the same files, modes, times and digest, whatever the
 // participant called them; and nothing at all from a tar that is not the daemon's.
-#include "server/executor/spool/artefact_tar.h"
+#include "server/artefact/artefact_stream.h"
 
-#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -13,7 +12,6 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
-#include "protocol/base/sha256.h"
 #include "tests/server/artefact/archives.h"
 #include "tests/server/artefact/image_builder.h"
 
@@ -24,7 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr char kManifest[] = R"({"name": "a", "command": ["./run"]})";
 
-class ArtefactTarTest : public testing::Test {
+class ArtefactStreamTest : public testing::Test {
  protected:
   // Unpacks an upload, as the daemon does.
   Artefact Accept(const std::string& upload) {
@@ -33,10 +31,15 @@ class ArtefactTarTest : public testing::Test {
     EXPECT_TRUE(artefact.ok()) << artefact.status();
     return *artefact;
   }
-  Fd NewArchive(const std::string& name = "tar") {
-    Fd fd(open((temp_ / name).c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-    EXPECT_TRUE(fd.valid());
-    return fd;
+  // The tar of a folder.
+  static absl::StatusOr<std::string> Stream(const std::string& folder, const std::string& digest) {
+    std::string tar;
+    const absl::Status status = StreamArtefact(folder, digest, [&](std::string_view bytes) {
+      tar += bytes;
+      return absl::OkStatus();
+    });
+    if (!status.ok()) return status;
+    return tar;
   }
   // As one line for each entry: type, mode, time of a file, path, content or target.
   static std::string Describe(const fs::path& folder) {
@@ -57,30 +60,28 @@ class ArtefactTarTest : public testing::Test {
     return all;
   }
   void ExpectRoundTrip(const std::string& digest) {
-    const Fd archive = NewArchive();
-    const auto packed = PackArtefactFolder(temp_ / "daemon", digest, archive.get());
-    ASSERT_TRUE(packed.ok()) << packed.status();
-    EXPECT_EQ(*Sha256File(temp_ / "tar"), packed->sha256);
-    EXPECT_EQ(static_cast<int64_t>(fs::file_size(temp_ / "tar")), packed->bytes);
-    ASSERT_EQ(UnpackArtefactFolder(archive.get(), *packed, digest, temp_ / "node"),
-              absl::OkStatus());
+    const auto tar = Stream(temp_ / "daemon", digest);
+    ASSERT_TRUE(tar.ok()) << tar.status();
+    ASSERT_EQ(Place(*tar, digest), absl::OkStatus());
     EXPECT_EQ(Describe(temp_ / "node"), Describe(temp_ / "daemon"));
-
-    const Fd again = NewArchive("again");
-    EXPECT_EQ(PackArtefactFolder(temp_ / "node", digest, again.get())->sha256, packed->sha256);
+    EXPECT_EQ(*Stream(temp_ / "node", digest), *tar);
   }
-  // What happens with a tar of these bytes, that the order describes truly.
-  absl::Status Unpack(const std::string& bytes, const std::string& digest) {
-    WriteFile(temp_ / "tar", bytes).IgnoreError();
-    const Fd archive(open((temp_ / "tar").c_str(), O_RDONLY | O_CLOEXEC));
-    const PackedFolder packed = {Sha256Hex(bytes), static_cast<int64_t>(bytes.size())};
-    return UnpackArtefactFolder(archive.get(), packed, digest, temp_ / "node");
+  // What happens with a tar of these bytes, which come in pieces.
+  absl::Status Place(const std::string& bytes, const std::string& digest) {
+    size_t at = 0;
+    return PlaceStreamedArtefact(
+        [&]() -> absl::StatusOr<std::string> {
+          const std::string piece = bytes.substr(at, 1000);
+          at += piece.size();
+          return piece;
+        },
+        digest, temp_ / "node");
   }
 
   const TestFolder temp_;
 };
 
-TEST_F(ArtefactTarTest, ASubmissionArrivesAsItLeft) {
+TEST_F(ArtefactStreamTest, ASubmissionArrivesAsItLeft) {
   const std::string long_name(200, 'n');
   const Artefact artefact = Accept(
       TarEntry('0', "policy.json", kManifest) + TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) +
@@ -92,7 +93,7 @@ TEST_F(ArtefactTarTest, ASubmissionArrivesAsItLeft) {
   ExpectRoundTrip(artefact.digest);
 }
 
-TEST_F(ArtefactTarTest, AnImageArrivesAsItLeft) {
+TEST_F(ArtefactStreamTest, AnImageArrivesAsItLeft) {
   const Artefact artefact = Accept(DockerImage(
       {Layer(TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) + TarEntry('5', "usr/lib/") +
              TarEntry('2', "lib", {}, "usr/lib") + TarEntry('2', "usr/up", {}, "../../../etc") +
@@ -101,41 +102,40 @@ TEST_F(ArtefactTarTest, AnImageArrivesAsItLeft) {
   ExpectRoundTrip(artefact.digest);
 }
 
-TEST_F(ArtefactTarTest, AFolderThatIsNotTheArtefactIsNotPacked) {
+TEST_F(ArtefactStreamTest, AFolderThatIsNotTheArtefactIsNotPacked) {
   const Artefact artefact =
       Accept(TarEntry('0', "policy.json", kManifest) +
              TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'));
-  const Fd archive = NewArchive();
   ASSERT_TRUE(WriteFile(temp_ / "daemon/run", "#!/bin/sx\n").ok());
-  EXPECT_TRUE(absl::IsDataLoss(
-      PackArtefactFolder(temp_ / "daemon", artefact.digest, archive.get()).status()));
+  EXPECT_TRUE(absl::IsDataLoss(Stream(temp_ / "daemon", artefact.digest).status()));
   ASSERT_EQ(mkfifo((temp_ / "daemon/pipe").c_str(), 0644), 0);
-  EXPECT_TRUE(absl::IsDataLoss(
-      PackArtefactFolder(temp_ / "daemon", artefact.digest, archive.get()).status()));
-  EXPECT_FALSE(PackArtefactFolder(temp_ / "none", artefact.digest, archive.get()).ok());
+  EXPECT_TRUE(absl::IsDataLoss(Stream(temp_ / "daemon", artefact.digest).status()));
+  EXPECT_FALSE(Stream(temp_ / "none", artefact.digest).ok());
 }
 
-TEST_F(ArtefactTarTest, OnlyTheOrderedArchiveIsUnpacked) {
+TEST_F(ArtefactStreamTest, OnlyTheWholeArtefactIsPlaced) {
   const Artefact artefact =
       Accept(TarEntry('0', "policy.json", kManifest) +
              TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'));
-  const Fd archive = NewArchive();
-  auto packed = PackArtefactFolder(temp_ / "daemon", artefact.digest, archive.get());
-  ASSERT_TRUE(packed.ok()) << packed.status();
-  PackedFolder other = *packed;
-  other.sha256[0] = other.sha256[0] == 'a' ? 'b' : 'a';
-  EXPECT_TRUE(absl::IsDataLoss(
-      UnpackArtefactFolder(archive.get(), other, artefact.digest, temp_ / "node")));
-  EXPECT_TRUE(absl::IsDataLoss(
-      UnpackArtefactFolder(archive.get(), *packed, std::string(64, '0'), temp_ / "node")));
+  const auto tar = Stream(temp_ / "daemon", artefact.digest);
+  ASSERT_TRUE(tar.ok()) << tar.status();
+  EXPECT_TRUE(absl::IsDataLoss(Place(*tar, std::string(64, '0'))));
   EXPECT_FALSE(fs::exists(temp_ / "node"));
-  ASSERT_EQ(ftruncate(archive.get(), packed->bytes / 2), 0);
-  EXPECT_TRUE(absl::IsDataLoss(
-      UnpackArtefactFolder(archive.get(), *packed, artefact.digest, temp_ / "node")));
+  EXPECT_TRUE(absl::IsDataLoss(Place(tar->substr(0, tar->size() / 2), artefact.digest)));
   EXPECT_FALSE(fs::exists(temp_ / "node"));
 }
 
-TEST_F(ArtefactTarTest, NothingIsMadeOutsideTheFolder) {
+TEST_F(ArtefactStreamTest, TheErrorsOfBothEndsAreHandedOn) {
+  const Artefact artefact =
+      Accept(TarEntry('0', "policy.json", kManifest) +
+             TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'));
+  const auto gone = [](auto&&...) { return absl::CancelledError("gone"); };
+  EXPECT_TRUE(absl::IsCancelled(StreamArtefact(temp_ / "daemon", artefact.digest, gone)));
+  EXPECT_TRUE(absl::IsCancelled(PlaceStreamedArtefact(gone, artefact.digest, temp_ / "node")));
+  EXPECT_FALSE(fs::exists(temp_ / "node"));
+}
+
+TEST_F(ArtefactStreamTest, NothingIsMadeOutsideTheFolder) {
   ASSERT_TRUE(fs::create_directory(temp_ / "outside"));
   const std::string end(1024, '\0');
   const std::string outside = temp_ / "outside";
@@ -146,7 +146,7 @@ TEST_F(ArtefactTarTest, NothingIsMadeOutsideTheFolder) {
         TarEntry('5', "b/") + TarEntry('1', "b/x", {}, "../outside/x") + end,
         TarEntry('6', "pipe") + end, TarEntry('0', "twice", "1") + TarEntry('0', "twice", "2") + end,
         std::string("no tar"), std::string()}) {
-    EXPECT_FALSE(Unpack(bytes, std::string(64, '0')).ok());
+    EXPECT_FALSE(Place(bytes, std::string(64, '0')).ok());
     EXPECT_TRUE(fs::is_empty(temp_ / "outside"));
     EXPECT_FALSE(fs::exists(temp_ / "node"));
   }

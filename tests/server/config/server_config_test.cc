@@ -134,9 +134,8 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
         config.reruns.of_one, config.reruns.of_a_submission, config.reruns.of_organisers,
         static_cast<int64_t>(http.requests_per_s), static_cast<int64_t>(http.burst),
         config.access.teams_of_a_user, config.retention.picture_bytes, config.slurm.most_jobs,
-        config.slurm.array_size, config.slurm.time_limit_min, config.slurm.memory_mib,
+        config.slurm.time_limit_min, config.slurm.memory_mib,
         config.slurm.cpus, absl::ToInt64Seconds(config.slurm.queue_wait),
-        absl::ToInt64Seconds(config.slurm.claim), absl::ToInt64Seconds(config.slurm.poll),
         absl::ToInt64Seconds(config.pictures_ahead)};
   };
   EXPECT_EQ(numbers(old), numbers(now));
@@ -157,7 +156,7 @@ TEST_F(ServerConfigTest, EveryEarlierVersionsFileLoads) {
     EXPECT_EQ(config->scheduler.team_running, 1024);
     EXPECT_EQ(config->quota.usual.quota.ranked.per_day, 100);
   }
-  EXPECT_EQ(files, 11);
+  EXPECT_EQ(files, 12);
 }
 
 TEST_F(ServerConfigTest, LaterPartsAreAsShippedAndNothingElseIsAdded) {
@@ -189,17 +188,15 @@ TEST_F(ServerConfigTest, AClusterTakesTheSlotsPlace) {
     std::ofstream(path_) << json.dump();
     return LoadServerConfig(path_.string(), "/cache");
   };
-  const auto config = load({{"shared_dir", "/shared"}, {"most_jobs", 5000}});
+  const auto config = load({{"most_jobs", 5000}});
   ASSERT_TRUE(config.ok()) << config.status();
   EXPECT_TRUE(config->on_cluster);
   EXPECT_EQ(config->scheduler.slots, 5000);
-  EXPECT_LT(DescriptorsNeeded(*config), 5000);
+  EXPECT_TRUE(load({{"shared_dir", "/shared"}, {"poll_s", 2}}).ok()) << "as earlier versions had it";
   const auto mistake = [&](Json slurm) { return std::string(load(slurm).status().message()); };
-  EXPECT_THAT(mistake(Json::object()), HasSubstr("neither \"shared_dir\" nor \"url\""));
-  EXPECT_THAT(mistake({{"shared_dir", "shared"}}), HasSubstr("absolute"));
-  EXPECT_THAT(mistake({{"url", "http://host:1"}}), HasSubstr("https://"));
+  EXPECT_THAT(mistake({{"node_dir", "node"}}), HasSubstr("absolute"));
   EXPECT_THAT(mistake({{"partition", "a b"}}), HasSubstr("partition"));
-  EXPECT_THAT(mistake({{"extra_options", {"--array=1"}}}), HasSubstr("the daemon sets itself"));
+  EXPECT_THAT(mistake({{"extra_options", {"--label"}}}), HasSubstr("the daemon sets itself"));
   EXPECT_THAT(mistake({{"extra_options", {"--nice 5"}}}), HasSubstr("in one word"));
   EXPECT_THAT(mistake({{"partitions", "a"}}), HasSubstr("partitions"));
 }

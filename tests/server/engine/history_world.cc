@@ -151,8 +151,6 @@ bool FakeRunner::finished() {
   return dead() && (said_ == script_.size() || script_[said_].first > dies_at_ || garbage_);
 }
 
-bool FakeRunner::remote() const { return world_.remote; }
-
 bool FakeRunner::begun() const { return world_.clock.Monotonic() >= begins_at_; }
 
 std::string FakeRunner::lost() const {

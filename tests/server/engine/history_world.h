@@ -57,7 +57,6 @@ class FakeRunner : public Runner {
   void KillNow() override;
   pid_t pid() const override { return 1; }
   int wait_status() const override { return 9; }
-  bool remote() const override;
   bool begun() const override;
   std::string lost() const override;
   RunnerSite site() const override;

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/executor/slurm/node_proof.h"
+
 namespace myograde::server {
 namespace {
 
@@ -13,43 +15,32 @@ using ::testing::IsEmpty;
 
 constexpr char kNodeBuild[] = R"({"models":{"a.mjb":"11"},"mujoco":"22","version":"1"})";
 
-NodeProof ProofOf(const std::string& node, const std::string& grader = kNodeBuild) {
-  NodeProof proof;
-  proof.node = node;
-  proof.processor = "a processor";
-  proof.grader = grader;
-  return proof;
-}
-
 TEST(SlurmNodes, ANodeThatIsLikeTheDaemonPlays) {
   NodeHealth health;
-  EXPECT_EQ(health.Prove(ProofOf("n1"), kNodeBuild), "");
+  health.Proved("n1", "a processor");
   EXPECT_EQ(health.Views().front().state, "proved");
   EXPECT_EQ(health.Views().front().processor, "a processor");
   EXPECT_THAT(health.TakeDrained(), IsEmpty());
 }
 
-TEST(SlurmNodes, ANodeWithAnotherBuildIsDrainedAndTheDifferenceNamed) {
-  NodeHealth health;
-  const std::string why =
-      health.Prove(ProofOf("n1", R"({"models":{"a.mjb":"12"},"mujoco":"22","version":"1"})"), kNodeBuild);
-  EXPECT_THAT(why, HasSubstr("its models/a.mjb is 12, and the daemon's is 11"));
-  EXPECT_THAT(health.Drained(), ElementsAre("n1"));
-  ASSERT_EQ(health.TakeDrained().size(), 1u);
-  EXPECT_THAT(health.TakeDrained(), IsEmpty()) << "each once";
-  EXPECT_NE(health.Prove(ProofOf("n1"), kNodeBuild), "") << "until somebody admits it";
-  EXPECT_NE(health.Prove(ProofOf("n2", R"({"mujoco":"22","version":"1"})"), kNodeBuild), "");
-  EXPECT_NE(health.Prove(ProofOf("n3", "no json"), kNodeBuild), "");
+TEST(SlurmNodes, ADifferenceOfBuildsIsNamed) {
+  EXPECT_EQ(BuildDifference(kNodeBuild, kNodeBuild), "");
+  EXPECT_THAT(BuildDifference(kNodeBuild, R"({"models":{"a.mjb":"12"},"mujoco":"22","version":"1"})"),
+              HasSubstr("models/a.mjb is 12, and the daemon's is 11"));
+  EXPECT_NE(BuildDifference(kNodeBuild, R"({"mujoco":"22","version":"1"})"), "");
+  EXPECT_NE(BuildDifference(kNodeBuild, "no json"), "");
 }
 
-TEST(SlurmNodes, ANodeThatComputesDifferentlyOrLacksSomethingIsDrained) {
+TEST(SlurmNodes, AnUnfitNodeIsDrainedUntilSomebodyAdmitsIt) {
   NodeHealth health;
-  NodeProof proof = ProofOf("n1");
-  proof.reference = "episode 3 differs";
-  EXPECT_THAT(health.Prove(proof, kNodeBuild), HasSubstr("episode 3 differs"));
-  proof = ProofOf("n2");
-  proof.doctor = {"no user namespaces"};
-  EXPECT_THAT(health.Prove(proof, kNodeBuild), HasSubstr("no user namespaces"));
+  health.Unfit("n1", "it plays episode 3 otherwise");
+  health.Unfit("n1", "it plays episode 4 otherwise");
+  EXPECT_THAT(health.Drained(), ElementsAre("n1"));
+  EXPECT_THAT(health.WhyDrained("n1"), HasSubstr("episode 3"));
+  ASSERT_EQ(health.TakeDrained().size(), 1u);
+  EXPECT_THAT(health.TakeDrained(), IsEmpty()) << "each once";
+  health.Proved("n1", "a processor");
+  EXPECT_TRUE(health.drained("n1"));
 }
 
 TEST(SlurmNodes, BadEndsInARowDrain) {
@@ -73,7 +64,7 @@ TEST(SlurmNodes, AnAdmittedNodeProvesItselfAgain) {
   health.Admit("n1");
   EXPECT_EQ(health.Views().front().state, "new");
   EXPECT_THAT(health.ToProveAgain(), ElementsAre("n1"));
-  EXPECT_EQ(health.Prove(ProofOf("n1"), kNodeBuild), "");
+  health.Proved("n1", "a processor");
   EXPECT_THAT(health.ToProveAgain(), IsEmpty());
 }
 

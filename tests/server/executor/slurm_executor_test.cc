@@ -1,24 +1,23 @@
-// The executor between a stand-in for Slurm, whose commands are scripts, and a stand-in for nodes,
-// which is this test: it writes into the spool what a node writes.
+// The executor and the process that looks after a lease, with a stand-in for Slurm: srun is a script
+// that plays the node.
 #include "server/executor/slurm/slurm_executor.h"
+
+#include <signal.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <filesystem>
 #include <fstream>
 #include <thread>
 
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_split.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/sha256.h"
+#include "protocol/base/file.h"
 #include "server/artefact/artefact.h"
-#include "server/executor/slurm/slurm_runner.h"
 #include "tests/server/artefact/archives.h"
-#include "tests/server/executor/node_order.h"
 
 namespace myograde::server {
 namespace {
@@ -26,93 +25,103 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::SizeIs;
 
-const std::string kBuild = R"({"version":"test"})";
+// What srun's script begins with. `say` sends a message of the node's, and `hear` waits for one.
+constexpr char kNode[] = R"(
+import json, os, signal, sys, time
+folder = os.path.dirname(sys.argv[0])
+comment = next(word[10:] for word in sys.argv if word.startswith("--comment="))
+with open(folder + "/words", "a") as file:
+    file.write(" ".join(sys.argv[1:]) + "\n")
 
-// Scripts that keep the queue in a file, a line a task, which the test edits.
-class FakeSlurm {
- public:
-  explicit FakeSlurm(fs::path folder) : folder_(std::move(folder)) {
-    fs::create_directory(folder_);
-    Queue("");
-    Install("sbatch",
-            "n=$(cat $d/number 2>/dev/null || echo 0); n=$((n + 1)); echo $n >$d/number\n"
-            "for w in \"$@\"; do case $w in\n"
-            "--array=0-*) last=${w#--array=0-} ;; --comment=*) batch=${w#--comment=} ;; esac; done\n"
-            "echo \"$@\" >>$d/sbatch.words; cat >$d/script.$n\n"
-            "for t in $(seq 0 $last); do echo \"$n|$t|PENDING||$batch|0|None\" >>$d/queue; done\n"
-            "[ -e $d/swallow ] && sleep 1000\n"
-            "echo $n");
-    Install("squeue", "[ -e $d/down ] && { echo 'squeue: error: Unable to contact' >&2; exit 1; }\n"
-                      "cat $d/queue");
-    Install("scancel", "echo \"$@\" >>$d/cancelled");
-  }
-  std::string folder() const { return folder_.string(); }
-  void Queue(const std::string& text) const {
-    std::ofstream(folder_ / "queue.new") << text;
-    fs::rename(folder_ / "queue.new", folder_ / "queue");
-  }
-  // Puts all tasks into this state, on a node, with the wait status of their script.
-  void All(const std::string& state, const std::string& node = "n1", int status = 0) const {
-    std::string text;
-    for (const std::string& line : Lines("queue")) {
-      const std::vector<std::string> parts = absl::StrSplit(line, '|');
-      absl::StrAppend(&text, parts[0], "|", parts[1], "|", state, "|", node, "|", parts[4], "|", status, "|None\n");
-    }
-    Queue(text);
-  }
-  std::vector<std::string> Lines(const std::string& file) const {
-    std::ifstream stream(folder_ / file);
-    std::vector<std::string> lines;
-    for (std::string line; std::getline(stream, line);) lines.push_back(line);
-    return lines;
-  }
-  void Set(const std::string& flag, bool on) const {
-    if (on) std::ofstream(folder_ / flag) << "on";
-    if (!on) fs::remove(folder_ / flag);
-  }
-  void Install(const std::string& name, const std::string& body) const {
-    const fs::path path = folder_ / (name + ".new");
-    std::ofstream(path) << "#!/bin/sh\nd=" << folder() << "\n" << body << "\n";
-    fs::permissions(path, fs::perms::owner_all);
-    fs::rename(path, folder_ / name);
-  }
+def job(state, node="n1", reason="None"):
+    with open(folder + "/queue", "w") as file:
+        file.write(f"7|{state}|{node}|{comment}|{reason}\n")
 
- private:
-  const fs::path folder_;
-};
+def say(kind, data=b""):
+    data = data.encode() if isinstance(data, str) else data
+    sys.stdout.buffer.write(b"%s %d\n%s\n" % (kind.encode(), len(data), data))
+    sys.stdout.buffer.flush()
+
+def node(**more):
+    say("node", json.dumps({"type": "node", "node": "n1", "job": "7", "cpu_s": 0, **more}))
+
+def hear():
+    kind, size = sys.stdin.buffer.readline().split()
+    data = sys.stdin.buffer.read(int(size))
+    sys.stdin.buffer.read(1)
+    return kind.decode(), data
+
+LAST = ('{"detail":"","ok":true,"peak_memory_bytes":0,"policy_cpu_s":0,"simulator_cpu_s":0,'
+        '"stderr_tail":"","stderr_truncated":false,"stdout_tail":"","stdout_truncated":false,'
+        '"type":"lease_end","wall_s":1}')
+
+def progress():
+    say("record", '{"episode":0,"step":1,"type":"progress"}')
+
+def end(status=0, said="", record=LAST):
+    say("end", json.dumps({"wait_status": status, "said": said, "record": record}))
+
+def fail(text, status=1):
+    print("srun: error: " + text, file=sys.stderr)
+    sys.exit(status)
+
+)";
 
 class SlurmExecutorTest : public ::testing::Test {
  protected:
-  SlurmExecutorTest() : slurm_(folder_.path() / "slurm") {
-    for (const char* part : {"data", "data/logs", "shared"}) {
-      fs::create_directory(folder_.path() / part);
-    }
-    WriteArchive(folder_ / "upload",
-                 {{"policy.json", R"({"name": "a", "command": ["./run"]})"}, {"run", "#!/bin/sh\n", AE_IFREG | 0755}});
+  SlurmExecutorTest() {
+    setenv("MYOGRADE_BIN_DIR", MYOGRADE_BIN_DIR, 1);
+    for (const char* part : {"slurm", "work", "logs"}) fs::create_directory(folder_.path() / part);
+    WriteArchive(folder_ / "upload", {{"policy.json", R"({"name": "a", "command": ["./run"]})"},
+                                      {"run", "#!/bin/sh\n", AE_IFREG | 0755}});
     const auto artefact = UnpackArtefact(folder_ / "upload", folder_ / "artefact", {});
     EXPECT_TRUE(artefact.ok()) << artefact.status();
     digest_ = artefact->digest;
-    order_ = SomeNodeOrder().order;
+    order_.lease = "5-1";
+    order_.command = {"./run"};
     order_.artefact_dir = folder_ / "artefact";
-    options_.config.slurm_bin_dir = slurm_.folder();
-    options_.config.shared_dir = (folder_.path() / "shared").string();
-    options_.config.poll = absl::Milliseconds(100);
+    order_.log_dir = folder_ / "logs";
+    order_.track =
+        LoadTrackConfig(MYOGRADE_SOURCE_DIR "/configs/tracks", "elbow", "").value();
+    order_.episodes = {{.index = 0, .seed = 1, .policy_seed = 2}};
+    options_.config.slurm_bin_dir = folder_ / "slurm";
     options_.store_id = "test";
-    options_.data_dir = (folder_.path() / "data").string();
     options_.cache_dir = "/cache";
+    options_.configs_dir = "/configs";
     options_.bin_dir = "/programs";
-    options_.command_deadline = absl::Seconds(2);
-    options_.grader = [](const std::vector<std::string>&) { return nlohmann::json::parse(kBuild); };
+    options_.log_bytes = 1 << 20;
+    options_.grader = [](const std::vector<std::string>&) {
+      return nlohmann::json{{"version", "test"}};
+    };
+    Install("squeue", "cat $d/queue 2>/dev/null || true");
+    Install("scancel", "echo \"$@\" >>$d/cancelled");
+    Install("sinfo", "echo 'n1|grading*|idle'; echo 'n2|grading*|down*'; echo 'n3|other|idle'");
+    Srun("node(); hear(); node(processor='a processor'); progress(); node(cpu_s=3, energy_j=5); end()");
+  }
+  void Install(const std::string& name, const std::string& body) const {
+    Put(name, absl::StrCat("#!/bin/sh\nd=", folder_ / "slurm", "\n", body, "\n"));
+  }
+  void Srun(const std::string& body) const {
+    Put("srun", absl::StrCat("#!/usr/bin/python3 -B", kNode, body, "\n"));
+  }
+  void Put(const std::string& name, const std::string& text) const {
+    const fs::path path = folder_.path() / "slurm" / name;
+    ASSERT_TRUE(WriteFile(path.string() + ".new", text).ok());
+    fs::permissions(path.string() + ".new", fs::perms::owner_all);
+    fs::rename(path.string() + ".new", path);
+  }
+  std::string Text(const std::string& file) const {
+    return ReadFile(folder_ / ("slurm/" + file)).value_or("");
   }
   void Begin() {
-    auto executor = SlurmExecutor::Make(options_);
-    ASSERT_TRUE(executor.ok()) << executor.status();
-    executor_ = *std::move(executor);
+    executor_ = std::make_unique<SlurmExecutor>(options_);
     Wait("it can start", [&] { return executor_->CannotStart().empty(); });
   }
   std::unique_ptr<Runner> Start(int64_t lease = 5) {
+    order_.work_dir = folder_ / absl::StrCat("work/", lease);
     auto runner = executor_->Start(order_, {.evaluation = 1,
                                             .lease = lease,
                                             .attempt = 1,
@@ -124,302 +133,253 @@ class SlurmExecutorTest : public ::testing::Test {
   }
   template <typename Look>
   void Wait(const std::string& what, Look look) {
-    const Deadline deadline(absl::Seconds(30));
+    const Deadline deadline(absl::Seconds(60));
     while (!look()) {
-      if (executor_ != nullptr) executor_->Attend();
-      ASSERT_FALSE(deadline.over()) << "not within 30 s: " << what;
+      ASSERT_FALSE(deadline.over()) << "not within a minute: " << what;
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
   }
-  Spool OpenSpool() const {
-    return *Spool::Open(options_.config.shared_dir + "/myograde-test");
-  }
-  // The folders of attempts that have an order.
-  std::vector<std::string> Names() const { return *OpenSpool().Leases(); }
-  LeaseFolder Claimed(const std::string& name, const std::string& build = kBuild) const {
-    LeaseFolder lease = *OpenSpool().OpenLease(name);
-    EXPECT_TRUE(lease.PutClaim({"n1", "1_0", 0, std::string(16, 'a')}).ok());
-    NodeProof proof;
-    proof.node = "n1";
-    proof.processor = proof.kernel = proof.version = "test";
-    proof.grader = build;
-    EXPECT_TRUE(lease.PutProof(proof).ok());
-    return lease;
-  }
-  static void Play(const LeaseFolder& lease, std::string text) {
-    EXPECT_TRUE(lease.WriteRecords(0, text).ok());
-    NodeEnd end;
-    end.records_bytes = std::ssize(text);
-    end.records_sha256 = Sha256Hex(text);
-    end.cpu_s = 3;
-    EXPECT_TRUE(lease.PutEnd(end).ok());
-  }
-  static std::string Records() {
-    LeaseEndRecord end;
-    end.ok = true;
-    return absl::StrCat(LeaseRecordToLine(ProgressRecord{0, 1}), "\n", LeaseRecordToLine(end), "\n");
+  // All records until it is finished, lost or broken.
+  std::vector<LeaseRecord> Follow(Runner& runner) {
+    std::vector<LeaseRecord> all;
+    Wait("it ends", [&] {
+      auto records = runner.Read();
+      if (!records.ok()) {
+        broken_ = std::string(records.status().message());
+        return true;
+      }
+      std::move(records->begin(), records->end(), std::back_inserter(all));
+      return runner.finished() || !runner.lost().empty();
+    });
+    return all;
   }
 
   TestFolder folder_;
-  FakeSlurm slurm_;
   LeaseOrder order_;
   std::string digest_;
   SlurmOptions options_;
   std::unique_ptr<SlurmExecutor> executor_;
+  std::string broken_;
 };
 
 TEST_F(SlurmExecutorTest, ALeaseGoesThroughAJobAndItsRecordsComeBack) {
   Begin();
   auto runner = Start();
-  auto other = Start(6);
-  Wait("both are submitted", [&] { return slurm_.Lines("queue").size() == 2; });
-  EXPECT_THAT(slurm_.Lines("sbatch.words"), SizeIs(1)) << "as one array";
   EXPECT_FALSE(runner->begun());
-  const std::vector<std::string> names = Names();
-  ASSERT_EQ(names.size(), 2u);
-  const NodeOrder sent = *OpenSpool().OpenLease(names[0])->Order();
-  EXPECT_EQ(sent.order.artefact_dir, "");
-  EXPECT_EQ(sent.artefact->digest, digest_);
-  EXPECT_TRUE(*OpenSpool().HasArtefact(digest_));
-  slurm_.All("RUNNING");
-  const LeaseFolder lease = Claimed(names[0]);
-  Wait("the node is known", [&] { return !executor_->Nodes().empty(); });
-  Play(lease, Records());
-  std::vector<LeaseRecord> records;
-  Wait("it is finished", [&] {
-    auto read = runner->Read();
-    EXPECT_TRUE(read.ok()) << read.status();
-    std::move(read->begin(), read->end(), std::back_inserter(records));
-    return runner->finished();
-  });
+  EXPECT_THAT(Follow(*runner), SizeIs(2));
   EXPECT_TRUE(runner->begun());
-  EXPECT_THAT(records, SizeIs(2));
+  EXPECT_EQ(runner->wait_status(), 0) << runner->stderr_tail();
   EXPECT_EQ(runner->site().node, "n1");
-  EXPECT_EQ(runner->site().job, "1_0");
+  EXPECT_EQ(runner->site().job, "7");
   EXPECT_EQ(runner->site().cpu_s, 3);
+  EXPECT_EQ(runner->site().energy_j, 5);
   EXPECT_EQ(runner->lost(), "");
-  EXPECT_EQ(executor_->Nodes().front().state, "proved");
+  executor_->NoteEnd("n1", /*fault=*/false);
+  const NodeView node = executor_->Nodes().front();
+  EXPECT_EQ(node.state, "proved");
+  EXPECT_EQ(node.processor, "a processor");
+  EXPECT_EQ(node.running, 1);
+  EXPECT_EQ(node.done, 1);
   runner.reset();
-  slurm_.All("COMPLETED");
-  Wait("its folder is removed", [&] { return Names().size() == 1; });
+  EXPECT_EQ(executor_->Nodes().front().running, 0);
+  for (const char* word : {"--time=", "--mem=", "--job-name=myograde-test", "--comment=5-1-",
+                           "--export=NONE", "/programs/myograde-node --play --cache /cache "
+                                            "--configs /configs"}) {
+    EXPECT_THAT(Text("words"), HasSubstr(word));
+  }
+  EXPECT_THAT(Text("words"), Not(HasSubstr("--exclude")));
+  executor_->CleanUp(order_.work_dir);
+  EXPECT_TRUE(fs::is_empty(folder_.path() / "work"));
 }
 
-TEST_F(SlurmExecutorTest, ANodeWithAnotherBuildNeverCounts) {
+TEST_F(SlurmExecutorTest, ANodeGetsTheSubmissionThatItLacksAndItsLogsAreKept) {
+  Srun(R"(
+node(); kind, order = hear()
+assert kind == "order" and json.loads(order)["order"]["episodes"][0]["seed"] == 1
+say("want")
+data = b""
+while piece := hear()[1]:
+    data += piece
+open(folder + "/tar", "wb").write(data)
+say("log", b"ab" * 32 + b"\n" + b"\0log\n")
+progress(); end())");
   Begin();
   auto runner = Start();
-  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-  slurm_.All("RUNNING");
-  Play(Claimed(Names()[0], R"({"version":"other"})"), Records());
-  Wait("it is lost", [&] { return !runner->lost().empty(); });
-  EXPECT_THAT(runner->lost(), HasSubstr("its version is other, and the daemon's is test"));
-  EXPECT_THAT(*runner->Read(), IsEmpty());
-  EXPECT_FALSE(runner->finished());
-  ASSERT_THAT(executor_->TakeDrained(), SizeIs(1));
-  runner.reset();
-  auto next = Start(7);
-  Wait("it is submitted elsewhere", [&] { return slurm_.Lines("sbatch.words").size() == 2; });
-  EXPECT_THAT(slurm_.Lines("sbatch.words")[1], HasSubstr("--exclude=n1"));
+  EXPECT_THAT(Follow(*runner), SizeIs(2));
+  EXPECT_THAT(Text("tar"), HasSubstr("policy.json"));
+  std::string name;
+  for (int i = 0; i < 32; ++i) name += "ab";
+  EXPECT_EQ(ReadFile(folder_ / ("logs/" + name + ".lcmlog.zst")).value_or(""),
+            std::string("\0log\n", 5));
 }
 
-TEST_F(SlurmExecutorTest, WhatComesFromAFolderThatWasAlteredIsNoResult) {
+TEST_F(SlurmExecutorTest, HowAJobEndedDecidesWhoseFaultItIs) {
   Begin();
-  auto runner = Start();
-  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-  slurm_.All("RUNNING");
-  const LeaseFolder lease = Claimed(Names()[0]);
-  EXPECT_TRUE(lease.WriteRecords(0, "{\"type\": \"nonsense\"}\n").ok());
-  absl::Status status;
-  Wait("it is noticed", [&] { return !(status = runner->Read().status()).ok(); });
-  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
-  EXPECT_FALSE(runner->finished());
-}
-
-TEST_F(SlurmExecutorTest, AJobThatIsPreemptedIsReturnedAndOneAtItsLimitIsAFault) {
-  Begin();
-  for (const char* state : {"PREEMPTED", "TIMEOUT"}) {
+  struct Case {
+    const char* state;
+    const char* words;
+    bool fault;
+  };
+  for (const auto& [state, words, fault] :
+       {Case{"PREEMPTED", "was preempted before its lease had ended", false},
+        Case{"NODE_FAIL", "was lost with its node", false}, Case{"CANCELLED", "was cancelled", false},
+        Case{"TIMEOUT", "reached its time limit", true},
+        Case{"OUT_OF_MEMORY", "used more memory", true}}) {
+    Srun(absl::StrCat("node(); hear(); progress(); job('", state, "'); fail('it ended')"));
     auto runner = Start();
-    Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-    slurm_.All("RUNNING");
-    Claimed(Names()[0]);
-    Wait("it is claimed", [&] { return runner->site().node == "n1"; });
-    slurm_.All(state);
-    Wait("it ends", [&] { return !runner->lost().empty() || runner->finished(); });
-    if (state[0] == 'P') {
-      EXPECT_THAT(runner->lost(), HasSubstr("job 1_0 on n1 was preempted"));
-    } else {
-      EXPECT_EQ(runner->lost(), "");
-      EXPECT_TRUE(WIFSIGNALED(runner->wait_status()));
-      EXPECT_THAT(runner->stderr_tail(), HasSubstr("reached its time limit"));
-    }
-    runner.reset();
-    slurm_.Queue("");
-    Wait("its folder is removed", [&] { return Names().empty(); });
+    EXPECT_THAT(Follow(*runner), SizeIs(1)) << state;
+    const std::string said = absl::StrCat("job 7 on n1 ", words);
+    EXPECT_THAT(fault ? runner->stderr_tail() : runner->lost(), HasSubstr(said));
+    EXPECT_EQ(runner->lost().empty(), fault) << state;
+    EXPECT_EQ(runner->wait_status() != 0, fault) << state;
   }
+  EXPECT_EQ(executor_->Nodes().front().faults, 0);
 }
 
-TEST_F(SlurmExecutorTest, AnAnswerOfSbatchThatIsLostMakesNoSecondJob) {
+TEST_F(SlurmExecutorTest, ARunnerThatDiesOnItsNodeIsTheGradersFaultInItsOwnWords) {
+  Srun("node(); hear(); progress(); end(11, 'it fell', '')");
   Begin();
-  slurm_.Set("swallow", true);
   auto runner = Start();
-  Wait("it is in the queue", [&] { return !slurm_.Lines("queue").empty(); });
-  Wait("the answer is lost", [&] { return !executor_->CannotStart().empty(); });
-  slurm_.Set("swallow", false);
-  Wait("the job is found", [&] { return runner->site().job == "1_0"; });
-  EXPECT_THAT(slurm_.Lines("sbatch.words"), SizeIs(1));
+  EXPECT_THAT(Follow(*runner), SizeIs(1));
+  EXPECT_NE(runner->wait_status(), 0);
+  EXPECT_THAT(runner->stderr_tail(), HasSubstr("it fell"));
+  EXPECT_THAT(runner->stderr_tail(), HasSubstr("signal 11"));
 }
 
-TEST_F(SlurmExecutorTest, AClusterThatIsDownTakesNothingAndLosesNothing) {
+TEST_F(SlurmExecutorTest, AnUnfitNodeIsDrainedAndExcluded) {
+  Srun("node(); hear(); node(unfit='it has another grader', lost='the node gave it back'); "
+       "end(record='')");
   Begin();
   auto runner = Start();
-  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-  slurm_.All("RUNNING");
-  const LeaseFolder lease = Claimed(Names()[0]);
-  slurm_.Set("down", true);
-  Wait("it is noticed", [&] { return !executor_->CannotStart().empty(); });
-  EXPECT_THAT(executor_->CannotStart(), HasSubstr("the cluster does not answer"));
-  EXPECT_EQ(runner->lost(), "");
-  Play(lease, Records());
-  Wait("it is finished", [&] {
-    EXPECT_TRUE(runner->Read().ok());
-    return runner->finished();
+  EXPECT_THAT(Follow(*runner), IsEmpty());
+  EXPECT_THAT(runner->lost(), HasSubstr("it has another grader"));
+  EXPECT_EQ(executor_->Nodes().front().state, "drained");
+  EXPECT_THAT(executor_->TakeDrained(), SizeIs(1));
+  auto second = Start(6);
+  EXPECT_THAT(Follow(*second), IsEmpty());
+  EXPECT_THAT(second->lost(), HasSubstr("is drained")) << "though Slurm gave it to that node";
+  EXPECT_THAT(Text("words"), HasSubstr("--exclude=n1"));
+  Wait("all nodes are drained or down", [&] {
+    return absl::StrContains(executor_->CannotStart(), "all nodes of the cluster are drained or down");
   });
-  slurm_.Set("down", false);
-  Wait("it is up", [&] { return executor_->CannotStart().empty(); });
-}
-
-TEST_F(SlurmExecutorTest, ALeaseThatIsEndedIsCancelledUntilItsJobIsGone) {
-  Begin();
-  auto runner = Start();
-  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-  slurm_.All("RUNNING");
-  const LeaseFolder lease = Claimed(Names()[0]);
-  Wait("it is claimed", [&] { return runner->site().node == "n1"; });
-  runner->AskToEnd();
-  Wait("the node is told", [&] { return lease.stopped().value_or(false); });
-  Wait("Slurm is told again", [&] { return slurm_.Lines("cancelled").size() >= 3; });
-  EXPECT_EQ(slurm_.Lines("cancelled")[0], "--quiet 1_0");
-  EXPECT_FALSE(runner->dead());
-  slurm_.All("CANCELLED");
-  Wait("it is dead", [&] { return runner->dead(); });
-  runner.reset();
-  Wait("its folder is removed", [&] { return Names().empty(); });
-}
-
-TEST_F(SlurmExecutorTest, AStartEmptiesTheSpoolAndCancelsWhatAnEarlierDaemonSubmitted) {
-  const Spool earlier = *Spool::Make(options_.config.shared_dir + "/myograde-test");
-  EXPECT_TRUE(earlier.PutEpoch("earlier").ok());
-  EXPECT_TRUE(earlier.MakeLease("4-1-0123456789abcdef").ok());
-  slurm_.Queue("3|0|RUNNING|n1|earlier|0|None\n");
-  Begin();
-  EXPECT_NE(*OpenSpool().Epoch(), "earlier");
-  EXPECT_THAT(Names(), IsEmpty());
-  Wait("its job is cancelled", [&] { return !slurm_.Lines("cancelled").empty(); });
-  EXPECT_EQ(slurm_.Lines("cancelled")[0], "--quiet 3_0");
-}
-
-TEST_F(SlurmExecutorTest, ADaemonThatIsHeldBackTouchesNeitherSpoolNorJobs) {
-  options_.held_back = "it is a copy";
-  slurm_.Queue("3|0|RUNNING|n1|original|0|None\n");
-  for (const bool shared : {true, false}) {
-    options_.config.shared_dir = shared ? (folder_.path() / "shared").string() : "";
-    options_.config.url = shared ? "" : "https://127.0.0.1:1";
-    auto executor = SlurmExecutor::Make(options_);
-    ASSERT_TRUE(executor.ok()) << executor.status();
-    (*executor)->Attend();
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
-    EXPECT_EQ((*executor)->CannotStart(), "it is a copy");
-    EXPECT_EQ((*executor)->door(), nullptr);
-  }
-  EXPECT_TRUE(fs::is_empty(folder_.path() / "shared"));
-  EXPECT_FALSE(fs::exists(folder_.path() / "data/cluster"));
-  EXPECT_THAT(slurm_.Lines("cancelled"), IsEmpty());
-}
-
-TEST_F(SlurmExecutorTest, ASpoolIsOneDaemonsAtATime) {
-  Begin();
-  auto runner = Start();
-  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-  slurm_.All("RUNNING");
-  const LeaseFolder lease = Claimed(Names()[0]);
-  const std::string epoch = *OpenSpool().Epoch();
-  {
-    auto second = SlurmExecutor::Make(options_);
-    ASSERT_TRUE(second.ok()) << second.status();
-    Wait("it is said", [&] {
-      return (*second)->CannotStart().find("another daemon") != std::string::npos;
-    });
-    // Long enough to look at the queue, where the job is none of its own.
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
-  }
-  EXPECT_THAT(slurm_.Lines("cancelled"), IsEmpty());
-  EXPECT_EQ(*OpenSpool().Epoch(), epoch);
-  EXPECT_TRUE(*lease.IsThere());
-  runner.reset();
-  executor_.reset();
-  Begin();
-  EXPECT_NE(*OpenSpool().Epoch(), epoch);
-}
-
-TEST_F(SlurmExecutorTest, ByHttpsAScriptHoldsTheTokenOfOneLease) {
-  options_.config.shared_dir.clear();
-  options_.config.url = "https://127.0.0.1:1";
-  Begin();
-  auto runner = Start();
-  auto other = Start(6);
-  Wait("both are submitted", [&] { return slurm_.Lines("queue").size() == 2; });
-  for (const char* script : {"script.1", "script.2"}) {
-    int tokens = 0;
-    for (const std::string& line : slurm_.Lines(script)) {
-      if (line.find("MYOGRADE_LEASE_TOKEN=") != std::string::npos) ++tokens;
-    }
-    EXPECT_EQ(tokens, 1) << script;
-  }
-}
-
-TEST_F(SlurmExecutorTest, NothingStartsWhereAllNodesAreDrained) {
-  slurm_.Install("sinfo", "echo 'n1|grading*|idle'; echo 'n2|grading*|idle'; echo 'n3|grading*|down'");
-  Begin();
-  EXPECT_TRUE(executor_->Drain("n1", "a fan is broken").ok());
-  auto runner = Start();
-  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-  EXPECT_EQ(executor_->CannotStart(), "");
-  EXPECT_TRUE(executor_->Drain("n2", "new disks").ok());
-  Wait("it is said", [&] { return !executor_->CannotStart().empty(); });
-  EXPECT_THAT(executor_->CannotStart(), HasSubstr("n1: a fan is broken"));
-  EXPECT_TRUE(executor_->Admit("n2").ok());
+  EXPECT_TRUE(executor_->Admit("n1").ok());
   EXPECT_EQ(executor_->CannotStart(), "");
 }
 
-TEST_F(SlurmExecutorTest, WhyANodeNeverTookItsLeaseIsSaid) {
+TEST_F(SlurmExecutorTest, NodesThatNeverComeToPlayAreDrained) {
+  Srun("job('FAILED'); fail('n1: task 0: Exited with exit code 2')");
   Begin();
-  auto runner = Start();
-  Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
-  slurm_.All("FAILED", "n1", kNodeUntrusted << 8);
-  Wait("it is lost", [&] { return !runner->lost().empty(); });
-  EXPECT_THAT(runner->lost(), HasSubstr("job 1_0 on n1 failed before it took its lease: the node does "
-                                        "not trust the TLS certificate"));
+  for (int i = 0; i < NodeHealth::kMostBadEnds; ++i) {
+    EXPECT_EQ(executor_->CannotStart(), "");
+    auto runner = Start();
+    Follow(*runner);
+    EXPECT_THAT(runner->lost(), HasSubstr("job 7 on n1 failed before it took its lease: srun: n1: task 0"));
+  }
+  EXPECT_EQ(executor_->Nodes().front().state, "drained");
 }
 
-TEST_F(SlurmExecutorTest, AFolderThatCannotBeWrittenIsSaid) {
-  fs::remove_all(options_.config.shared_dir);
-  auto executor = SlurmExecutor::Make(options_);
-  ASSERT_TRUE(executor.ok());
-  executor_ = *std::move(executor);
+TEST_F(SlurmExecutorTest, AClusterThatTakesNoJobsIsAskedAgainAndNothingStartsMeanwhile) {
+  Srun("fail('Unable to allocate resources: Invalid account')");
+  Begin();
+  auto runner = Start();
   Wait("it is said", [&] {
-    return executor_->CannotStart().find(options_.config.shared_dir) != std::string::npos;
+    EXPECT_TRUE(runner->Read().ok());
+    return absl::StrContains(executor_->CannotStart(), "the cluster takes no jobs: srun: Unable to "
+                                                       "allocate resources: Invalid account");
   });
-  fs::create_directory(options_.config.shared_dir);
-  Wait("it is there again", [&] { return executor_->CannotStart().empty(); });
+  Srun("node(); hear(); progress(); end()");
+  EXPECT_THAT(Follow(*runner), SizeIs(2));
+  EXPECT_EQ(executor_->CannotStart(), "");
 }
 
-TEST_F(SlurmExecutorTest, AnArtefactThatCannotBePackedIsTheLeasesTroubleAlone) {
+TEST_F(SlurmExecutorTest, AJobThatWaitsForTooLongIsGivenUp) {
+  options_.config.queue_wait = absl::Seconds(1);
+  Srun("job('PENDING', '', 'Resources'); time.sleep(1000)");
   Begin();
-  digest_ = std::string(64, '0');
   auto runner = Start();
-  Wait("it is lost", [&] { return !runner->lost().empty(); });
-  EXPECT_THAT(runner->lost(), HasSubstr("its order could not be written"));
-  EXPECT_EQ(executor_->CannotStart(), "");
-  EXPECT_THAT(Names(), IsEmpty());
+  EXPECT_THAT(Follow(*runner), IsEmpty());
+  EXPECT_THAT(runner->lost(), HasSubstr("job 7 had not begun after 1 s (Resources)"));
+}
+
+TEST_F(SlurmExecutorTest, ALeaseThatIsEndedEndsItsJob) {
+  const std::string begin =
+      "signal.signal(signal.SIGTERM, lambda *_: (open(folder + '/ended', 'w').write('x'), os._exit(0)))\n"
+      "node(); hear(); progress()\ntime.sleep(1000)";
+  for (const bool kill : {false, true}) {
+    fs::remove(folder_ / "slurm/ended");
+    Srun(begin);
+    Begin();
+    auto runner = Start();
+    Wait("it plays", [&] { return !runner->Read()->empty(); });
+    if (kill) {
+      ::kill(runner->pid(), SIGKILL);
+    } else {
+      runner->AskToEnd();
+    }
+    Wait("it is dead", [&] { return runner->dead(); });
+    Wait("its job was ended", [&] { return !Text("ended").empty(); });
+  }
+}
+
+TEST_F(SlurmExecutorTest, WhatIsNoLeaseIsAFault) {
+  Begin();
+  for (const char* what : {"print('hello, this is some other program', flush=True)", "say('node', '{}')",
+                           "say('log', 'x')", "say('end', '{}')", "say('music')",
+                           "say('record', 'no json')"}) {
+    Srun(absl::StrCat("node(); hear(); ", what, "; end()"));
+    auto runner = Start();
+    Follow(*runner);
+    EXPECT_TRUE(!broken_.empty() || runner->wait_status() != 0) << what;
+    broken_.clear();
+  }
+}
+
+TEST_F(SlurmExecutorTest, AnArtefactThatWasAlteredIsTheGradersFault) {
+  ASSERT_TRUE(WriteFile(folder_ / "artefact/run", "#!/bin/false\n").ok());
+  Srun("node(); hear(); say('want'); time.sleep(1000)");
+  Begin();
+  auto runner = Start();
+  Follow(*runner);
+  EXPECT_NE(runner->wait_status(), 0);
+  EXPECT_THAT(runner->stderr_tail(), HasSubstr("restore it from a backup"));
+}
+
+TEST_F(SlurmExecutorTest, JobsThatNoLeaseWaitsForAreCancelled) {
+  ASSERT_TRUE(WriteFile(folder_ / "slurm/queue", "3|RUNNING|n1|1-1-dead|None\n4|PENDING||2-1-dead|None\n"
+                                                 "5|COMPLETED|n1|3-1-dead|None\n").ok());
+  Install("scancel", "echo 'scancel: error: Unable to contact slurm controller' >&2; exit 1");
+  executor_ = std::make_unique<SlurmExecutor>(options_);
+  Wait("it says why nothing starts", [&] {
+    return executor_->CannotStart() ==
+           "the cluster does not answer: scancel: Unable to contact slurm controller";
+  });
+  Install("scancel", "echo \"$@\" >>$d/cancelled; : >$d/queue");
+  Wait("it can start", [&] { return executor_->CannotStart().empty(); });
+  EXPECT_EQ(Text("cancelled"), "--quiet 3 4\n");
+  // One of a lease that goes on is none of these.
+  Srun("job('RUNNING'); node(); hear(); progress(); time.sleep(1000)");
+  auto runner = Start();
+  Wait("it plays", [&] { return !runner->Read()->empty(); });
+  EXPECT_TRUE(executor_->Drain("n9", "so that it looks soon").ok());
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  EXPECT_EQ(Text("cancelled"), "--quiet 3 4\n");
+}
+
+TEST_F(SlurmExecutorTest, ADaemonThatIsHeldBackTouchesNoJob) {
+  options_.held_back = "this is a copy";
+  executor_ = std::make_unique<SlurmExecutor>(options_);
+  EXPECT_EQ(executor_->CannotStart(), "this is a copy");
+  executor_.reset();
+  EXPECT_EQ(Text("cancelled"), "");
+}
+
+TEST_F(SlurmExecutorTest, OnlySubmissionsRunThere) {
+  Begin();
+  const LeaseSubject nothing = {.evaluation = 0, .lease = 1, .attempt = 1, .artefact = "",
+                                .runtimes = {}, .wall = absl::Minutes(1)};
+  EXPECT_TRUE(absl::IsFailedPrecondition(executor_->Start(order_, nothing).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(executor_->Drain("a/b", "why")));
+  EXPECT_TRUE(absl::IsInvalidArgument(executor_->Admit("..")));
 }
 
 }  // namespace

@@ -1,0 +1,239 @@
+#include "server/executor/slurm/node.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
+#include "server/base/harmless.h"
+#include "server/base/output_tail.h"
+#include "server/executor/slurm/cluster_order.h"
+#include "server/executor/slurm/energy.h"
+#include "server/executor/slurm/lease_stream.h"
+#include "server/executor/slurm/node_artefacts.h"
+#include "server/executor/slurm/node_proof.h"
+#include "server/executor/slurm/node_slot.h"
+#include "server/runner/log_keeper.h"
+#include "server/runner/runner_process.h"
+#include "server/runtime/runtimes.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int kSaid = 0;
+constexpr int kNotSaid = 4;
+constexpr int kLookMs = 500;
+constexpr absl::Duration kOrderTime = absl::Minutes(2);
+// Between two pieces of a submission.
+constexpr absl::Duration kPieceTime = absl::Minutes(5);
+
+double CpuOfChildren() {
+  rusage usage;
+  if (getrusage(RUSAGE_CHILDREN, &usage) != 0) return 0;
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+std::string JobOfThis() {
+  const char* job = std::getenv("SLURM_JOB_ID");
+  return job == nullptr || std::string_view(job).find_first_not_of("0123456789") != std::string::npos
+             ? "" : job;
+}
+
+absl::Status CheckRuntime(const ClusterRuntime& wanted, const std::string& path) {
+  const auto missing = [&](const std::string& why) {
+    return absl::NotFoundError(absl::StrCat("the runtime ", wanted.name, " is not at ", path,
+                                            " on this node", why, "; copy the daemon's there"));
+  };
+  std::error_code error;
+  if (wanted.digest.empty()) {
+    return std::filesystem::is_directory(path, error) ? absl::OkStatus() : missing("");
+  }
+  const absl::StatusOr<Runtime> runtime = ReadRuntime(path);
+  if (!runtime.ok()) return missing(absl::StrCat(": ", runtime.status().message()));
+  if (runtime->digest == wanted.digest) return absl::OkStatus();
+  return missing(absl::StrCat(" with digest ", wanted.digest, " but ", runtime->digest));
+}
+
+class NodeLease {
+ public:
+  explicit NodeLease(const NodeOptions& options)
+      : options_(options), stream_(STDIN_FILENO, STDOUT_FILENO) {
+    me_.node = NodeName();
+    me_.job = JobOfThis();
+  }
+
+  absl::Status Run() {
+    RETURN_IF_ERROR(Tell());
+    ASSIGN_OR_RETURN(const std::string text, stream_.Await("order", kOrderTime));
+    ASSIGN_OR_RETURN(order_, ClusterOrderFromText(text));
+    if (absl::Status ready = Prepare(); !ready.ok()) {
+      me_.lost = PrintableUtf8(absl::StrCat("the node ", me_.node, " gave it back: ", ready.message()));
+      me_.blamed = me_.unfit.empty();
+      RETURN_IF_ERROR(Tell());
+      return SendEnd(0, "");
+    }
+    ASSIGN_OR_RETURN(const std::unique_ptr<RunnerProcess> runner,
+                     RunnerProcess::Start(order_.order));
+    RETURN_IF_ERROR(Attend(*runner));
+    me_.cpu_s = std::max(CpuOfChildren(), policy_cpu_s_);
+    me_.energy_j = EnergyOfJob();
+    RETURN_IF_ERROR(Tell());
+    return SendEnd(runner->wait_status(), runner->stderr_tail());
+  }
+
+  void CleanUp() const {
+    if (slot_.has_value()) slot_->CleanUp();
+  }
+
+ private:
+  absl::Status Tell() { return stream_.Send("node", LeaseRecordToLine(me_)); }
+
+  absl::Status SendEnd(int wait_status, const std::string& said) {
+    return stream_.Send("end", nlohmann::json({{"wait_status", wait_status},
+                                               {"said", said},
+                                               {"record", last_record_}}).dump());
+  }
+
+  // Makes everything ready; an error says why the node can't play it.
+  absl::Status Prepare() {
+    const bool again = std::find(order_.prove_again.begin(), order_.prove_again.end(), me_.node) !=
+                       order_.prove_again.end();
+    ASSIGN_OR_RETURN(std::string unfit, WhyUnfit({.cache_dir = options_.cache_dir,
+                                                  .config_dir = options_.config_dir,
+                                                  .node_dir = options_.node_dir,
+                                                  .adapter = order_.order.adapter,
+                                                  .uid_base = order_.uid_base,
+                                                  .again = again},
+                                                 order_.grader));
+    if (!unfit.empty()) {
+      me_.unfit = absl::StrCat("it ", unfit);
+      return absl::FailedPreconditionError(me_.unfit);
+    }
+    me_.processor = ProcessorName();
+    RETURN_IF_ERROR(Tell());
+    LeaseOrder& lease = order_.order;
+    for (size_t i = 0; i < order_.runtimes.size(); ++i) {
+      RETURN_IF_ERROR(CheckRuntime(order_.runtimes[i], lease.runtimes[i]));
+    }
+    ASSIGN_OR_RETURN(NodeSlot slot, NodeSlot::Take(options_.node_dir, order_.uid_base));
+    slot_.emplace(std::move(slot));
+    lease.pinned = false;  // several leases may share a node
+    RETURN_IF_ERROR(slot_->Prepare(lease));
+    lease.cache_dir = options_.cache_dir;
+    if (!lease.log_dir.empty()) lease.log_dir = slot_->work_dir() + "/logs";
+    return PlaceArtefact();
+  }
+
+  absl::Status PlaceArtefact() {
+    bool asked = false;
+    bool more = false;
+    const auto next = [&]() -> absl::StatusOr<std::string> {
+      if (!std::exchange(asked, true)) RETURN_IF_ERROR(stream_.Send("want", ""));
+      ASSIGN_OR_RETURN(std::string piece, stream_.Await("data", kPieceTime));
+      more = !piece.empty();
+      return piece;
+    };
+    absl::StatusOr<HeldArtefact> held = NodeArtefacts(options_.node_dir).Hold(order_.artefact, next);
+    // An archive tells its end itself; what follows it is on its way.
+    while (held.ok() && more) RETURN_IF_ERROR(next().status());
+    if (!held.ok()) {
+      return absl::Status(held.status().code(), absl::StrCat("the submission did not reach it: ",
+                                                             held.status().message()));
+    }
+    artefact_.emplace(*std::move(held));
+    order_.order.artefact_dir = artefact_->folder();
+    return absl::OkStatus();
+  }
+
+  // An error: nobody waits for the rest.
+  absl::Status Attend(RunnerProcess& runner) {
+    absl::Status status;
+    std::optional<Deadline> grace;  // of one that was asked to end
+    while (!runner.finished()) {
+      pollfd entries[] = {{runner.stdout_fd(), POLLIN, 0},
+                          {runner.stderr_fd(), POLLIN, 0},
+                          {grace.has_value() ? -1 : options_.stop, POLLIN, 0},
+                          {grace.has_value() ? -1 : STDIN_FILENO, POLLIN, 0}};
+      poll(entries, std::size(entries), grace.has_value() ? 50 : kLookMs);
+      status.Update(PassOn(runner, /*drop=*/!status.ok()));
+      if (entries[2].revents != 0) {
+        status.Update(absl::CancelledError("Slurm told it to end: its job was preempted, cancelled or "
+                                           "at its time limit"));
+      }
+      // The host says nothing any more.
+      if (entries[3].revents != 0) status.Update(absl::CancelledError("its srun is gone"));
+      if (status.ok()) continue;
+      if (!grace.has_value()) {
+        runner.AskToEnd();
+        grace.emplace(Runner::kCleanUpGrace);
+      } else if (grace->over()) {
+        runner.KillNow();
+      }
+    }
+    return status;
+  }
+
+  absl::Status PassOn(RunnerProcess& runner, bool drop) {
+    ASSIGN_OR_RETURN(const std::vector<LeaseRecord> records, runner.Read());
+    if (drop) return absl::OkStatus();
+    for (const LeaseRecord& record : records) {
+      if (const auto* end = std::get_if<LeaseEndRecord>(&record)) {
+        policy_cpu_s_ = end->policy_cpu_s;
+        last_record_ = LeaseRecordToLine(record);
+        continue;
+      }
+      const auto* facts = std::get_if<EpisodeFacts>(&record);
+      if (facts != nullptr && !facts->log.sha256.empty()) RETURN_IF_ERROR(SendLog(facts->log.sha256));
+      RETURN_IF_ERROR(stream_.Send("record", LeaseRecordToLine(record)));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status SendLog(const std::string& sha256) {
+    const std::string path = absl::StrCat(order_.order.log_dir, "/", LogFileName(sha256));
+    ASSIGN_OR_RETURN(const std::string log, ReadFile(path));
+    unlink(path.c_str());
+    return stream_.Send("log", absl::StrCat(sha256, "\n", log));
+  }
+
+  const NodeOptions& options_;
+  LeaseStream stream_;
+  NodeRecord me_;
+  ClusterOrder order_;
+  std::optional<NodeSlot> slot_;
+  std::optional<HeldArtefact> artefact_;
+  double policy_cpu_s_ = 0;
+  std::string last_record_;  // of the runner; "": it has not printed it
+};
+
+}  // namespace
+
+int PlayOnNode(const NodeOptions& options) {
+  NodeLease lease(options);
+  const absl::Status status = lease.Run();
+  lease.CleanUp();
+  if (status.ok()) return kSaid;
+  std::fprintf(stderr, "myograde-node: %s\n", Harmless(std::string(status.message())).c_str());
+  return kNotSaid;
+}
+
+}  // namespace myograde::server
