@@ -2,20 +2,16 @@
 
 #include <archive.h>
 #include <archive_entry.h>
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <climits>
 #include <cstring>
 #include <filesystem>
 #include <limits>
-#include <map>
 #include <memory>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -23,8 +19,9 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
+#include "server/artefact/folder_lister.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/tar_header.h"
+#include "server/artefact/tar_writer.h"
 
 namespace myograde::server {
 namespace {
@@ -37,10 +34,6 @@ ArtefactLimits NoLimits() {
   constexpr int64_t kMost = std::numeric_limits<int64_t>::max();
   return {.bytes = kMost, .files = kMost, .depth = 200, .name_bytes = NAME_MAX};
 }
-
-struct CloseFolder {
-  void operator()(DIR* folder) const { ::closedir(folder); }
-};
 
 std::string BaseName(const std::string& path) {
   const size_t slash = path.rfind('/');
@@ -57,144 +50,32 @@ absl::Status Damaged(const std::string& path, std::string_view what) {
                                           absl::string_view(what.data(), what.size())));
 }
 
-// By path; a folder comes before what is in it.
-using Found = std::map<std::string, Entry*>;
-
-// Lists all below a folder, without the content of files.
-class Lister {
- public:
-  Lister(int root, Listing& listing) : root_(root), listing_(listing) {}
-
-  const Found& found() const { return found_; }
-
-  absl::Status List(const std::string& folder) {
-    Fd fd = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
-    if (!fd.valid()) return HostError(absl::StrCat("can't open ", Quoted(folder)));
-    const std::unique_ptr<DIR, CloseFolder> names(::fdopendir(fd.get()));
-    if (names == nullptr) return HostError(absl::StrCat("can't list ", Quoted(folder)));
-    const int at = fd.release();  // `names` closes it
-    for (;;) {
-      errno = 0;
-      const dirent* name = ::readdir(names.get());
-      if (name == nullptr) {
-        return errno == 0 ? absl::OkStatus() : HostError(absl::StrCat("can't list ", Quoted(folder)));
-      }
-      const std::string base = name->d_name;
-      if (base == "." || base == "..") continue;
-      RETURN_IF_ERROR(Take(at, base, folder.empty() ? base : folder + "/" + base));
-    }
+// Gives a file's content to the tar, and notes its digest.
+absl::Status CopyFile(int root, const std::string& path, const Entry& entry, TarWriter& tar,
+                      Listing& listing) {
+  const Fd fd = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
+  struct stat info = {};
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0) {
+    return HostError(absl::StrCat("can't open ", Quoted(path)));
   }
-
- private:
-  absl::Status Take(int at, const std::string& base, const std::string& raw) {
-    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
-    struct stat info = {};
-    if (::fstatat(at, base.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
-      return HostError(absl::StrCat("can't examine ", Quoted(path)));
-    }
-    const EntryType type = S_ISDIR(info.st_mode)   ? EntryType::kFolder
-                           : S_ISLNK(info.st_mode) ? EntryType::kLink
-                                                   : EntryType::kFile;
-    if (type == EntryType::kFile && !S_ISREG(info.st_mode)) {
-      return Damaged(path, "is no file, folder or symbolic link");
-    }
-    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, type));
-    found_[path] = entry;
-    if (type == EntryType::kFolder) return List(path);
-    if (type == EntryType::kLink) {
-      std::array<char, PATH_MAX> target;
-      const ssize_t size = ::readlinkat(at, base.c_str(), target.data(), target.size());
-      if (size < 0) return HostError(absl::StrCat("can't read the link ", Quoted(path)));
-      entry->target.assign(target.data(), static_cast<size_t>(size));
-      return absl::OkStatus();
-    }
-    entry->size = info.st_size;
-    entry->time = KeptTime(info.st_mtim.tv_sec);
-    entry->executable = (info.st_mode & 0111) != 0;
-    return absl::OkStatus();
+  if (!S_ISREG(info.st_mode)) return Damaged(path, "is no file any more");
+  Sha256 hash;
+  std::string piece(kTarPieceBytes, '\0');
+  int64_t left = entry.size;
+  for (;;) {
+    const ssize_t n = ::read(fd.get(), piece.data(), piece.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return HostError(absl::StrCat("can't read ", Quoted(path)));
+    if (n > left || (n == 0 && left > 0)) return Damaged(path, "changed while it was packed");
+    if (n == 0) break;
+    left -= n;
+    const std::string_view bytes(piece.data(), static_cast<size_t>(n));
+    hash.Update(bytes);
+    RETURN_IF_ERROR(tar.Write(bytes));
   }
-
-  const int root_;
-  Listing& listing_;
-  Found found_;
-};
-
-// The archive's bytes on their way.
-struct TarBytes {
-  const ByteSink& sink;
-  absl::Status status = {};
-
-  static la_ssize_t Write(archive*, void* self, const void* data, size_t size) {
-    auto& bytes = *static_cast<TarBytes*>(self);
-    bytes.status = bytes.sink({static_cast<const char*>(data), size});
-    return bytes.status.ok() ? static_cast<la_ssize_t>(size) : -1;
-  }
-};
-
-class Packer {
- public:
-  Packer(int root, TarBytes& bytes) : root_(root), bytes_(bytes) {}
-
-  // Notes the digests of the files' content in their entries.
-  absl::Status Pack(const Found& found) {
-    archive_write_set_format_pax_restricted(writer_.get());
-    archive_write_add_filter_none(writer_.get());
-    archive_write_set_bytes_per_block(writer_.get(), kTarPieceBytes);
-    archive_write_set_bytes_in_last_block(writer_.get(), 1);
-    if (archive_write_open(writer_.get(), &bytes_, nullptr, TarBytes::Write, nullptr) != ARCHIVE_OK) {
-      return Failed();
-    }
-    for (const auto& [path, entry] : found) {
-      RETURN_IF_ERROR(Header(path, *entry));
-      if (entry->type != EntryType::kFile) continue;
-      RETURN_IF_ERROR(Content(path, *entry));
-    }
-    return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
-  }
-
- private:
-  absl::Status Header(const std::string& path, const Entry& entry) {
-    const TarHeader header = MakeTarHeader(path, entry);
-    return archive_write_header(writer_.get(), header.get()) == ARCHIVE_OK ? absl::OkStatus()
-                                                                          : Failed();
-  }
-
-  absl::Status Content(const std::string& path, Entry& entry) {
-    const Fd fd = OpenBeneath(root_, path, O_RDONLY | O_NONBLOCK);
-    struct stat info = {};
-    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) {
-      return HostError(absl::StrCat("can't open ", Quoted(path)));
-    }
-    if (!S_ISREG(info.st_mode)) return Damaged(path, "is no file any more");
-    Sha256 hash;
-    int64_t left = entry.size;
-    for (;;) {
-      const ssize_t n = ::read(fd.get(), piece_.data(), piece_.size());
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) return HostError(absl::StrCat("can't read ", Quoted(path)));
-      if (n > left || (n == 0 && left > 0)) return Damaged(path, "changed while it was packed");
-      if (n == 0) break;
-      left -= n;
-      const auto size = static_cast<size_t>(n);
-      hash.Update(std::string_view(piece_.data(), size));
-      if (archive_write_data(writer_.get(), piece_.data(), size) != n) return Failed();
-    }
-    entry.sha256 = hash.FinishHex();
-    return absl::OkStatus();
-  }
-
-  absl::Status Failed() const {
-    if (!bytes_.status.ok()) return bytes_.status;
-    const char* why = archive_error_string(writer_.get());
-    return absl::UnavailableError(
-        absl::StrCat("can't pack the submission: ", why != nullptr ? why : "no reason given"));
-  }
-
-  const int root_;
-  TarBytes& bytes_;
-  std::string piece_ = std::string(kTarPieceBytes, '\0');
-  std::unique_ptr<archive, ArchiveWriter> writer_{archive_write_new()};
-};
+  listing.SetSha256(path, hash.FinishHex());
+  return absl::OkStatus();
+}
 
 // Makes a folder's content from the archive's entries.
 class Unpacker {
@@ -340,10 +221,15 @@ absl::Status StreamArtefact(const std::string& folder, const std::string& digest
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   if (!root.valid()) return HostError(absl::StrCat("can't open the submission's folder ", folder));
   Listing listing(NoLimits());
-  Lister lister(root.get(), listing);
-  RETURN_IF_ERROR(lister.List(""));
-  TarBytes bytes = {sink};
-  RETURN_IF_ERROR(Packer(root.get(), bytes).Pack(lister.found()));
+  RETURN_IF_ERROR(ListFolder(root.get(), FolderOf::kDaemon, listing));
+  TarWriter tar(sink);
+  for (const auto& [path, entry] : listing.entries()) {
+    RETURN_IF_ERROR(tar.Begin(path, entry));
+    if (entry.type == EntryType::kFile) {
+      RETURN_IF_ERROR(CopyFile(root.get(), path, entry, tar, listing));
+    }
+  }
+  RETURN_IF_ERROR(tar.Close());
   if (listing.Digest() == digest) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(
       "the submission's folder ", folder, " holds files of digest ", listing.Digest(),

@@ -47,8 +47,11 @@ class Listing {
   absl::Status AddBytes(const std::string& path, int64_t bytes);
   absl::Status CheckRoom(const std::string& path, int64_t bytes) const;
 
-  // REQUIRES: there is a file at `path`.
+  // REQUIRES, of both: there is a file at `path`.
   void MakeExecutable(const std::string& path) { entries_.at(path).executable = true; }
+  void SetSha256(const std::string& path, std::string sha256) {
+    entries_.at(path).sha256 = std::move(sha256);
+  }
 
   // The error for an archive with too many entries.
   absl::Status TooManyEntries(std::string_view where) const;

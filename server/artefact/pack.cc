@@ -17,15 +17,17 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "protocol/base/program_head.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
+#include "server/artefact/folder_lister.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/saved_name.h"
 #include "server/artefact/submitted_manifest.h"
-#include "server/artefact/tar_header.h"
+#include "server/artefact/tar_writer.h"
 #include "server/artefact/unpack_image.h"
 #include "server/base/names.h"
 #include "server/base/plain_text.h"
@@ -48,112 +50,17 @@ absl::Status Unreadable(const std::string& path) {
       absl::StrCat(Quoted(path), " can't be read: ", std::strerror(errno)));
 }
 
-struct CloseFolder {
-  void operator()(DIR* folder) const { ::closedir(folder); }
-};
+absl::StatusOr<Fd> NewArchive(const std::string& path) {
+  Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (!file.valid()) return HostError(absl::StrCat("can't write the archive ", path));
+  return file;
+}
 
-// Lists everything below a folder and checks it against the rules.
-class FolderLister {
- public:
-  FolderLister(int root, Listing& listing) : root_(root), listing_(listing) {}
-
-  // `folder` is "" for the top. The listing's limit bounds the depth.
-  absl::Status List(const std::string& folder) {
-    Fd fd = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
-    if (!fd.valid()) return Unreadable(folder.empty() ? "the folder" : folder);
-    const std::unique_ptr<DIR, CloseFolder> names(::fdopendir(fd.get()));
-    if (names == nullptr) return Unreadable(folder);
-    const int at = fd.release();  // `names` closes it
-    for (;;) {
-      errno = 0;
-      const dirent* name = ::readdir(names.get());
-      if (name == nullptr) return errno == 0 ? absl::OkStatus() : Unreadable(folder);
-      const std::string base = name->d_name;
-      if (base == "." || base == "..") continue;
-      RETURN_IF_ERROR(Take(at, base, folder.empty() ? base : folder + "/" + base));
-    }
-  }
-
- private:
-  absl::Status Take(int at, const std::string& base, const std::string& raw_path) {
-    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw_path));
-    struct stat info = {};
-    if (::fstatat(at, base.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) return Unreadable(path);
-    if (S_ISDIR(info.st_mode)) {
-      const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kFolder);
-      return entry.ok() ? List(path) : entry.status();
-    }
-    if (S_ISLNK(info.st_mode)) return TakeLink(at, base, path);
-    if (!S_ISREG(info.st_mode)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(Quoted(path), " is no file, folder or symbolic link; remove it"));
-    }
-    if ((info.st_mode & (S_ISUID | S_ISGID)) != 0) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          Quoted(path), " has the setuid or setgid bit; remove it with chmod a-s"));
-    }
-    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kFile));
-    entry->size = info.st_size;
-    entry->time = KeptTime(info.st_mtim.tv_sec);
-    entry->executable = (info.st_mode & 0111) != 0;
-    return listing_.AddBytes(path, info.st_size);
-  }
-
-  absl::Status TakeLink(int at, const std::string& base, const std::string& path) {
-    std::array<char, PATH_MAX> target;
-    const ssize_t size = ::readlinkat(at, base.c_str(), target.data(), target.size());
-    if (size < 0) return Unreadable(path);
-    const std::string text(target.data(), static_cast<size_t>(size));
-    RETURN_IF_ERROR(CheckLinkTarget(path, text));
-    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kLink));
-    entry->target = text;
-    return absl::OkStatus();
-  }
-
-  int root_;
-  Listing& listing_;
-};
-
-// Writes a tar that is the same for every packing of an unchanged folder.
-class TarWriter {
- public:
-  static absl::StatusOr<TarWriter> Create(const std::string& path) {
-    TarWriter tar;
-    tar.file_ = Fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-    if (!tar.file_.valid()) return HostError(absl::StrCat("can't write the archive ", path));
-    archive_write_set_format_pax_restricted(tar.writer_.get());
-    archive_write_add_filter_none(tar.writer_.get());
-    if (archive_write_open_fd(tar.writer_.get(), tar.file_.get()) != ARCHIVE_OK) {
-      return tar.Failed();
-    }
-    return tar;
-  }
-
-  absl::Status Begin(const std::string& path, const Entry& entry) {
-    const TarHeader header = MakeTarHeader(path, entry);
-    return archive_write_header(writer_.get(), header.get()) == ARCHIVE_OK ? absl::OkStatus()
-                                                                          : Failed();
-  }
-
-  absl::Status Write(const char* data, size_t size) {
-    const la_ssize_t put = archive_write_data(writer_.get(), data, size);
-    return put == static_cast<la_ssize_t>(size) ? absl::OkStatus() : Failed();
-  }
-
-  absl::Status Close() {
-    return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
-  }
-
- private:
-  absl::Status Failed() const {
-    const char* why = archive_error_string(writer_.get());
-    return absl::UnavailableError(
-        absl::StrCat("writing the archive failed: ", why != nullptr ? why : "no reason given"));
-  }
-
-  Fd file_;
-  std::unique_ptr<archive, ArchiveWriter> writer_{archive_write_new()};
-};
+TarWriter::Sink SinkOf(const Fd& file) {
+  return [fd = file.get()](std::string_view bytes) {
+    return WriteAll(fd, bytes).ok() ? absl::OkStatus() : HostError("can't write the archive");
+  };
+}
 
 // Reports to `progress` the bytes of all files as they are packed.
 class PackedBytes {
@@ -186,7 +93,7 @@ absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& 
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return Unreadable(path);
     if (got == 0) return changed();
-    RETURN_IF_ERROR(tar.Write(buffer.data(), static_cast<size_t>(got)));
+    RETURN_IF_ERROR(tar.Write({buffer.data(), static_cast<size_t>(got)}));
     packed.Add(got);
     left -= got;
   }
@@ -201,7 +108,8 @@ std::string ManifestText(const nlohmann::json& manifest) {
 // Writes the listed files of a folder. `about`: what to write as policy.json; "": the file itself.
 absl::Status WriteFolder(int root, const Listing& listing, const std::string& about,
                          const std::string& archive, const ByteProgress& progress) {
-  ASSIGN_OR_RETURN(TarWriter tar, TarWriter::Create(archive));
+  ASSIGN_OR_RETURN(const Fd file, NewArchive(archive));
+  TarWriter tar(SinkOf(file));
   PackedBytes packed(listing.bytes(), progress);
   for (const auto& [path, listed] : listing.entries()) {
     Entry entry = listed;
@@ -209,7 +117,7 @@ absl::Status WriteFolder(int root, const Listing& listing, const std::string& ab
     if (replaced) entry.size = static_cast<int64_t>(about.size());
     absl::Status status = tar.Begin(path, entry);
     if (status.ok() && replaced) {
-      status = tar.Write(about.data(), about.size());
+      status = tar.Write(about);
     } else if (status.ok() && entry.type == EntryType::kFile) {
       const Fd fd = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
       status = fd.valid() ? CopyFile(fd.get(), path, entry.size, tar, packed) : Unreadable(path);
@@ -225,7 +133,7 @@ absl::StatusOr<ArtefactManifest> PackFolder(const std::string& folder, const Pac
   ASSIGN_OR_RETURN(SubmittedManifest submitted, ReadSubmittedManifest(root.get(), packing.name));
   RETURN_IF_ERROR(CleanName(submitted.manifest.name, "policy.json: \"name\"").status());
   Listing listing(packing.limits);
-  absl::Status status = FolderLister(root.get(), listing).List("");
+  absl::Status status = ListFolder(root.get(), FolderOf::kParticipant, listing);
   const std::string about = packing.name.empty() ? "" : ManifestText(submitted.json);
   if (status.ok()) {
     status = WriteFolder(root.get(), listing, about, packing.archive, packing.progress);
@@ -254,13 +162,14 @@ absl::Status PackWithManifest(const std::string& source, const std::string& name
   (*file)->time = KeptTime(info.st_mtim.tv_sec);
   (*file)->executable = executable;
   (*about)->size = static_cast<int64_t>(manifest.size());
-  ASSIGN_OR_RETURN(TarWriter tar, TarWriter::Create(packing.archive));
+  ASSIGN_OR_RETURN(const Fd archive, NewArchive(packing.archive));
+  TarWriter tar(SinkOf(archive));
   PackedBytes packed(info.st_size, packing.progress);
   for (const auto& [path, entry] : listing.entries()) {
     status = tar.Begin(path, entry);
     if (!status.ok()) return status;
     status = path == name ? CopyFile(fd.get(), path, entry.size, tar, packed)
-                          : tar.Write(manifest.data(), manifest.size());
+                          : tar.Write(manifest);
     if (!status.ok()) return status;
   }
   return tar.Close();

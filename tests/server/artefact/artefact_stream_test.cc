@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kManifest[] = R"({"name": "a", "command": ["./run"]})";
+constexpr char kRunManifest[] = R"({"name": "a", "command": ["./run"]})";
 
 class ArtefactStreamTest : public testing::Test {
  protected:
@@ -84,7 +84,7 @@ class ArtefactStreamTest : public testing::Test {
 TEST_F(ArtefactStreamTest, ASubmissionArrivesAsItLeft) {
   const std::string long_name(200, 'n');
   const Artefact artefact = Accept(
-      TarEntry('0', "policy.json", kManifest) + TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) +
+      TarEntry('0', "policy.json", kRunManifest) + TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) +
       TarEntry('5', "empty/") + TarEntry('0', "-rf", "a dash") +
       TarEntry('0', "deep/er/caf\xc3\xa9 \"quoted\" %s", "text") + TarEntry('0', "zeros", "") +
       TarEntry('2', "python", {}, "/usr/bin/python3") +
@@ -104,7 +104,7 @@ TEST_F(ArtefactStreamTest, AnImageArrivesAsItLeft) {
 
 TEST_F(ArtefactStreamTest, AFolderThatIsNotTheArtefactIsNotPacked) {
   const Artefact artefact =
-      Accept(TarEntry('0', "policy.json", kManifest) +
+      Accept(TarEntry('0', "policy.json", kRunManifest) +
              TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'));
   ASSERT_TRUE(WriteFile(temp_ / "daemon/run", "#!/bin/sx\n").ok());
   EXPECT_TRUE(absl::IsDataLoss(Stream(temp_ / "daemon", artefact.digest).status()));
@@ -115,7 +115,7 @@ TEST_F(ArtefactStreamTest, AFolderThatIsNotTheArtefactIsNotPacked) {
 
 TEST_F(ArtefactStreamTest, OnlyTheWholeArtefactIsPlaced) {
   const Artefact artefact =
-      Accept(TarEntry('0', "policy.json", kManifest) +
+      Accept(TarEntry('0', "policy.json", kRunManifest) +
              TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'));
   const auto tar = Stream(temp_ / "daemon", artefact.digest);
   ASSERT_TRUE(tar.ok()) << tar.status();
@@ -127,7 +127,7 @@ TEST_F(ArtefactStreamTest, OnlyTheWholeArtefactIsPlaced) {
 
 TEST_F(ArtefactStreamTest, TheErrorsOfBothEndsAreHandedOn) {
   const Artefact artefact =
-      Accept(TarEntry('0', "policy.json", kManifest) +
+      Accept(TarEntry('0', "policy.json", kRunManifest) +
              TarEntry('0', "run", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'));
   const auto gone = [](auto&&...) { return absl::CancelledError("gone"); };
   EXPECT_TRUE(absl::IsCancelled(StreamArtefact(temp_ / "daemon", artefact.digest, gone)));

@@ -1,0 +1,38 @@
+// Writes a submission's entries as a tar: the same bytes for the same entries.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+
+class TarWriter {
+ public:
+  // Gets the archive's bytes.
+  using Sink = std::function<absl::Status(std::string_view bytes)>;
+  explicit TarWriter(Sink sink);
+  // Its archive refers to it.
+  TarWriter(const TarWriter&) = delete;
+  TarWriter& operator=(const TarWriter&) = delete;
+
+  // Begins an entry: without an owner, with the mode 0755 or 0644, and the time in whole seconds. Of a
+  // file, entry.size bytes follow. Errors, of all three: the sink's; UnavailableError: another one.
+  absl::Status Begin(const std::string& path, const Entry& entry);
+  absl::Status Write(std::string_view bytes);
+  absl::Status Close();
+
+ private:
+  absl::Status Failed() const;
+
+  const Sink sink_;
+  absl::Status status_;
+  std::unique_ptr<archive, ArchiveWriter> writer_;
+};
+
+}  // namespace myograde::server
