@@ -1,6 +1,7 @@
 #include "server/base/paths.h"
 
 #include <limits.h>
+#include <pwd.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -25,7 +26,12 @@ std::string UsualDir(const char* of_root, const char* variable, const char* in_h
   const char* folder = std::getenv(variable);
   if (folder != nullptr && *folder == '/') return absl::StrCat(folder, "/myograde");
   const char* home = std::getenv("HOME");
-  return absl::StrCat(home != nullptr && *home == '/' ? home : "", "/", in_home, "/myograde");
+  if (home == nullptr || *home != '/') {
+    // As for a job of a cluster, which has no environment.
+    const passwd* self = ::getpwuid(::geteuid());
+    home = self != nullptr ? self->pw_dir : "";
+  }
+  return absl::StrCat(home, "/", in_home, "/myograde");
 }
 
 // The folder of the running program.

@@ -4,6 +4,7 @@ gives, and an end in time whatever happens to the daemon or the job."""
 import json
 import os
 import pathlib
+import pwd
 import shutil
 import signal
 import subprocess
@@ -263,6 +264,19 @@ class Node(unittest.TestCase):
                                   check=False)
             self.assertEqual(done.returncode, 2)
             self.assertIn("usage: myograde-node", done.stderr)
+
+    @unittest.skipUnless(ROOT, "only root can become another user")
+    def test_a_users_home_is_found_without_an_environment(self):
+        """A job of a cluster has none."""
+        nobody = pwd.getpwnam("nobody")
+        done = subprocess.run(
+            ["setpriv", f"--reuid={nobody.pw_uid}", f"--regid={nobody.pw_gid}", "--clear-groups", "env",
+             "-i", BIN / "myograde-node", "--play"], stdin=subprocess.DEVNULL, capture_output=True,
+            text=True, check=False)
+        if done.returncode in (126, 127):
+            self.skipTest(f"nobody can't run it: {done.stderr}")
+        self.assertEqual(done.returncode, 4)
+        self.assertIn(f"{nobody.pw_dir}/.cache/myograde-node-", done.stderr)
 
 
 if __name__ == "__main__":
