@@ -18,7 +18,7 @@ namespace myograde::server {
 // Where a runner is, and what it used: for people and their accounts, not for any decision.
 struct RunnerSite {
   std::string node = {};                // "": this host
-  std::string job = {};                 // the cluster's name for it, such as 1234_5; "": no job
+  std::string job = {};                 // the cluster's name for it, such as 1234; "": no job
   double cpu_s = 0;                     // of all processes of the lease; 0: not known (yet)
   std::optional<double> energy_j = {};  // of the job, where the cluster measures it
 };
