@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include <absl/status/status.h>
+#include <nlohmann/json.hpp>
 
 #include "protocol/tracks/episode_facts.h"
 #include "protocol/bridge/frames.h"
@@ -43,10 +44,14 @@ class Environment {
   // and their selection go back to the defaults.
   virtual void Reset(uint64_t seed) = 0;
 
-  // Stores sets uploaded by the policy, after Reset. An error names the set, the
-  // state and the number that is out of range; nothing is stored then. On a track
-  // without a leg, any set is an error.
-  virtual absl::Status SetLegParameters(const LegParameterSets& sets) = 0;
+  // Takes parameters uploaded by the policy, after Reset: a JSON object of the track's own form, in
+  // which each key replaces what was given under it. An error says what is wrong; nothing is taken
+  // then.
+  virtual absl::Status SetParameters(const nlohmann::json& parameters) {
+    if (parameters.empty()) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        "the policy uploaded parameter sets, and this track takes none: send none");
+  }
 
   virtual void SetConvention(ActionConvention convention) = 0;
 

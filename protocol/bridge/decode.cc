@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <string>
 
 #include <absl/strings/str_cat.h>
 
@@ -9,6 +10,7 @@
 #include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "protocol/base/status_macros.h"
+#include "protocol/bridge/leg_sets_json.h"
 
 namespace myograde::bridge {
 namespace {
@@ -121,8 +123,10 @@ absl::Status ConvertState(const leg_state_t& from, const std::string& place,
   return absl::OkStatus();
 }
 
-absl::Status ConvertLegSets(const std::vector<leg_parameter_set_t>& from, LegParameterSets& to) {
-  to = {};
+absl::Status ConvertLegSets(const std::vector<leg_parameter_set_t>& from, ParametersText& text) {
+  text.size = text.padding = 0;
+  if (from.empty()) return absl::OkStatus();
+  LegParameterSets to = {};
   for (const leg_parameter_set_t& set : from) {
     const int index = set.index;
     if (index < 0 || index >= kLegSets || (to.present >> index & 1u) != 0) {
@@ -133,6 +137,10 @@ absl::Status ConvertLegSets(const std::vector<leg_parameter_set_t>& from, LegPar
       RETURN_IF_ERROR(ConvertState(set.states[state], Place(index, state), to.set[index][state]));
     }
   }
+  const std::string json = LegSetsToJson(to).dump();
+  if (json.size() > kMaxParameterBytes) return Malformed("the leg parameter sets are too long");
+  text.size = static_cast<uint32_t>(json.size());
+  std::memcpy(text.text, json.data(), json.size());
   return absl::OkStatus();
 }
 
@@ -166,7 +174,7 @@ absl::Status DecodeHello(std::span<const std::byte> payload, HelloFrame& frame) 
   frame.protocol_version = static_cast<uint32_t>(message.protocol_version);
   frame.convention =
       message.direct == 1 ? ActionConvention::kDirect : ActionConvention::kNormalized;
-  return ConvertLegSets(message.leg_sets, frame.sets);
+  return ConvertLegSets(message.leg_sets, frame.parameters);
 }
 
 absl::Status DecodeReady(std::span<const std::byte> payload, ReadyFrame& frame) {
@@ -178,7 +186,7 @@ absl::Status DecodeReady(std::span<const std::byte> payload, ReadyFrame& frame) 
   episode_ready_t message;
   RETURN_IF_ERROR(Decode(payload, message));
   frame.episode = message.episode;
-  return ConvertLegSets(message.leg_sets, frame.sets);
+  return ConvertLegSets(message.leg_sets, frame.parameters);
 }
 
 absl::Status DecodeAction(std::span<const std::byte> payload, uint32_t action_size,

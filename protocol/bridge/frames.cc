@@ -17,36 +17,14 @@ static_assert(std::is_trivially_copyable_v<ActionFrame> &&
               sizeof(ActionFrame) == 16 + 8 + 8 + 4 + 4 + 8 * kMaxActionSize);
 static_assert(std::is_trivially_copyable_v<FaultFrame> && sizeof(FaultFrame) == 16 + 16 + 240);
 static_assert(std::is_trivially_copyable_v<GiveUpFrame> && sizeof(GiveUpFrame) == 16 + 16);
-static_assert(sizeof(LegStateParameters) == 96);
 
 absl::Status Wrong(absl::string_view what) {
   return absl::InvalidArgumentError(absl::StrCat("the bridge sent a broken frame: ", what));
 }
 
-absl::Status CheckState(const LegStateParameters& state) {
-  const double numbers[] = {state.knee_stiffness,  state.knee_damping,  state.knee_target,
-                            state.ankle_stiffness, state.ankle_damping, state.ankle_target};
-  for (const double number : numbers) {
-    if (!std::isfinite(number)) return Wrong("a leg parameter is not finite");
-  }
-  for (int i = 0; i < kLegQuantities; ++i) {
-    if (state.threshold_kind[i] > 2) return Wrong("a leg threshold has an unknown kind");
-    if (state.threshold_kind[i] != 0 && !std::isfinite(state.threshold[i])) {
-      return Wrong("a leg threshold is not finite");
-    }
-  }
-  return absl::OkStatus();
-}
-
-absl::Status CheckSets(const LegParameterSets& sets) {
-  if (sets.present >= (1u << kLegSets)) return Wrong("it has an unknown leg parameter set");
-  for (uint32_t i = 0; i < kLegSets; ++i) {
-    if ((sets.present >> i & 1u) == 0) continue;
-    for (const LegStateParameters& state : sets.set[i]) {
-      RETURN_IF_ERROR(CheckState(state));
-    }
-  }
-  return absl::OkStatus();
+absl::Status CheckParameters(const ParametersText& parameters) {
+  if (parameters.size <= kMaxParameterBytes) return absl::OkStatus();
+  return Wrong("its parameters are too long");
 }
 
 absl::Status Check(const HelloFrame& frame) {
@@ -54,12 +32,12 @@ absl::Status Check(const HelloFrame& frame) {
       frame.convention != ActionConvention::kDirect) {
     return Wrong("its action convention is unknown");
   }
-  return CheckSets(frame.sets);
+  return CheckParameters(frame.parameters);
 }
 
 absl::Status Check(const ReadyFrame& frame) {
   if (frame.episode < 0) return Wrong("its episode is negative");
-  return CheckSets(frame.sets);
+  return CheckParameters(frame.parameters);
 }
 
 absl::Status Check(const ActionFrame& frame) {

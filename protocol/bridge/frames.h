@@ -16,7 +16,6 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/policy/layout.h"
-#include "protocol/policy/leg_parameters.h"
 #include "protocol/tracks/episode_facts.h"
 
 namespace myograde {
@@ -24,6 +23,7 @@ namespace myograde {
 inline constexpr uint32_t kFrameMagic = 0x4d794f47;  // "MyOG"
 inline constexpr uint32_t kFrameVersion = 1;
 inline constexpr size_t kMaxPublishBytes = 60000;
+inline constexpr size_t kMaxParameterBytes = 8184;
 
 enum class FrameType : uint32_t {
   kPublish = 1,
@@ -64,19 +64,26 @@ struct PublishFrame {
   std::byte payload[kMaxPublishBytes];
 };
 
+// Parameters that the policy uploads, as JSON that only the track reads; none: `size` is 0.
+struct ParametersText {
+  uint32_t size;
+  uint32_t padding;
+  char text[kMaxParameterBytes];
+};
+
 // bridge -> sim: the policy said hello.
 struct HelloFrame {
   FrameHeader header;
   uint32_t protocol_version;
   ActionConvention convention;
-  LegParameterSets sets;
+  ParametersText parameters;
 };
 
 // bridge -> sim: the policy is ready for the episode.
 struct ReadyFrame {
   FrameHeader header;
   int64_t episode;
-  LegParameterSets sets;
+  ParametersText parameters;
 };
 
 // bridge -> sim: values[0, size) answer the observation of (episode, step).

@@ -15,7 +15,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/log/event_log.h"
 #include "protocol/policy/layout.h"
-#include "protocol/log/leg_sets_json.h"
 
 namespace myograde {
 namespace {
@@ -53,9 +52,9 @@ absl::StatusOr<LogStart> StartFromJson(const Json& json) {
   LogStart start;
   start.convention =
       reader.Boolean("direct") ? ActionConvention::kDirect : ActionConvention::kNormalized;
-  const Json& sets = reader.Object("leg_sets");
+  // The only parameters that there were when logs got their form.
+  start.parameters = reader.Object("leg_sets");
   RETURN_IF_ERROR(reader.Finish());
-  ASSIGN_OR_RETURN(start.sets, LegSetsFromJson(sets));
   return start;
 }
 
@@ -261,7 +260,7 @@ void EpisodeLogEncoder::Header(const LogHeader& header, std::string& out) {
 void EpisodeLogEncoder::Start(const LogStart& start, std::string& out) {
   AppendText(kLogStartChannel,
              {{"direct", start.convention == ActionConvention::kDirect},
-              {"leg_sets", LegSetsToJson(start.sets)}},
+              {"leg_sets", start.parameters}},
              out);
 }
 

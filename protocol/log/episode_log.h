@@ -21,7 +21,6 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/policy/layout.h"
-#include "protocol/policy/leg_parameters.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
 
@@ -42,7 +41,8 @@ struct LogHeader {
 
 struct LogStart {
   ActionConvention convention = ActionConvention::kNormalized;
-  LegParameterSets sets = {};  // in force in this episode; those not present are the defaults
+  // Uploaded by the policy for this episode, in the form of its track; what is not there is as usual.
+  nlohmann::json parameters = nlohmann::json::object();
 };
 
 struct LogEnd {

@@ -1,5 +1,5 @@
-// A prosthetic leg's parameter sets, as policies upload them and the simulator uses them. Plain
-// data, passed between processes as raw bytes.
+// A prosthetic leg's parameter sets, as policies upload them and its track uses them. On the way they are
+// the track's parameters, a JSON object (protocol/bridge/leg_sets_json.h).
 #pragma once
 
 #include <array>
@@ -23,12 +23,10 @@ struct LegStateParameters {
   double threshold[kLegQuantities];
   // 0 unused, 1 leaves when above, 2 leaves when below.
   uint8_t threshold_kind[kLegQuantities];
-  uint8_t padding[3];
 };
 
 struct LegParameterSets {
   uint32_t present;  // bit i: set i was uploaded
-  uint32_t padding;
   LegStateParameters set[kLegSets][kLegStates];
 };
 

@@ -7,14 +7,13 @@
 
 #include "protocol/tracks/registry.h"
 #include "protocol/base/config_reader.h"
-#include "protocol/log/leg_sets_json.h"
 
 namespace myograde::server {
 namespace {
 
 bool SameStart(const LogStart& a, const LogStart& b) {
   return a.convention == b.convention &&
-         CanonicalJson(LegSetsToJson(a.sets)) == CanonicalJson(LegSetsToJson(b.sets));
+         CanonicalJson(a.parameters) == CanonicalJson(b.parameters);
 }
 
 // Bit for bit: 0 and -0 are different actions.

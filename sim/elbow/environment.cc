@@ -52,12 +52,6 @@ ElbowEnvironment::ElbowEnvironment(const ElbowRules& rules, ModelPtr model, Data
   facts_.track = ElbowFacts{};
 }
 
-absl::Status ElbowEnvironment::SetLegParameters(const LegParameterSets& sets) {
-  if (sets.present == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "the policy uploaded leg parameter sets, but the elbow track has no leg: send none");
-}
-
 // ---- Reset ----
 
 // The official order: the target is drawn first, then the start.

@@ -24,7 +24,6 @@ class ElbowEnvironment final : public Environment {
                                                                 ModelPtr model);
 
   void Reset(uint64_t seed) override;
-  absl::Status SetLegParameters(const LegParameterSets& sets) override;
   void SetConvention(ActionConvention convention) override { convention_ = convention; }
   int observation_size() const override { return 3 + kMuscleCount; }
   int action_size() const override { return kMuscleCount; }

@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/policy/channels.h"
 
@@ -18,15 +19,12 @@ constexpr absl::Duration kSandboxDeadline = absl::Minutes(5);
 constexpr absl::Duration kRulingDeadline = absl::Minutes(2);
 constexpr absl::Duration kReadingDeadline = absl::Minutes(1);
 
-// Sets of `first` overlaid by those of `second`.
-LegParameterSets Overlay(const LegParameterSets& first, const LegParameterSets& second) {
-  LegParameterSets sets = first;
-  sets.present |= second.present;
-  for (uint32_t i = 0; i < kLegSets; ++i) {
-    if ((second.present >> i & 1u) == 0) continue;
-    std::copy(std::begin(second.set[i]), std::end(second.set[i]), std::begin(sets.set[i]));
-  }
-  return sets;
+absl::StatusOr<nlohmann::json> ParametersOf(const ParametersText& parameters) {
+  if (parameters.size == 0) return nlohmann::json::object();
+  ASSIGN_OR_RETURN(nlohmann::json json,
+                   ParseJson({parameters.text, parameters.size}, "the policy's parameters"));
+  if (json.is_object()) return json;
+  return absl::InvalidArgumentError("the policy's parameters are no JSON object");
 }
 
 FaultEvidence ProtocolFault(std::string detail, int64_t step) {
@@ -178,6 +176,7 @@ LeasePlayer::Result LeasePlayer::Greet() {
   OrFault<HelloFrame> answer = session_->AwaitHello();
   if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::optional(std::move(*fault));
   const auto& hello = std::get<HelloFrame>(answer);
+  hello_parameters_ = nlohmann::json::object();
   WelcomeInfo info;
   info.convention = hello.convention;
   info.max_steps = max_steps_;
@@ -186,14 +185,13 @@ LeasePlayer::Result LeasePlayer::Greet() {
     info.reason = absl::StrCat("the policy speaks protocol version ",
                                static_cast<int32_t>(hello.protocol_version),
                                ", this grader speaks version ", kProtocolVersion);
-  } else if (absl::Status status = environment_.SetLegParameters(hello.sets); !status.ok()) {
+  } else if (absl::Status status = TakeParameters(hello.parameters, hello_parameters_); !status.ok()) {
     info.reason = std::string(status.message());
   }
   info.accepted = info.reason.empty();
   std::optional<FaultEvidence> fault = session_->Tell(messages_.Welcome(order_.track, info));
   if (fault.has_value()) return fault;
   if (!info.accepted) return std::optional(ProtocolFault("refused: " + info.reason, -1));
-  hello_sets_ = hello.sets;
   environment_.SetConvention(hello.convention);
   convention_ = hello.convention;
   return std::optional<FaultEvidence>();
@@ -203,14 +201,19 @@ std::optional<FaultEvidence> LeasePlayer::StartEpisode(uint64_t policy_seed) {
   OrFault<ReadyFrame> answer =
       session_->Start(messages_.EpisodeStart(wire_episode_, policy_seed));
   if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::move(*fault);
-  const LegParameterSets sets = Overlay(hello_sets_, std::get<ReadyFrame>(answer).sets);
-  if (sets.present != 0) {
-    if (absl::Status status = environment_.SetLegParameters(sets); !status.ok()) {
-      return ProtocolFault(absl::StrCat("refused: ", status.message()), -1);
-    }
+  nlohmann::json parameters = hello_parameters_;
+  if (absl::Status status = TakeParameters(std::get<ReadyFrame>(answer).parameters, parameters);
+      !status.ok()) {
+    return ProtocolFault(absl::StrCat("refused: ", status.message()), -1);
   }
-  if (log_ != nullptr) log_->Start({convention_, sets});
+  if (log_ != nullptr) log_->Start({convention_, std::move(parameters)});
   return std::nullopt;
+}
+
+absl::Status LeasePlayer::TakeParameters(const ParametersText& uploaded, nlohmann::json& all) {
+  ASSIGN_OR_RETURN(const nlohmann::json own, ParametersOf(uploaded));
+  all.update(own);
+  return all.empty() ? absl::OkStatus() : environment_.SetParameters(all);
 }
 
 LeasePlayer::Result LeasePlayer::RunSteps() {

@@ -49,6 +49,8 @@ class LeasePlayer {
   Result EnsurePolicy();
   Result Greet();
   std::optional<FaultEvidence> StartEpisode(uint64_t policy_seed);
+  // Adds what the policy uploaded to `all`, and has the environment take that.
+  absl::Status TakeParameters(const ParametersText& uploaded, nlohmann::json& all);
   absl::StatusOr<FaultEvidence> Rule(const FaultEvidence& seen);
   void EndSession();
   void BeginLog(const EpisodeOrder& episode);
@@ -74,7 +76,7 @@ class LeasePlayer {
   EpisodeDigests digests_;
   Sha256 observation_digest_;
   std::optional<PolicySession> session_;
-  LegParameterSets hello_sets_ = {};
+  nlohmann::json hello_parameters_ = nlohmann::json::object();
   ActionConvention convention_ = ActionConvention::kNormalized;
   int64_t wire_episode_ = 0;  // place in the session's run
   int64_t restarts_left_;

@@ -61,8 +61,8 @@ class Comparison {
  private:
   void Begin(const LogStart& start) {
     environment_.SetConvention(start.convention);
-    if (start.sets.present == 0) return;
-    if (absl::Status status = environment_.SetLegParameters(start.sets); !status.ok()) {
+    if (start.parameters.empty()) return;
+    if (absl::Status status = environment_.SetParameters(start.parameters); !status.ok()) {
       Differ(-1, "log", absl::StrCat("the log's leg parameters are refused: ", status.message()));
     }
   }

@@ -9,6 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
+#include "protocol/bridge/leg_sets_json.h"
 #include "sim/locomotion/height_map.h"
 #include "sim/locomotion/model.h"
 #include "sim/model/state.h"
@@ -172,10 +173,11 @@ void Locomotion::ResetEpisode() {
   CopyState(*model_, *data_, state_);
 }
 
-absl::Status Locomotion::SetLegParameters(const LegParameterSets& sets) {
-  const absl::Status status = leg_.Upload(sets, rules_.leg);
-  if (status.ok()) leg_.Select(leg_.selected());
-  return status;
+absl::Status Locomotion::SetParameters(const nlohmann::json& parameters) {
+  ASSIGN_OR_RETURN(const LegParameterSets sets, LegSetsFromJson(parameters));
+  RETURN_IF_ERROR(leg_.Upload(sets, rules_.leg));
+  leg_.Select(leg_.selected());
+  return absl::OkStatus();
 }
 
 void Locomotion::SetState(const State& state) {

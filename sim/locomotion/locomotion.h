@@ -55,7 +55,8 @@ class Locomotion final : public Environment {
                                                           ModelPtr model);
 
   void Reset(uint64_t seed) override;
-  absl::Status SetLegParameters(const LegParameterSets& sets) override;
+  // Leg parameter sets, as LegSetsToJson writes them.
+  absl::Status SetParameters(const nlohmann::json& parameters) override;
   void SetConvention(ActionConvention convention) override { convention_ = convention; }
   int observation_size() const override { return kObservationSize; }
   int action_size() const override { return kActionSize; }

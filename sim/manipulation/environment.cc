@@ -65,12 +65,6 @@ ManipulationEnvironment::ManipulationEnvironment(const ManipulationRules& rules,
   facts_.track = ManipulationFacts{};
 }
 
-absl::Status ManipulationEnvironment::SetLegParameters(const LegParameterSets& sets) {
-  if (sets.present == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "the policy uploaded leg parameter sets, but the manipulation track has no leg: send none");
-}
-
 // ---- Reset ----
 
 void ManipulationEnvironment::Reset(uint64_t seed) {

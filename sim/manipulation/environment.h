@@ -26,7 +26,6 @@ class ManipulationEnvironment final : public Environment {
       const ManipulationRules& rules, ModelPtr model);
 
   void Reset(uint64_t seed) override;
-  absl::Status SetLegParameters(const LegParameterSets& sets) override;
   void SetConvention(ActionConvention convention) override { convention_ = convention; }
   int observation_size() const override { return 222; }
   int action_size() const override { return kMuscles + kServos; }

@@ -60,11 +60,11 @@ auto RewardTerms(const GradedEnvironment& self) {
 
 auto Reset(GradedEnvironment& self, uint64_t seed, uint32_t present,
            const std::optional<LegSetValues>& leg_sets) {
-  const LegParameterSets sets = LegSetsFrom(present, leg_sets);
+  const nlohmann::json parameters = ParametersFrom(present, leg_sets);
   absl::Status status;
   {
     const Exclusively alone(self);
-    status = self.Reset(seed, sets);
+    status = self.Reset(seed, parameters);
   }
   RaiseUnlessOk(status);
   return Observe(self);

@@ -61,8 +61,8 @@ void ResetVector(VectorEnvironment& self, uint32_t present,
       throw nb::value_error("the mask must have an entry for each environment");
     }
   }
-  const LegParameterSets sets = LegSetsFrom(present, leg_sets);
-  Alone(self, [&] { return self.Reset(sets, mask); });
+  const nlohmann::json parameters = ParametersFrom(present, leg_sets);
+  Alone(self, [&] { return self.Reset(parameters, mask); });
 }
 
 nb::list Histories(VectorEnvironment& self) {
@@ -86,8 +86,8 @@ void RestoreVector(VectorEnvironment& self, uint32_t present,
   }
   std::vector<std::vector<EpisodeInputs>> histories;
   for (const nb::handle history : list) histories.push_back(HistoryFrom(nb::cast<nb::list>(history)));
-  const LegParameterSets sets = LegSetsFrom(present, leg_sets);
-  Alone(self, [&] { return self.Restore(sets, histories); });
+  const nlohmann::json parameters = ParametersFrom(present, leg_sets);
+  Alone(self, [&] { return self.Restore(parameters, histories); });
 }
 
 // What was measured in each episode so far: an array by the keys of a result's JSON.

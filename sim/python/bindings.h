@@ -14,7 +14,7 @@
 #include <nanobind/ndarray.h>
 
 #include "protocol/policy/layout.h"
-#include "protocol/policy/leg_parameters.h"
+#include "protocol/bridge/leg_sets_json.h"
 #include "protocol/tracks/episode_facts.h"
 #include "sim/python/graded_environment.h"
 
@@ -43,7 +43,7 @@ EnvironmentOptions OptionsFrom(const std::string& tracks_dir, const std::string&
 
 // Bit i of `present`: set i is taken from `values`: for each state knee stiffness, damping, target,
 // the same of the ankle, then value and kind (0 unused, 1 above, 2 below) of each threshold.
-LegParameterSets LegSetsFrom(uint32_t present, const std::optional<LegSetValues>& values);
+nlohmann::json ParametersFrom(uint32_t present, const std::optional<LegSetValues>& values);
 
 // A history as Python keeps it: [(seed, leg parameter sets, actions)], the latter two as bytes.
 nanobind::list ListFrom(const std::vector<EpisodeInputs>& history);

@@ -48,21 +48,19 @@ GradedEnvironment::GradedEnvironment(TrackConfig config, std::unique_ptr<Environ
       carries_over_(config_.rules.value("one_environment", false)),
       max_steps_(options.max_steps) {}
 
-absl::Status GradedEnvironment::Reset(uint64_t seed, const LegParameterSets& sets) {
+absl::Status GradedEnvironment::Reset(uint64_t seed, const nlohmann::json& parameters) {
   if (!carries_over_) {
     history_.clear();
     history_size_ = 0;
   }
-  history_.push_back({.seed = seed, .sets = sets, .actions = {}});
+  history_.push_back({.seed = seed, .parameters = parameters, .actions = {}});
   environment_->Reset(seed);
   environment_->SetConvention(convention_);
   digests_ = EpisodeDigests();
   seed_ = seed;
   steps_ = 0;
   running_ = terminated_ = truncated_ = unstable_ = false;
-  if (sets.present != 0) {
-    RETURN_IF_ERROR(environment_->SetLegParameters(sets));
-  }
+  if (!parameters.empty()) RETURN_IF_ERROR(environment_->SetParameters(parameters));
   running_ = true;
   return absl::OkStatus();
 }
@@ -119,7 +117,7 @@ absl::StatusOr<std::vector<EpisodeInputs>> GradedEnvironment::History() const {
 absl::Status GradedEnvironment::Restore(std::span<const EpisodeInputs> history) {
   for (const EpisodeInputs& episode : history) {
     // An episode that ended by an error ended by the same error when it was first played.
-    (void)Reset(episode.seed, episode.sets);
+    (void)Reset(episode.seed, episode.parameters);
     const auto size = static_cast<size_t>(action_size());
     if (episode.actions.size() % size != 0) {
       return absl::InvalidArgumentError("the state is one of another environment");

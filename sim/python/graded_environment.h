@@ -13,7 +13,6 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/track_config.h"
-#include "protocol/policy/leg_parameters.h"
 #include "sim/environment.h"
 #include "sim/episode/digests.h"
 #include "sim/tracks.h"
@@ -34,7 +33,7 @@ struct EnvironmentOptions {
 // What was given to an episode so far. Played again, it leads to the same state, to the bit.
 struct EpisodeInputs {
   uint64_t seed = 0;
-  LegParameterSets sets = {};
+  nlohmann::json parameters = nlohmann::json::object();
   std::vector<double> actions;  // action_size() entries a step
 };
 
@@ -48,9 +47,9 @@ class GradedEnvironment {
   // for (InvalidArgumentError), or the model can't be loaded.
   static absl::StatusOr<std::unique_ptr<GradedEnvironment>> Make(const EnvironmentOptions& options);
 
-  // Begins the episode of `seed` with these leg parameter sets in place of the defaults.
+  // Begins the episode of `seed` with these parameters of the track (Environment::SetParameters).
   // InvalidArgumentError names a number in them that is out of range; there is no episode then.
-  absl::Status Reset(uint64_t seed, const LegParameterSets& sets);
+  absl::Status Reset(uint64_t seed, const nlohmann::json& parameters);
 
   // OK, or the sentence that says what is wrong with the action: its size or a number that is not
   // finite.

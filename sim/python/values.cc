@@ -1,11 +1,14 @@
 #include <algorithm>
 #include <cstring>
 #include <memory>
+#include <string>
 #include <variant>
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
 
+#include "protocol/base/config_reader.h"
+#include "protocol/bridge/leg_sets_json.h"
 #include "protocol/lease/lease.h"
 #include "sim/python/bindings.h"
 
@@ -36,9 +39,9 @@ EnvironmentOptions OptionsFrom(const std::string& tracks_dir, const std::string&
           .max_steps = max_steps};
 }
 
-LegParameterSets LegSetsFrom(uint32_t present, const std::optional<LegSetValues>& values) {
+nlohmann::json ParametersFrom(uint32_t present, const std::optional<LegSetValues>& values) {
   LegParameterSets sets = {};
-  if (!values.has_value()) return sets;
+  if (!values.has_value()) return nlohmann::json::object();
   sets.present = present;
   const double* from = values->data();
   for (auto& set : sets.set) {
@@ -53,14 +56,15 @@ LegParameterSets LegSetsFrom(uint32_t present, const std::optional<LegSetValues>
       }
     }
   }
-  return sets;
+  return LegSetsToJson(sets);
 }
 
 nb::list ListFrom(const std::vector<EpisodeInputs>& history) {
   nb::list list;
   for (const EpisodeInputs& episode : history) {
+    const std::string parameters = episode.parameters.dump();
     list.append(nb::make_tuple(
-        episode.seed, nb::bytes(&episode.sets, sizeof(episode.sets)),
+        episode.seed, nb::bytes(parameters.data(), parameters.size()),
         nb::bytes(episode.actions.data(), episode.actions.size() * sizeof(double))));
   }
   return list;
@@ -70,14 +74,15 @@ std::vector<EpisodeInputs> HistoryFrom(const nb::list& list) {
   std::vector<EpisodeInputs> history;
   for (const nb::handle entry : list) {
     const auto episode = nb::cast<nb::tuple>(entry);
-    const auto sets = nb::cast<nb::bytes>(episode[1]);
+    const auto text = nb::cast<nb::bytes>(episode[1]);
     const auto actions = nb::cast<nb::bytes>(episode[2]);
     EpisodeInputs& inputs = history.emplace_back();
-    if (sets.size() != sizeof(inputs.sets) || actions.size() % sizeof(double) != 0) {
+    absl::StatusOr<nlohmann::json> parameters = ParseJson({text.c_str(), text.size()}, "a state");
+    if (!parameters.ok() || !parameters->is_object() || actions.size() % sizeof(double) != 0) {
       throw nb::value_error("the state is one of another version of myograde");
     }
     inputs.seed = nb::cast<uint64_t>(episode[0]);
-    std::memcpy(&inputs.sets, sets.c_str(), sets.size());
+    inputs.parameters = *std::move(parameters);
     inputs.actions.resize(actions.size() / sizeof(double));
     if (!inputs.actions.empty()) {
       std::memcpy(inputs.actions.data(), actions.c_str(), actions.size());

@@ -37,10 +37,10 @@ VectorEnvironment::VectorEnvironment(std::vector<std::unique_ptr<GradedEnvironme
   for (const RewardTerm& term : environments_[0]->reward_terms()) weights_.push_back(term.weight);
 }
 
-absl::Status VectorEnvironment::Reset(const LegParameterSets& sets,
+absl::Status VectorEnvironment::Reset(const nlohmann::json& parameters,
                                       std::span<const uint8_t> only) {
   RETURN_IF_ERROR(CheckAlive());
-  sets_ = sets;
+  parameters_ = parameters;
   return ForEach([&](size_t i) {
     if (!only.empty() && only[i] == 0) return absl::OkStatus();
     return ResetOne(i);
@@ -67,10 +67,10 @@ absl::Status VectorEnvironment::Step(std::span<const double> actions) {
   });
 }
 
-absl::Status VectorEnvironment::Restore(const LegParameterSets& sets,
+absl::Status VectorEnvironment::Restore(const nlohmann::json& parameters,
                                         std::span<const std::vector<EpisodeInputs>> histories) {
   RETURN_IF_ERROR(CheckAlive());
-  sets_ = sets;
+  parameters_ = parameters;
   return ForEach([&](size_t i) {
     if (histories[i].empty()) return absl::OkStatus();
     RETURN_IF_ERROR(environments_[i]->Restore(histories[i]));
@@ -105,7 +105,7 @@ absl::Status VectorEnvironment::ResetOne(size_t i) {
   was_reset_[i] = 1;
   terminated_[i] = truncated_[i] = 0;
   rewards_[i] = 0;
-  RETURN_IF_ERROR(environments_[i]->Reset(seeds_[i], sets_));
+  RETURN_IF_ERROR(environments_[i]->Reset(seeds_[i], parameters_));
   ReadOut(i);
   return absl::OkStatus();
 }

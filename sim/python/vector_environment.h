@@ -25,7 +25,7 @@ class VectorEnvironment {
 
   // Begins an episode in every environment, of seeds()[i], or in those of `only` (an entry each,
   // not 0) if it is not empty. The first error, of the environment with the lowest index.
-  absl::Status Reset(const LegParameterSets& sets, std::span<const uint8_t> only);
+  absl::Status Reset(const nlohmann::json& parameters, std::span<const uint8_t> only);
 
   // Plays a control step in every environment whose episode runs, with its row of `actions`
   // (count() x action_size()). Where an episode ended in the last step, the next one begins, of
@@ -37,7 +37,7 @@ class VectorEnvironment {
   // Plays what led to the states of environments of the same options, a history for each
   // (GradedEnvironment::Restore), and sets the leg parameter sets of the next episodes. Flags and
   // rewards stay as they are.
-  absl::Status Restore(const LegParameterSets& sets,
+  absl::Status Restore(const nlohmann::json& parameters,
                        std::span<const std::vector<EpisodeInputs>> histories);
 
   int count() const { return static_cast<int>(environments_.size()); }
@@ -69,7 +69,7 @@ class VectorEnvironment {
   std::vector<std::unique_ptr<GradedEnvironment>> environments_;
   ThreadTeam team_;
   std::mutex mutex_;
-  LegParameterSets sets_ = {};
+  nlohmann::json parameters_ = nlohmann::json::object();
   const size_t observation_size_;
   const size_t action_size_;
   const size_t term_count_;

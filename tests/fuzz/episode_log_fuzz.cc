@@ -75,7 +75,7 @@ std::string Cook(fuzz::Input& input) {
         break;
       }
       case kStart:
-        encoder.Start({.convention = ActionConvention::kDirect, .sets = {}}, log);
+        encoder.Start({.convention = ActionConvention::kDirect, .parameters = {}}, log);
         ++events;
         break;
       case kText:

@@ -3,7 +3,9 @@
 #include <cmath>
 #include <cstring>
 
+#include "protocol/base/config_reader.h"
 #include "protocol/bridge/frames.h"
+#include "protocol/bridge/leg_sets_json.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -11,32 +13,42 @@ namespace {
 using namespace myograde;
 using fuzz::Require;
 
-void CheckSets(const LegParameterSets& sets) {
-  Require(sets.present < (1u << kLegSets), "only known sets are present");
+// As the track reads them.
+void CheckParameters(const ParametersText& parameters) {
+  Require(parameters.size <= kMaxParameterBytes, "the parameters fit");
+  const auto json = ParseJson({parameters.text, parameters.size}, "parameters");
+  if (!json.ok()) return;
+  const absl::StatusOr<LegParameterSets> sets = LegSetsFromJson(*json);
+  if (!sets.ok()) {
+    Require(!sets.status().message().empty(), "a refusal says why");
+    return;
+  }
+  Require(sets->present < (1u << kLegSets), "only known sets are present");
   for (int i = 0; i < kLegSets; ++i) {
-    if ((sets.present >> i & 1u) == 0) continue;
-    for (const LegStateParameters& state : sets.set[i]) {
+    if ((sets->present >> i & 1u) == 0) continue;
+    for (const LegStateParameters& state : sets->set[i]) {
       Require(std::isfinite(state.knee_stiffness) && std::isfinite(state.knee_damping) &&
                   std::isfinite(state.knee_target) && std::isfinite(state.ankle_stiffness) &&
                   std::isfinite(state.ankle_damping) && std::isfinite(state.ankle_target),
               "leg parameters are finite");
       for (int k = 0; k < kLegQuantities; ++k) {
         Require(state.threshold_kind[k] <= 2, "thresholds are of a known kind");
-        Require(state.threshold_kind[k] == 0 || std::isfinite(state.threshold[k]),
-                "thresholds are finite");
+        Require(std::isfinite(state.threshold[k]), "thresholds are finite");
       }
     }
   }
+  const auto again = LegSetsFromJson(LegSetsToJson(*sets));
+  Require(again.ok() && LegSetsToJson(*again) == LegSetsToJson(*sets), "sets keep their values");
 }
 
 struct Checker {
   void operator()(const HelloFrame& frame) const {
     Require(frame.convention <= ActionConvention::kDirect, "the convention is known");
-    CheckSets(frame.sets);
+    CheckParameters(frame.parameters);
   }
   void operator()(const ReadyFrame& frame) const {
     Require(frame.episode >= 0, "the episode is not negative");
-    CheckSets(frame.sets);
+    CheckParameters(frame.parameters);
   }
   void operator()(const ActionFrame& frame) const {
     Require(frame.episode >= 0 && frame.step >= 0, "episode and step are not negative");

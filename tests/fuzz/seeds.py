@@ -72,8 +72,12 @@ def conversations():
 
 
 def frames():
-    seed("frame", "hello", b"\1" + struct.pack("<IIII", 1, 1, 0b10010, 0))
-    seed("frame", "ready", b"\2" + struct.pack("<qII", 3, 1, 0) + struct.pack("<11d", *range(11)))
+    state = {"knee": [1, 2, 0.5], "ankle": [3, 4, -0.5], "threshold_kinds": [0, 1, 2, 0, 0],
+             "thresholds": [0, 30, -1e-3, 0, 0]}
+    sets = json.dumps({"0": [state] * 4, "4": [state] * 4}).encode()
+    seed("frame", "hello", b"\1" + struct.pack("<IIII", 1, 1, len(sets), 0) + sets)
+    seed("frame", "ready", b"\2" + struct.pack("<qII", 3, len(sets), 0) + sets)
+    seed("frame", "parameters-too-long", b"\2" + struct.pack("<qII", 3, 8185, 0))
     seed("frame", "action", b"\3" + struct.pack("<qqII3d", 0, 7, 3, 0, 0.5, -1, 1e308))
     seed("frame", "action-nan", b"\3" + struct.pack("<qqIId", 0, 7, 1, 0, float("nan")))
     seed("frame", "action-too-long", b"\3" + struct.pack("<qqII", 0, 7, 81, 0))

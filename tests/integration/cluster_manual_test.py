@@ -91,7 +91,7 @@ class ClusterManual(unittest.TestCase):
         said = self.type(steps[4])
         self.assertIn("proved", said, "of myograde cluster nodes")
         self.assertRegex(said, r"node[123]")
-        made = {"site", "cluster", "shared", "node", "data", "my-policy", "daemon.log", "status.txt"}
+        made = {"site", "cluster", "node", "data", "my-policy", "daemon.log", "status.txt"}
         self.assertEqual({path.name for path in self.folder.iterdir()}, made | {"configs", KEPT})
         for name in made:
             self.assertIn(f"`{name}`", MANUAL.read_text(encoding="utf-8"), "what the commands make")
@@ -100,7 +100,7 @@ class ClusterManual(unittest.TestCase):
         self.assertEqual(result["merkle_root"], local["merkle_root"])
         self.type('myograde cluster drain node1 --reason "new disks"\nmyograde cluster admit node1\n')
         self.type(steps[7])
-        self.assertFalse(list((self.folder / "shared").glob("*/leases/*")))
+        self.assertFalse(list((self.folder / "data/work").iterdir()))
 
 
 if __name__ == "__main__":

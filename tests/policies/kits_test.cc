@@ -24,6 +24,7 @@
 #include "protocol/tracks/manipulation/track.h"
 #include "protocol/tracks/registry.h"
 #include "sim/episode/messages.h"
+#include "protocol/bridge/leg_sets_json.h"
 #include "tests/protocol/bridge/bridge_world.h"
 
 namespace myograde {
@@ -302,8 +303,11 @@ TEST_F(KitsTest, PartsOfVectorsHaveNames) {
   Grader grader("zero", PythonPolicy("by_name", kByName), LocomotionTrack());
   const absl::StatusOr<HelloFrame> hello = grader.AwaitHello();
   ASSERT_TRUE(hello.ok()) << hello.status();
-  EXPECT_EQ(hello->sets.present, 0b00110u);
-  const LegStateParameters& stairs_up = hello->sets.set[1][0];
+  const auto sets = LegSetsFromJson(
+      nlohmann::json::parse(std::string(hello->parameters.text, hello->parameters.size)));
+  ASSERT_TRUE(sets.ok()) << sets.status();
+  EXPECT_EQ(sets->present, 0b00110u);
+  const LegStateParameters& stairs_up = sets->set[1][0];
   EXPECT_EQ(stairs_up.knee_stiffness, 99.372);
   EXPECT_THAT(stairs_up.threshold_kind, ::testing::ElementsAre(2, 2, 0, 0, 0));
   EXPECT_NEAR(stairs_up.threshold[0], 0.1 * 78.66887849930261 * 9.81, 1e-9);

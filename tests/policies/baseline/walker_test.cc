@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "policies/baseline/parameter_file.h"
+#include "protocol/bridge/leg_sets_json.h"
 #include "tests/policies/baseline/walking.h"
 #include "tests/sim/locomotion/fixture.h"
 
@@ -71,7 +72,7 @@ std::unique_ptr<sim::Locomotion> PaperCourse() { return CourseOf(sim::ShippedRul
 
 std::vector<double> Walk(sim::Locomotion& course, Walker& walker, uint64_t seed, int steps) {
   course.Reset(seed);
-  EXPECT_TRUE(course.SetLegParameters(SetsOf(walker)).ok());
+  EXPECT_TRUE(course.SetParameters(LegSetsToJson(SetsOf(walker))).ok());
   walker.Reset();
   std::array<double, kWalkerObservation> observation;
   std::array<double, kWalkerAction> action;

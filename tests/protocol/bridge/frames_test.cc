@@ -42,10 +42,8 @@ HelloFrame GoodHello() {
   frame.header = MakeHeader<HelloFrame>(FrameType::kHello);
   frame.protocol_version = 1;
   frame.convention = ActionConvention::kDirect;
-  frame.sets.present = 0b10010;
-  frame.sets.set[1][0].knee_stiffness = 100;
-  frame.sets.set[4][3].threshold_kind[2] = 1;
-  frame.sets.set[4][3].threshold[2] = 0.5;
+  frame.parameters.size = 2;
+  std::memcpy(frame.parameters.text, "{}", 2);
   return frame;
 }
 
@@ -72,7 +70,7 @@ TEST(Frames, GoodOnesArrive) {
   EXPECT_EQ(std::get<ActionFrame>(*action).values[54], 0.54);
   const auto hello = ParseBridgeFrame(Bytes(GoodHello()));
   ASSERT_TRUE(hello.ok()) << hello.status();
-  EXPECT_EQ(std::get<HelloFrame>(*hello).sets.set[1][0].knee_stiffness, 100);
+  EXPECT_EQ(std::get<HelloFrame>(*hello).parameters.size, 2u);
   const auto ready = ParseBridgeFrame(Bytes(GoodReady()));
   ASSERT_TRUE(ready.ok()) << ready.status();
   EXPECT_EQ(std::get<ReadyFrame>(*ready).episode, 3);
@@ -145,26 +143,18 @@ TEST(Frames, ActionsAreChecked) {
   EXPECT_THAT(Problem(frame), HasSubstr("negative"));
 }
 
-TEST(Frames, LegSetsAreChecked) {
+TEST(Frames, ConventionAndLengthOfParametersAreChecked) {
   HelloFrame frame = GoodHello();
   frame.convention = static_cast<ActionConvention>(2);
   EXPECT_THAT(Problem(frame), HasSubstr("convention"));
   frame = GoodHello();
-  frame.sets.present = 1u << kLegSets;
-  EXPECT_THAT(Problem(frame), HasSubstr("unknown leg parameter set"));
-  frame = GoodHello();
-  frame.sets.set[1][2].ankle_target = NAN;
-  EXPECT_THAT(Problem(frame), HasSubstr("not finite"));
-  frame = GoodHello();
-  frame.sets.set[4][3].threshold[2] = INFINITY;
-  EXPECT_THAT(Problem(frame), HasSubstr("threshold"));
-  frame = GoodHello();
-  frame.sets.set[4][0].threshold_kind[4] = 3;
-  EXPECT_THAT(Problem(frame), HasSubstr("unknown kind"));
+  frame.parameters.size = kMaxParameterBytes;
+  EXPECT_TRUE(ParseBridgeFrame(Bytes(frame)).ok()) << "only their track reads them";
+  frame.parameters.size = kMaxParameterBytes + 1;
+  EXPECT_THAT(Problem(frame), HasSubstr("parameters are too long"));
   ReadyFrame ready = GoodReady();
-  ready.sets.present = 1;
-  ready.sets.set[0][0].knee_damping = -INFINITY;
-  EXPECT_THAT(Problem(ready), HasSubstr("not finite"));
+  ready.parameters.size = 0xffffffffu;
+  EXPECT_THAT(Problem(ready), HasSubstr("parameters are too long"));
 }
 
 TEST(Frames, FaultsAreChecked) {

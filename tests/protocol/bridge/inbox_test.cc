@@ -13,6 +13,7 @@
 #include <rapidcheck.h>
 
 #include "protocol/policy/channels.h"
+#include "protocol/bridge/leg_sets_json.h"
 #include "tests/protocol/bridge/messages.h"
 
 namespace myograde::bridge {
@@ -123,10 +124,13 @@ TEST_F(InboxTest, HelloCarriesConventionAndLegSets) {
   ASSERT_TRUE(frame.ok()) << frame.status();
   const auto& greeting = std::get<HelloFrame>(*frame);
   EXPECT_EQ(greeting.convention, ActionConvention::kDirect);
-  EXPECT_EQ(greeting.sets.present, 4u);
-  EXPECT_EQ(greeting.sets.set[2][3].ankle_stiffness, 200);
-  EXPECT_EQ(greeting.sets.set[2][3].threshold[0], 30);
-  EXPECT_EQ(greeting.sets.set[2][3].threshold_kind[0], 1);
+  const auto sets = LegSetsFromJson(
+      nlohmann::json::parse(std::string(greeting.parameters.text, greeting.parameters.size)));
+  ASSERT_TRUE(sets.ok()) << sets.status();
+  EXPECT_EQ(sets->present, 4u);
+  EXPECT_EQ(sets->set[2][3].ankle_stiffness, 200);
+  EXPECT_EQ(sets->set[2][3].threshold[0], 30);
+  EXPECT_EQ(sets->set[2][3].threshold_kind[0], 1);
 }
 
 TEST_F(InboxTest, ANameWithoutItsEndingZeroIsABreach) {

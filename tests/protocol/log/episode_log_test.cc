@@ -9,7 +9,7 @@
 
 #include "protocol/policy/channels.h"
 #include "protocol/log/event_log.h"
-#include "protocol/log/leg_sets_json.h"
+#include "protocol/bridge/leg_sets_json.h"
 
 namespace myograde {
 namespace {
@@ -61,7 +61,7 @@ std::string Log(int64_t steps) {
   EpisodeLogEncoder encoder(0.005);
   std::string log;
   encoder.Header(header, log);
-  encoder.Start({ActionConvention::kDirect, TwoSets()}, log);
+  encoder.Start({ActionConvention::kDirect, LegSetsToJson(TwoSets())}, log);
   for (int64_t step = 0; step < steps; ++step) {
     encoder.Step(Action(step), Digest(step, "o"), Digest(step, "s"), log);
   }
@@ -80,8 +80,10 @@ TEST(EpisodeLog, ComesBack) {
   EXPECT_TRUE(log->header.begun);
   ASSERT_TRUE(log->start.has_value());
   EXPECT_EQ(log->start->convention, ActionConvention::kDirect);
-  const LegParameterSets sets = TwoSets();
-  EXPECT_EQ(std::memcmp(&log->start->sets, &sets, sizeof(sets)), 0);
+  const auto sets = LegSetsFromJson(log->start->parameters);
+  ASSERT_TRUE(sets.ok()) << sets.status();
+  EXPECT_EQ(LegSetsToJson(*sets), LegSetsToJson(TwoSets()));
+  EXPECT_EQ(sets->set[4][3].threshold[2], TwoSets().set[4][3].threshold[2]);
   ASSERT_EQ(log->steps(), 3);
   for (int64_t step = 0; step < 3; ++step) {
     const auto action = log->action(step);

@@ -95,10 +95,8 @@ TEST(ElbowEnvironment, DrawsFillTheirRangesAndStayInThem) {
 
 TEST(ElbowEnvironment, LegParameterSetsAreRefused) {
   const auto env = MakeElbowProfile("hold");
-  LegParameterSets sets = {};
-  EXPECT_TRUE(env->SetLegParameters(sets).ok());
-  sets.present = 1;
-  EXPECT_EQ(env->SetLegParameters(sets).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_TRUE(env->SetParameters(nlohmann::json::object()).ok());
+  EXPECT_EQ(env->SetParameters({{"0", {}}}).code(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST(ElbowActions, NormalizedFollowsTheOfficialCurve) {

@@ -46,9 +46,11 @@ class CountingEnvironment : public Environment {
     facts_ = {};
     sets_stored.clear();
   }
-  absl::Status SetLegParameters(const LegParameterSets& sets) override {
-    if (sets.present & 16u) return absl::InvalidArgumentError("leg set 4 is out of range");
-    sets_stored.push_back(sets.present);
+  absl::Status SetParameters(const nlohmann::json& parameters) override {
+    if (parameters.contains("4")) return absl::InvalidArgumentError("leg set 4 is out of range");
+    uint32_t sets = 0;
+    for (const auto& [name, set] : parameters.items()) sets |= 1u << (name[0] - '0');
+    sets_stored.push_back(sets);
     return absl::OkStatus();
   }
   void SetConvention(ActionConvention convention) override { convention_used = convention; }
@@ -105,14 +107,26 @@ class Sandbox {
     HelloFrame frame = {};
     frame.protocol_version = version;
     frame.convention = ActionConvention::kDirect;
-    frame.sets.present = sets;
+    Upload(frame.parameters, sets);
     Send(frame, FrameType::kHello);
   }
   void Ready(int64_t episode, uint32_t sets = 0) {
     ReadyFrame frame = {};
     frame.episode = episode;
-    frame.sets.present = sets;
+    Upload(frame.parameters, sets);
     Send(frame, FrameType::kReady);
+  }
+  // An object with the numbers of the set bits as keys.
+  static void Upload(ParametersText& parameters, uint32_t sets) {
+    nlohmann::json json = nlohmann::json::object();
+    for (int i = 0; i < 5; ++i) {
+      if ((sets >> i & 1u) != 0) json[std::to_string(i)] = i;
+    }
+    Upload(parameters, json.dump());
+  }
+  static void Upload(ParametersText& parameters, const std::string& text) {
+    parameters.size = static_cast<uint32_t>(text.size());
+    text.copy(parameters.text, text.size());
   }
   void Act(const PublishFrame& question, double value = 1) {
     ActionFrame frame = {};

@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "protocol/bridge/leg_sets_json.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "sim/locomotion/model.h"
 #include "tests/sim/golden.h"
@@ -109,7 +110,7 @@ TEST(LocomotionLeg, UploadedSetsActAtOnceAndEndWithTheEpisode) {
   sets.present = 1;
   std::copy(DefaultLegSet().begin(), DefaultLegSet().end(), std::begin(sets.set[0]));
   for (auto& state : sets.set[0]) state.knee_stiffness = state.knee_damping = 0;
-  ASSERT_TRUE(environment->SetLegParameters(sets).ok());
+  ASSERT_TRUE(environment->SetParameters(LegSetsToJson(sets)).ok());
   environment->Step(ConstantAction(0));
   EXPECT_EQ(environment->data().ctrl[environment->indices().knee_motor], 0);
   environment->Reset(2);
@@ -117,7 +118,7 @@ TEST(LocomotionLeg, UploadedSetsActAtOnceAndEndWithTheEpisode) {
   EXPECT_NE(environment->data().ctrl[environment->indices().knee_motor], 0);
 
   sets.set[0][2].ankle_stiffness = 2001;
-  const absl::Status refused = environment->SetLegParameters(sets);
+  const absl::Status refused = environment->SetParameters(LegSetsToJson(sets));
   EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(refused.message()),
               HasSubstr("leg parameter set 0, state e_swing: ankle_stiffness is 2001"));

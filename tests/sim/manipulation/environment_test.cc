@@ -160,10 +160,8 @@ TEST(ManipulationEnvironment, OfficialProfilesPassActionsOn) {
 
 TEST(ManipulationEnvironment, LegParametersAreRefused) {
   const auto env = MakeProfile("paper");
-  LegParameterSets sets = {};
-  EXPECT_TRUE(env->SetLegParameters(sets).ok());
-  sets.present = 2;
-  EXPECT_EQ(env->SetLegParameters(sets).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_TRUE(env->SetParameters(nlohmann::json::object()).ok());
+  EXPECT_EQ(env->SetParameters({{"1", {}}}).code(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST(ManipulationEnd, PaperEndsWhenTheObjectWasPlacedForEightFrames) {

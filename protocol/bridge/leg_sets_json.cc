@@ -1,4 +1,4 @@
-#include "protocol/log/leg_sets_json.h"
+#include "protocol/bridge/leg_sets_json.h"
 
 #include <cfloat>
 #include <string>
@@ -69,8 +69,8 @@ absl::StatusOr<LegParameterSets> LegSetsFromJson(const nlohmann::json& json) {
   LegParameterSets sets = {};
   for (const auto& [name, states] : json.items()) {
     uint32_t number = 0;
-    if (!absl::SimpleAtoi(name, &number) || number >= kLegSets || !states.is_array() ||
-        states.size() != kLegStates) {
+    if (!absl::SimpleAtoi(name, &number) || number >= kLegSets || name != std::to_string(number) ||
+        !states.is_array() || states.size() != kLegStates) {
       return bad;
     }
     sets.present |= 1u << number;
