@@ -46,7 +46,8 @@ absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t e
 
 // Null as long as a job waits for a node.
 Json HostOf(const LiveLease* live) {
-  if (live == nullptr || live->job.empty()) return HostName();
+  if (live == nullptr) return HostName();
+  if (live->job.empty()) return live->begun ? Json(HostName()) : Json();  // it waits for a node
   return TextOrNull(live->node);
 }
 
