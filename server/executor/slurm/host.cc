@@ -274,12 +274,20 @@ class FollowedLease {
                                                        .deadline = kCommand,
                                                        .nice = 0,
                                                        .environment = SlurmEnvironment()}));
-    if (end.exit_status != 0) return absl::UnavailableError(absl::StrCat("squeue: ", WithoutName(end.LastError(), "squeue")));
-    ASSIGN_OR_RETURN(const std::vector<SlurmJob> jobs, ParseQueue(end.output));
-    for (const SlurmJob& job : jobs) {
-      if (job.comment == order_.comment) return job;
+    if (end.exit_status != 0) {
+      return absl::UnavailableError(absl::StrCat("squeue: ", WithoutName(end.LastError(), "squeue")));
     }
-    return absl::NotFoundError("the cluster shows no such job");
+    ASSIGN_OR_RETURN(const std::vector<SlurmJob> jobs, ParseQueue(end.output));
+    // The newest: those of earlier tries, which Slurm refused, may still be shown.
+    const SlurmJob* newest = nullptr;
+    for (const SlurmJob& job : jobs) {
+      if (job.comment != order_.comment) continue;
+      if (newest == nullptr || std::pair(job.id.size(), job.id) > std::pair(newest->id.size(), newest->id)) {
+        newest = &job;
+      }
+    }
+    if (newest == nullptr) return absl::NotFoundError("the cluster shows no such job");
+    return *newest;
   }
 
   // What srun's end means, without a last word of the node's.

@@ -38,7 +38,9 @@ with open(folder + "/words", "a") as file:
 
 def job(state, node="n1", reason="None"):
     with open(folder + "/queue", "w") as file:
-        file.write(f"7|{state}|{node}|{comment}|{reason}\n")
+        # Beside one that was refused earlier.
+        file.write(f"6|FAILED||{comment}|None\n7|{state}|{node}|{comment}|{reason}\n"
+                   f"5|FAILED||{comment}|None\n")
 
 def say(kind, data=b""):
     data = data.encode() if isinstance(data, str) else data
