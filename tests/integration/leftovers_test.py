@@ -148,7 +148,8 @@ class Leftovers(LeftoversTest):
             says(pid, "misbehaving_policy") for pid, _ in proc.below(self.daemon.pid)))
         runners = proc.children(self.daemon.pid)
         self.assertTrue(runners)
-        # The runners first, so that none of them notices the daemon's death.
+        # The runners first, so that none of them notices the daemon's death; nor does it notice theirs.
+        os.kill(self.daemon.pid, signal.SIGSTOP)
         for pid in runners:
             os.kill(pid, signal.SIGKILL)
         self.stop_daemon(signal.SIGKILL)
