@@ -85,6 +85,10 @@ std::string HexOf(std::span<const uint8_t> bytes) {
       absl::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
 
+bool IsSha256Hex(std::string_view text) {
+  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
 Sha256Digest Sha256Of(std::string_view data) {
   Sha256 hash;
   hash.Update(data);

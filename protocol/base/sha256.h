@@ -41,6 +41,7 @@ class Sha256 {
 
 // 64 lower-case hexadecimal digits.
 std::string HexOf(std::span<const uint8_t> bytes);
+bool IsSha256Hex(std::string_view text);
 
 Sha256Digest Sha256Of(std::string_view data);
 std::string Sha256Hex(std::string_view data);

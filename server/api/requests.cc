@@ -22,10 +22,6 @@ constexpr size_t kMaxReasonBytes = 200;
 constexpr char kKeyHeader[] = "idempotency-key";
 constexpr size_t kMaxKeyBytes = 255;
 
-bool IsHash(const std::string& text) {
-  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
-}
-
 }  // namespace
 
 std::string ReadReason(ConfigReader& reader) {
@@ -54,7 +50,7 @@ absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   if (reader.Has("phase")) request.phase = ReadPhaseName(reader);
   const nlohmann::json* seeds = reader.Has("seeds") ? &reader.Array("seeds") : nullptr;
   if (reader.Has("episodes")) request.episodes = reader.Integer("episodes", 1, kMaxEpisodes);
-  if (!IsHash(request.artefact)) {
+  if (!IsSha256Hex(request.artefact)) {
     reader.Fail("artefact", "must be the id of an artefact: 64 lower-case hexadecimal digits");
   }
   RETURN_IF_ERROR(reader.Finish());

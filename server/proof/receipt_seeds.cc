@@ -18,12 +18,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr size_t kDigestDigits = 64;
-
 bool IsDigest(const Json& json) {
-  return json.is_string() && json.get_ref<const std::string&>().size() == kDigestDigits &&
-         json.get_ref<const std::string&>().find_first_not_of("0123456789abcdef") ==
-             std::string::npos;
+  return json.is_string() && IsSha256Hex(json.get_ref<const std::string&>());
 }
 
 bool InOrder(const Json& episodes) {

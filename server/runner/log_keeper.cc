@@ -11,16 +11,13 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr size_t kBufferBytes = 64 << 10;
-
-bool IsHash(const std::string& text) {
-  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
-}
 
 }  // namespace
 
@@ -44,6 +41,13 @@ absl::StatusOr<LogKeeper> LogKeeper::Open(const std::string& folder, const std::
   keeper.reader_ = Fd(ends[0]);
   keeper.writer_ = Fd(ends[1]);
   return keeper;
+}
+
+absl::Status LogKeeper::Keep(const std::string& folder, const std::string& lease,
+                             const EpisodeLogInfo& info, std::string_view bytes) {
+  ASSIGN_OR_RETURN(LogKeeper keeper, Open(folder, lease, std::ssize(bytes)));
+  RETURN_IF_ERROR(keeper.Write(bytes.data(), bytes.size()));
+  return keeper.Finish(info);
 }
 
 LogKeeper::~LogKeeper() {
@@ -101,7 +105,7 @@ absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
     if (taken == 0) break;
   }
   if (!file_.valid() || written_ < info.packed_bytes || info.packed_bytes <= 0 ||
-      !IsHash(info.sha256)) {
+      !IsSha256Hex(info.sha256)) {
     return absl::InternalError(
         absl::StrCat("the simulator told of a log of ", info.packed_bytes, " bytes and sent ",
                      written_));

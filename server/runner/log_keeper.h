@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -24,6 +25,10 @@ class LogKeeper {
                                         int64_t budget);
   LogKeeper(LogKeeper&&) = default;
   ~LogKeeper();
+
+  // Stores a whole log that was made elsewhere. Errors as of Finish.
+  static absl::Status Keep(const std::string& folder, const std::string& lease,
+                           const EpisodeLogInfo& info, std::string_view bytes);
 
   // The simulator's end of the pipe. Closed by CloseWriter().
   int writer() const { return writer_.get(); }

@@ -11,6 +11,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/set_up.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 
 namespace myograde::server {
@@ -26,10 +27,6 @@ constexpr int64_t kMany = int64_t{1} << 50;
 constexpr char kFormerFolder[] = ".former";
 // In the names of versions' folders, and in no runtime's name.
 constexpr char kVersionMark = '@';
-
-bool IsDigest(const std::string& text) {
-  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
-}
 
 absl::Status ReadPackages(const Json& list, const std::string& where, Runtime& runtime) {
   for (const Json& entry : list) {
@@ -97,7 +94,7 @@ absl::StatusOr<Runtime> ReadRuntime(const std::string& folder) {
                   .files = reader.Integer("files", 0, kMany)};
   reader.Ignore("made_from");
   const Json packages = reader.Array("packages");
-  if (!IsDigest(runtime.digest)) reader.Fail("digest", "is no SHA-256");
+  if (!IsSha256Hex(runtime.digest)) reader.Fail("digest", "is no SHA-256");
   if (!IsRuntimeName(runtime.name)) reader.Fail("runtime", "is no name of a runtime");
   absl::Status status = reader.Finish();
   if (status.ok()) status = ReadPackages(packages, path + ": packages", runtime);

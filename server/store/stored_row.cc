@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/sha256.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -24,10 +25,6 @@ std::string Shown(const SQLite::Column& column) {
   return absl::StrCat(column.isBlob() ? "the bytes '" : "'",
                       absl::CHexEscape(bytes.substr(0, kShownBytes)),
                       bytes.size() > kShownBytes ? "'..." : "'");
-}
-
-bool IsHash(std::string_view text) {
-  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
 }
 
 StoredRow::StoredRow(SQLite::Statement& select, std::string table, std::string key)
@@ -106,7 +103,7 @@ std::string StoredRow::TextOr(int column) {
 
 std::string StoredRow::Hash(int column) {
   std::string text = Text(column);
-  if (!IsHash(text)) Fail(column, "64 lower-case hexadecimal digits belong there");
+  if (!IsSha256Hex(text)) Fail(column, "64 lower-case hexadecimal digits belong there");
   return text;
 }
 

@@ -111,7 +111,4 @@ Listed<Row> ListOf(SQLite::Statement& select, const Row& empty, Parse parse) {
 // A column's value for people, for keys and errors.
 std::string Shown(const SQLite::Column& column);
 
-// 64 lower-case hexadecimal digits.
-bool IsHash(std::string_view text);
-
 }  // namespace myograde::server

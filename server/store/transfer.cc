@@ -353,7 +353,7 @@ class Inserter {
     // Files are looked up by these.
     for (const char* column : {"hash", "artefact"}) {
       const auto hash = row.find(column);
-      if (hash != row.end() && !(hash->is_string() && IsHash(hash->get<std::string>()))) {
+      if (hash != row.end() && !(hash->is_string() && IsSha256Hex(hash->get<std::string>()))) {
         return refused(absl::StrCat("has as its \"", column,
                                     "\" not 64 lower-case hexadecimal digits"));
       }

@@ -11,7 +11,7 @@ from support import slurm
 from support.waiting import wait_until
 from system import BIN, HERE, POLICIES, SystemTest, track_config
 
-WAIT_S = 120
+WAIT_S = 240
 # A lease of two episodes of 2 s; with the patient policy it takes about ten.
 TRACKS = {"short": track_config("elbow", seeds={"first": 50, "count": 6}, episodes_per_lease=2,
                                 budgets={"startup_s": 60, "startup_wall_s": 120})}

@@ -32,10 +32,10 @@ Check Missing(std::string name, std::string found, std::string todo) {
   return {std::move(name), CheckState::kMissing, std::move(found), kNoLease, std::move(todo)};
 }
 
-Check CommandsCheck(const SlurmTools& slurm) {
+Check CommandsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
   std::vector<std::string> missing;
   for (const char* name : {"srun", "squeue", "scancel", "scontrol", "sinfo"}) {
-    if (!slurm.Find(name).ok()) missing.emplace_back(name);
+    if (!SlurmCommand(config, name).ok()) missing.emplace_back(name);
   }
   if (!missing.empty()) {
     return Missing("slurm_commands", absl::StrCat("there is no ", absl::StrJoin(missing, ", no ")),
@@ -221,8 +221,8 @@ std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
                                "\"executor\" of server.json is local",
                                "leases run on the daemon's host alone",
                                "set \"executor\" to \"slurm\" once the other checks are ok"});
-  const SlurmTools slurm(config.slurm_bin_dir);
-  checks.push_back(CommandsCheck(slurm));
+  const SlurmTools slurm(config);
+  checks.push_back(CommandsCheck(slurm, config));
   if (checks.back().state == CheckState::kMissing) return checks;
   checks.push_back(ControllerCheck(slurm));
   if (checks.back().state == CheckState::kMissing) return checks;

@@ -1,14 +1,11 @@
 #include "server/cli/offline/slurm_tools.h"
 
-#include <unistd.h>
-
 #include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/base/child_process.h"
-#include "server/config/slurm_config.h"
+#include "server/executor/slurm/srun.h"
 
 namespace myograde::server {
 namespace {
@@ -17,21 +14,12 @@ constexpr size_t kMostOutput = 16u << 20;  // sinfo of a large cluster
 
 }  // namespace
 
-absl::StatusOr<std::string> SlurmTools::Find(const std::string& name) const {
-  if (folder_.empty()) return FindProgram(name);
-  std::string path = absl::StrCat(folder_, "/", name);
-  if (access(path.c_str(), X_OK) == 0) return path;
-  return absl::NotFoundError(absl::StrCat("there is no program ", path));
-}
-
 absl::StatusOr<ProgramEnd> SlurmTools::Run(const std::string& name,
                                            const std::vector<std::string>& words,
-                                           absl::Duration deadline,
-                                           const std::string& input) const {
-  ASSIGN_OR_RETURN(const std::string path, Find(name));
+                                           absl::Duration deadline) const {
+  ASSIGN_OR_RETURN(const std::string path, SlurmCommand(config_, name));
   ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
                                                .words = words,
-                                               .input = input,
                                                .most_output = kMostOutput,
                                                .deadline = deadline,
                                                .nice = 0,

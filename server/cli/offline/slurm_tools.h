@@ -10,24 +10,22 @@
 #include <absl/time/time.h>
 
 #include "server/base/program_run.h"
+#include "server/config/slurm_config.h"
 
 namespace myograde::server {
 
 // What a command prints; an error says how it failed, with its last line.
 class SlurmTools {
  public:
-  // `folder`: of the commands; "": found in PATH.
-  explicit SlurmTools(std::string folder) : folder_(std::move(folder)) {}
+  // `config` must outlive it.
+  explicit SlurmTools(const SlurmConfig& config) : config_(config) {}
 
-  // NotFoundError: there is no such command.
-  absl::StatusOr<std::string> Find(const std::string& name) const;
-  // Errors of Find and RunProgram; UnavailableError: it ended with another status than 0.
+  // Errors of SlurmCommand and RunProgram; UnavailableError: it ended with another status than 0.
   absl::StatusOr<ProgramEnd> Run(const std::string& name, const std::vector<std::string>& words,
-                                 absl::Duration deadline = absl::Seconds(30),
-                                 const std::string& input = "") const;
+                                 absl::Duration deadline = absl::Seconds(30)) const;
 
  private:
-  const std::string folder_;
+  const SlurmConfig& config_;
 };
 
 // The keys and values of "KEY=VALUE KEY=VALUE" and of lines "KEY = VALUE".

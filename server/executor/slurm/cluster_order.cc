@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 
 namespace myograde::server {
@@ -57,8 +58,7 @@ absl::StatusOr<ClusterOrder> ClusterOrderFromText(std::string_view text) {
   if (order.runtimes.size() != order.order.runtimes.size()) {
     return absl::InvalidArgumentError(absl::StrCat(kWhere, ": runtimes: not those of its lease"));
   }
-  if (order.artefact.size() != 64 ||
-      order.artefact.find_first_not_of("0123456789abcdef") != std::string::npos) {
+  if (!IsSha256Hex(order.artefact)) {
     return absl::InvalidArgumentError(absl::StrCat(kWhere, ": artefact: is no digest"));
   }
   return order;

@@ -1,15 +1,12 @@
 #include "server/executor/slurm/host.h"
 
-#include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -234,27 +231,12 @@ class FollowedLease {
   // Under the name of its content, as a runner on this host keeps it.
   absl::Status KeepLog(std::string_view bytes) const {
     const size_t line = bytes.find('\n');
-    const std::string sha256(bytes.substr(0, line));
-    if (line == std::string::npos || sha256.size() != 64 ||
-        sha256.find_first_not_of("0123456789abcdef") != std::string::npos) {
-      return absl::DataLossError("the node sent a log without a name");
-    }
-    const std::string& folder = order_.order.log_dir;
-    const std::string draft = absl::StrCat(folder, "/.draft-", order_.order.lease);
-    const auto trouble = [&] {
-      const std::string why = std::strerror(errno);
-      unlink(draft.c_str());
-      return absl::ResourceExhaustedError(
-          absl::StrCat("an episode's log can't be kept in ", folder, ": ", why));
-    };
-    unlink(draft.c_str());
-    const Fd file(open(draft.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-    if (!file.valid() || !WriteAll(file.get(), bytes.substr(line + 1)).ok() ||
-        fdatasync(file.get()) != 0 ||
-        rename(draft.c_str(), absl::StrCat(folder, "/", LogFileName(sha256)).c_str()) != 0) {
-      return trouble();
-    }
-    return absl::OkStatus();
+    if (line == std::string::npos) return absl::DataLossError("the node sent a log without a name");
+    const std::string_view log = bytes.substr(line + 1);
+    EpisodeLogInfo info;
+    info.sha256 = bytes.substr(0, line);
+    info.packed_bytes = std::ssize(log);
+    return LogKeeper::Keep(order_.order.log_dir, order_.order.lease, info, log);
   }
 
   int TellEnd() const {

@@ -1,8 +1,6 @@
 #include "server/executor/slurm/node.h"
 
-#include <fcntl.h>
 #include <poll.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -42,15 +40,6 @@ constexpr int kLookMs = 500;
 constexpr absl::Duration kOrderTime = absl::Minutes(2);
 // Between two pieces of a submission.
 constexpr absl::Duration kPieceTime = absl::Minutes(5);
-
-double CpuOfChildren() {
-  rusage usage;
-  if (getrusage(RUSAGE_CHILDREN, &usage) != 0) return 0;
-  const auto seconds = [](const timeval& time) {
-    return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
 
 std::string JobOfThis() {
   const char* job = std::getenv("SLURM_JOB_ID");
@@ -94,7 +83,7 @@ class NodeLease {
     ASSIGN_OR_RETURN(const std::unique_ptr<RunnerProcess> runner,
                      RunnerProcess::Start(order_.order));
     RETURN_IF_ERROR(Attend(*runner));
-    me_.cpu_s = std::max(CpuOfChildren(), policy_cpu_s_);
+    me_.cpu_s = std::max(runner->site().cpu_s, policy_cpu_s_);
     me_.energy_j = EnergyOfJob();
     RETURN_IF_ERROR(Tell());
     return SendEnd(runner->wait_status(), runner->stderr_tail());

@@ -7,44 +7,26 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <tuple>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/artefact/listing.h"
+#include "server/executor/slurm/node_slot.h"
 
 namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr absl::Duration kLockPoll = absl::Milliseconds(100);
 constexpr char kLockEnding[] = ".lock";
-constexpr size_t kDigestDigits = 64;
-
-absl::Status DiskError(const std::string& path, absl::string_view done) {
-  const std::string message = absl::StrCat(path, ": can't be ", done, ": ", std::strerror(errno));
-  return errno == ENOSPC || errno == EDQUOT ? absl::ResourceExhaustedError(message)
-                                            : absl::UnavailableError(message);
-}
-
-// Takes the lock within `patience`.
-absl::Status Lock(const Fd& lock, int how, const Deadline& deadline) {
-  while (flock(lock.get(), how | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK && errno != EINTR) return DiskError("a submission's lock", "taken");
-    if (deadline.over()) {
-      return absl::DeadlineExceededError(
-          "another lease has been unpacking this submission for too long on this node");
-    }
-    absl::SleepFor(kLockPoll);
-  }
-  return absl::OkStatus();
-}
+constexpr char kHeldTooLong[] =
+    "another lease has been unpacking this submission for too long on this node";
 
 bool IsFolder(const std::string& path) {
   struct stat info;
@@ -66,28 +48,27 @@ int64_t BytesBelow(const fs::path& folder) {
 
 }  // namespace
 
-absl::StatusOr<Fd> NodeArtefacts::OpenLock(const std::string& digest) const {
-  const std::string path = absl::StrCat(folder_, "/", digest, kLockEnding);
-  Fd lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (!lock.valid()) return DiskError(path, "opened");
-  return lock;
+std::string NodeArtefacts::LockPath(const std::string& digest) const {
+  return absl::StrCat(folder_, "/", digest, kLockEnding);
 }
 
 absl::StatusOr<HeldArtefact> NodeArtefacts::Hold(const std::string& digest,
                                                  const ByteSource& source,
                                                  absl::Duration patience) const {
-  if (::mkdir(folder_.c_str(), 0700) != 0 && errno != EEXIST) return DiskError(folder_, "made");
+  if (::mkdir(folder_.c_str(), 0700) != 0 && errno != EEXIST) {
+    return HostError(absl::StrCat("can't make ", folder_));
+  }
   const std::string folder = folder_ + "/" + digest;
-  ASSIGN_OR_RETURN(Fd lock, OpenLock(digest));
+  ASSIGN_OR_RETURN(Fd lock, OpenLock(LockPath(digest)));
   const Deadline deadline(patience);
   for (;;) {
-    RETURN_IF_ERROR(Lock(lock, LOCK_SH, deadline));
+    RETURN_IF_ERROR(TakeLock(lock, LOCK_SH, deadline, kHeldTooLong));
     if (IsFolder(folder)) {
       // When it was used last; the lock's own time, as the folder's is part of what is played.
       futimens(lock.get(), nullptr);
       return HeldArtefact(folder, std::move(lock));
     }
-    RETURN_IF_ERROR(Lock(lock, LOCK_EX, deadline));
+    RETURN_IF_ERROR(TakeLock(lock, LOCK_EX, deadline, kHeldTooLong));
     if (IsFolder(folder)) continue;
     MakeRoom();
     RETURN_IF_ERROR(Unpack(digest, source));
@@ -102,9 +83,11 @@ absl::Status NodeArtefacts::Unpack(const std::string& digest, const ByteSource& 
   RETURN_IF_ERROR(PlaceStreamedArtefact(source, digest, part));
   // A node that loses its power must not find half a submission under the whole one's name.
   const Fd placed(open(part.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
-  if (!placed.valid() || syncfs(placed.get()) != 0) return DiskError(part, "written to the disk");
+  if (!placed.valid() || syncfs(placed.get()) != 0) {
+    return HostError(absl::StrCat("can't write ", part, " to the disk"));
+  }
   if (rename(part.c_str(), (folder_ + "/" + digest).c_str()) != 0) {
-    return DiskError(part, "put in place");
+    return HostError(absl::StrCat("can't put ", part, " in place"));
   }
   return absl::OkStatus();
 }
@@ -116,10 +99,7 @@ void NodeArtefacts::MakeRoom() const {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
     const std::string digest = entry.path().filename();
     struct stat info;
-    if (digest.size() != kDigestDigits ||
-        stat(absl::StrCat(folder_, "/", digest, kLockEnding).c_str(), &info) != 0) {
-      continue;
-    }
+    if (!IsSha256Hex(digest) || stat(LockPath(digest).c_str(), &info) != 0) continue;
     const int64_t bytes = BytesBelow(entry.path());
     known.emplace_back(info.st_mtim.tv_sec, digest, bytes);
     total += bytes;
@@ -127,7 +107,7 @@ void NodeArtefacts::MakeRoom() const {
   std::sort(known.begin(), known.end());
   for (const auto& [used, digest, bytes] : known) {
     if (total <= most_bytes_) return;
-    const absl::StatusOr<Fd> lock = OpenLock(digest);
+    const absl::StatusOr<Fd> lock = OpenLock(LockPath(digest));
     // One that is played stays.
     if (!lock.ok() || flock(lock->get(), LOCK_EX | LOCK_NB) != 0) continue;
     fs::remove_all(folder_ + "/" + digest, error);

@@ -40,7 +40,7 @@ class NodeArtefacts {
  private:
   absl::Status Unpack(const std::string& digest, const ByteSource& source) const;
   void MakeRoom() const;
-  absl::StatusOr<Fd> OpenLock(const std::string& digest) const;
+  std::string LockPath(const std::string& digest) const;
 
   const std::string folder_;
   const int64_t most_bytes_;

@@ -1,20 +1,16 @@
 #include "server/executor/slurm/node_proof.h"
 
-#include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
 
 #include <atomic>
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <optional>
 #include <set>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/clock.h"
@@ -27,6 +23,7 @@
 #include "server/base/host_name.h"
 #include "server/base/output_tail.h"
 #include "server/base/paths.h"
+#include "server/executor/slurm/node_slot.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/sandbox/doctor.h"
@@ -88,24 +85,6 @@ std::string ProvedPath(const ProofOptions& options, const std::string& build) {
   const std::string boot = ReadFile("/proc/sys/kernel/random/boot_id").value_or("");
   return absl::StrCat(options.node_dir, "/proved-",
                       Sha256Hex(absl::StrCat(boot, build, options.config_dir)).substr(0, 16));
-}
-
-absl::StatusOr<Fd> LockProof(const std::string& node_dir) {
-  const std::string path = node_dir + "/proof.lock";
-  Fd lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (!lock.valid()) {
-    return absl::UnavailableError(absl::StrCat(path, ": can't be opened: ", std::strerror(errno)));
-  }
-  const Deadline deadline(kOthersProof);
-  while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
-    if (deadline.over()) {
-      return absl::DeadlineExceededError(absl::StrCat(
-          "another process has been making this node's proof for ",
-          absl::FormatDuration(kOthersProof), " (", path, ")"));
-    }
-    absl::SleepFor(absl::Milliseconds(100));
-  }
-  return lock;
 }
 
 // What is wrong with this host, whatever the daemon's build.
@@ -171,7 +150,10 @@ absl::StatusOr<std::string> WhyUnfit(const ProofOptions& options, const std::str
                         "; install the daemon's version and models there");
   }
   const std::string path = ProvedPath(options, build);
-  ASSIGN_OR_RETURN(const Fd lock, LockProof(options.node_dir));
+  ASSIGN_OR_RETURN(const Fd lock, OpenLock(options.node_dir + "/proof.lock"));
+  RETURN_IF_ERROR(TakeLock(lock, LOCK_EX, Deadline(kOthersProof),
+                           absl::StrCat("another process has been making this node's proof for ",
+                                        absl::FormatDuration(kOthersProof))));
   if (!options.again && fs::exists(path)) return "";
   // With problems it is made again until they are mended.
   std::error_code ignored;

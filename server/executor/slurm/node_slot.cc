@@ -5,12 +5,13 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 
 #include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/artefact/listing.h"
 #include "server/sandbox/slot_processes.h"
 #include "server/sandbox/users.h"
 
@@ -18,6 +19,8 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr absl::Duration kLockPoll = absl::Milliseconds(100);
 
 SlotProcesses ProcessesOf(const std::string& node_dir, int64_t uid_base) {
   return SlotProcesses(geteuid() == 0 ? uid_base : -1, node_dir + "/marks");
@@ -33,6 +36,21 @@ absl::Status MakePrivate(const std::string& path) {
 }
 
 }  // namespace
+
+absl::StatusOr<Fd> OpenLock(const std::string& path) {
+  Fd lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!lock.valid()) return HostError(absl::StrCat("can't open ", path));
+  return lock;
+}
+
+absl::Status TakeLock(const Fd& lock, int how, const Deadline& deadline, const std::string& why) {
+  while (flock(lock.get(), how | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK && errno != EINTR) return HostError("can't take a lock");
+    if (deadline.over()) return absl::DeadlineExceededError(why);
+    absl::SleepFor(kLockPoll);
+  }
+  return absl::OkStatus();
+}
 
 NodeSlot::NodeSlot(int number, Fd lock, std::string node_dir, int64_t uid_base)
     : number_(number),
@@ -52,11 +70,7 @@ absl::StatusOr<NodeSlot> NodeSlot::Take(const std::string& node_dir, int64_t uid
   }
   const SlotProcesses processes = ProcessesOf(node_dir, uid_base);
   for (int number = 0; number < kMostSlots; ++number) {
-    const std::string path = absl::StrCat(node_dir, "/slots/", number);
-    Fd lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
-    if (!lock.valid()) {
-      return absl::UnavailableError(absl::StrCat(path, ": can't be opened: ", std::strerror(errno)));
-    }
+    ASSIGN_OR_RETURN(Fd lock, OpenLock(absl::StrCat(node_dir, "/slots/", number)));
     if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) continue;
     // What a killed lease left in it must be dead first.
     if (!processes.Find(number, 1).empty()) continue;

@@ -9,10 +9,16 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
 
 namespace myograde::server {
+
+// A file of a node's to lock by flock(2), made if it is not there. Errors of HostError.
+absl::StatusOr<Fd> OpenLock(const std::string& path);
+// Takes the lock: LOCK_SH or LOCK_EX. DeadlineExceededError(`why`): another process has it for too long.
+absl::Status TakeLock(const Fd& lock, int how, const Deadline& deadline, const std::string& why);
 
 class NodeSlot {
  public:

@@ -38,6 +38,12 @@ const std::string& OrElse(const std::string& own, const std::string& usual) {
   return own.empty() ? usual : own;
 }
 
+absl::Status CheckNodeName(const std::string& node) {
+  if (IsNodeName(node)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", PrintableUtf8(node), "\" is no name of a node"));
+}
+
 }  // namespace
 
 // A lease on the cluster, as the engine sees it.
@@ -316,10 +322,7 @@ std::vector<NodeView> SlurmExecutor::Nodes() const {
 }
 
 absl::Status SlurmExecutor::Drain(const std::string& node, const std::string& why) {
-  if (!IsNodeName(node)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("\"", PrintableUtf8(node), "\" is no name of a node"));
-  }
+  RETURN_IF_ERROR(CheckNodeName(node));
   const MutexLock lock(mutex_);
   health_.Drain(node, why);
   news_.NotifyAll();
@@ -327,10 +330,7 @@ absl::Status SlurmExecutor::Drain(const std::string& node, const std::string& wh
 }
 
 absl::Status SlurmExecutor::Admit(const std::string& node) {
-  if (!IsNodeName(node)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("\"", PrintableUtf8(node), "\" is no name of a node"));
-  }
+  RETURN_IF_ERROR(CheckNodeName(node));
   const MutexLock lock(mutex_);
   health_.Admit(node);
   return absl::OkStatus();
