@@ -15,7 +15,7 @@ Api::Api(const ApiContext& context)
               .challenge = context_.challenge,
               .metrics_token = context_.metrics_token}) {}
 
-void Api::Install(UnixHttpServer& server) {
+void Api::Install(HttpServer& server) {
   server.SetOrganisers(
       [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); });
   server.SetAdmit([this, &router = server.router()](Connection& connection) {

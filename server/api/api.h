@@ -3,7 +3,7 @@
 
 #include "server/api/context.h"
 #include "server/api/guard.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 
 namespace myograde::server {
 
@@ -14,7 +14,7 @@ class Api {
   Api& operator=(const Api&) = delete;
 
   // Adds every address of the API to `server`, which must not outlive it.
-  void Install(UnixHttpServer& server);
+  void Install(HttpServer& server);
 
  private:
   const ApiContext context_;

@@ -20,7 +20,7 @@
 #include "server/api/kept_statistics.h"
 #include "server/api/requests.h"
 #include "server/api/statistics_view.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
 #include "server/grading/leaderboard.h"
@@ -133,7 +133,7 @@ ApiResult ExplainPlaces(const ApiContext& context, const Request& request) {
 ApiResult RebuildBoards(const ApiContext& context, const Request&, const Json& body) {
   ConfigReader reader(body, "request");
   RETURN_IF_ERROR(reader.Finish());
-  UnixHttpServer::AllowUploadTime();
+  HttpServer::AllowUploadTime();
   ASSIGN_OR_RETURN(auto standings, MakeStandings(context.readers, /*missing_only=*/false));
   const size_t count = standings.rows.size();
   const Json unreadable = DamagedToJson(standings.damaged);

@@ -1,346 +1,347 @@
 #include "server/api/connection.h"
 
-#include <fcntl.h>
-#include <sys/statvfs.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
+#include <array>
 #include <cerrno>
-#include <cstdio>
+#include <tuple>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <boost/asio/as_tuple.hpp>
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/experimental/awaitable_operators.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/use_awaitable.hpp>
 
-#include "protocol/base/file.h"
-#include "protocol/base/status_macros.h"
-#include "server/base/ip_address.h"
+#include "protocol/base/clock.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr size_t kPiece = 256 << 10;           // read from a connection at once
-constexpr int64_t kTurn = 4 << 20;             // moved to the disk before others have a turn
-constexpr int64_t kReserveStep = 4 << 20;      // of a body that has any length
-constexpr int64_t kLookAtDisk = 16 << 20;      // written between two looks at what is free
-constexpr int64_t kSmallUpload = 1 << 20;
-constexpr int64_t kDrainBytes = int64_t{64} << 20;
+namespace asio = boost::asio;
+using asio::awaitable;
+using namespace asio::experimental::awaitable_operators;
+using boost::system::error_code;
 
-absl::Status WriteToDisk(int fd, std::string_view bytes) {
-  const absl::Status status = WriteAll(fd, bytes);
-  if (status.ok()) return status;
-  return absl::Status(status.code(), "the server's disk does not take the request");
-}
+constexpr auto kAwait = asio::as_tuple(asio::use_awaitable);
+constexpr size_t kHeadPiece = 4 << 10;   // read at once of heads
+constexpr size_t kBodyPiece = 64 << 10;  // of bodies in memory
+constexpr size_t kDiskPiece = 256 << 10; // moved to or from the disk at once
+// Answers that a peer has not read yet; more is asked for in vain.
+constexpr int64_t kMaxUnsent = int64_t{64} << 20;
+constexpr absl::Duration kGoodbye = absl::Seconds(1);
 
-absl::StatusOr<Fd> NewFile(const std::string& path) {
-  Fd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-  if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
-  return fd;
-}
-
-// What a program on this host calls it: "localhost" or a loopback address; "" is HTTP/1.0.
-bool IsLocalHost(const std::string& host) {
-  const std::string name = host.ends_with('.') ? host.substr(0, host.size() - 1) : host;
-  if (name.empty() || name == "localhost" || name.ends_with(".localhost")) return true;
-  const bool v6 = name.front() == '[';
-  const auto address = IpAddress::Parse(v6 ? name.substr(1, name.size() - 2) : name);
-  return address.has_value() && address->IsLoopback();
-}
+absl::Duration MonotonicNow() { return SystemClock().Monotonic(); }
 
 }  // namespace
 
-absl::StatusOr<std::string> Body::Text() const {
-  if (!spooled()) return memory_;
-  std::string text(static_cast<size_t>(size_), '\0');
-  for (size_t done = 0; done < text.size();) {
-    const ssize_t n = ReadAt(text.data() + done, text.size() - done, static_cast<int64_t>(done));
-    if (n <= 0) return absl::UnavailableError("a request can't be read back from the server's disk");
-    done += static_cast<size_t>(n);
-  }
-  return text;
-}
-
-ssize_t Body::ReadAt(char* to, size_t size, int64_t offset) const {
-  if (spooled()) return ::pread(file_.get(), to, size, static_cast<off_t>(offset));
-  return static_cast<ssize_t>(memory_.copy(to, size, static_cast<size_t>(offset)));
-}
-
-absl::Status Body::MoveTo(const std::string& path) {
-  if (!spooled()) {
-    ASSIGN_OR_RETURN(Fd fd, NewFile(path));
-    const absl::Status written = WriteToDisk(fd.get(), memory_);
-    if (!written.ok()) ::unlink(path.c_str());
-    return written;
-  }
-  if (::rename(path_.c_str(), path.c_str()) != 0) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
-  }
-  path_.clear();
-  Drop();
-  return absl::OkStatus();
-}
-
-absl::Status Body::Spool(const std::string& path) {
-  ASSIGN_OR_RETURN(file_, NewFile(path));
-  path_ = path;
-  const absl::Status written = WriteToDisk(file_.get(), memory_);
-  memory_ = std::string();
-  return written;
-}
-
-absl::Status Body::Write(std::string_view bytes) {
-  size_ += std::ssize(bytes);
-  return WriteToDisk(file_.get(), bytes);
-}
-
-void Body::Drop() {
-  if (spooled()) ::unlink(path_.c_str());
-  path_.clear();
-  memory_ = std::string();
-  file_.reset();
-  size_ = 0;
-}
-
-Connection::Connection(uint64_t id_given, Fd socket_given, std::shared_ptr<PeerLoad> peer_given,
-                       std::unique_ptr<Transport> transport_given)
+Connection::Connection(uint64_t id_given, Socket socket, std::shared_ptr<PeerLoad> peer_given,
+                       std::shared_ptr<TlsContext> tls, const ConnectionOptions& options)
     : id(id_given),
-      fd(std::move(socket_given)),
       peer(std::move(peer_given)),
-      transport(transport_given != nullptr ? std::move(transport_given)
-                                           : MakePlainTransport(fd.get())) {}
+      body(options.spool, *peer),
+      options_(options),
+      socket_(std::move(socket)),
+      tls_context_(std::move(tls)),
+      timer_(socket_.get_executor()) {
+  Enter(tls_context_ == nullptr ? State::kIdle : State::kHandshake);
+}
 
 Connection::~Connection() {
-  Forget();
-  peer->unsent -= counted_unsent;
+  UncountBody();
+  peer->unsent -= unsent_;
 }
 
-Connection::Next Connection::Work(WorkKind kind, const SpoolOptions& spool) {
-  if (kind == WorkKind::kHandshake) return Handshake();
-  return file.left > 0 ? ReadFile() : Spool(spool);
-}
-
-Connection::Next Connection::Handshake() {
-  switch (transport->Handshake()) {
-    case Transport::Outcome::kDone:
-      return Next::kRead;
-    case Transport::Outcome::kBlocked:
-      return Next::kHandshake;
-    default:
-      break;
+awaitable<void> Connection::Run() {
+  // GCC 12 evaluates both sides of && and || where one of them awaits.
+  bool goes_on = true;
+  if (tls_context_ != nullptr) goes_on = co_await Handshake();
+  while (goes_on && !closed_) {
+    goes_on = co_await ReadRequest();
+    if (goes_on) goes_on = co_await Answer();
   }
-  if (!transport->met_plain_http()) return Next::kClose;
+  if (refusal_.has_value() && !closed_) co_await Refuse();
+}
+
+awaitable<bool> Connection::Handshake() {
+  tls_ = std::make_unique<asio::ssl::stream<Socket&>>(socket_, tls_context_->context());
+  const auto handshake = [this]() -> awaitable<error_code> {
+    const auto [error] = co_await tls_->async_handshake(asio::ssl::stream_base::server, kAwait);
+    co_return error;
+  };
+  const error_code error =
+      co_await asio::co_spawn(options_.handshakes, handshake, asio::use_awaitable);
+  if (!error) {
+    Enter(State::kIdle);
+    co_return true;
+  }
+  tls_.reset();
+  const bool plain_http = error.category() == asio::error::get_ssl_category() &&
+                          ERR_GET_REASON(static_cast<unsigned long>(error.value())) ==
+                              SSL_R_HTTP_REQUEST;
   // Whoever forgot the s of https gets an answer that a browser or curl can show.
-  transport = MakePlainTransport(fd.get());
-  return Refuse(
-      {400, "bad_request", "this port speaks HTTPS alone; write https:// in the address"});
+  co_return plain_http && Fail({400, "bad_request",
+                                "this port speaks HTTPS alone; write https:// in the address"});
 }
 
-Transport::Outcome Connection::ReadOnce(size_t most) {
-  const size_t before = in.size();
-  in.resize(before + most);
-  const Transport::Moved read = transport->Read(in.data() + before, most);
-  in.resize(before + read.bytes);
-  moved += static_cast<int64_t>(read.bytes);
-  return read.outcome;
-}
-
-bool Connection::Read(size_t most) {
-  const Transport::Outcome outcome = ReadOnce(most);
-  if (outcome == Transport::Outcome::kEnded) ended = true;
-  // Nobody would be told of what is here already.
-  if (outcome == Transport::Outcome::kDone && transport->pending() > 0) {
-    ReadOnce(transport->pending());
+awaitable<bool> Connection::ReadRequest() {
+  if (!co_await ReadHead()) co_return FailUnfinished();
+  if (std::optional<ApiError> wrong = CheckHost()) co_return Fail(*std::move(wrong));
+  if (!head->has_body()) co_return true;
+  if (std::optional<ApiError> wrong = BeginBody()) co_return Fail(*std::move(wrong));
+  if (head->expects_continue && in_.empty()) {
+    if (!co_await Send("HTTP/1.1 100 Continue\r\n\r\n")) co_return false;
   }
-  return outcome == Transport::Outcome::kDone || outcome == Transport::Outcome::kBlocked;
+  if (!co_await ReadBody()) co_return FailUnfinished();
+  UncountBody();
+  co_return true;
 }
 
-bool Connection::Send() {
-  while (unsent() > 0) {
-    const Transport::Moved written = transport->Write(std::string_view(out).substr(sent));
-    if (written.outcome == Transport::Outcome::kBlocked) break;
-    if (written.outcome != Transport::Outcome::kDone) return false;
-    sent += written.bytes;
-    moved += static_cast<int64_t>(written.bytes);
-  }
-  if (unsent() == 0) {
-    out.clear();
-    sent = 0;
-  } else if (sent >= kPiece * 4) {
-    out.erase(0, sent);
-    sent = 0;
-  }
-  return true;
-}
-
-Connection::Next Connection::Refuse(ApiError why) {
-  error = std::move(why);
-  drain_left = rule.most + kDrainBytes;
-  if (head.has_value() && !head->chunked && parser.in_body()) {
-    drain_left = std::min(drain_left, head->length - parser.size());
-  }
-  body.Drop();
-  return Next::kRefuse;
-}
-
-Connection::Next Connection::StartBody(
-    const std::function<BodyRule(const Request&)>& rule_of, const SpoolOptions& spool) {
-  rule = rule_of(*head);
-  parser.BeginBody(*head, rule.most);
-  const bool known = head->content_type.empty() ||
-                     std::find(rule.types.begin(), rule.types.end(), head->content_type) !=
-                         rule.types.end();
-  if (!known) {
-    return Refuse({415, "bad_type",
-                   absl::StrCat("this address takes a body of type ", rule.types.front(),
-                                "; send it with the header Content-Type: ", rule.types.front())});
-  }
-  if (parser.error()) return Refuse(*parser.error());
-  // Told before a byte of it is sent, where it could not be kept.
-  if (head->length > kMemoryBody && !Reserve(head->length, spool)) return Refuse(error);
-  if (head->expects_continue && in.empty()) out += "HTTP/1.1 100 Continue\r\n\r\n";
-  return Next::kRead;
-}
-
-Connection::Next Connection::Feed(const std::function<BodyRule(const Request&)>& rule_of,
-                                  const SpoolOptions& spool) {
-  if (!head.has_value()) {
-    if (!in.empty()) state = State::kReceiving;
-    Request request;
-    in.erase(0, parser.TakeHead(in, request));
-    if (parser.error()) return Refuse(*parser.error());
-    if (!parser.has_head()) return Next::kRead;
-    head = std::move(request);
-    // A browser that was led here by another site's name (DNS rebinding) has that name as its origin.
-    const bool local = peer->peer.local || (peer->peer.proxy && head->forwarded_for.empty());
-    if (local && !IsLocalHost(head->host)) {
-      return Refuse({421, "bad_request",
-                     absl::StrCat("this server is reached by localhost or an address of this host, not by \"",
-                                  head->host, "\"; for other names give it a certificate, or a proxy and "
-                                  "\"behind_proxy\" (server.json)")});
-    }
-    if (!head->has_body()) return Next::kServe;
-    if (StartBody(rule_of, spool) == Next::kRefuse) return Next::kRefuse;
-  }
-  if (head->length > kMemoryBody || body.spooled()) return Next::kSpool;
-  std::string piece;
-  in.erase(0, parser.TakeBody(in, piece));
-  body.Append(piece);
-  if (parser.error()) return Refuse(*parser.error());
-  if (parser.done()) return Next::kServe;
-  // Over the network, who sends more than comes with the head is asked first who they are.
-  return body.size() > kMemoryBody || peer->peer.network ? Next::kSpool : Next::kRead;
-}
-
-bool Connection::Reserve(int64_t bytes, const SpoolOptions& spool) {
-  budget_ = spool.budget;
-  switch (budget_->Take(*peer, bytes)) {
-    case SpoolBudget::Answer::kTaken:
-      reserved += bytes;
-      return true;
-    case SpoolBudget::Answer::kPeerFull:
-      error = {429, "too_many",
-               "what you are sending at once is more than one sender may; let other uploads of "
-               "yours end first"};
-      return false;
-    case SpoolBudget::Answer::kAllFull:
-      error = {429, "too_many",
-               "the server is receiving as much as it can keep; try again in some minutes"};
-      return false;
-  }
-  return false;
-}
-
-bool Connection::CheckDisk(const SpoolOptions& spool) {
-  struct statvfs disk;
-  if (::statvfs(spool.folder.c_str(), &disk) != 0) {
-    error = {503, "store", "the server's folder for uploads can't be looked at; tell the organiser"};
-    return false;
-  }
-  const auto free = static_cast<int64_t>(disk.f_bavail) * static_cast<int64_t>(disk.f_frsize);
-  if (free - (reserved - body.size()) >= spool.disk_reserve) return true;
-  error = {503, "store",
-           "the server's disk is too full for this; try again later, or tell the organiser"};
-  return false;
-}
-
-Connection::Next Connection::Spool(const SpoolOptions& options) {
-  static std::atomic<int64_t> names = 0;
-  if (!body.spooled()) {
-    if (options.admit != nullptr) {
-      if (std::optional<ApiError> refusal = options.admit(*this)) {
-        return Refuse(*std::move(refusal));
+awaitable<bool> Connection::ReadHead() {
+  for (;;) {
+    if (!in_.empty()) {
+      if (state_ == State::kIdle) Enter(State::kReceiving);
+      Request request;
+      in_.erase(0, parser_.TakeHead(in_, request));
+      if (parser_.error()) co_return Fail(*parser_.error());
+      if (parser_.has_head()) {
+        head = std::move(request);
+        co_return true;
       }
     }
-    if (head->chunked && !Reserve(kReserveStep, options)) return Refuse(error);
-    if (!CheckDisk(options)) return Refuse(error);
-    const absl::Status made = body.Spool(absl::StrCat(options.folder, "/body-", ++names));
-    if (!made.ok()) return Refuse({503, "store", std::string(made.message())});
+    if (!co_await Receive(kHeadPiece)) co_return false;
   }
-  std::string piece;
-  for (int64_t turn = 0; turn < kTurn;) {
-    piece.clear();
-    in.erase(0, parser.TakeBody(in, piece));
-    const int64_t after = body.size() + std::ssize(piece);
-    if (after > reserved && !Reserve(kReserveStep, options)) return Refuse(error);
-    if (body.size() / kLookAtDisk != after / kLookAtDisk && !CheckDisk(options)) {
-      return Refuse(error);
-    }
-    if (const absl::Status written = body.Write(piece); !written.ok()) {
-      return Refuse({503, "store", std::string(written.message())});
-    }
-    turn += std::ssize(piece);
-    if (parser.error()) return Refuse(*parser.error());
-    if (parser.done()) return Next::kServe;
-    const size_t before = in.size();
-    if (!Read(kPiece)) {
-      return ended ? Refuse({400, "bad_request", "the request did not arrive whole; send it again"})
-                   : Next::kClose;
-    }
-    if (in.size() == before) return Next::kRead;
-  }
-  // The others' turn. What is read already may be all that comes, so nobody waits for more.
-  return Next::kSpool;
 }
 
-Connection::Next Connection::ReadFile() {
-  const auto most = static_cast<size_t>(std::min<int64_t>(file.left, kPiece));
-  out.resize(most);
-  ssize_t n;
-  do {
-    n = ::pread(file.fd.get(), out.data(), most, static_cast<off_t>(file.at));
-  } while (n < 0 && errno == EINTR);
-  // The length was told already, so only the end of the connection tells that it is less.
-  if (n <= 0) return Next::kClose;
-  out.resize(static_cast<size_t>(n));
-  file.at += n;
-  file.left -= n;
-  return Next::kSend;
+awaitable<bool> Connection::ReadBody() {
+  bool to_disk = head->length > kMemoryBody;
+  for (;;) {
+    std::string piece;
+    in_.erase(0, parser_.TakeBody(in_, piece));
+    std::optional<ApiError> wrong;
+    if (!to_disk) {
+      body.Append(piece);
+    } else {
+      const std::function<void()> write = [&] {
+        if (!body.spooled()) wrong = options_.admit_body(*this);
+        if (!wrong.has_value()) wrong = body.Write(piece);
+      };
+      co_await OnWorker(WorkKind::kDisk, write);
+    }
+    if (!wrong.has_value()) wrong = parser_.error();
+    if (!wrong.has_value() && parser_.done()) co_return true;
+    if (!wrong.has_value() && options_.draining) wrong = kStoppingError;
+    if (!wrong.has_value()) wrong = CountBody();
+    if (wrong.has_value()) co_return Fail(*std::move(wrong));
+    // Over the network, who sends more than comes with the head is asked first who they are.
+    to_disk = to_disk || body.size() > kMemoryBody || peer->peer.network;
+    if (to_disk && !body.spooled()) continue;
+    if (!co_await Receive(to_disk ? kDiskPiece : kBodyPiece)) co_return false;
+  }
+}
+
+awaitable<bool> Connection::Answer() {
+  if (peer->unsent > kMaxUnsent) {
+    co_return Fail({429, "too_many", "read the answers that wait for you first"}, false);
+  }
+  Response response;
+  const std::function<void()> serve = [&] {
+    options_.serve(*this, response);
+    // The body's place is free before the client knows that it may send the next.
+    body.Drop();
+  };
+  co_await OnWorker(KindOfWork(), serve);
+  const bool last = !head->keep_alive || response.stream != nullptr;
+  Enter(State::kAnswering);
+  std::string bytes = response.TakeBytes(head->method == "HEAD", last);
+  if (!co_await Send(bytes)) co_return false;
+  bytes = std::string();
+  if (!co_await SendFile(response.file)) co_return false;
+  // Nothing is asked after a stream, but whoever hangs up is gone.
+  if (response.stream != nullptr) co_await (SendStream(*response.stream) || DropInput());
+  if (last) {
+    co_await SayGoodbye();
+    co_return false;
+  }
+  Forget();
+  Enter(State::kIdle);
+  options_.on_answered();
+  co_return true;
+}
+
+awaitable<bool> Connection::SendFile(FilePart& file) {
+  std::string piece;
+  while (file.left > 0) {
+    piece.resize(static_cast<size_t>(std::min<int64_t>(file.left, kDiskPiece)));
+    ssize_t n = -1;
+    const std::function<void()> read = [&] {
+      do {
+        n = ::pread(file.fd.get(), piece.data(), piece.size(), static_cast<off_t>(file.at));
+      } while (n < 0 && errno == EINTR);
+    };
+    co_await OnWorker(WorkKind::kDisk, read);
+    // The length was told already, so only the end of the connection tells that it is less.
+    if (n <= 0) co_return false;
+    if (!co_await Send(std::string_view(piece).substr(0, static_cast<size_t>(n)))) co_return false;
+    file.at += n;
+    file.left -= n;
+  }
+  co_return true;
+}
+
+awaitable<void> Connection::SendStream(Stream& stream) {
+  while (!closed_) {
+    std::optional<std::string> more;
+    const std::function<void()> next = [&] { more = options_.continue_stream(*this, stream); };
+    co_await OnWorker(WorkKind::kServe, next);
+    Enter(State::kAnswering);
+    if (!more.has_value()) co_return;
+    if (!co_await Send(*more)) co_return;
+    Enter(State::kStreaming);
+    // Among those who may give way to others it has waited since the stream began.
+    since_ = stream.began;
+    deadline_ = stream.until;
+    timer_.expires_after(absl::ToChronoNanoseconds(stream.every));
+    co_await timer_.async_wait(kAwait);
+  }
+}
+
+awaitable<void> Connection::DropInput() {
+  std::array<char, 512> dropped;
+  error_code error;
+  while (!error && !closed_) {
+    size_t n = 0;
+    if (tls_ != nullptr) {
+      std::tie(error, n) = co_await tls_->async_read_some(asio::buffer(dropped), kAwait);
+    } else {
+      std::tie(error, n) = co_await socket_.async_read_some(asio::buffer(dropped), kAwait);
+    }
+  }
+}
+
+// --- bytes ------------------------------------------------------------------------
+
+awaitable<bool> Connection::Receive(size_t most) {
+  if (closed_) co_return false;
+  buffer_.resize(most);
+  const auto buffer = asio::buffer(buffer_);
+  error_code error;
+  size_t n = 0;
+  waiting_since_ = MonotonicNow();
+  if (tls_ != nullptr) {
+    std::tie(error, n) = co_await tls_->async_read_some(buffer, kAwait);
+  } else {
+    std::tie(error, n) = co_await socket_.async_read_some(buffer, kAwait);
+  }
+  waited_ += std::max(MonotonicNow() - waiting_since_, absl::ZeroDuration());
+  moved_ += static_cast<int64_t>(n);
+  in_.append(buffer_, 0, n);
+  new_ = false;
+  if (error == asio::error::eof || error == asio::ssl::error::stream_truncated) ended_ = true;
+  co_return !error && !closed_;
+}
+
+awaitable<bool> Connection::Send(std::string_view bytes) {
+  peer->unsent += std::ssize(bytes);
+  unsent_ += std::ssize(bytes);
+  while (!bytes.empty() && !closed_) {
+    const auto buffer = asio::buffer(bytes.data(), bytes.size());
+    error_code error;
+    size_t n = 0;
+    waiting_since_ = MonotonicNow();
+    if (tls_ != nullptr) {
+      std::tie(error, n) = co_await tls_->async_write_some(buffer, kAwait);
+    } else {
+      std::tie(error, n) = co_await socket_.async_write_some(buffer, kAwait);
+    }
+    waited_ += std::max(MonotonicNow() - waiting_since_, absl::ZeroDuration());
+    moved_ += static_cast<int64_t>(n);
+    peer->unsent -= static_cast<int64_t>(n);
+    unsent_ -= static_cast<int64_t>(n);
+    bytes.remove_prefix(n);
+    if (error) break;
+  }
+  co_return bytes.empty() && !closed_;
+}
+
+awaitable<void> Connection::OnWorker(WorkKind kind, const std::function<void()>& work) {
+  at_work_ = true;
+  const auto start = [&](auto handler) {
+    // A job can be copied, which a handler can't.
+    const auto done = std::make_shared<decltype(handler)>(std::move(handler));
+    options_.queue.Push({[work, done, executor = socket_.get_executor()] {
+                           work();
+                           asio::post(executor, [done] { std::move (*done)(); });
+                         },
+                         kind, Asker()});
+  };
+  co_await asio::async_initiate<const asio::use_awaitable_t<>, void()>(start, asio::use_awaitable);
+  at_work_ = false;
+}
+
+// --- ends -------------------------------------------------------------------------
+
+awaitable<void> Connection::Refuse() {
+  options_.on_refusal(refusal_->http);
+  Forget();
+  in_ = std::string();
+  Enter(left_to_read_ > 0 ? State::kRefused : State::kAnswering);
+  const std::string bytes = RefusalBytes(*refusal_);
+  if (!co_await Send(bytes)) co_return;
+  if (left_to_read_ <= 0) {
+    co_await SayGoodbye();
+    co_return;
+  }
+  ::shutdown(socket_.native_handle(), SHUT_WR);
+  while (left_to_read_ > 0) {
+    if (!co_await Receive(kDiskPiece)) co_return;
+    left_to_read_ -= std::ssize(in_);
+    in_.clear();
+  }
+}
+
+// TLS ends with a message each way; who does not answer it is not waited for.
+awaitable<void> Connection::SayGoodbye() {
+  if (tls_ == nullptr || closed_) co_return;
+  deadline_ = MonotonicNow() + kGoodbye;
+  co_await tls_->async_shutdown(kAwait);
+}
+
+void Connection::Close() {
+  if (closed_) return;
+  closed_ = true;
+  timer_.cancel();
+  // A socket that another thread uses is only ended.
+  if (at_work_ || state_ == State::kHandshake) {
+    ::shutdown(socket_.native_handle(), SHUT_RDWR);
+  } else {
+    error_code ignored;
+    socket_.close(ignored);
+  }
+}
+
+void Connection::CloseForStop() {
+  if (state_ == State::kReceiving && tls_ == nullptr && !at_work_) {
+    const std::string text = RefusalBytes(kStoppingError);
+    [[maybe_unused]] const ssize_t n =
+        ::send(socket_.native_handle(), text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+  }
+  Close();
 }
 
 void Connection::Forget() {
-  file = FilePart();
-  stream.reset();
-  if (out.empty()) out.shrink_to_fit();
+  UncountBody();
   body.Drop();
-  if (reserved > 0) budget_->Give(*peer, reserved);
-  reserved = 0;
   head.reset();
-  parser = RequestParser();
-  rule = BodyRule();
+  parser_ = RequestParser();
+  rule_ = BodyRule();
   admitted = false;
   upload.reset();
-}
-
-Peer Connection::Asker() const {
-  Peer asker = peer->peer;
-  if (!asker.proxy || !head.has_value()) return asker;
-  const std::optional<IpAddress> address = IpAddress::Parse(head->forwarded_for);
-  if (address.has_value()) asker.key = address->Key();
-  return asker;
-}
-
-WorkKind Connection::work() const {
-  if (!rule.upload) return WorkKind::kServe;
-  return body.size() <= kSmallUpload ? WorkKind::kSmallUpload : WorkKind::kLargeUpload;
+  buffer_ = std::string();
 }
 
 }  // namespace myograde::server

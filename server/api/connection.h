@@ -1,163 +1,166 @@
-// One connection: what has come, what is to be sent, and how far its request is.
-// The gate owns it and lends it to one worker at a time.
+// One connection, told from its first byte to its last by a coroutine (Run): a handshake, and then
+// requests, each of which is read, answered by a worker, and its answer sent. Whoever does nothing,
+// dribbles or does not read costs a descriptor and at most some hundred kilobytes, and has deadlines
+// and a least speed, which CheckClock sees to.
 #pragma once
 
-#include <sys/types.h>
-
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
+#include <string_view>
 
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 #include <absl/time/time.h>
+#include <boost/asio/awaitable.hpp>
+#include <boost/asio/generic/stream_protocol.hpp>
+#include <boost/asio/ssl/stream.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/thread_pool.hpp>
 
 #include "protocol/base/fd.h"
+#include "server/api/body.h"
 #include "server/api/http_request.h"
 #include "server/api/http_response.h"
 #include "server/api/peer.h"
-#include "server/api/transport.h"
+#include "server/api/tls.h"
 #include "server/api/work_queue.h"
 
 namespace myograde::server {
 
-// Bodies up to here stay in memory, and only larger ones are kept on the disk.
-inline constexpr int64_t kMemoryBody = 64 << 10;
-
-// What an address takes for a body.
-struct BodyRule {
-  int64_t most = 0;                // bytes
-  bool upload = false;             // has the time of uploads, and workers of their own
-  std::vector<std::string> types;  // of content; the first is the one to tell
-};
-
 class Connection;
 
-// Where bodies lie, and how much of them.
-struct SpoolOptions {
-  std::string folder;
-  int64_t disk_reserve = 0;  // bytes of the disk that are left free
-  SpoolBudget* budget = nullptr;
-  // Asked before any of a large body goes to the disk: why its sender may not send it.
-  std::function<std::optional<ApiError>(Connection&)> admit = nullptr;
+inline const ApiError kStoppingError = {503, "stopping",
+                                        "the daemon is about to stop; nothing was changed"};
+
+// What the connections of a server have in common.
+struct ConnectionOptions {
+  HttpLimits limits;
+  Spool& spool;
+  WorkQueue& queue;
+  boost::asio::thread_pool& handshakes;  // the arithmetic of handshakes would hold up all others
+  const std::atomic<bool>& draining;     // bodies are refused
+  // What the address of a request takes for a body.
+  std::function<BodyRule(const Request&)> rule_of;
+  // On a worker, before any of a large body goes to the disk: why its sender may not send it.
+  std::function<std::optional<ApiError>(Connection&)> admit_body;
+  // On a worker: answers the request.
+  std::function<void(Connection&, Response&)> serve;
+  // On a worker: the next part of a stream; nullopt ends it.
+  std::function<std::optional<std::string>(Connection&, const Stream&)> continue_stream;
+  std::function<void(int http)> on_refusal;  // of a request that no handler sees
+  // An answer is sent. Those who wait for this connection's place come before its next request.
+  std::function<void()> on_answered;
 };
 
-// A body of a request: in memory, or in a file that goes with it.
-class Body {
- public:
-  Body() = default;
-  ~Body() { Drop(); }
-  Body(const Body&) = delete;
-  Body& operator=(const Body&) = delete;
-
-  int64_t size() const { return size_; }
-  // All of it; not for bodies of any length.
-  absl::StatusOr<std::string> Text() const;
-  // At most `size` bytes from `offset` on; 0 at its end, negative for errors.
-  ssize_t ReadAt(char* to, size_t size, int64_t offset) const;
-  // Puts it into a new file at `path`, on the spool's file system. It is read no more.
-  absl::Status MoveTo(const std::string& path);
-
-  void Append(std::string_view bytes) { memory_.append(bytes), size_ += std::ssize(bytes); }
-  bool spooled() const { return !path_.empty(); }
-  // From here on in a new file at `path`, with what is there already.
-  absl::Status Spool(const std::string& path);
-  absl::Status Write(std::string_view bytes);
-  // Frees memory and disk.
-  void Drop();
-
- private:
-  std::string memory_;
-  std::string path_;
-  Fd file_;
-  int64_t size_ = 0;
-};
-
+// For the thread of its executor; what a worker may touch is said.
 class Connection {
  public:
-  // kStreaming: all of a stream that is there was sent, and more is to come.
   enum class State { kHandshake, kIdle, kReceiving, kAnswering, kStreaming, kRefused };
-  // What is to be done for it next.
-  enum class Next { kHandshake, kRead, kSend, kServe, kSpool, kRefuse, kClose };
+  using Socket = boost::asio::generic::stream_protocol::socket;
 
-  // `transport_given`: what is spoken over the socket; nullptr: bytes as they are.
-  Connection(uint64_t id_given, Fd socket_given, std::shared_ptr<PeerLoad> peer_given,
-             std::unique_ptr<Transport> transport_given = nullptr);
+  // `options` must outlive it. `tls`: nullptr for plain HTTP.
+  Connection(uint64_t id, Socket socket, std::shared_ptr<PeerLoad> peer,
+             std::shared_ptr<TlsContext> tls, const ConnectionOptions& options);
   ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
 
-  // Does what a worker has to do other than answering, until it is the others' turn.
-  Next Work(WorkKind kind, const SpoolOptions& spool);
-  // Goes on with the transport's handshake. kHandshake: it must wait for the other end; kRead once
-  // it is done; kRefuse (with `error`) or kClose.
-  Next Handshake();
-
-  // Goes on with the bytes in `in`. kRead, kServe, kSpool or kRefuse (with `error`).
-  Next Feed(const std::function<BodyRule(const Request&)>& rule_of, const SpoolOptions& spool);
-  // Reads once into `in`, at most `most` bytes. False: the other end has hung up.
-  bool Read(size_t most);
-  // Sends what it takes without waiting. False: it takes nothing any more.
-  bool Send();
-  size_t unsent() const { return out.size() - sent; }
-  // Moves a piece of a large body to the disk. As Feed, or kClose.
-  Next Spool(const SpoolOptions& options);
-  // Its request can't be taken: kRefuse, with what is still to be read of it for its sender to
-  // hear why.
-  Next Refuse(ApiError why);
-  // Fills `out`, all of which was sent, with the next piece of the file. kSend, or kClose if it
-  // can't be read.
-  Next ReadFile();
-  // Makes ready for the next request; what has come of it stays.
-  void Forget();
-  WorkKind work() const;
-  // Whose request it is: the peer, or whom a proxy forwards.
-  Peer Asker() const;
+  // Serves it until it ends. It must exist as long as this runs.
+  boost::asio::awaitable<void> Run();
+  // Ends what is late or too slow.
+  void CheckClock(absl::Duration now);
+  // Makes Run end, soon.
+  void Close();
+  // The same for all at once, when the server stops.
+  void CloseForStop();
 
   const uint64_t id;
-  const Fd fd;
   const std::shared_ptr<PeerLoad> peer;
-  std::unique_ptr<Transport> transport;
 
-  State state = State::kIdle;
-  bool lent = false;         // to a worker, or waits for one
-  bool ended = false;        // the other end sends no more
-  bool close_after = false;  // its answer
-  bool counted = false;      // among its peer's bodies
-  bool admitted = false;     // its request was counted against its sender's limits
-  std::shared_ptr<void> upload;  // its place among the uploads of its sender's team; given back with it
-  std::string in;
-  std::string out;
-  size_t sent = 0;
-  int64_t counted_unsent = 0;  // among its peer's
-  FilePart file;               // follows `out`
-  std::unique_ptr<Stream> stream;  // of the answer; nullptr: it ends
+  State state() const { return state_; }
+  absl::Duration since() const { return since_; }  // in its state, or in its stream; monotonic
+  bool at_work() const { return at_work_; }        // a worker has it, or will
+  bool receives_body() const { return receives_body_; }
+  bool has_input() const { return !in_.empty(); }  // of which nothing was read
+  bool is_new() const { return new_; }             // its first request may be there already
 
-  // The request.
-  RequestParser parser;
+  // A worker that has the connection may use what follows.
+  int fd() { return socket_.native_handle(); }
+  // Whose request it is: the peer, or whom a proxy forwards.
+  Peer Asker() const;
   std::optional<Request> head;
-  BodyRule rule;
+  bool admitted = false;         // its request was counted against its sender's limits
+  std::shared_ptr<void> upload;  // its place among the uploads of its sender's team; given back with it
   Body body;
-  int64_t reserved = 0;  // bytes of the spool's budget
-  ApiError error;
-  Next next = Next::kRead;  // what the worker found
-
-  // Clocks: monotonic.
-  absl::Duration since;          // in its state
-  absl::Duration deadline;
-  absl::Duration waiting_since;  // for the other end
-  absl::Duration waited;         // for it, in this window
-  int64_t moved = 0;             // bytes in this window
-  int64_t drain_left = 0;        // bytes to be dropped, those in `in` among them
 
  private:
-  Transport::Outcome ReadOnce(size_t most);
-  Next StartBody(const std::function<BodyRule(const Request&)>& rule_of,
-                 const SpoolOptions& spool);
-  bool Reserve(int64_t bytes, const SpoolOptions& spool);
-  bool CheckDisk(const SpoolOptions& spool);
-  SpoolBudget* budget_ = nullptr;
+  template <typename T>
+  using Awaitable = boost::asio::awaitable<T>;
+
+  // Each of these is false once the connection is to end.
+  Awaitable<bool> Handshake();
+  Awaitable<bool> ReadRequest();
+  Awaitable<bool> ReadHead();
+  Awaitable<bool> ReadBody();
+  Awaitable<bool> Answer();
+  Awaitable<bool> SendFile(FilePart& file);
+  // Waits for bytes, which follow those in in_, at most `most`.
+  Awaitable<bool> Receive(size_t most);
+  Awaitable<bool> Send(std::string_view bytes);
+
+  // Sends what comes of a stream, until it or the connection ends.
+  Awaitable<void> SendStream(Stream& stream);
+  // Reads until the other end hangs up.
+  Awaitable<void> DropInput();
+  // Tells the other end the refusal, and reads what is left of the request for it to hear that.
+  Awaitable<void> Refuse();
+  Awaitable<void> SayGoodbye();
+  Awaitable<void> OnWorker(WorkKind kind, const std::function<void()>& work);
+
+  // These are false. The request is refused, after which the connection ends; `read_on`: its sender
+  // may still be sending.
+  bool Fail(ApiError why, bool read_on = true);
+  // No more of a request will come.
+  bool FailUnfinished();
+
+  void Enter(State state);
+  std::optional<ApiError> CheckHost() const;
+  std::optional<ApiError> BeginBody();
+  std::optional<ApiError> CountBody();
+  void UncountBody();
+  WorkKind KindOfWork() const;
+  int64_t LeftToRead() const;
+  bool TooSlow(absl::Duration now);
+  void Forget();
+
+  const ConnectionOptions& options_;
+  Socket socket_;
+  std::shared_ptr<TlsContext> tls_context_;
+  std::unique_ptr<boost::asio::ssl::stream<Socket&>> tls_;  // nullptr: plain HTTP
+  boost::asio::steady_timer timer_;                         // of a stream
+
+  State state_ = State::kIdle;
+  bool at_work_ = false;
+  bool receives_body_ = false;
+  bool new_ = true;
+  bool closed_ = false;   // by Close
+  bool ended_ = false;    // the other end sends no more
+  bool expired_ = false;  // its request took too long to arrive
+  std::string in_;        // what came and was not read yet
+  std::string buffer_;    // for what comes
+  std::optional<ApiError> refusal_;
+  int64_t left_to_read_ = 0;  // bytes of a refused request
+  int64_t unsent_ = 0;    // bytes of the peer's that are of this connection
+  RequestParser parser_;
+  BodyRule rule_;
+
+  absl::Duration since_;
+  absl::Duration deadline_;
+  absl::Duration waiting_since_;  // for the other end
+  absl::Duration waited_;         // for it, in this window
+  int64_t moved_ = 0;             // bytes in this window
 };
 
 }  // namespace myograde::server

@@ -13,7 +13,7 @@
 #include "server/api/node_view_json.h"
 #include "server/api/readiness.h"
 #include "server/api/requests.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 #include "server/api/views.h"
 #include "server/base/host_name.h"
 #include "server/proof/grader_build.h"
@@ -121,7 +121,7 @@ ApiResult GetLive(const Request&) {
 ApiResult GetReady(const ApiContext& context, const Request&) {
   const std::vector<Obstacle> obstacles =
       ObstaclesOf(context.engine.Health(), context.config, context.data_dir,
-                  UnixHttpServer::Stopping());
+                  HttpServer::Stopping());
   Json body = {{"ready", obstacles.empty()}};
   if (CallerMay(Action::kReadHost)) {
     Json& reasons = body["reasons"] = Json::array();

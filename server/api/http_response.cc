@@ -78,7 +78,7 @@ void Response::SetStream(const char* type, absl::Duration every, absl::Duration 
   SetHeader("Content-Type", type);
   const absl::Duration now = SystemClock().Monotonic();
   stream = std::make_unique<Stream>(
-      Stream{std::move(next), every, /*due=*/now, /*began=*/now, /*until=*/now + time});
+      Stream{std::move(next), every, /*began=*/now, /*until=*/now + time});
 }
 
 void Response::SetJson(int http, std::string content) {

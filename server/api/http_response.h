@@ -30,7 +30,6 @@ struct FilePart {
 struct Stream {
   std::function<std::optional<std::string>()> next;
   absl::Duration every;
-  absl::Duration due;    // the next call; monotonic
   absl::Duration began;
   absl::Duration until;
 };

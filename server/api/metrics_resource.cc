@@ -11,7 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/readiness.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 #include "server/metrics/disk_space.h"
 #include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
@@ -90,7 +90,7 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
   }
   families.push_back(std::move(states));
   const std::vector<Obstacle> obstacles = ObstaclesOf(health, context.config, context.data_dir,
-                                                      UnixHttpServer::Stopping());
+                                                      HttpServer::Stopping());
   AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0",
            obstacles.empty() ? 1 : 0);
   MetricFamily reasons =

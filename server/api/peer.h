@@ -3,13 +3,9 @@
 
 #include <sys/types.h>
 
-#include <atomic>
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
-
-#include "protocol/base/mutex.h"
 
 namespace myograde::server {
 
@@ -17,7 +13,7 @@ namespace myograde::server {
 // all that limits on connections know.
 struct Peer {
   std::string key;
-  bool organiser = false;  // has places kept free, and limits of its own
+  bool organiser = false;  // has connections kept free, and limits of its own
   uid_t uid = static_cast<uid_t>(-1);
   bool network = false;    // came over TCP
   bool proxy = false;      // forwards requests of others, and says whose
@@ -30,38 +26,10 @@ struct PeerLoad {
   explicit PeerLoad(Peer who) : peer(std::move(who)) {}
 
   const Peer peer;
-  int connections = 0;              // the gate's own
-  int bodies = 0;                   // being received; the gate's own
-  std::atomic<int64_t> unsent = 0;  // bytes of answers that wait to be read
-  int64_t spooled = 0;              // guarded by SpoolBudget's lock
-};
-
-// Bytes of disk for bodies: of those that are being received, with the size that they announce,
-// and of those that are worked on. For any thread.
-class SpoolBudget {
- public:
-  SpoolBudget(int64_t total, int64_t of_a_peer) : total_(total), of_a_peer_(of_a_peer) {}
-
-  enum class Answer { kTaken, kPeerFull, kAllFull };
-  Answer Take(PeerLoad& peer, int64_t bytes) {
-    const MutexLock lock(mutex_);
-    if (bytes > of_a_peer_ - peer.spooled) return Answer::kPeerFull;
-    if (bytes > total_ - taken_) return Answer::kAllFull;
-    peer.spooled += bytes;
-    taken_ += bytes;
-    return Answer::kTaken;
-  }
-  void Give(PeerLoad& peer, int64_t bytes) {
-    const MutexLock lock(mutex_);
-    peer.spooled -= bytes;
-    taken_ -= bytes;
-  }
-
- private:
-  const int64_t total_;
-  const int64_t of_a_peer_;
-  Mutex mutex_;
-  int64_t taken_ ABSL_GUARDED_BY(mutex_) = 0;
+  int connections = 0;
+  int bodies = 0;       // being received
+  int64_t unsent = 0;   // bytes of answers that wait to be read
+  int64_t spooled = 0;  // bytes of bodies on the disk, guarded by the spool's lock
 };
 
 }  // namespace myograde::server

@@ -17,7 +17,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/queue_view.h"
 #include "server/api/requests.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 
 namespace myograde::server {
 namespace {
@@ -111,7 +111,7 @@ ApiResult Queue::Get(const Request& request) {
 std::optional<std::string> Queue::NextEvent(Snapshot& last) {
   // A token may have been revoked, or a member removed, since the event before.
   const auto admitted =
-      guard_.Admit(UnixHttpServer::RequestConnection(), Action::kReadSubmission);
+      guard_.Admit(HttpServer::RequestConnection(), Action::kReadSubmission);
   const auto* identity = std::get_if<Identity>(&admitted);
   if (identity == nullptr) return std::nullopt;
   const CallerScope scope(*identity, Action::kReadSubmission, guard_.log());

@@ -12,14 +12,14 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/entity_tag.h"
 #include "server/api/negotiation.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 
 namespace myograde::server {
 namespace {
 
 // Messages about the host's trouble name its files, which is nothing for strangers.
 std::string MessageFor(const ApiError& error) {
-  if (CallerIsOrganiser() || !UnixHttpServer::RequestConnection().Asker().network) {
+  if (CallerIsOrganiser() || !HttpServer::RequestConnection().Asker().network) {
     return error.message;
   }
   if (error.code == "store") {
@@ -90,7 +90,7 @@ class RequestTimer {
 void ServeIfAdmitted(Metrics& metrics, Guard& guard, Action action, const Request& request,
                      Response& response, const std::function<void()>& serve) {
   const RequestTimer timer(metrics, ActionName(action), response);
-  const auto admitted = guard.Admit(UnixHttpServer::RequestConnection(), action);
+  const auto admitted = guard.Admit(HttpServer::RequestConnection(), action);
   if (const auto* error = std::get_if<ApiError>(&admitted)) return SendError(response, *error);
   CallerScope scope(std::get<Identity>(admitted), action, guard.log());
   try {
@@ -108,7 +108,7 @@ Routes::Routes(Router& router, Guard& guard, Metrics& metrics)
     : router_(router), guard_(guard), metrics_(metrics) {
   router.SetUnknown([&](const Request& request, Response& response) {
     const RequestTimer timer(metrics, "none", response);
-    if (auto over = guard.AdmitUnknown(UnixHttpServer::RequestConnection())) {
+    if (auto over = guard.AdmitUnknown(HttpServer::RequestConnection())) {
       return SendError(response, *std::move(over));
     }
     ApiError why = router.WhyNone(request);

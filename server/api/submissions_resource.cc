@@ -18,7 +18,7 @@
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 #include "server/api/views.h"
 #include "server/store/damage.h"
 
@@ -50,7 +50,7 @@ absl::StatusOr<UploadRequest> ParseUpload(const Request& request) {
   if (!status.ok()) return status;
   return UploadRequest{.from = {CallerKey(), team, CallerIsOrganiser()},
                        .track = request.Param("track"),
-                       .stopping = UnixHttpServer::Stopping};
+                       .stopping = HttpServer::Stopping};
 }
 
 // For an upload without a team: one of the caller's must still be allowed to hand something in.

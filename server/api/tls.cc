@@ -4,8 +4,6 @@
 #include <openssl/err.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
-#include <sys/epoll.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -90,107 +88,6 @@ std::string WarningOf(const std::string& path, const X509* certificate, const st
   return "";
 }
 
-class TlsTransport : public Transport {
- public:
-  TlsTransport(SSL* ssl, int fd) : ssl_(ssl), fd_(fd) {}
-  ~TlsTransport() override {
-    SayGoodbye();
-    SSL_free(ssl_);
-  }
-  TlsTransport(const TlsTransport&) = delete;
-  TlsTransport& operator=(const TlsTransport&) = delete;
-
-  bool established() const override { return established_; }
-
-  Outcome Handshake() override {
-    ERR_clear_error();
-    const int result = SSL_accept(ssl_);
-    if (result == 1) {
-      established_ = true;
-      return Outcome::kDone;
-    }
-    const Outcome outcome = OutcomeOf(result);
-    if (outcome == Outcome::kBlocked) return outcome;
-    plain_http_ = ERR_GET_REASON(ERR_peek_last_error()) == SSL_R_HTTP_REQUEST;
-    broken_ = true;
-    return Outcome::kLost;
-  }
-
-  bool met_plain_http() const override { return plain_http_; }
-
-  // Each record has at most 16 KiB, so several make one read. Not more is taken in than is asked
-  // for: without read-ahead, OpenSSL leaves all but the record at hand to the kernel.
-  Moved Read(char* to, size_t size) override {
-    Moved all{Outcome::kDone, 0};
-    while (all.bytes < size) {
-      size_t n = 0;
-      ERR_clear_error();
-      const int result = SSL_read_ex(ssl_, to + all.bytes, size - all.bytes, &n);
-      if (result != 1) {
-        // After bytes, the next call meets the same again.
-        return all.bytes > 0 ? all : Moved{OutcomeOf(result)};
-      }
-      all.bytes += n;
-    }
-    return all;
-  }
-
-  size_t pending() const override { return static_cast<size_t>(SSL_pending(ssl_)); }
-
-  Moved Write(std::string_view bytes) override {
-    size_t n = 0;
-    ERR_clear_error();
-    const int result = SSL_write_ex(ssl_, bytes.data(), bytes.size(), &n);
-    if (result == 1) return {Outcome::kDone, n};
-    return {OutcomeOf(result)};
-  }
-
-  void EndSending() override {
-    SayGoodbye();
-    ::shutdown(fd_, SHUT_WR);
-  }
-
-  uint32_t Wants(bool to_send) const override {
-    switch (SSL_want(ssl_)) {
-      case SSL_READING:
-        return EPOLLIN;
-      case SSL_WRITING:
-        return EPOLLOUT;
-      default:
-        return to_send ? EPOLLOUT : EPOLLIN;
-    }
-  }
-
- private:
-  Outcome OutcomeOf(int result) {
-    switch (SSL_get_error(ssl_, result)) {
-      case SSL_ERROR_WANT_READ:
-      case SSL_ERROR_WANT_WRITE:
-        return Outcome::kBlocked;
-      case SSL_ERROR_ZERO_RETURN:
-        return Outcome::kEnded;
-      default:
-        broken_ = true;  // nothing may be asked of OpenSSL any more, not even to say goodbye
-        return Outcome::kLost;
-    }
-  }
-
-  // Best effort: what the socket does not take at once is lost.
-  void SayGoodbye() {
-    if (!established_ || broken_ || said_goodbye_) return;
-    said_goodbye_ = true;
-    ERR_clear_error();
-    SSL_shutdown(ssl_);
-  }
-
-  SSL* const ssl_;
-  const int fd_;
-  bool established_ = false;
-  bool broken_ = false;
-  bool plain_http_ = false;
-  bool said_goodbye_ = false;
-};
-
 void SetRules(SSL_CTX* context) {
   SSL_CTX_set_default_passwd_cb(context, NoPassphrase);
   SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION);
@@ -200,48 +97,32 @@ void SetRules(SSL_CTX* context) {
                                    SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_IGNORE_UNEXPECTED_EOF);
   SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
   SSL_CTX_set_num_tickets(context, 0);
-  // Buffers only while they hold something. Without retries inside of OpenSSL, a client that sends
-  // records without data gets a turn like any other.
-  SSL_CTX_set_mode(context, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER |
-                                SSL_MODE_RELEASE_BUFFERS);
-  SSL_CTX_clear_mode(context, SSL_MODE_AUTO_RETRY);
 }
 
 }  // namespace
 
-absl::StatusOr<std::shared_ptr<const TlsContext>> TlsContext::Load(const std::string& certificate,
+absl::StatusOr<std::shared_ptr<TlsContext>> TlsContext::Load(const std::string& certificate,
                                                                    const std::string& key) {
   ERR_clear_error();
-  Context context(SSL_CTX_new(TLS_server_method()));
-  if (context == nullptr) return absl::InternalError(absl::StrCat("OpenSSL: ", TlsReason()));
-  SetRules(context.get());
+  boost::asio::ssl::context owner(boost::asio::ssl::context::tls_server);
+  SSL_CTX* const context = owner.native_handle();
+  SetRules(context);
   RETURN_IF_ERROR(CheckFileReadable(certificate, "certificate"));
-  if (SSL_CTX_use_certificate_chain_file(context.get(), certificate.c_str()) != 1) {
+  if (SSL_CTX_use_certificate_chain_file(context, certificate.c_str()) != 1) {
     return WrongFile(certificate, absl::StrCat("holds no certificate in PEM that can be used (",
                                                TlsReason(), ")"));
   }
   ASSIGN_OR_RETURN(const Key private_key, ReadKey(key));
-  const X509* own = SSL_CTX_get0_certificate(context.get());
+  const X509* own = SSL_CTX_get0_certificate(context);
   if (X509_check_private_key(own, private_key.get()) != 1) {
     ERR_clear_error();
     return WrongFile(key, absl::StrCat("is not the key of the certificate ", certificate));
   }
-  if (SSL_CTX_use_PrivateKey(context.get(), private_key.get()) != 1) {
+  if (SSL_CTX_use_PrivateKey(context, private_key.get()) != 1) {
     return WrongFile(key, absl::StrCat("the key can't be used (", TlsReason(), ")"));
   }
   std::string warning = WarningOf(certificate, own, key);
-  return std::shared_ptr<const TlsContext>(new TlsContext(std::move(context), std::move(warning)));
-}
-
-std::unique_ptr<Transport> TlsContext::Accept(int fd) const {
-  ERR_clear_error();
-  SSL* ssl = SSL_new(context_.get());
-  if (ssl == nullptr) return nullptr;
-  if (SSL_set_fd(ssl, fd) != 1) {
-    SSL_free(ssl);
-    return nullptr;
-  }
-  return std::make_unique<TlsTransport>(ssl, fd);
+  return std::shared_ptr<TlsContext>(new TlsContext(std::move(owner), std::move(warning)));
 }
 
 }  // namespace myograde::server

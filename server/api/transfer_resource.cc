@@ -20,7 +20,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"
 #include "server/store/transfer.h"
@@ -75,7 +75,7 @@ std::string SpoolPath(const ApiContext& context) {
 // `make` writes the file; the client gets it with its length, or the reason why not.
 absl::Status SendMade(const ApiContext& context, const char* type, Response& response,
                       const std::function<absl::Status(const std::string&)>& make) {
-  UnixHttpServer::AllowUploadTime();
+  HttpServer::AllowUploadTime();
   context.access_log.Flush();  // what organisers did before is in the copy
   const std::string path = SpoolPath(context);
   // The answer keeps the file open, so its name can go at once.
@@ -111,7 +111,7 @@ absl::Status SendBackup(const ApiContext& context, const Request&, Response& res
 }
 
 ApiResult ImportStore(const ApiContext& context, const Request& request) {
-  UnixHttpServer::AllowUploadTime();
+  HttpServer::AllowUploadTime();
   const std::string path = SpoolPath(context);
   const absl::Cleanup remove = [&] {
     std::error_code error;

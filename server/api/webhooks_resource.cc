@@ -9,7 +9,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 #include "server/api/views.h"
 
 namespace myograde::server {
@@ -74,7 +74,7 @@ ApiResult TestWebhook(const ApiContext& context, const Request& request, const J
       std::min(webhook.config.timeout, context.config.http.request * kTestShare);
   const absl::Duration begin = context.clock.Monotonic();
   ASSIGN_OR_RETURN(const PostResult result,
-                   context.webhooks.Test(webhook, [] { return UnixHttpServer::Stopping(); }));
+                   context.webhooks.Test(webhook, [] { return HttpServer::Stopping(); }));
   NoteAct(absl::StrCat("webhook ", name), result.delivered ? "delivered" : "not delivered");
   return ApiAnswer{
       200,

@@ -80,4 +80,10 @@ void WorkQueue::Close() {
   ready_.NotifyAll();
 }
 
+void WorkQueue::Clear() {
+  std::map<std::string, Line> lines;
+  const MutexLock lock(mutex_);
+  lines.swap(lines_);
+}
+
 }  // namespace myograde::server

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <deque>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -14,16 +15,13 @@
 
 namespace myograde::server {
 
-class Connection;
-
-// kDisk moves what has arrived of a large body to the disk, or the next piece of a file that is
-// sent off it; kHandshake goes on with a TLS handshake, whose arithmetic would hold the gate up;
-// the others answer a whole request.
-enum class WorkKind { kServe, kDisk, kSmallUpload, kLargeUpload, kHandshake };
-inline constexpr size_t kWorkKinds = 5;
+// kDisk moves what has arrived of a large body to the disk, or reads the next piece of a file that is
+// sent; the others answer a whole request.
+enum class WorkKind { kServe, kDisk, kSmallUpload, kLargeUpload };
+inline constexpr size_t kWorkKinds = 4;
 
 struct Job {
-  Connection* connection = nullptr;
+  std::function<void()> run;
   WorkKind work = WorkKind::kServe;
   Peer peer;
 };
@@ -34,7 +32,7 @@ class WorkQueue {
     int workers = 1;
     int kept = 0;  // workers that only organisers get; less than `workers`
     int of_a_peer = 1;  // workers that one peer gets that is no organiser
-    std::array<int, kWorkKinds> of_a_kind = {1, 1, 1, 1, 1};
+    std::array<int, kWorkKinds> of_a_kind = {1, 1, 1, 1};
   };
   explicit WorkQueue(const Limits& limits) : limits_(limits) {}
 
@@ -45,6 +43,8 @@ class WorkQueue {
   void Done(const Job& job);
   // Ends every wait; what is left is never given out.
   void Close();
+  // Forgets what is left. After Close.
+  void Clear();
 
  private:
   struct Line {

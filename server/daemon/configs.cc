@@ -10,7 +10,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/access/token_text.h"
-#include "server/api/network_door.h"
+#include "server/api/tcp_listener.h"
 #include "server/base/paths.h"
 #include "server/base/private_file.h"
 #include "server/config/user_names.h"

@@ -61,18 +61,18 @@ constexpr double kBeatsPerWatchdog = 4;
 constexpr absl::Duration kTrimEvery = absl::Seconds(10);
 
 std::atomic<Engine*> engine_to_stop = nullptr;
-std::atomic<UnixHttpServer*> server_to_stop = nullptr;
+std::atomic<HttpServer*> server_to_stop = nullptr;
 
 void OnReload(int) {
   const int error = errno;
-  if (UnixHttpServer* server = server_to_stop.load()) server->ReloadCertificate();
+  if (HttpServer* server = server_to_stop.load()) server->ReloadCertificate();
   errno = error;
 }
 
 void OnSignal(int) {
   const int error = errno;
   if (Engine* engine = engine_to_stop.load()) engine->Stop();
-  if (UnixHttpServer* server = server_to_stop.load()) server->BeginStop();
+  if (HttpServer* server = server_to_stop.load()) server->BeginStop();
   errno = error;
 }
 
@@ -177,7 +177,7 @@ class Daemon {
   std::optional<Pictures> pictures_;
   std::optional<Documents> documents_;
   std::optional<Api> api_;
-  std::optional<UnixHttpServer> server_;
+  std::optional<HttpServer> server_;
   std::optional<NetworkGuard> network_;
   std::optional<Retention> retention_;
   std::optional<Rejudger> rejudger_;

@@ -14,7 +14,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
 #include "server/api/requests.h"
-#include "server/api/unix_http_server.h"
+#include "server/api/http_server.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;
@@ -110,7 +110,7 @@ class World {
   std::string path() const { return folder_ / "s"; }
 
   const fuzz::Folder folder_;
-  UnixHttpServer server_;
+  HttpServer server_;
 };
 
 }  // namespace

@@ -1,5 +1,5 @@
-// The door to the network: what keeps it shut.
-#include "server/api/network_door.h"
+// The port for the network: what keeps it shut.
+#include "server/api/tcp_listener.h"
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -22,8 +22,8 @@ ListenConfig PlainAt(const std::string& address, int port = 0) {
   return config;
 }
 
-TEST(NetworkDoorTest, TellsItsPortAndWhoComes) {
-  absl::StatusOr<std::unique_ptr<NetworkDoor>> door = NetworkDoor::Open(PlainAt("127.0.0.1"));
+TEST(TcpListenerTest, TellsItsPortAndWhoComes) {
+  absl::StatusOr<std::unique_ptr<TcpListener>> door = TcpListener::Open(PlainAt("127.0.0.1"));
   ASSERT_TRUE(door.ok()) << door.status();
   ASSERT_THAT((*door)->url(), StartsWith("http://127.0.0.1:"));
   int port = 0;
@@ -36,7 +36,7 @@ TEST(NetworkDoorTest, TellsItsPortAndWhoComes) {
       IpAddress::Parse("127.0.0.1").value().SocketAddress(static_cast<uint16_t>(port), size);
   ASSERT_EQ(connect(client.get(), reinterpret_cast<const sockaddr*>(&to), size), 0);
   const Listener listener = (*door)->listener();
-  EXPECT_FALSE(listener.transport_of);
+  EXPECT_FALSE(listener.tls_of);
   const Fd accepted(accept4(listener.fd, nullptr, nullptr, SOCK_CLOEXEC));
   ASSERT_TRUE(accepted.valid());
   const std::optional<Peer> peer = listener.peer_of(accepted.get());
@@ -46,24 +46,24 @@ TEST(NetworkDoorTest, TellsItsPortAndWhoComes) {
   EXPECT_FALSE(peer->organiser);
   EXPECT_FALSE(peer->proxy);
 
-  const absl::Status again = NetworkDoor::Open(PlainAt("127.0.0.1", port)).status();
+  const absl::Status again = TcpListener::Open(PlainAt("127.0.0.1", port)).status();
   EXPECT_EQ(again.code(), absl::StatusCode::kAlreadyExists);
   EXPECT_THAT(std::string(again.message()),
               HasSubstr(absl::StrCat("127.0.0.1:", port, ": another program listens there")));
 }
 
-TEST(NetworkDoorTest, AnAddressOfAnotherHostIsAMistake) {
-  const absl::Status status = NetworkDoor::Open(PlainAt("192.0.2.1")).status();
+TEST(TcpListenerTest, AnAddressOfAnotherHostIsAMistake) {
+  const absl::Status status = TcpListener::Open(PlainAt("192.0.2.1")).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(status.message()),
               HasSubstr("no interface of this host has the address"));
 }
 
-TEST(NetworkDoorTest, ACertificateIsCheckedFirst) {
+TEST(TcpListenerTest, ACertificateIsCheckedFirst) {
   const ListenConfig config = {
       .address = "127.0.0.1", .port = 0, .certificate = "/nowhere/cert", .key = "/nowhere/key"};
   EXPECT_THAT(std::string(CheckCertificate(config).message()), HasSubstr("/nowhere/cert: "));
-  EXPECT_EQ(NetworkDoor::Open(config).status(), CheckCertificate(config));
+  EXPECT_EQ(TcpListener::Open(config).status(), CheckCertificate(config));
   EXPECT_TRUE(CheckCertificate(PlainAt("127.0.0.1")).ok()) << "plain HTTP needs none";
 }
 

@@ -1,11 +1,11 @@
-// The gate over TLS: hostile clients of all kinds, and others who must be answered all the same.
+// The server over TLS: hostile clients of all kinds, and others who must be answered all the same.
 #include <signal.h>
 
 #include <random>
 
 #include "server/api/tls.h"
 #include "tests/server/api/certificate.h"
-#include "tests/server/api/gate_world.h"
+#include "tests/server/api/http_server_world.h"
 
 namespace myograde::server {
 namespace {
@@ -13,10 +13,10 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-class GateTlsTest : public GateTest {
+class HttpServerTlsTest : public HttpServerTest {
  protected:
   void SetUp() override {
-    GateTest::SetUp();
+    HttpServerTest::SetUp();
     signal(SIGPIPE, SIG_IGN);
     const std::string certificate = folder_ + "/cert";
     const std::string key = folder_ + "/key";
@@ -24,7 +24,7 @@ class GateTlsTest : public GateTest {
     context_ = TlsContext::Load(certificate, key).value();
     std::filesystem::remove(certificate);
     std::filesystem::remove(key);
-    transport_of_ = [this](int fd) { return context_->Accept(fd); };
+    tls_of_ = [this] { return context_; };
   }
 
   static HttpLimits NetworkLimits() {
@@ -63,10 +63,10 @@ class GateTlsTest : public GateTest {
     return hello;
   }
 
-  std::shared_ptr<const TlsContext> context_;
+  std::shared_ptr<TlsContext> context_;
 };
 
-TEST_F(GateTlsTest, ServesRequestsOfBothVersions) {
+TEST_F(HttpServerTlsTest, ServesRequestsOfBothVersions) {
   Start(Limits());
   for (const int version : {TLS1_2_VERSION, TLS1_3_VERSION}) {
     Client client(path(), "net-a");
@@ -87,7 +87,34 @@ TEST_F(GateTlsTest, ServesRequestsOfBothVersions) {
   }
 }
 
-TEST_F(GateTlsTest, OldVersionsAreRefused) {
+TEST_F(HttpServerTlsTest, AnAnswerThatIsTheLastEndsWithAGoodbye) {
+  Start(Limits());
+  for (const int version : {TLS1_2_VERSION, TLS1_3_VERSION}) {
+    Client client(path(), "net-a");
+    TlsEnd end(client.fd(), version);
+    ASSERT_TRUE(end.Handshake());
+    EXPECT_TRUE(end.Send("GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"));
+    EXPECT_THAT(end.Receive(1000), StartsWith("HTTP/1.1 200 "));
+    EXPECT_EQ(SSL_get_shutdown(end.ssl()) & SSL_RECEIVED_SHUTDOWN, SSL_RECEIVED_SHUTDOWN);
+    // Whoever does not answer it is not waited for.
+    EXPECT_TRUE(client.Closed(absl::Seconds(10)));
+  }
+}
+
+TEST_F(HttpServerTlsTest, AHalfRequestIsAnsweredAfterAGoodbyeAndWithoutOne) {
+  Start(Limits());
+  for (const bool goodbye : {true, false}) {
+    Client client(path(), "net-a");
+    TlsEnd end(client.fd());
+    ASSERT_TRUE(end.Handshake());
+    ASSERT_TRUE(end.Send("GET /"));
+    if (goodbye) SSL_shutdown(end.ssl());
+    client.EndSending();
+    EXPECT_THAT(end.Receive(1000), StartsWith("HTTP/1.1 400 "));
+  }
+}
+
+TEST_F(HttpServerTlsTest, OldVersionsAreRefused) {
   Start(Limits());
   for (const int version : {TLS1_VERSION, TLS1_1_VERSION}) {
     Client client(path(), "net-a");
@@ -96,7 +123,7 @@ TEST_F(GateTlsTest, OldVersionsAreRefused) {
   OthersAreServedByTls();
 }
 
-TEST_F(GateTlsTest, SilentAndHalfHandshakesAreCut) {
+TEST_F(HttpServerTlsTest, SilentAndHalfHandshakesAreCut) {
   HttpLimits limits = NetworkLimits();
   limits.request = absl::Seconds(2);
   Start(limits);
@@ -118,7 +145,7 @@ TEST_F(GateTlsTest, SilentAndHalfHandshakesAreCut) {
   OthersAreServedByTls();
 }
 
-TEST_F(GateTlsTest, PlainHttpIsTold) {
+TEST_F(HttpServerTlsTest, PlainHttpIsTold) {
   Start(Limits());
   for (const char* request : {kGet, "POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n\r\nx"}) {
     Client client(path(), "net-a");
@@ -130,7 +157,7 @@ TEST_F(GateTlsTest, PlainHttpIsTold) {
   OthersAreServedByTls();
 }
 
-TEST_F(GateTlsTest, RenegotiationIsRefused) {
+TEST_F(HttpServerTlsTest, RenegotiationIsRefused) {
   Start(Limits());
   Client client(path(), "net-a");
   TlsEnd end(client.fd(), TLS1_2_VERSION);
@@ -144,7 +171,7 @@ TEST_F(GateTlsTest, RenegotiationIsRefused) {
   OthersAreServedByTls();
 }
 
-TEST_F(GateTlsTest, KeyUpdatesAreAnsweredInTurn) {
+TEST_F(HttpServerTlsTest, KeyUpdatesAreAnsweredInTurn) {
   Start(Limits());
   Client client(path(), "net-a");
   TlsEnd end(client.fd(), TLS1_3_VERSION);
@@ -156,7 +183,7 @@ TEST_F(GateTlsTest, KeyUpdatesAreAnsweredInTurn) {
   }
 }
 
-TEST_F(GateTlsTest, SlowReadersGetTheirAnswersAndHoldUpNobody) {
+TEST_F(HttpServerTlsTest, SlowReadersGetTheirAnswersAndHoldUpNobody) {
   Start(NetworkLimits());
   Client client(path(), "net-a");
   TlsEnd end(client.fd());
@@ -176,7 +203,7 @@ TEST_F(GateTlsTest, SlowReadersGetTheirAnswersAndHoldUpNobody) {
   EXPECT_EQ(end.Receive(sizeof(kOk) - 1), kOk);
 }
 
-TEST_F(GateTlsTest, OneAddressCrowdsOutNobody) {
+TEST_F(HttpServerTlsTest, OneAddressCrowdsOutNobody) {
   HttpLimits limits = NetworkLimits();
   limits.request = absl::Seconds(20);
   Start(limits);
@@ -188,7 +215,7 @@ TEST_F(GateTlsTest, OneAddressCrowdsOutNobody) {
   for (int i = 0; i < 3; ++i) OthersAreServedByTls();
 }
 
-TEST_F(GateTlsTest, TheNetworkTakesNoPlacesOfOrganisers) {
+TEST_F(HttpServerTlsTest, TheNetworkTakesNoPlacesOfOrganisers) {
   Start(NetworkLimits());  // 20 places, 4 of them kept
   std::vector<std::unique_ptr<Client>> crowd;
   for (int address = 0; address < 10; ++address) {
@@ -207,7 +234,7 @@ TEST_F(GateTlsTest, TheNetworkTakesNoPlacesOfOrganisers) {
   }
 }
 
-TEST_F(GateTlsTest, AnswersThatAreRefusalsArriveWhole) {
+TEST_F(HttpServerTlsTest, AnswersThatAreRefusalsArriveWhole) {
   Start(Limits());
   Client client(path(), "net-a");
   TlsEnd end(client.fd());
@@ -217,7 +244,7 @@ TEST_F(GateTlsTest, AnswersThatAreRefusalsArriveWhole) {
   EXPECT_THAT(end.Receive(100'000), StartsWith("HTTP/1.1 413 "));
 }
 
-TEST_F(GateTlsTest, DamagedHandshakesEndAndHarmNobody) {
+TEST_F(HttpServerTlsTest, DamagedHandshakesEndAndHarmNobody) {
   Start(Limits());
   const std::string hello = ClientHello();
   std::mt19937 random(20241201);
@@ -241,7 +268,7 @@ TEST_F(GateTlsTest, DamagedHandshakesEndAndHarmNobody) {
   OthersAreServedByTls();
 }
 
-TEST_F(GateTlsTest, DamagedRecordsEndAndHarmNobody) {
+TEST_F(HttpServerTlsTest, DamagedRecordsEndAndHarmNobody) {
   Start(Limits());
   std::mt19937 random(20241202);
   for (int round = 0; round < 100; ++round) {

@@ -2,14 +2,14 @@
 #include <fcntl.h>
 #include <sys/resource.h>
 
-#include "tests/server/api/gate_world.h"
+#include "tests/server/api/http_server_world.h"
 
 namespace myograde::server {
 namespace {
 
 using ::testing::StartsWith;
 
-TEST_F(GateTest, ARefusedBodyIsReadSoThatItsSenderHearsWhy) {
+TEST_F(HttpServerTest, ARefusedBodyIsReadSoThatItsSenderHearsWhy) {
   Start(Limits());
   for (const char* head : {"POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 20000000\r\n\r\n",
                            "POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5000000\r\n"
@@ -24,7 +24,7 @@ TEST_F(GateTest, ARefusedBodyIsReadSoThatItsSenderHearsWhy) {
 
 // The head and much of the body arrive in one piece, so that they are there when the request is
 // rejected.
-TEST_F(GateTest, WhatCameBeforeARefusalIsCountedOnce) {
+TEST_F(HttpServerTest, WhatCameBeforeARefusalIsCountedOnce) {
   constexpr int64_t kBefore = 20'000;
   Start(Limits());
   for (const int64_t after : {kBefore, int64_t{1}, int64_t{300'000}}) {
@@ -39,7 +39,7 @@ TEST_F(GateTest, WhatCameBeforeARefusalIsCountedOnce) {
   }
 }
 
-TEST_F(GateTest, WhoBringsTooManyBodiesHearsSoAfterTheRestOfItToo) {
+TEST_F(HttpServerTest, WhoBringsTooManyBodiesHearsSoAfterTheRestOfItToo) {
   Start(Limits());
   const auto crowd = Many(Limits().peer_clients / 2, "a", Upload(1000) + "x");
   AwaitAllSeen();
@@ -51,7 +51,7 @@ TEST_F(GateTest, WhoBringsTooManyBodiesHearsSoAfterTheRestOfItToo) {
   EXPECT_TRUE(client.Closed(absl::Seconds(60)));
 }
 
-TEST_F(GateTest, AFileOfAnySizeTakesLittleMemory) {
+TEST_F(HttpServerTest, AFileOfAnySizeTakesLittleMemory) {
   {
     const Fd made(::open(file().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
     ASSERT_EQ(::ftruncate(made.get(), kHuge), 0);
@@ -82,7 +82,7 @@ TEST_F(GateTest, AFileOfAnySizeTakesLittleMemory) {
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 32 << 10) << "KiB";
 }
 
-TEST_F(GateTest, AFileThatIsCutEndsTheConnection) {
+TEST_F(HttpServerTest, AFileThatIsCutEndsTheConnection) {
   {
     const Fd made(::open(file().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
     ASSERT_EQ(::ftruncate(made.get(), 1000), 0);

@@ -1,6 +1,6 @@
-// Newcomers who found all places of theirs busy: they wait here until one of them
-// is free, each peer's own in the order in which they came. Nothing is read of them
-// meanwhile, so each costs a descriptor and little else.
+// Connections beyond the limits, which wait until one more is allowed, each peer's own in
+// the order in which they came. Nothing is read of them meanwhile, so each costs a descriptor and
+// little else.
 #pragma once
 
 #include <cstddef>
@@ -12,35 +12,35 @@
 
 #include <absl/time/time.h>
 
-#include "server/api/door.h"
+#include "server/api/acceptor.h"
 
 namespace myograde::server {
 
 // For one thread. Times are monotonic.
-class WaitingLine {
+class WaitingConnections {
  public:
   // At most `most` wait, at most `of_a_peer` of one peer.
-  WaitingLine(int most, int of_a_peer)
+  WaitingConnections(int most, int of_a_peer)
       : most_(static_cast<size_t>(most)), of_a_peer_(static_cast<size_t>(of_a_peer)) {}
 
   bool empty() const { return waiting_ == 0; }
   // Whether somebody of that peer waits already, so that others of it come after.
   bool Has(const Peer& peer) const { return lines_.contains(peer.key); }
 
-  // Who is not let in before `until` is told so, and who finds the line full is told at once. If
-  // it is the whole line that is full, the last one of the peer with the most in it has to go.
-  void Add(Newcomer newcomer, absl::Duration until);
+  // Rejects it if it is not let in before `until`, or at once if too many wait. If it is the total that
+  // is full, the last one of the peer with the most is rejected.
+  void Add(AcceptedSocket accepted, absl::Duration until);
   // Lets in whom `make_room` has a place for: organisers first, and peers in turns.
   void LetIn(const std::function<bool(const Peer&)>& make_room,
-             const std::function<void(Newcomer)>& let_in);
-  // Sends those away whose time is over at `now`, and forgets those who have hung up.
+             const std::function<void(AcceptedSocket)>& let_in);
+  // Rejects those whose time is over at `now`, and forgets those who have hung up.
   void LookAtClocks(absl::Duration now);
-  // Sends everybody away, and says why.
-  void SendAway(const ApiError& error);
+  // Rejects all.
+  void RejectAll(const ApiError& error);
 
  private:
   struct Waiting {
-    Newcomer who;
+    AcceptedSocket who;
     absl::Duration until;
   };
   using Line = std::deque<Waiting>;
@@ -48,8 +48,8 @@ class WaitingLine {
   std::vector<std::string> KeysInTurn() const;
   // Takes one out, whose line must have somebody in it.
   Waiting TakeFirst(const std::string& key);
-  // The last one of the longest line is told to go, if that line is longer than `than`.
-  bool SendLastAway(size_t than);
+  // Rejects the last one of the longest line, if that line is longer than `than`.
+  bool RejectLast(size_t than);
 
   const size_t most_;
   const size_t of_a_peer_;

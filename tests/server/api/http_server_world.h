@@ -1,5 +1,5 @@
-// The gate with workers that answer "ok", and clients for it. A peer is identified by the address
-// that its socket is bound to; those whose names begin with "net" come from the network.
+// A server that answers "ok", and clients for it. A peer is identified by the address that its socket
+// is bound to; those whose names begin with "net" come from the network, "proxy" through one.
 #pragma once
 
 #include <fcntl.h>
@@ -23,7 +23,7 @@
 #include <absl/time/clock.h>
 
 #include "protocol/base/clock.h"
-#include "server/api/gate.h"
+#include "server/api/http_server.h"
 
 namespace myograde::server {
 
@@ -41,7 +41,10 @@ inline HttpLimits Limits() {
   limits.request = absl::Seconds(60);
   limits.upload = absl::Seconds(60);
   limits.idle = absl::Seconds(60);
-  limits.body_bytes = 1 << 20;
+  limits.body_bytes = 100'000;
+  limits.spool_bytes = 64 << 20;
+  limits.peer_spool_bytes = 16 << 20;
+  limits.disk_reserve = 1;
   limits.min_bytes_per_s = 1;
   limits.speed_window = absl::Seconds(60);
   return limits;
@@ -52,7 +55,7 @@ class Client {
   Client(const std::string& server, const std::string& peer) {
     static std::atomic<int> number = 0;
     fd_ = Fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-    const std::string name = absl::StrCat(std::string(1, '\0'), "gate-", getpid(), "-", ++number, "-", peer);
+    const std::string name = absl::StrCat(std::string(1, '\0'), "http-", getpid(), "-", ++number, "-", peer);
     sockaddr_un own = {};
     own.sun_family = AF_UNIX;
     name.copy(own.sun_path, sizeof(own.sun_path));
@@ -112,22 +115,16 @@ class Client {
   Fd fd_;
 };
 
-class GateTest : public ::testing::Test {
+class HttpServerTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::string name = (std::filesystem::temp_directory_path() / "gate-test-XXXXXX").string();
+    std::string name = (std::filesystem::temp_directory_path() / "http-server-test-XXXXXX").string();
     ASSERT_NE(mkdtemp(name.data()), nullptr);
     folder_ = name;
   }
   void TearDown() override {
-    if (gate_ != nullptr) {
-      permits_.release(1000);
-      gate_->Stop();
-      queue_.Close();
-      runner_.join();
-      for (std::thread& worker : workers_) worker.join();
-      gate_.reset();
-    }
+    permits_.release(1000);
+    server_.reset();
     EXPECT_THAT(Spooled(), ::testing::IsEmpty());
     std::filesystem::remove_all(folder_);
   }
@@ -139,51 +136,32 @@ class GateTest : public ::testing::Test {
     path().copy(own.sun_path, sizeof(own.sun_path) - 1);
     ASSERT_EQ(bind(listener_.get(), reinterpret_cast<const sockaddr*>(&own), sizeof(own)), 0);
     ASSERT_EQ(listen(listener_.get(), 1024), 0);
-    const SpoolOptions spool = {folder_, 1, &budget_};
-    gate_ = std::make_unique<Gate>(
-        Gate::Options{.limits = limits, .spool = spool,
-                      .rule_of = [](const Request& head) {
-                        if (head.path == "/upload") {
-                          return BodyRule{.most = 8 << 20, .upload = true, .types = {"application/x-tar"}};
-                        }
-                        return BodyRule{.most = 100'000, .types = {"application/json"}};
-                      }},
-        queue_);
-    runner_ = std::thread(
-        [this] { gate_->Run({{.fd = listener_.get(), .peer_of = PeerOf, .transport_of = transport_of_}}); });
-    for (int i = 0; i < limits.workers; ++i) {
-      workers_.emplace_back([this, spool] { WorkAt(spool); });
-    }
+    server_.emplace(limits, folder_);
+    Add("GET", "/", [](Response&) {});
+    Add("GET", "/wait", [this](Response&) { permits_.acquire(); });
+    Add("GET", "/who", [](Response& response) {
+      response.text = HttpServer::RequestConnection().Asker().key;
+    });
+    Add("GET", "/large", [](Response& response) { response.text = std::string(kLarge, 'x'); });
+    Add("GET", "/file", [this](Response& response) {
+      response.file = {Fd(::open(file().c_str(), O_RDONLY | O_CLOEXEC)), 0, kHuge};
+      response.text.clear();
+    });
+    Add("POST", "/upload", [](Response&) {},
+        {.most = 8 << 20, .upload = true, .types = {"application/x-tar"}});
+    server_->StartWith({{.fd = listener_.get(), .peer_of = PeerOf, .tls_of = tls_of_}});
   }
 
-  void WorkAt(const SpoolOptions& spool) {
-    while (std::optional<Job> job = queue_.Pop()) {
-      Connection& connection = *job->connection;
-      if (job->work == WorkKind::kDisk || job->work == WorkKind::kHandshake) {
-        connection.next = connection.Work(job->work, spool);
-      } else {
-        if (connection.head->path == "/wait") permits_.acquire();
-        const absl::StatusOr<std::string> body = connection.body.Text();
-        body_bytes_ += body.ok() ? std::ssize(*body) : -1'000'000'000;
-        connection.out += AnswerTo(connection);
-        connection.close_after = !connection.head->keep_alive;
-        connection.next = connection.Send() ? Connection::Next::kSend : Connection::Next::kClose;
-      }
-      queue_.Done(*job);
-      gate_->Return(&connection);
-      ++returned_;
-    }
-  }
-
-  std::string AnswerTo(Connection& connection) const {
-    const auto head = [](int64_t size) {
-      return absl::StrCat("HTTP/1.1 200 OK\r\nContent-Length: ", size, "\r\n\r\n");
-    };
-    const std::string& asked = connection.head->path;
-    if (asked == "/large") return head(kLarge) + std::string(kLarge, 'x');
-    if (asked != "/file") return kOk;
-    connection.file = {Fd(::open(file().c_str(), O_RDONLY | O_CLOEXEC)), 0, kHuge};
-    return head(kHuge);
+  void Add(const std::string& method, const std::string& path,
+           std::function<void(Response&)> serve, BodyRule body = {}) {
+    server_->router().Add({method, path, Action::kReadApi,
+                           [this, serve = std::move(serve)](const Request& request, Response& response) {
+                             const absl::StatusOr<std::string> text = request.body->Text();
+                             body_bytes_ += text.ok() ? std::ssize(*text) : -1'000'000'000;
+                             response.text = "ok";
+                             serve(response);
+                           },
+                           std::move(body)});
   }
 
   static std::optional<Peer> PeerOf(int fd) {
@@ -192,7 +170,8 @@ class GateTest : public ::testing::Test {
     if (getpeername(fd, reinterpret_cast<sockaddr*>(&other), &size) != 0) return std::nullopt;
     const std::string name(other.sun_path, size - offsetof(sockaddr_un, sun_path));
     const std::string key = name.substr(name.rfind('-') + 1);
-    return Peer{.key = key, .organiser = key == "root", .uid = 1, .network = key.starts_with("net")};
+    return Peer{.key = key, .organiser = key == "root", .uid = 1, .network = key.starts_with("net"),
+                .proxy = key == "proxy"};
   }
 
   std::string path() const { return folder_ + "/s"; }
@@ -217,7 +196,7 @@ class GateTest : public ::testing::Test {
     EXPECT_EQ(Client(path(), "honest").Ask(), kOk);
     EXPECT_EQ(Client(path(), "root").Ask(), kOk);
   }
-  // The same when the crowd is the organiser's too: until the gate has seen all of it, an
+  // The same when the crowd is the organiser's too: until the server has seen all of it, an
   // organiser's request may be told to retry later.
   void OthersAreServedSoon() {
     EXPECT_EQ(Client(path(), "honest").Ask(), kOk);
@@ -230,16 +209,12 @@ class GateTest : public ::testing::Test {
     EXPECT_EQ(answer, kOk);
   }
 
-  // Once an organiser is answered, the gate has seen everything that was sent before.
+  // Once an organiser is answered, the server has seen everything that was sent before.
   void AwaitAllSeen() { EXPECT_EQ(Client(path(), "root").Ask(), kOk); }
   // Occupies all places of a peer with three requests each, which end only when permitted.
   std::vector<std::unique_ptr<Client>> AllBusy(const std::string& peer) {
     std::vector<std::unique_ptr<Client>> clients = Many(Limits().peer_clients, peer, "");
-    const int64_t before = returned_;
     for (const auto& client : clients) EXPECT_EQ(client->Ask(), kOk);
-    // A client gets its answer before the gate gets the connection back, which would give way
-    // meanwhile.
-    while (returned_ < before + std::ssize(clients)) std::this_thread::yield();
     for (const auto& client : clients) client->Send(absl::StrCat(kWait, kWait, kWait));
     AwaitAllSeen();
     return clients;
@@ -248,16 +223,11 @@ class GateTest : public ::testing::Test {
   static constexpr size_t kLarge = 4 << 20;
   static constexpr int64_t kHuge = int64_t{1} << 30;
   std::counting_semaphore<> permits_{0};
-  std::atomic<int64_t> returned_ = 0;  // connections, by workers
   std::string folder_;
-  SpoolBudget budget_{64 << 20, 16 << 20};
-  WorkQueue queue_{{.workers = 2, .kept = 1, .of_a_peer = 1, .of_a_kind = {2, 1, 1, 1, 1}}};
-  std::function<std::unique_ptr<Transport>(int fd)> transport_of_;  // empty: bytes as they are
-  std::unique_ptr<Gate> gate_;
+  std::function<std::shared_ptr<TlsContext>()> tls_of_;  // empty: plain HTTP
   Fd listener_;
-  std::thread runner_;
-  std::vector<std::thread> workers_;
   std::atomic<int64_t> body_bytes_ = 0;
+  std::optional<HttpServer> server_;
 };
 
 inline std::string Upload(int64_t size) {

@@ -1,4 +1,4 @@
-#include "server/api/places.h"
+#include "server/api/connection_table.h"
 
 #include <algorithm>
 #include <tuple>
@@ -12,9 +12,9 @@ using State = Connection::State;
 // The lowest goes first: those that have had an answer and ask for more already, then the ones
 // that have asked for nothing or only follow a stream, then those that do not read, then half requests.
 int RankOf(const Connection& connection) {
-  switch (connection.state) {
+  switch (connection.state()) {
     case State::kIdle:
-      return connection.in.empty() ? 1 : 0;
+      return connection.has_input() ? 0 : 1;
     case State::kHandshake:
     case State::kStreaming:
       return 1;
@@ -30,25 +30,26 @@ int RankOf(const Connection& connection) {
 
 }  // namespace
 
-int PlacesFor(const Peer& peer, const HttpLimits& limits) {
+int MaxConnections(const Peer& peer, const HttpLimits& limits) {
   if (peer.organiser) return limits.clients;
   // Whom a proxy forwards, it has limits for itself.
   if (peer.proxy) return std::max(limits.clients - limits.organiser_clients, 1);
   return peer.network ? limits.address_clients : limits.peer_clients;
 }
 
-Connection* Places::Find(uint64_t id) const {
-  const auto it = connections_.find(id);
-  return it == connections_.end() ? nullptr : it->second.get();
+std::vector<std::shared_ptr<Connection>> ConnectionTable::all() const {
+  std::vector<std::shared_ptr<Connection>> all;
+  for (const auto& [id, connection] : connections_) all.push_back(connection);
+  return all;
 }
 
-bool Places::MakeRoom(const Peer& peer) {
+bool ConnectionTable::MakeRoom(const Peer& peer) {
   const auto it = peers_.find(peer.key);
   const int own = it == peers_.end() ? 0 : it->second->connections;
   const bool full = static_cast<int>(connections_.size()) >= limits_.clients;
   const bool others_full = others_ >= limits_.clients - limits_.organiser_clients;
   Connection* victim = nullptr;
-  if (!peer.organiser && own >= PlacesFor(peer, limits_)) {
+  if (!peer.organiser && own >= MaxConnections(peer, limits_)) {
     victim = Victim([&](const PeerLoad& other) { return other.peer.key == peer.key; });
   } else if (full || (!peer.organiser && others_full)) {
     // Who has most gives way; organisers only to organisers.
@@ -65,17 +66,20 @@ bool Places::MakeRoom(const Peer& peer) {
   } else {
     return true;
   }
-  if (victim != nullptr) Remove(*victim);
-  return victim != nullptr;
+  if (victim == nullptr) return false;
+  victim->Close();
+  Remove(*victim);
+  return true;
 }
 
 // Of each rank, who has been so for the longest.
-Connection* Places::Victim(const std::function<bool(const PeerLoad&)>& among) const {
+Connection* ConnectionTable::Victim(const std::function<bool(const PeerLoad&)>& among) const {
   Connection* victim = nullptr;
   std::pair<int, absl::Duration> best;
   for (const auto& [id, connection] : connections_) {
-    if (connection->lent || connection->counted || !among(*connection->peer)) continue;
-    const auto place = std::pair(RankOf(*connection), connection->since);
+    const bool busy = connection->at_work() || connection->receives_body() || connection->is_new();
+    if (busy || !among(*connection->peer)) continue;
+    const auto place = std::pair(RankOf(*connection), connection->since());
     if (victim == nullptr || place < best) {
       std::tie(victim, best) = std::pair(connection.get(), place);
     }
@@ -83,21 +87,22 @@ Connection* Places::Victim(const std::function<bool(const PeerLoad&)>& among) co
   return victim;
 }
 
-Connection& Places::Add(Fd socket, const Peer& peer, std::unique_ptr<Transport> transport) {
+std::shared_ptr<PeerLoad> ConnectionTable::LoadOf(const Peer& peer) {
   std::shared_ptr<PeerLoad>& load = peers_[peer.key];
   if (load == nullptr) load = std::make_shared<PeerLoad>(peer);
-  const uint64_t id = next_id_++;
-  auto made = std::make_unique<Connection>(id, std::move(socket), load, std::move(transport));
-  ++load->connections;
-  if (!peer.organiser) ++others_;
-  return *connections_.emplace(id, std::move(made)).first->second;
+  return load;
 }
 
-void Places::Remove(Connection& connection) {
+void ConnectionTable::Add(std::shared_ptr<Connection> connection) {
+  ++connection->peer->connections;
+  if (!connection->peer->peer.organiser) ++others_;
+  connections_.emplace(connection->id, std::move(connection));
+}
+
+void ConnectionTable::Remove(Connection& connection) {
   const std::shared_ptr<PeerLoad> load = connection.peer;
-  if (connection.counted) --load->bodies;
+  if (connections_.erase(connection.id) == 0) return;
   if (!load->peer.organiser) --others_;
-  connections_.erase(connection.id);
   if (--load->connections == 0) peers_.erase(load->peer.key);
 }
 

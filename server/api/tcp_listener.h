@@ -1,5 +1,4 @@
-// The daemon's door to the network: a TCP port with TLS, or with plain HTTP for a proxy on this
-// host.
+// The daemon's TCP port, with TLS, or with plain HTTP for a proxy on this host.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,7 +11,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/mutex.h"
-#include "server/api/door.h"
+#include "server/api/acceptor.h"
 #include "server/api/tls.h"
 #include "server/config/server_config.h"
 
@@ -22,19 +21,19 @@ namespace myograde::server {
 // HTTP. As Open, but touches no socket.
 absl::Status CheckCertificate(const ListenConfig& config);
 
-class NetworkDoor {
+class TcpListener {
  public:
   // Reads the certificate and listens on the port, or takes `handed`, a TCP socket that listens
   // already, in place of the config's address and port. Errors are one sentence each:
   // InvalidArgumentError about the certificate, its key or the address, AlreadyExistsError if the
   // port is taken.
-  static absl::StatusOr<std::unique_ptr<NetworkDoor>> Open(const ListenConfig& config,
+  static absl::StatusOr<std::unique_ptr<TcpListener>> Open(const ListenConfig& config,
                                                            Fd handed = Fd());
-  ~NetworkDoor();
-  NetworkDoor(const NetworkDoor&) = delete;
-  NetworkDoor& operator=(const NetworkDoor&) = delete;
+  ~TcpListener();
+  TcpListener(const TcpListener&) = delete;
+  TcpListener& operator=(const TcpListener&) = delete;
 
-  // For the gate, which must be gone before this object is.
+  // For the server, which must be gone before this object is.
   Listener listener();
   // With the port that was chosen, if it was left to the kernel: "https://192.0.2.1:8443".
   const std::string& url() const { return url_; }
@@ -44,8 +43,8 @@ class NetworkDoor {
   void Reload();
 
  private:
-  NetworkDoor(ListenConfig config, Fd socket, std::string url,
-              std::shared_ptr<const TlsContext> context);
+  TcpListener(ListenConfig config, Fd socket, std::string url,
+              std::shared_ptr<TlsContext> context);
   void AwaitReloads();
   void ReadAgain();
 
@@ -54,7 +53,7 @@ class NetworkDoor {
   const std::string url_;
   Fd wake_;
   Mutex mutex_;
-  std::shared_ptr<const TlsContext> context_ ABSL_GUARDED_BY(mutex_);  // nullptr: plain HTTP
+  std::shared_ptr<TlsContext> context_ ABSL_GUARDED_BY(mutex_);  // nullptr: plain HTTP
   std::thread reloader_;
 };
 

@@ -1,4 +1,4 @@
-#include "server/api/network_door.h"
+#include "server/api/tcp_listener.h"
 
 #include <absl/strings/str_cat.h>
 #include <netinet/in.h>
@@ -96,7 +96,7 @@ absl::Status CheckHanded(const ListenConfig& config, const Place& place) {
       "no behind_proxy), or give the socket unit ListenStream=127.0.0.1:", place.port));
 }
 
-// Who is at the other end, by the address. Nobody from the network is an organiser to the gate,
+// Who is at the other end, by the address. Nobody from the network is an organiser here,
 // whatever its requests may show later.
 std::optional<Peer> PeerAt(int fd, bool behind_proxy, bool plain) {
   sockaddr_storage other = {};
@@ -108,7 +108,7 @@ std::optional<Peer> PeerAt(int fd, bool behind_proxy, bool plain) {
               .local = plain && !behind_proxy};
 }
 
-absl::StatusOr<std::shared_ptr<const TlsContext>> LoadContext(const ListenConfig& config) {
+absl::StatusOr<std::shared_ptr<TlsContext>> LoadContext(const ListenConfig& config) {
   if (config.certificate.empty()) return nullptr;
   return TlsContext::Load(config.certificate, config.key);
 }
@@ -121,7 +121,7 @@ void LogWarning(const TlsContext* context) {
 
 absl::Status CheckCertificate(const ListenConfig& config) { return LoadContext(config).status(); }
 
-absl::StatusOr<std::unique_ptr<NetworkDoor>> NetworkDoor::Open(const ListenConfig& config,
+absl::StatusOr<std::unique_ptr<TcpListener>> TcpListener::Open(const ListenConfig& config,
                                                                Fd handed) {
   const std::optional<IpAddress> address = IpAddress::Parse(config.address);
   if (!address.has_value()) {
@@ -130,7 +130,7 @@ absl::StatusOr<std::unique_ptr<NetworkDoor>> NetworkDoor::Open(const ListenConfi
   if (handed.valid()) {
     RETURN_IF_ERROR(CheckHanded(config, PlaceOf(handed.get())));
   }
-  ASSIGN_OR_RETURN(std::shared_ptr<const TlsContext> context, LoadContext(config));
+  ASSIGN_OR_RETURN(std::shared_ptr<TlsContext> context, LoadContext(config));
   ASSIGN_OR_RETURN(Fd socket,
                    handed.valid() ? std::move(handed) : ListenOn(
                        *address, static_cast<uint16_t>(config.port),
@@ -139,46 +139,42 @@ absl::StatusOr<std::unique_ptr<NetworkDoor>> NetworkDoor::Open(const ListenConfi
   const Place place = PlaceOf(socket.get());
   std::string url = absl::StrCat(context == nullptr ? "http" : "https", "://",
                                  place.address.value_or(*address).UrlHost(), ":", place.port);
-  return std::unique_ptr<NetworkDoor>(
-      new NetworkDoor(config, std::move(socket), std::move(url), std::move(context)));
+  return std::unique_ptr<TcpListener>(
+      new TcpListener(config, std::move(socket), std::move(url), std::move(context)));
 }
 
-NetworkDoor::NetworkDoor(ListenConfig config, Fd socket, std::string url,
-                         std::shared_ptr<const TlsContext> context)
+TcpListener::TcpListener(ListenConfig config, Fd socket, std::string url,
+                         std::shared_ptr<TlsContext> context)
     : config_(std::move(config)),
       socket_(std::move(socket)),
       url_(std::move(url)),
       wake_(::eventfd(0, EFD_CLOEXEC)),
       context_(std::move(context)) {
-  // Files may lie on a disk that hangs, so neither the gate nor a worker reads them.
+  // Files may lie on a disk that hangs, so no thread that serves anybody reads them.
   if (!config_.certificate.empty()) reloader_ = std::thread([this] { AwaitReloads(); });
 }
 
-NetworkDoor::~NetworkDoor() {
+TcpListener::~TcpListener() {
   Wake(wake_.get(), kEnd);
   if (reloader_.joinable()) reloader_.join();
 }
 
-Listener NetworkDoor::listener() {
+Listener TcpListener::listener() {
   Listener listener{.fd = socket_.get(),
                     .peer_of = [proxy = config_.behind_proxy, plain = config_.certificate.empty()](
                                    int fd) { return PeerAt(fd, proxy, plain); },
-                    .transport_of = {}};
+                    .tls_of = {}};
   if (config_.certificate.empty()) return listener;
-  listener.transport_of = [this](int fd) -> std::unique_ptr<Transport> {
-    std::shared_ptr<const TlsContext> context;
-    {
-      const MutexLock lock(mutex_);
-      context = context_;
-    }
-    return context->Accept(fd);
+  listener.tls_of = [this] {
+    const MutexLock lock(mutex_);
+    return context_;
   };
   return listener;
 }
 
-void NetworkDoor::Reload() { Wake(wake_.get(), kReload); }
+void TcpListener::Reload() { Wake(wake_.get(), kReload); }
 
-void NetworkDoor::AwaitReloads() {
+void TcpListener::AwaitReloads() {
   for (;;) {
     uint64_t asked = 0;
     const ssize_t n = ::read(wake_.get(), &asked, sizeof(asked));
@@ -188,8 +184,8 @@ void NetworkDoor::AwaitReloads() {
   }
 }
 
-void NetworkDoor::ReadAgain() {
-  absl::StatusOr<std::shared_ptr<const TlsContext>> context = LoadContext(config_);
+void TcpListener::ReadAgain() {
+  absl::StatusOr<std::shared_ptr<TlsContext>> context = LoadContext(config_);
   if (!context.ok()) {
     spdlog::error("the certificate stays as it was: {}", std::string(context.status().message()));
     return;

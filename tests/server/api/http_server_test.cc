@@ -1,7 +1,7 @@
 // Hostile clients of all kinds; others must be answered all the same.
 #include <sys/resource.h>
 
-#include "tests/server/api/gate_world.h"
+#include "tests/server/api/http_server_world.h"
 
 namespace myograde::server {
 namespace {
@@ -9,7 +9,7 @@ namespace {
 using ::testing::AnyOf;
 using ::testing::StartsWith;
 
-TEST_F(GateTest, ServesRequestsThatFollowOneAnother) {
+TEST_F(HttpServerTest, ServesRequestsThatFollowOneAnother) {
   Start(Limits());
   Client client(path(), "a");
   for (int i = 0; i < 3; ++i) EXPECT_EQ(client.Ask(), kOk);
@@ -22,7 +22,28 @@ TEST_F(GateTest, ServesRequestsThatFollowOneAnother) {
   EXPECT_THAT(client.Receive(1000), StartsWith(absl::StrCat(kOk, "HTTP/1.1 400 ")));
 }
 
-TEST_F(GateTest, BodiesOfAnySizeAndFramingArriveWhole) {
+// Whom a request of a proxy's connection, or of another one, is from, if its head has this header.
+TEST_F(HttpServerTest, OnlyAProxySaysWhoAsks) {
+  Start(Limits());
+  const auto asker_of = [this](const std::string& peer, const std::string& header) {
+    Client client(path(), peer);
+    client.Send(absl::StrCat("GET /who HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n", header, "\r\n"));
+    const std::string answer = client.Receive(1000);
+    return answer.substr(answer.rfind('\n') + 1);
+  };
+  const std::string forwarded = "X-Forwarded-For: 192.0.2.7\r\n";
+  EXPECT_EQ(asker_of("net", forwarded), "net");
+  EXPECT_EQ(asker_of("proxy", forwarded), "address 192.0.2.7");
+  EXPECT_EQ(asker_of("proxy", ""), "proxy");
+  EXPECT_EQ(asker_of("proxy", "X-Forwarded-For: 2001:db8::1\r\n"), "address 2001:db8::/64");
+  // The last one is what the proxy itself has seen; those before may be made up.
+  EXPECT_EQ(asker_of("proxy", "x-forwarded-for: 1.1.1.1, 2.2.2.2 ,\t192.0.2.7\r\n"), "address 192.0.2.7");
+  EXPECT_EQ(asker_of("proxy", "X-Forwarded-For: 1.1.1.1\r\n" + forwarded), "address 192.0.2.7");
+  EXPECT_EQ(asker_of("proxy", "X-Forwarded-For: unknown\r\n"), "proxy");
+  EXPECT_EQ(asker_of("proxy", "X-Forwarded-For: 192.0.2.7,\r\n"), "proxy");
+}
+
+TEST_F(HttpServerTest, BodiesOfAnySizeAndFramingArriveWhole) {
   Start(Limits());
   int64_t sent = 0;
   for (const int64_t size : {1, 65'536, 65'537, 300'000, 5'000'000}) {
@@ -41,7 +62,7 @@ TEST_F(GateTest, BodiesOfAnySizeAndFramingArriveWhole) {
   }
 }
 
-TEST_F(GateTest, WhoAsksFirstHearsToGoOnOrWhyNot) {
+TEST_F(HttpServerTest, WhoAsksFirstHearsToGoOnOrWhyNot) {
   Start(Limits());
   Client client(path(), "a");
   client.Send("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 4\r\nExpect: 100-continue\r\n\r\n");
@@ -52,7 +73,7 @@ TEST_F(GateTest, WhoAsksFirstHearsToGoOnOrWhyNot) {
   EXPECT_THAT(client.Receive(12), "HTTP/1.1 413");
 }
 
-TEST_F(GateTest, OneSendersDiskIsBounded) {
+TEST_F(HttpServerTest, OneSendersDiskIsBounded) {
   Start(Limits());
   const auto first = Many(1, "a", Upload(8 << 20));
   const auto second = Many(1, "a", Upload(8 << 20));
@@ -64,7 +85,7 @@ TEST_F(GateTest, OneSendersDiskIsBounded) {
   EXPECT_EQ(other.Receive(sizeof(kOk) - 1), kOk);
 }
 
-TEST_F(GateTest, SilentBodiesHalfHeadsAndIdleConnectionsHoldUpNobody) {
+TEST_F(HttpServerTest, SilentBodiesHalfHeadsAndIdleConnectionsHoldUpNobody) {
   Start(Limits());
   for (const std::string& text : {Upload(1000) + "x", Upload(1 << 20) + "x", std::string("GET /v"),
                                   std::string()}) {
@@ -78,14 +99,14 @@ TEST_F(GateTest, SilentBodiesHalfHeadsAndIdleConnectionsHoldUpNobody) {
   }
 }
 
-TEST_F(GateTest, WhoDoesNotReadItsAnswersHoldsUpNobody) {
+TEST_F(HttpServerTest, WhoDoesNotReadItsAnswersHoldsUpNobody) {
   Start(Limits());
   const auto crowd = Many(10, "crowd", "GET /large HTTP/1.1\r\nHost: localhost\r\n\r\n");
   for (int i = 0; i < 5; ++i) OthersAreServed();
   EXPECT_EQ(crowd[0]->Receive(kLarge).size(), kLarge);
 }
 
-TEST_F(GateTest, TheSlowAreHungUpOn) {
+TEST_F(HttpServerTest, TheSlowAreHungUpOn) {
   HttpLimits limits = Limits();
   limits.speed_window = absl::Seconds(3);
   limits.min_bytes_per_s = 100;
@@ -112,7 +133,7 @@ TEST_F(GateTest, TheSlowAreHungUpOn) {
   EXPECT_LT(unread.Receive(kLarge).size(), kLarge);
 }
 
-TEST_F(GateTest, IdleConnectionsEnd) {
+TEST_F(HttpServerTest, IdleConnectionsEnd) {
   HttpLimits limits = Limits();
   limits.idle = absl::Milliseconds(300);
   Start(limits);
@@ -121,20 +142,20 @@ TEST_F(GateTest, IdleConnectionsEnd) {
   EXPECT_TRUE(client.HungUp(absl::Seconds(60)));
 }
 
-TEST_F(GateTest, BodiesAreRefusedBeforeAStop) {
+TEST_F(HttpServerTest, BodiesAreRefusedBeforeAStop) {
   Start(Limits());
   Client body(path(), "a");
   body.Send(Upload(1000) + "x");
   Client large(path(), "a");
   large.Send(Upload(1'000'000) + std::string(70'000, 'x'));
   EXPECT_EQ(Client(path(), "b").Ask(), kOk);
-  gate_->Drain();
+  server_->BeginStop();
   EXPECT_THAT(body.Receive(12), "HTTP/1.1 503");
   EXPECT_THAT(large.Receive(12), "HTTP/1.1 503");
   EXPECT_EQ(Client(path(), "b").Ask(), kOk);
 }
 
-TEST_F(GateTest, WithoutDescriptorsItWaitsAndOrganisersAreServed) {
+TEST_F(HttpServerTest, WithoutDescriptorsItWaitsAndOrganisersAreServed) {
   Start(Limits());
   OthersAreServed();
   rlimit before = {};
@@ -164,7 +185,7 @@ TEST_F(GateTest, WithoutDescriptorsItWaitsAndOrganisersAreServed) {
   int refused = 0;
   for (size_t i = 0; i < waiting.size(); ++i) {
     const std::string peer = i + 1 == waiting.size() ? "root" : "stranger";
-    const std::string name = absl::StrCat(std::string(1, '\0'), "gate-", getpid(), "-w", i, "-", peer);
+    const std::string name = absl::StrCat(std::string(1, '\0'), "http-", getpid(), "-w", i, "-", peer);
     sockaddr_un own = {};
     own.sun_family = AF_UNIX;
     name.copy(own.sun_path, sizeof(own.sun_path));

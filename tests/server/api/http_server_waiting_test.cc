@@ -1,12 +1,12 @@
 // New connections while all places are busy.
-#include "tests/server/api/gate_world.h"
+#include "tests/server/api/http_server_world.h"
 
 namespace myograde::server {
 namespace {
 
 using ::testing::StartsWith;
 
-TEST_F(GateTest, WhoFindsAllPlacesBusyIsLetInAfterAnAnswer) {
+TEST_F(HttpServerTest, WhoFindsAllPlacesBusyIsLetInAfterAnAnswer) {
   Start(Limits());
   const auto busy = AllBusy("a");
   Client waiting(path(), "a");
@@ -26,7 +26,7 @@ TEST_F(GateTest, WhoFindsAllPlacesBusyIsLetInAfterAnAnswer) {
   EXPECT_EQ(busy[9]->Receive(3 * (sizeof(kOk) - 1)), absl::StrCat(kOk, kOk, kOk));
 }
 
-TEST_F(GateTest, WhoWaitsInLineIsToldInTheEnd) {
+TEST_F(HttpServerTest, WhoWaitsInLineIsToldInTheEnd) {
   HttpLimits limits = Limits();
   limits.request = absl::Seconds(1);
   Start(limits);
@@ -36,7 +36,7 @@ TEST_F(GateTest, WhoWaitsInLineIsToldInTheEnd) {
   EXPECT_THAT(waiting.Receive(1000), StartsWith("HTTP/1.1 429"));
 }
 
-TEST_F(GateTest, TheLineIsBounded) {
+TEST_F(HttpServerTest, TheLineIsBounded) {
   Start(Limits());
   const auto busy = AllBusy("a");
   auto line = Many(Limits().peer_waiting(), "a", kGet);
@@ -51,7 +51,7 @@ TEST_F(GateTest, TheLineIsBounded) {
   EXPECT_EQ(told, "");
 }
 
-TEST_F(GateTest, NobodyGivesWayToWhoHasHungUp) {
+TEST_F(HttpServerTest, NobodyGivesWayToWhoHasHungUp) {
   Start(Limits());
   const auto busy = AllBusy("a");
   Client(path(), "a").Send(kGet);
@@ -62,12 +62,12 @@ TEST_F(GateTest, NobodyGivesWayToWhoHasHungUp) {
   }
 }
 
-TEST_F(GateTest, ThoseInLineHearOfAStop) {
+TEST_F(HttpServerTest, ThoseInLineHearOfAStop) {
   Start(Limits());
   const auto busy = AllBusy("a");
   Client first(path(), "a");
   AwaitAllSeen();
-  gate_->Drain();
+  server_->BeginStop();
   EXPECT_THAT(first.Receive(12), "HTTP/1.1 503");
   EXPECT_THAT(Client(path(), "a").Receive(12), "HTTP/1.1 503") << "who comes later, too";
 }

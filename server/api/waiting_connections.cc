@@ -1,4 +1,4 @@
-#include "server/api/waiting_line.h"
+#include "server/api/waiting_connections.h"
 
 #include <poll.h>
 
@@ -14,37 +14,37 @@ const ApiError kAllBusy = {429, "too_many",
 
 // Who only sends no more still waits for an answer; but over TCP that is all that is seen of
 // somebody who has left.
-bool HasHungUp(const Newcomer& newcomer) {
-  const short left = newcomer.peer.network ? POLLRDHUP : short{0};
-  pollfd entry = {newcomer.socket.get(), left, 0};
+bool HasHungUp(const AcceptedSocket& accepted) {
+  const short left = accepted.peer.network ? POLLRDHUP : short{0};
+  pollfd entry = {accepted.socket.get(), left, 0};
   return ::poll(&entry, 1, 0) == 1 && (entry.revents & (POLLHUP | POLLERR | left)) != 0;
 }
 
 }  // namespace
 
-void WaitingLine::Add(Newcomer newcomer, absl::Duration until) {
-  const auto own = lines_.find(newcomer.peer.key);
+void WaitingConnections::Add(AcceptedSocket accepted, absl::Duration until) {
+  const auto own = lines_.find(accepted.peer.key);
   const size_t length = own == lines_.end() ? 0 : own->second.size();
-  if (length >= of_a_peer_ || (waiting_ >= most_ && !SendLastAway(length + 1))) {
-    return Tell(newcomer, kAllBusy);
+  if (length >= of_a_peer_ || (waiting_ >= most_ && !RejectLast(length + 1))) {
+    return Reject(accepted, kAllBusy);
   }
-  lines_[newcomer.peer.key].push_back({std::move(newcomer), until});
+  lines_[accepted.peer.key].push_back({std::move(accepted), until});
   ++waiting_;
 }
 
-bool WaitingLine::SendLastAway(size_t than) {
+bool WaitingConnections::RejectLast(size_t than) {
   const auto longest =
       std::max_element(lines_.begin(), lines_.end(), [](const auto& a, const auto& b) {
         return a.second.size() < b.second.size();
       });
   if (longest == lines_.end() || longest->second.size() <= than) return false;
-  Tell(longest->second.back().who, kAllBusy);
+  Reject(longest->second.back().who, kAllBusy);
   longest->second.pop_back();
   --waiting_;
   return true;
 }
 
-std::vector<std::string> WaitingLine::KeysInTurn() const {
+std::vector<std::string> WaitingConnections::KeysInTurn() const {
   std::vector<std::string> keys;
   auto it = lines_.upper_bound(last_);
   for (size_t i = 0; i < lines_.size(); ++i, ++it) {
@@ -57,7 +57,7 @@ std::vector<std::string> WaitingLine::KeysInTurn() const {
   return keys;
 }
 
-WaitingLine::Waiting WaitingLine::TakeFirst(const std::string& key) {
+WaitingConnections::Waiting WaitingConnections::TakeFirst(const std::string& key) {
   const auto it = lines_.find(key);
   Waiting first = std::move(it->second.front());
   it->second.pop_front();
@@ -67,8 +67,8 @@ WaitingLine::Waiting WaitingLine::TakeFirst(const std::string& key) {
   return first;
 }
 
-void WaitingLine::LetIn(const std::function<bool(const Peer&)>& make_room,
-                        const std::function<void(Newcomer)>& let_in) {
+void WaitingConnections::LetIn(const std::function<bool(const Peer&)>& make_room,
+                        const std::function<void(AcceptedSocket)>& let_in) {
   for (bool moved = true; moved && !empty();) {
     moved = false;
     for (const std::string& key : KeysInTurn()) {
@@ -83,12 +83,12 @@ void WaitingLine::LetIn(const std::function<bool(const Peer&)>& make_room,
   }
 }
 
-void WaitingLine::LookAtClocks(absl::Duration now) {
+void WaitingConnections::LookAtClocks(absl::Duration now) {
   for (auto it = lines_.begin(); it != lines_.end();) {
     Line& line = it->second;
     waiting_ -= line.size();
     std::erase_if(line, [&](const Waiting& one) {
-      if (now >= one.until) Tell(one.who, kAllBusy);
+      if (now >= one.until) Reject(one.who, kAllBusy);
       return now >= one.until || HasHungUp(one.who);
     });
     waiting_ += line.size();
@@ -96,9 +96,9 @@ void WaitingLine::LookAtClocks(absl::Duration now) {
   }
 }
 
-void WaitingLine::SendAway(const ApiError& error) {
+void WaitingConnections::RejectAll(const ApiError& error) {
   for (const auto& [key, line] : lines_) {
-    for (const Waiting& one : line) Tell(one.who, error);
+    for (const Waiting& one : line) Reject(one.who, error);
   }
   lines_.clear();
   waiting_ = 0;
