@@ -18,7 +18,7 @@
 #include "server/base/host_name.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
-#include "server/store/schema.h"
+#include "server/store/migration.h"
 
 namespace myograde::server {
 namespace {

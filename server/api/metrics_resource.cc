@@ -16,7 +16,7 @@
 #include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
 #include "server/scheduler/team_line.h"
-#include "server/store/schema.h"
+#include "server/store/migration.h"
 
 namespace myograde::server {
 namespace {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/executor/node_view.h"
-#include "server/store/lease_runs.h"
+#include "server/store/rows.h"
 
 namespace myograde::server {
 

@@ -1,5 +1,8 @@
 #include "server/config/server_config.h"
 
+#include <grp.h>
+#include <pwd.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <system_error>
@@ -14,7 +17,6 @@
 #include "server/base/names.h"
 #include "server/base/paths.h"
 #include "server/base/plain_text.h"
-#include "server/config/earlier_versions.h"
 
 namespace myograde::server {
 namespace {
@@ -22,7 +24,7 @@ namespace {
 constexpr int64_t kTiB = int64_t{1} << 40;
 constexpr int64_t kMany = 1'000'000'000;
 
-// Keys that an earlier version's server.json lacks.
+// Keys that may be left out.
 int64_t IntegerOr(ConfigReader& reader, std::string_view key, int64_t usual, int64_t min,
                   int64_t max) {
   return reader.Has(key) ? reader.Integer(key, min, max) : usual;
@@ -31,6 +33,10 @@ int64_t IntegerOr(ConfigReader& reader, std::string_view key, int64_t usual, int
 absl::Duration SecondsOr(ConfigReader& reader, std::string_view key, absl::Duration usual,
                          NumberRange range) {
   return reader.Has(key) ? absl::Seconds(reader.Number(key, range)) : usual;
+}
+
+nlohmann::json ObjectOr(ConfigReader& reader, std::string_view key) {
+  return reader.Has(key) ? reader.Object(key) : nlohmann::json::object();
 }
 
 int ReadSlots(ConfigReader& reader, const nlohmann::json& json) {
@@ -301,14 +307,6 @@ absl::Status ReadExecutor(const nlohmann::json& json, const std::string& where,
   return absl::OkStatus();
 }
 
-absl::Status ReadStatisticsOf(const nlohmann::json& json, const std::string& where,
-                              ServerConfig& config) {
-  absl::StatusOr<scoring::StatisticsConfig> read =
-      scoring::ParseStatistics(json, where, config.statistics);
-  if (read.ok()) config.statistics = *read;
-  return read.status();
-}
-
 }  // namespace
 
 bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) {
@@ -344,7 +342,6 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
         "no episode can be played on this host: the programs for that are not installed; install them "
         "(Debian: the package myograde-server), or name their folder by MYOGRADE_BIN_DIR");
   }
-  *json = WithLaterParts(*std::move(json));
   ConfigReader reader(*json, path);
   ServerConfig config;
   config.scheduler.slots = ReadSlots(reader, *json);
@@ -369,37 +366,55 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   }
   const nlohmann::json& runtimes = reader.Object("runtimes");
   const nlohmann::json& scheduler = reader.Object("scheduler");
-  const nlohmann::json slurm =
-      reader.Has("slurm") ? reader.Object("slurm") : nlohmann::json::object();
+  const nlohmann::json slurm = ObjectOr(reader, "slurm");
   const nlohmann::json& artefacts = reader.Object("artefacts");
   const nlohmann::json& http = reader.Object("http");
   const nlohmann::json& quota = reader.Object("quota");
   const nlohmann::json& retention = reader.Object("retention");
-  const nlohmann::json reruns =
-      reader.Has("reruns") ? reader.Object("reruns") : nlohmann::json::object();
-  const nlohmann::json statistics =
-      reader.Has("statistics") ? reader.Object("statistics") : nlohmann::json::object();
-  const nlohmann::json access =
-      reader.Has("access") ? reader.Object("access") : nlohmann::json::object();
-  const nlohmann::json metrics =
-      reader.Has("metrics") ? reader.Object("metrics") : nlohmann::json::object();
+  const nlohmann::json reruns = ObjectOr(reader, "reruns");
+  const nlohmann::json statistics = ObjectOr(reader, "statistics");
+  const nlohmann::json access = ObjectOr(reader, "access");
+  const nlohmann::json metrics = ObjectOr(reader, "metrics");
   const nlohmann::json webhooks =
       reader.Has("webhooks") ? reader.Array("webhooks") : nlohmann::json::array();
-  absl::Status status = reader.Finish();
-  if (status.ok()) status = ReadAccess(access, path + ": access", config);
-  if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
-  if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
-  if (status.ok()) status = ReadExecutor(slurm, path + ": slurm", config);
-  if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);
-  if (status.ok()) status = ReadHttp(http, path + ": http", config);
-  if (status.ok()) status = ReadQuota(quota, path + ": quota", config);
-  if (status.ok()) status = ReadReruns(reruns, path + ": reruns", config);
-  if (status.ok()) status = ReadRetention(retention, path + ": retention", config);
-  if (status.ok()) status = ReadStatisticsOf(statistics, path + ": statistics", config);
-  if (status.ok()) status = ReadMetrics(metrics, path + ": metrics", config);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(reader.Finish());
+  RETURN_IF_ERROR(ReadAccess(access, path + ": access", config));
+  RETURN_IF_ERROR(ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config));
+  RETURN_IF_ERROR(ReadScheduler(scheduler, path + ": scheduler", config));
+  RETURN_IF_ERROR(ReadExecutor(slurm, path + ": slurm", config));
+  RETURN_IF_ERROR(ReadArtefacts(artefacts, path + ": artefacts", config));
+  RETURN_IF_ERROR(ReadHttp(http, path + ": http", config));
+  RETURN_IF_ERROR(ReadQuota(quota, path + ": quota", config));
+  RETURN_IF_ERROR(ReadReruns(reruns, path + ": reruns", config));
+  RETURN_IF_ERROR(ReadRetention(retention, path + ": retention", config));
+  ASSIGN_OR_RETURN(config.statistics,
+                   scoring::ParseStatistics(statistics, path + ": statistics", config.statistics));
+  RETURN_IF_ERROR(ReadMetrics(metrics, path + ": metrics", config));
   ASSIGN_OR_RETURN(config.webhooks, ReadWebhooks(webhooks, path + ": webhooks"));
   return config;
+}
+
+absl::Status ResolveNames(const std::string& where, AccessConfig& access) {
+  for (size_t i = 0; i < access.users.size(); ++i) {
+    UserRule& rule = access.users[i];
+    const std::string place = absl::StrCat(where, ": access: users[", i, "]: ");
+    if (!rule.user.empty()) {
+      const passwd* user = ::getpwnam(rule.user.c_str());
+      if (user == nullptr) {
+        return absl::InvalidArgumentError(absl::StrCat(place, "this host has no user \"", rule.user,
+                                                       "\"; correct the name, or give a uid"));
+      }
+      rule.uid = user->pw_uid;
+    } else if (!rule.group.empty()) {
+      const group* members = ::getgrnam(rule.group.c_str());
+      if (members == nullptr) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            place, "this host has no group \"", rule.group, "\"; correct the name, or give a gid"));
+      }
+      rule.gid = members->gr_gid;
+    }
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

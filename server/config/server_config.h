@@ -111,7 +111,7 @@ struct ServerConfig {
   std::string runtimes_dir;                     // of `myograde runtime add` (server/runtime)
   UploadLimits artefacts;
   HttpLimits http;
-  AccessConfig access;  // names not resolved yet (user_names.h)
+  AccessConfig access;                 // names not resolved yet (ResolveNames)
   std::optional<ListenConfig> listen;  // nullopt: no door to the network
   QuotaConfig quota;
   RerunLimits reruns;
@@ -133,10 +133,15 @@ bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track);
 // File descriptors that a daemon with these limits may have open at once.
 int64_t DescriptorsNeeded(const ServerConfig& config);
 
-// Reads `path`, replacing ${cache} by `cache_dir`. Every key is required except those that an
-// earlier version lacked, which have defaults; the error names the file and the key. Runtime
-// folders are not checked here: a missing one matters only to the submissions that ask for it.
+// Reads `path`, replacing ${cache} by `cache_dir`. Every key is required except those with defaults
+// above; the error names the file and the key. Runtime folders are not checked here: a missing one
+// matters only to the submissions that ask for it.
 absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
                                               const std::string& cache_dir);
+
+// Turns the names in `access` into ids, as the host's user database has them now.
+// InvalidArgumentError that names the entry, with `where` in front: this host has no such user or
+// group.
+absl::Status ResolveNames(const std::string& where, AccessConfig& access);
 
 }  // namespace myograde::server

@@ -18,9 +18,6 @@ constexpr size_t kMaxWord = 4096;
 constexpr const char* kOwnOptions[] = {"--job-name", "-J",    "--comment",    "--test-only", "--label",
                                        "-l",         "--pty", "--multi-prog", "--jobid",
                                        "--no-allocate", "-Z"};
-// Of versions whose nodes shared a folder with the daemon, or came to it by HTTPS.
-constexpr const char* kFormerKeys[] = {"array_size", "shared_dir", "url", "ca_file", "claim_s", "poll_s"};
-
 // Printable ASCII without what would end a word of a script or a line.
 bool IsWord(const std::string& text) {
   return text.size() <= kMaxWord && std::all_of(text.begin(), text.end(), [](char c) {
@@ -96,7 +93,6 @@ absl::StatusOr<SlurmConfig> ReadSlurm(const nlohmann::json& json, const std::str
   config.most_jobs = IntegerOr(reader, "most_jobs", config.most_jobs, 1, 20'000);
   ReadPlaces(reader, config);
   config.queue_wait = SecondsOr(reader, "queue_wait_s", config.queue_wait, {1, 30.0 * 86400});
-  for (const char* key : kFormerKeys) reader.Ignore(key);
   RETURN_IF_ERROR(reader.Finish());
   return config;
 }

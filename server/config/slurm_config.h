@@ -33,8 +33,7 @@ struct SlurmConfig {
   absl::Duration queue_wait = absl::Hours(1);
 };
 
-// The object at `slurm`; keys that are left out have the values above. Keys of earlier versions that
-// mean nothing any more are accepted.
+// The object at `slurm`; keys that are left out have the values above.
 absl::StatusOr<SlurmConfig> ReadSlurm(const nlohmann::json& json, const std::string& where);
 
 // What Slurm's commands get of this process' environment, "NAME=VALUE" each: what finds and signs in to

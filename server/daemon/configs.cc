@@ -13,7 +13,7 @@
 #include "server/api/tcp_listener.h"
 #include "server/base/paths.h"
 #include "server/base/private_file.h"
-#include "server/config/user_names.h"
+#include "server/config/server_config.h"
 #include "server/daemon/daemon.h"
 #include "server/sandbox/sandbox_config.h"
 

@@ -40,7 +40,7 @@
 #include "server/sandbox/delegated_group.h"
 #include "server/sandbox/stage.h"
 #include "server/sandbox/users.h"
-#include "server/store/lock.h"
+#include "server/store/data_folder.h"
 #include "server/webhook/sender.h"
 
 namespace myograde::server {

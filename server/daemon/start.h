@@ -15,7 +15,7 @@
 #include "server/daemon/daemon.h"
 #include "server/executor/executor.h"
 #include "server/proof/signing_key.h"
-#include "server/store/home.h"
+#include "server/store/data_folder.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 

@@ -23,8 +23,7 @@ absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation);
 using Standings = Listed<std::pair<int64_t, Standing>>;
 absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);
 
-// Adds what the view lacks, for a store that an earlier version wrote. Returns what could not be
-// read.
+// Adds what the view lacks. Returns what could not be read.
 absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers);
 
 }  // namespace myograde::server

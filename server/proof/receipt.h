@@ -13,7 +13,6 @@
 //
 // "artefact" commits to the artefact's hash without telling it (ArtefactCommitment of
 // server/store/record.h), so that whoever reads a receipt can't name the artefact of another team.
-// Receipts of version 1.0.0 have the hash.
 //
 // "record", if there is one, is the entry of the public record (server/store/record.h) with this
 // result, and the proof that the tree with "root" holds it (record_head.h).

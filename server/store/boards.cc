@@ -11,10 +11,9 @@
 
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/connection.h"
 #include "server/store/reader.h"
-#include "server/store/stored_row.h"
 #include "server/store/store.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
@@ -57,11 +56,11 @@ struct Candidate {
 };
 
 StoredRow CandidateOf(SQLite::Statement& select, Candidate& candidate) {
-  StoredRow row(select, "submission", Shown(select.getColumn(0)));
+  StoredRow row(select, "submission");
   StandingRow& standing = candidate.standing;
-  standing.submission = row.Number(0, 1, INT64_MAX);
+  standing.submission = row.Id(0);
   if (select.isColumnNull(1)) row.Fail("it has no evaluation");
-  standing.evaluation = row.NumberOr(1, 1, INT64_MAX, 0);
+  standing.evaluation = row.IdOr0(1);
   row.Joined("evaluation", 1);
   candidate.state = row.Named(11, ParseEvaluationState);
   standing.finished_at = row.Time(12);
@@ -80,15 +79,18 @@ constexpr char kIsApplied[] =
     "(SELECT v.event FROM rejudge_event AS v WHERE v.rejudge = r.id AND v.at < ?2 "
     "ORDER BY v.id DESC LIMIT 1) = 'applied'";
 
+// For json_each().
+std::string JsonArray(const std::vector<int64_t>& numbers) {
+  return absl::StrCat("[", absl::StrJoin(numbers, ","), "]");
+}
+
 StoredRow BoardConfigOf(SQLite::Statement& select, BoardConfigRow& config) {
-  StoredRow row(select, "board_config", Shown(select.getColumn(0)));
-  config.id = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "board_config");
+  config.id = row.Id(0);
   config.at = row.Time(1);
-  config.board.phase = row.Text(2);
-  config.board.track = row.Text(3);
-  config.board.profile = row.Text(4);
+  row.TextsInto(2, {&config.board.phase, &config.board.track, &config.board.profile});
   config.config = row.Hash(5);
-  config.rejudge = row.NumberOr(6, 1, INT64_MAX, 0);
+  config.rejudge = row.IdOr0(6);
   config.who = row.Text(7);
   if (config.rejudge != 0) {
     row.Joined("rejudge", 8);
@@ -103,81 +105,75 @@ constexpr char kBoardConfigColumns[] =
 
 }  // namespace
 
+std::optional<std::string> NewestBoardConfig(SQLite::Database& db, const BoardName& board) {
+  Statement last(db, R"(SELECT config
+      FROM board_config WHERE phase = ? AND track = ? AND profile = ? ORDER BY id DESC LIMIT 1)",
+                 board.phase, board.track, board.profile);
+  if (!last.executeStep()) return std::nullopt;
+  return last.getColumn(0).getString();
+}
+
 absl::StatusOr<bool> Writer::SetBoardConfig(const NewBoardConfig& change, const std::string& who) {
   const BoardName& board = change.board;
-  SQLite::Statement last(db_, "SELECT config FROM board_config WHERE phase = ? AND track = ? AND "
-                              "profile = ? ORDER BY id DESC LIMIT 1");
-  SQLite::bind(last, board.phase, board.track, board.profile);
-  if (change.rejudge == 0 && last.executeStep() &&
-      last.getColumn(0).getString() == change.config) {
-    return false;
-  }
+  if (change.rejudge == 0 && NewestBoardConfig(db_, board) == change.config) return false;
   if (!change.config_json.empty() && Sha256Hex(change.config_json) != change.config) {
     return absl::InternalError("a board's config has another hash than is said");
   }
   if (!change.config_json.empty()) {
-    SQLite::Statement content(db_, "INSERT OR IGNORE INTO config VALUES (?, ?, ?, ?, ?)");
-    SQLite::bind(content, change.config, board.track, board.profile, change.config_json, now_ms_);
-    content.exec();
+    Run(db_, "INSERT OR IGNORE INTO config VALUES (?, ?, ?, ?, ?)", change.config, board.track,
+        board.profile, change.config_json, now_ms_);
   }
-  SQLite::Statement known(db_, "SELECT 1 FROM config WHERE hash = ?");
-  known.bind(1, change.config);
-  if (!known.executeStep()) {
+  if (!AnyRow(db_, "SELECT 1 FROM config WHERE hash = ?", change.config)) {
     return absl::FailedPreconditionError(
         absl::StrCat("the store has no config ", change.config, " for a board to have"));
   }
   MendBoardState();
-  SQLite::Statement insert(db_, "INSERT INTO board_config (at, phase, track, profile, config, "
-                                "rejudge, who) VALUES (?, ?, ?, ?, ?, nullif(?, 0), ?)");
-  SQLite::bind(insert, now_ms_, board.phase, board.track, board.profile, change.config,
-               change.rejudge, who);
-  insert.exec();
-  RETURN_IF_ERROR(AppendRecord(kConfigEntry, db_.getLastInsertRowid()));
+  Run(db_, R"(INSERT INTO board_config (at, phase, track, profile, config, rejudge, who)
+      VALUES (?, ?, ?, ?, ?, nullif(?, 0), ?))",
+      now_ms_, board.phase, board.track, board.profile, change.config, change.rejudge, who);
+  AppendEntry(db_, kConfigEntry, db_.getLastInsertRowid());
   return true;
 }
 
 absl::StatusOr<std::vector<BoardConfigRow>> Reader::BoardConfigs(
     const std::optional<BoardName>& board) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kBoardConfigColumns, board.has_value() ? "WHERE b.phase = ? AND b.track = ? "
-                                                                 "AND b.profile = ? "
-                                                               : "",
-                        "ORDER BY b.id"));
-  if (board.has_value()) SQLite::bind(select, board->phase, board->track, board->profile);
-  return AllOf<BoardConfigRow>(select, {}, BoardConfigOf);
+  const BoardName wanted = board.value_or(BoardName());
+  return AllOf<BoardConfigRow>(
+      Statement(db_,
+                absl::StrCat(kBoardConfigColumns,
+                             "WHERE ?1 OR (b.phase = ?2 AND b.track = ?3 AND b.profile = ?4) "
+                             "ORDER BY b.id"),
+                !board.has_value(), wanted.phase, wanted.track, wanted.profile),
+      BoardConfigOf);
 }
 
 absl::StatusOr<std::string> Reader::ConfigAt(const BoardName& board, int64_t before_ms) {
-  SQLite::Statement row(db_, absl::StrCat(kBoardConfigColumns,
-                                          "WHERE b.phase = ? AND b.track = ? AND b.profile = ? "
-                                          "AND b.at < ? ORDER BY b.id DESC LIMIT 1"));
-  SQLite::bind(row, board.phase, board.track, board.profile, before_ms);
+  Statement row(db_,
+                absl::StrCat(kBoardConfigColumns,
+                             "WHERE b.phase = ? AND b.track = ? AND b.profile = ? "
+                             "AND b.at < ? ORDER BY b.id DESC LIMIT 1"),
+                board.phase, board.track, board.profile, before_ms);
   if (row.executeStep()) {
     BoardConfigRow config;
     if (const StoredRow read = BoardConfigOf(row, config); !read.ok()) return read.status();
     return config.config;
   }
   // `accepted_at` grows with the id, up to a clock that was set back.
-  for (const char* order :
-       {"AND s.accepted_at < ?4 ORDER BY s.id DESC", "AND ?4 IS NOT NULL ORDER BY s.id"}) {
-    SQLite::Statement submission(
-        db_, absl::StrCat("SELECT s.config FROM config AS c CROSS JOIN submission AS s ON s.config = "
-                          "c.hash WHERE c.track = ?2 AND c.profile = ?3 AND s.ranked = 1 AND "
-                          "s.phase = ?1 ", order, " LIMIT 1"));
-    SQLite::bind(submission, board.phase, board.track, board.profile, before_ms);
-    if (submission.executeStep()) return submission.getColumn(0).getString();
-  }
-  return "";
+  return FirstText(db_, R"(SELECT s.config FROM config AS c CROSS JOIN submission AS s ON s.config
+      = c.hash WHERE c.track = ?2 AND c.profile = ?3 AND s.ranked = 1 AND s.phase = ?1 ORDER BY
+      s.accepted_at < ?4 DESC, CASE WHEN s.accepted_at < ?4 THEN -s.id ELSE s.id END LIMIT 1)",
+                   board.phase, board.track, board.profile, before_ms);
 }
 
 Listed<StandingRow> Reader::Standings(const std::string& config) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kStandingColumns, "FROM submission AS s ", kStandingNames,
-                        "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
-                        "LEFT JOIN standing AS v ON v.evaluation = e.id "
-                        "WHERE s.config = ? AND s.ranked = 1 AND (e.state IN ('queued', 'running', "
-                        "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY s.id"));
-  select.bind(1, config);
+  Statement select(
+      db_,
+      absl::StrCat(kStandingColumns, "FROM submission AS s ", kStandingNames,
+                   "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+                   "LEFT JOIN standing AS v ON v.evaluation = e.id "
+                   "WHERE s.config = ? AND s.ranked = 1 AND (e.state IN ('queued', 'running', "
+                   "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY s.id"),
+      config);
   Listed<StandingRow> listed;
   while (select.executeStep()) {
     Candidate candidate;
@@ -193,17 +189,18 @@ Listed<StandingRow> Reader::Standings(const std::string& config) {
 
 std::vector<int64_t> Reader::AppliedRejudges(const std::string& to_config,
                                              const BoardMoment& moment) {
-  SQLite::Statement select(
-      db_, absl::StrCat("SELECT r.id FROM rejudge AS r WHERE r.to_config = ?1 AND "
-                        "r.purpose = 'rules' AND r.id != ?3 AND ", kIsApplied,
-                        " ORDER BY (SELECT max(v.id) FROM rejudge_event AS v WHERE v.rejudge = r.id "
-                        "AND v.at < ?2 AND v.event = 'applied')"));
-  SQLite::bind(select, to_config, moment.results_before_ms(), moment.assumed_rejudge);
-  std::vector<int64_t> rejudges;
-  while (select.executeStep()) rejudges.push_back(select.getColumn(0).getInt64());
-  SQLite::Statement assumed(db_, "SELECT 1 FROM rejudge WHERE id = ? AND to_config = ?");
-  SQLite::bind(assumed, moment.assumed_rejudge, to_config);
-  if (assumed.executeStep()) rejudges.push_back(moment.assumed_rejudge);
+  std::vector<int64_t> rejudges = AllNumbers(
+      db_,
+      absl::StrCat("SELECT r.id FROM rejudge AS r WHERE r.to_config = ?1 AND "
+                   "r.purpose = 'rules' AND r.id != ?3 AND ",
+                   kIsApplied,
+                   " ORDER BY (SELECT max(v.id) FROM rejudge_event AS v WHERE v.rejudge = r.id "
+                   "AND v.at < ?2 AND v.event = 'applied')"),
+      to_config, moment.results_before_ms(), moment.assumed_rejudge);
+  if (AnyRow(db_, "SELECT 1 FROM rejudge WHERE id = ? AND to_config = ?", moment.assumed_rejudge,
+             to_config)) {
+    rejudges.push_back(moment.assumed_rejudge);
+  }
   return rejudges;
 }
 
@@ -251,15 +248,17 @@ InForce Reader::StandingsInForce(const std::string& config, const BoardMoment& m
   for (StandingRow& row : own.rows) add(std::move(row), /*done=*/true, originals);
   for (const int64_t rejudge : AppliedRejudges(config, moment)) {
     std::vector<EndedResult>& results = rejudged.emplace_back();
-    SQLite::Statement select(
-        db_, absl::StrCat(kStandingColumns, "FROM rejudge_item AS i "
-                          "LEFT JOIN submission AS s ON s.id = i.submission ", kStandingNames,
-                          "LEFT JOIN evaluation AS e ON e.id = i.evaluation "
-                          "LEFT JOIN standing AS v ON v.evaluation = e.id "
-                          "WHERE i.rejudge = ? AND i.repetition = 1 AND "
-                          "(e.state IN ('queued', 'running')) IS NOT TRUE "
-                          "ORDER BY i.submission"));
-    select.bind(1, rejudge);
+    Statement select(db_,
+                     absl::StrCat(kStandingColumns,
+                                  "FROM rejudge_item AS i "
+                                  "LEFT JOIN submission AS s ON s.id = i.submission ",
+                                  kStandingNames,
+                                  "LEFT JOIN evaluation AS e ON e.id = i.evaluation "
+                                  "LEFT JOIN standing AS v ON v.evaluation = e.id "
+                                  "WHERE i.rejudge = ? AND i.repetition = 1 AND "
+                                  "(e.state IN ('queued', 'running')) IS NOT TRUE "
+                                  "ORDER BY i.submission"),
+                     rejudge);
     while (select.executeStep()) {
       Candidate candidate;
       const StoredRow row = CandidateOf(select, candidate);
@@ -281,38 +280,31 @@ InForce Reader::StandingsInForce(const std::string& config, const BoardMoment& m
 
 int64_t Reader::BoardChangedAt(const std::string& config, const std::string& phase,
                                const BoardMoment& moment) {
-  SQLite::Statement select(
-      db_, "WITH own (id, team) AS (SELECT id, team_id FROM submission WHERE config = ?1 AND ranked = 1 "
-           "UNION SELECT s.id, s.team_id FROM rejudge AS r JOIN rejudge_item AS i ON i.rejudge = r.id "
-           "JOIN submission AS s ON s.id = i.submission WHERE r.to_config = ?1) "
-           "SELECT max(at) FROM ("
-           "SELECT max(e.finished_at) AS at FROM own JOIN evaluation AS e ON e.submission = own.id "
-           "WHERE e.kind != 'rerun' AND e.state = 'done' AND e.finished_at < ?2 "
-           "UNION ALL SELECT max(m.at) FROM own JOIN mark AS m ON m.submission = own.id WHERE m.at < ?3 "
-           "UNION ALL SELECT max(c.at) FROM own JOIN choice AS c ON c.submission = own.id "
-           "WHERE c.at < ?2 "
-           "UNION ALL SELECT max(v.at) FROM rejudge AS r JOIN rejudge_event AS v ON v.rejudge = r.id "
-           "WHERE ?1 IN (r.from_config, r.to_config) AND v.event != 'created' AND v.at < ?2 "
-           "UNION ALL SELECT max(t.at) FROM team_event AS t WHERE t.event != 'created' AND t.at < ?3 "
-           "AND t.team_id IN (SELECT team FROM own) "
-           "UNION ALL SELECT max(at) FROM board_config WHERE config = ?1 AND at < ?2 "
-           "UNION ALL SELECT max(at) FROM phase_event WHERE phase = ?4 AND ?4 != '' AND "
-           "event IN ('published', 'revealed') AND at < ?3)");
-  SQLite::bind(select, config, moment.results_before_ms(), moment.before_ms, phase);
-  select.executeStep();
-  return std::max<int64_t>(select.getColumn(0).getInt64(), 0);
+  const int64_t at =
+      FirstNumber(db_, R"(WITH own (id, team) AS (SELECT id, team_id FROM submission WHERE config
+          = ?1 AND ranked = 1 UNION SELECT s.id, s.team_id FROM rejudge AS r JOIN rejudge_item AS i
+          ON i.rejudge = r.id JOIN submission AS s ON s.id = i.submission WHERE r.to_config = ?1)
+          SELECT max(at) FROM (SELECT max(e.finished_at) AS at FROM own JOIN evaluation AS e ON
+          e.submission = own.id WHERE e.kind != 'rerun' AND e.state = 'done' AND e.finished_at < ?2
+          UNION ALL SELECT max(m.at) FROM own JOIN mark AS m ON m.submission = own.id WHERE
+          m.at < ?3 UNION ALL SELECT max(c.at) FROM own JOIN choice AS c ON c.submission = own.id
+          WHERE c.at < ?2 UNION ALL SELECT max(v.at) FROM rejudge AS r JOIN rejudge_event AS v
+          ON v.rejudge = r.id WHERE ?1 IN (r.from_config, r.to_config) AND v.event != 'created'
+          AND v.at < ?2 UNION ALL SELECT max(t.at) FROM team_event AS t WHERE t.event != 'created'
+          AND t.at < ?3 AND t.team_id IN (SELECT team FROM own) UNION ALL SELECT max(at)
+          FROM board_config WHERE config = ?1 AND at < ?2 UNION ALL SELECT max(at) FROM phase_event
+          WHERE phase = ?4 AND ?4 != '' AND event IN ('published', 'revealed') AND at < ?3))",
+                  config, moment.results_before_ms(), moment.before_ms, phase);
+  return std::max<int64_t>(at, 0);
 }
 
 std::set<int64_t> Reader::Choices(const std::string& config, const BoardMoment& moment) {
-  const std::string rejudges = absl::StrJoin(AppliedRejudges(config, moment), ", ");
-  SQLite::Statement select(
-      db_, absl::StrCat("SELECT ifnull(t.merged_into, t.id), c.submission, s.config = ?1, EXISTS ("
-                        "SELECT 1 FROM rejudge_item AS i JOIN evaluation AS e ON e.id = i.evaluation "
-                        "WHERE i.submission = s.id AND i.repetition = 1 AND e.finished_at < ?2 AND "
-                        "i.rejudge IN (", rejudges,
-                        ")) FROM choice AS c JOIN submission AS s ON s.id = c.submission "
-                        "JOIN team AS t ON t.id = c.team_id WHERE c.at < ?2 ORDER BY c.id"));
-  SQLite::bind(select, config, moment.results_before_ms());
+  Statement select(db_, R"(SELECT ifnull(t.merged_into, t.id), c.submission, s.config = ?1, EXISTS
+      (SELECT 1 FROM rejudge_item AS i JOIN evaluation AS e ON e.id = i.evaluation
+      WHERE i.submission = s.id AND i.repetition = 1 AND e.finished_at < ?2
+      AND i.rejudge IN (SELECT value FROM json_each(?3))) FROM choice AS c JOIN submission AS s
+      ON s.id = c.submission JOIN team AS t ON t.id = c.team_id WHERE c.at < ?2 ORDER BY c.id)",
+                   config, moment.results_before_ms(), JsonArray(AppliedRejudges(config, moment)));
   std::vector<TeamChoice> choices;
   while (select.executeStep()) {
     choices.push_back({select.getColumn(0).getInt64(), select.getColumn(1).getInt64(),
@@ -324,80 +316,61 @@ std::set<int64_t> Reader::Choices(const std::string& config, const BoardMoment& 
 std::vector<OtherConfig> Reader::OtherConfigs(const BoardName& board, const std::string& config,
                                               const BoardMoment& moment) {
   // Of each config, the submissions that have a result of their own or by a rejudge.
-  SQLite::Statement select(
-      db_, absl::StrCat(
-               "WITH stands (config, submission) AS ("
-               "SELECT c.hash, s.id FROM config AS c CROSS JOIN submission AS s ON s.config = c.hash "
-               "AND s.ranked = 1 JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
-               "WHERE c.track = ?4 AND c.profile = ?5 AND c.hash != ?1 AND s.phase = ?3 AND "
-               "e.state = 'done' AND e.finished_at < ?2 "
-               "UNION SELECT r.to_config, i.submission FROM rejudge AS r CROSS JOIN rejudge_item AS i "
-               "ON i.rejudge = r.id AND i.repetition = 1 JOIN evaluation AS e ON e.id = i.evaluation "
-               "WHERE r.phase = ?3 AND r.track = ?4 AND r.profile = ?5 AND r.to_config != ?1 AND "
-               "r.purpose = 'rules' AND e.state = 'done' AND e.finished_at < ?2 AND ", kIsApplied,
-               ") SELECT x.config, count(*), count(DISTINCT ifnull(t.merged_into, t.id)), "
-               "min(s.accepted_at), max(s.accepted_at) FROM stands AS x "
-               "JOIN submission AS s ON s.id = x.submission JOIN team AS t ON t.id = s.team_id "
-               "GROUP BY x.config ORDER BY min(s.accepted_at), x.config"));
-  SQLite::bind(select, config, moment.results_before_ms(), board.phase, board.track, board.profile);
-  std::vector<OtherConfig> others;
-  while (select.executeStep()) {
-    others.push_back({select.getColumn(0).getString(), select.getColumn(1).getInt64(),
-                      select.getColumn(2).getInt64(), select.getColumn(3).getInt64(),
-                      select.getColumn(4).getInt64()});
-  }
-  return others;
+  Statement select(
+      db_,
+      absl::StrCat(
+          "WITH stands (config, submission) AS ("
+          "SELECT c.hash, s.id FROM config AS c CROSS JOIN submission AS s ON s.config = c.hash "
+          "AND s.ranked = 1 JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+          "WHERE c.track = ?4 AND c.profile = ?5 AND c.hash != ?1 AND s.phase = ?3 AND "
+          "e.state = 'done' AND e.finished_at < ?2 "
+          "UNION SELECT r.to_config, i.submission FROM rejudge AS r CROSS JOIN rejudge_item AS i "
+          "ON i.rejudge = r.id AND i.repetition = 1 JOIN evaluation AS e ON e.id = i.evaluation "
+          "WHERE r.phase = ?3 AND r.track = ?4 AND r.profile = ?5 AND r.to_config != ?1 AND "
+          "r.purpose = 'rules' AND e.state = 'done' AND e.finished_at < ?2 AND ",
+          kIsApplied,
+          ") SELECT x.config, count(*), count(DISTINCT ifnull(t.merged_into, t.id)), "
+          "min(s.accepted_at), max(s.accepted_at) FROM stands AS x "
+          "JOIN submission AS s ON s.id = x.submission JOIN team AS t ON t.id = s.team_id "
+          "GROUP BY x.config ORDER BY min(s.accepted_at), x.config"),
+      config, moment.results_before_ms(), board.phase, board.track, board.profile);
+  return AllRows<OtherConfig, 5>(std::move(select));
 }
 
 int64_t Reader::RankedElsewhere(const BoardName& board, const std::string& config,
                                 const BoardMoment& moment) {
-  const std::string rejudges = absl::StrJoin(AppliedRejudges(config, moment), ", ");
-  SQLite::Statement select(
-      db_, absl::StrCat("SELECT count(*) FROM config AS c CROSS JOIN submission AS s "
-                        "ON s.config = c.hash AND s.ranked = 1 JOIN evaluation AS e "
-                        "ON e.submission = s.id AND e.kind = 'original' WHERE c.track = ?4 AND "
-                        "c.profile = ?5 AND c.hash != ?1 AND s.phase = ?3 AND e.state = 'done' AND "
-                        "e.finished_at < ?2",
-                        rejudges.empty()
-                            ? ""
-                            : absl::StrCat(" AND NOT EXISTS (SELECT 1 FROM rejudge_item AS i WHERE "
-                                           "i.submission = s.id AND i.repetition = 1 AND "
-                                           "i.rejudge IN (", rejudges, "))")));
-  SQLite::bind(select, config, moment.results_before_ms(), board.phase, board.track, board.profile);
-  select.executeStep();
-  return select.getColumn(0).getInt64();
+  return FirstNumber(db_, R"(SELECT count(*) FROM config AS c CROSS JOIN submission AS s ON s.config
+      = c.hash AND s.ranked = 1 JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original'
+      WHERE c.track = ?4 AND c.profile = ?5 AND c.hash != ?1 AND s.phase = ?3 AND e.state = 'done'
+      AND e.finished_at < ?2 AND NOT EXISTS (SELECT 1 FROM rejudge_item AS i WHERE i.submission
+      = s.id AND i.repetition = 1 AND i.rejudge IN (SELECT value FROM json_each(?6))))",
+                     config, moment.results_before_ms(), board.phase, board.track, board.profile,
+                     JsonArray(AppliedRejudges(config, moment)));
 }
 
 std::vector<std::string> Reader::ConfigsLike(const std::string& prefix, bool of_open_rejudges) {
-  SQLite::Statement select(
-      db_, "SELECT c.hash FROM config AS c WHERE c.hash >= ?1 AND c.hash < ?1 || 'g' AND (EXISTS "
-           "(SELECT 1 FROM submission AS s WHERE s.config = c.hash AND s.ranked = 1) OR EXISTS "
-           "(SELECT 1 FROM board_config AS b WHERE b.config = c.hash) OR (?2 AND EXISTS "
-           "(SELECT 1 FROM rejudge AS r WHERE r.to_config = c.hash))) ORDER BY c.hash");
-  SQLite::bind(select, prefix, of_open_rejudges ? 1 : 0);
-  std::vector<std::string> hashes;
-  while (select.executeStep()) hashes.push_back(select.getColumn(0).getString());
-  return hashes;
+  return AllTexts(db_, R"(SELECT c.hash FROM config AS c WHERE c.hash >= ?1 AND c.hash < ?1 || 'g'
+      AND (EXISTS (SELECT 1 FROM submission AS s WHERE s.config = c.hash AND s.ranked = 1) OR EXISTS
+      (SELECT 1 FROM board_config AS b WHERE b.config = c.hash) OR (?2 AND EXISTS
+      (SELECT 1 FROM rejudge AS r WHERE r.to_config = c.hash))) ORDER BY c.hash)",
+                  prefix, of_open_rejudges);
 }
 
 std::vector<std::string> Reader::GradersOf(const std::vector<int64_t>& evaluations) {
-  SQLite::Statement select(db_, "SELECT grader_json FROM evaluation WHERE id = ?");
   std::vector<std::string> graders;
   for (const int64_t evaluation : evaluations) {
-    select.reset();
-    select.bind(1, evaluation);
-    graders.push_back(select.executeStep() ? select.getColumn(0).getString() : "");
+    graders.push_back(
+        FirstText(db_, "SELECT grader_json FROM evaluation WHERE id = ?", evaluation));
   }
   return graders;
 }
 
 RejudgeSight Reader::RejudgeOfEvaluation(int64_t evaluation) {
-  SQLite::Statement select(
-      db_, "SELECT i.rejudge, EXISTS (SELECT 1 FROM rejudge_event AS v WHERE v.rejudge = i.rejudge "
-           "AND v.event = 'applied'), EXISTS (SELECT 1 FROM rejudge AS q JOIN phase_event AS p ON "
-           "p.phase = q.phase AND p.event = 'revealed' WHERE q.id = i.rejudge AND "
-           "q.purpose = 'seeds' AND q.phase != '') FROM rejudge_item AS i WHERE i.evaluation = ?");
-  select.bind(1, evaluation);
+  Statement select(db_, R"(SELECT i.rejudge, EXISTS (SELECT 1 FROM rejudge_event AS v
+      WHERE v.rejudge = i.rejudge AND v.event = 'applied'), EXISTS (SELECT 1 FROM rejudge AS q
+      JOIN phase_event AS p ON p.phase = q.phase AND p.event = 'revealed' WHERE q.id = i.rejudge
+      AND q.purpose = 'seeds' AND q.phase != '') FROM rejudge_item AS i WHERE i.evaluation = ?)",
+                   evaluation);
   if (!select.executeStep()) return {};
   return {select.getColumn(0).getInt64(), select.getColumn(1).getInt() != 0,
           select.getColumn(2).getInt() != 0};
@@ -407,8 +380,8 @@ absl::Status Reader::CheckStandingRows(int64_t submission) {
   ASSIGN_OR_RETURN(const SubmissionRow row, Submission(submission));
   absl::Status status = Team(row.team).status();
   status.Update(MarkHistory(submission).status());
-  SQLite::Statement items(db_, "SELECT evaluation, rejudge FROM rejudge_item WHERE submission = ?");
-  items.bind(1, submission);
+  Statement items(db_, "SELECT evaluation, rejudge FROM rejudge_item WHERE submission = ?",
+                  submission);
   while (status.ok() && items.executeStep()) {
     status = RejudgeItemOf(items.getColumn(0).getInt64()).status();
     status.Update(Rejudge(items.getColumn(1).getInt64()).status());

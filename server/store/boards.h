@@ -3,9 +3,14 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
+
+namespace SQLite {
+class Database;
+}
 
 namespace myograde::server {
 
@@ -37,6 +42,10 @@ struct NewBoardConfig {
   std::string config_json = "";  // canonical; "": the store has it
   int64_t rejudge = 0;           // whose act it is; 0: the config files changed
 };
+
+// What the newest of a board's rows says; nullopt: it has none. Internal to the store; throws
+// SQLite::Exception.
+std::optional<std::string> NewestBoardConfig(SQLite::Database& db, const BoardName& board);
 
 // As of when a board is asked for. What happened from `before_ms` on is left out.
 struct BoardMoment {

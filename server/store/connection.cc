@@ -4,6 +4,9 @@
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 
+#include <SQLiteCpp/Backup.h>
+#include <absl/cleanup/cleanup.h>
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
@@ -39,17 +42,27 @@ absl::Status CheckLength(SQLite::Database& db, const std::string& path) {
                                    "; restore it from a backup"));
 }
 
-absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path) {
+absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path,
+                                                 Migrations migrations) {
   const bool whole = SizeOf(path + "-wal") == 0;
-  RETURN_IF_ERROR(CheckSchema(db, path));
-  RETURN_IF_ERROR(whole ? CheckLength(db, path) : absl::OkStatus());
+  RETURN_IF_ERROR(CheckSchema(db, path, migrations));
+  if (whole) RETURN_IF_ERROR(CheckLength(db, path));
   // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
   // would need an overflow page. Only effective before a new file's first page is written.
   if (db.execAndGet("PRAGMA user_version").getInt() == 0) db.exec("PRAGMA page_size = 8192");
   db.exec("PRAGMA journal_mode = WAL");
   db.exec("PRAGMA synchronous = FULL");
   db.exec("PRAGMA foreign_keys = ON");
-  return Migrate(db, path);
+  return Migrate(db, path, migrations);
+}
+
+constexpr int kPagesAtOnce = 2048;
+constexpr int kStepsAReport = 16;
+
+// PRAGMA quick_check findings about rows; any other is about the file.
+bool IsAboutARow(const std::string& finding) {
+  return absl::StrContains(finding, " value in ") ||
+         absl::StartsWith(finding, "CHECK constraint failed in ");
 }
 
 }  // namespace
@@ -109,21 +122,16 @@ absl::Status GuardSqlite(const std::string& path, const std::function<absl::Stat
   }
 }
 
-absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path) {
+absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path, Migrations migrations) {
   OpenedStore opened;
-  RETURN_IF_ERROR(GuardSqlite(path, [&] {
-    const mode_t mask = umask(0077);
-    try {
+  RETURN_IF_ERROR(GuardSqlite(path, [&]() -> absl::Status {
+    {
+      const absl::Cleanup restore = [mask = umask(0077)] { umask(mask); };
       opened.db = std::make_unique<SQLite::Database>(
           path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, kBusyMs);
-    } catch (...) {
-      umask(mask);
-      throw;
     }
-    umask(mask);
-    absl::StatusOr<std::optional<Migration>> migration = Prepare(*opened.db, path);
-    if (migration.ok()) opened.migration = *std::move(migration);
-    return migration.status();
+    ASSIGN_OR_RETURN(opened.migration, Prepare(*opened.db, path, migrations));
+    return absl::OkStatus();
   }));
   return opened;
 }
@@ -137,6 +145,49 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::stri
     return absl::OkStatus();
   }));
   return db;
+}
+
+std::string Meta(SQLite::Database& db, const std::string& key) {
+  return FirstText(db, "SELECT CAST(value AS TEXT) FROM meta WHERE key = ?", key);
+}
+
+void SetMeta(SQLite::Database& db, const std::string& key, const std::string& value) {
+  Run(db, R"(INSERT INTO meta
+      VALUES (?, CAST(? AS BLOB)) ON CONFLICT (key) DO UPDATE SET value = excluded.value)",
+      key, value);
+}
+
+absl::Status CopyDatabase(SQLite::Database& source, const std::string& name,
+                          const std::string& path,
+                          const std::function<void(int64_t done, int64_t total)>& progress,
+                          const std::function<void(const std::string& what)>& damaged) {
+  // One state from the first page to the last: an open read transaction keeps other writes from
+  // restarting the copy.
+  SQLite::Transaction transaction(source);
+  source.execAndGet("SELECT count(*) FROM meta");
+  SQLite::Database copy(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  {
+    SQLite::Backup backup(copy, source);
+    for (int step = 0; backup.executeStep(kPagesAtOnce) != SQLITE_DONE; ++step) {
+      if (step % kStepsAReport != 0) continue;
+      const int total = backup.getTotalPageCount();
+      progress(total - backup.getRemainingPageCount(), total);
+    }
+  }
+  // The copy is a single file: it needs no write-ahead log.
+  copy.exec("PRAGMA journal_mode = DELETE");
+  // An unreadable row is copied as it is.
+  SQLite::Statement check(copy, "PRAGMA quick_check(1000)");
+  while (check.executeStep()) {
+    const std::string found = check.getColumn(0).getString();
+    if (found == "ok") continue;
+    if (!IsAboutARow(found)) {
+      return absl::DataLossError(
+          absl::StrCat(name, ": is damaged (", found, "); the backup was not kept"));
+    }
+    damaged(found);
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

@@ -1,4 +1,5 @@
-// SQLite connections, and SQLite's errors as status values. Internal to the store.
+// SQLite connections, SQLite's errors as status values, and copies of a whole store as one file.
+// Internal to the store.
 #pragma once
 
 #include <functional>
@@ -7,10 +8,10 @@
 #include <string>
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <SQLiteCpp/VariadicBind.h>
 #include <absl/status/statusor.h>
 
 #include "server/store/migration.h"
+#include "server/store/statement.h"
 
 namespace myograde::server {
 
@@ -31,11 +32,25 @@ struct OpenedStore {
 };
 
 // Opens the store at `path` for writing: creates it (0600) if it is missing, sets WAL,
-// synchronous=FULL and foreign keys, and migrates it to this program's schema; errors also as in
+// synchronous=FULL and foreign keys, and migrates it to the newest schema; errors also as in
 // migration.h.
-absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path);
+absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path,
+                                           Migrations migrations = SchemaMigrations());
 
 // Opens an existing store for reading.
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::string& path);
+
+// A value of the table meta, as text; "" if it is missing. These throw SQLite's exceptions.
+std::string Meta(SQLite::Database& db, const std::string& key);
+void SetMeta(SQLite::Database& db, const std::string& key, const std::string& value);
+
+// Copies the database that `source` (of the file `name`) has open to the file `path`, in one read
+// transaction, and checks the copy. `progress` gets page counts from time to time; damaged rows are
+// copied as they are and passed to `damaged`. DataLossError: the database itself is damaged. Throws
+// SQLite's exceptions, which are about `path`. On failure an incomplete file stays.
+absl::Status CopyDatabase(SQLite::Database& source, const std::string& name,
+                          const std::string& path,
+                          const std::function<void(int64_t done, int64_t total)>& progress,
+                          const std::function<void(const std::string& what)>& damaged);
 
 }  // namespace myograde::server

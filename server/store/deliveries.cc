@@ -9,7 +9,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
-#include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 #include "server/store/stored_row.h"
@@ -30,8 +29,8 @@ constexpr char kDeliveryColumns[] =
     "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery ";
 
 StoredRow DeliveryOf(SQLite::Statement& select, DeliveryRow& delivery) {
-  StoredRow row(select, "delivery", Shown(select.getColumn(0)));
-  delivery.id = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "delivery");
+  delivery.id = row.Id(0);
   delivery.at = row.Time(1);
   delivery.webhook = row.Text(2);
   delivery.event = row.Text(3);
@@ -59,8 +58,8 @@ const char* EventOf(EvaluationState state) {
 // phase may withhold those.
 Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationState state) {
   Json about = {{"evaluation", evaluation}, {"state", std::string(EvaluationStateName(state))}};
-  StoredRow row(select, "submission", Shown(select.getColumn(0)));
-  about["submission"] = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "submission");
+  about["submission"] = row.Id(0);
   const std::string team = row.Text(1);
   const std::string track = row.Text(2);
   const std::string profile = row.Text(3);
@@ -89,10 +88,9 @@ absl::Status Writer::Tell(const std::string& event, const std::string& about_jso
     body["event"] = event;
     body["at"] = absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(now_ms_),
                                   absl::UTCTimeZone());
-    SQLite::Statement insert(db_, "INSERT INTO delivery (at, webhook, event, body_json, state, "
-                                  "due_at) VALUES (?, ?, ?, ?, 'waiting', ?)");
-    SQLite::bind(insert, now_ms_, hook.webhook, event, CanonicalJson(body), now_ms_);
-    insert.exec();
+    Run(db_, R"(INSERT INTO delivery (at, webhook, event, body_json, state, due_at)
+        VALUES (?, ?, ?, ?, 'waiting', ?))",
+        now_ms_, hook.webhook, event, CanonicalJson(body), now_ms_);
   }
   return absl::OkStatus();
 }
@@ -101,82 +99,68 @@ void Writer::TellEnd(int64_t evaluation, EvaluationState state) {
   if (subscriptions_ == nullptr || subscriptions_->empty()) return;
   // An evaluation must end even if nobody can be told.
   (void)Part([&](Writer& part) -> absl::Status {
-    SQLite::Statement select(
-        db_, "SELECT s.id, t.name, s.track, s.profile, s.phase, s.ranked FROM evaluation AS e "
-             "JOIN submission AS s ON s.id = e.submission LEFT JOIN team AS o ON o.id = s.team_id "
-             "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
-             "WHERE e.id = ? AND e.kind = 'original'");
-    select.bind(1, evaluation);
+    Statement select(db_, R"(SELECT s.id, t.name, s.track, s.profile, s.phase, s.ranked
+        FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
+        LEFT JOIN team AS o ON o.id = s.team_id LEFT JOIN team AS t
+        ON t.id = ifnull(o.merged_into, o.id) WHERE e.id = ? AND e.kind = 'original')",
+                     evaluation);
     if (!select.executeStep()) return absl::OkStatus();
     return part.Tell(EventOf(state), CanonicalJson(AboutSubmission(select, evaluation, state)));
   });
 }
 
 absl::Status Writer::SetDelivery(int64_t id, const DeliveryOutcome& outcome) {
-  SQLite::Statement update(db_, "UPDATE delivery SET state = ?, attempts = ?, due_at = ?, "
-                                "detail = ? WHERE id = ?");
-  SQLite::bind(update, outcome.state, outcome.attempts, outcome.due_at, outcome.detail, id);
-  update.exec();
+  Run(db_, R"(UPDATE delivery SET state = ?, attempts = ?, due_at = ?, detail = ? WHERE id = ?)",
+      outcome.state, outcome.attempts, outcome.due_at, outcome.detail, id);
   return absl::OkStatus();
 }
 
 absl::StatusOr<int64_t> Writer::GiveUpStrangers(const std::set<std::string>& webhooks) {
-  SQLite::Statement update(
-      db_, "UPDATE delivery SET state = 'given_up', detail = 'server.json has no such webhook any "
-           "more' WHERE state = 'waiting' AND webhook NOT IN (SELECT value FROM json_each(?))");
-  update.bind(1, CanonicalJson(Json(webhooks)));
+  Statement update(db_, R"(UPDATE delivery
+      SET state = 'given_up', detail = 'server.json has no such webhook any more'
+      WHERE state = 'waiting' AND webhook NOT IN (SELECT value FROM json_each(?)))",
+                   CanonicalJson(Json(webhooks)));
   return update.exec();
 }
 
 absl::Status Writer::PruneDeliveries(int64_t before_ms) {
-  SQLite::Statement remove(db_, "DELETE FROM delivery WHERE state != 'waiting' AND at < ?");
-  remove.bind(1, before_ms);
-  remove.exec();
+  Run(db_, "DELETE FROM delivery WHERE state != 'waiting' AND at < ?", before_ms);
   return absl::OkStatus();
 }
 
 absl::StatusOr<DeliveryRow> Reader::NextDelivery(const std::string& webhook) {
-  SQLite::Statement select(db_, absl::StrCat(kDeliveryColumns, "WHERE webhook = ? AND "
-                                             "state = 'waiting' ORDER BY id LIMIT 1"));
-  select.bind(1, webhook);
-  if (!select.executeStep()) return absl::NotFoundError("nothing waits for this webhook");
-  DeliveryRow delivery;
-  const StoredRow row = DeliveryOf(select, delivery);
-  if (!row.ok()) return row.status();
-  return delivery;
+  return FirstOf<DeliveryRow>(
+      Statement(db_,
+                absl::StrCat(kDeliveryColumns,
+                             "WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1"),
+                webhook),
+      DeliveryOf, absl::NotFoundError("nothing waits for this webhook"));
 }
 
 int64_t Reader::NextDeliveryId(const std::string& webhook) {
-  SQLite::Statement select(db_, "SELECT id FROM delivery WHERE webhook = ? AND state = 'waiting' "
-                                "ORDER BY id LIMIT 1");
-  select.bind(1, webhook);
-  return select.executeStep() ? select.getColumn(0).getInt64() : 0;
+  return FirstNumber(db_, R"(SELECT id
+      FROM delivery WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1)",
+                     webhook);
 }
 
 Listed<DeliveryRow> Reader::Deliveries(const std::string& webhook, int64_t before, int64_t limit) {
-  SQLite::Statement select(db_, absl::StrCat(kDeliveryColumns, "WHERE id < ?1 AND (?2 = '' OR "
-                                             "webhook = ?2) ORDER BY id DESC LIMIT ?3"));
-  SQLite::bind(select, before, webhook, limit);
-  return ListOf<DeliveryRow>(select, {}, DeliveryOf);
+  return ListOf<DeliveryRow>(Statement(db_,
+                                       absl::StrCat(kDeliveryColumns,
+                                                    "WHERE id < ?1 AND (?2 = '' OR "
+                                                    "webhook = ?2) ORDER BY id DESC LIMIT ?3"),
+                                       before, webhook, limit),
+                             DeliveryOf);
 }
 
 std::vector<DeliveryCounts> Reader::CountDeliveries() {
-  SQLite::Statement select(
-      db_, "SELECT webhook, sum(state = 'waiting'), sum(state = 'delivered'), "
-           "sum(state = 'given_up'), ifnull(min(CASE WHEN state = 'waiting' THEN at END), 0) "
-           "FROM delivery GROUP BY webhook ORDER BY webhook");
-  std::vector<DeliveryCounts> counts;
-  while (select.executeStep()) {
-    counts.push_back({select.getColumn(0).getString(), select.getColumn(1).getInt64(),
-                      select.getColumn(2).getInt64(), select.getColumn(3).getInt64(),
-                      select.getColumn(4).getInt64()});
-  }
-  return counts;
+  return AllRows<DeliveryCounts, 5>(Statement(db_, R"(SELECT webhook,
+      sum(state = 'waiting'), sum(state = 'delivered'), sum(state = 'given_up'), ifnull(min(CASE
+      WHEN state = 'waiting' THEN at END), 0) FROM delivery GROUP BY webhook ORDER BY webhook)"));
 }
 
 std::map<std::string, int64_t> Reader::SubmissionsByState() {
-  SQLite::Statement select(db_, "SELECT state, count(*) FROM evaluation WHERE kind = 'original' "
-                                "GROUP BY state");
+  Statement select(db_, R"(SELECT state, count(*)
+      FROM evaluation WHERE kind = 'original' GROUP BY state)");
   std::map<std::string, int64_t> counts;
   while (select.executeStep()) {
     const std::string state = select.getColumn(0).getString();

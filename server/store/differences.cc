@@ -44,10 +44,7 @@ std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRo
   for (const char* key : {"steps", "sim_time", "clipped"}) {
     if (Take(facts_a, key) != Take(facts_b, key)) differs.push_back(key);
   }
-  // Rows from an older build have no digest of the actions.
-  const std::string actions_a = Take(facts_a, "actions_digest");
-  const std::string actions_b = Take(facts_b, "actions_digest");
-  if (!actions_a.empty() && !actions_b.empty() && actions_a != actions_b) {
+  if (Take(facts_a, "actions_digest") != Take(facts_b, "actions_digest")) {
     differs.push_back("actions");
   }
   const bool digest_differs = Take(facts_a, "digest") != Take(facts_b, "digest");

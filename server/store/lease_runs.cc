@@ -1,12 +1,8 @@
-#include "server/store/lease_runs.h"
-
+// Where the attempts of leases ran, and which nodes of a cluster get no leases.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
-#include "server/store/connection.h"
-#include "server/store/name_table.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 #include "server/store/stored_row.h"
@@ -14,12 +10,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr std::array<std::pair<RunEnd, std::string_view>, 4> kRunEnds = {{
-    {RunEnd::kDone, "done"},
-    {RunEnd::kFault, "fault"},
-    {RunEnd::kReturned, "returned"},
-    {RunEnd::kCancelled, "cancelled"},
-}};
+constexpr std::string_view kRunEnds[] = {"done", "fault", "returned", "cancelled"};
 
 // More than any attempt can use; in thousandths it is exact in a double.
 constexpr double kMostUsed = 1e12;
@@ -31,9 +22,9 @@ int64_t Thousandths(double value) {
 }
 
 StoredRow LeaseRunOf(SQLite::Statement& select, LeaseRunRow& run) {
-  StoredRow row(select, "lease_run", Shown(select.getColumn(0)));
-  run.lease = row.Number(0, 1, INT64_MAX);
-  run.attempt = row.Number(1, 1, INT64_MAX);
+  StoredRow row(select, "lease_run");
+  run.lease = row.Id(0);
+  run.attempt = row.Id(1);
   run.node = row.Text(2);
   run.job = row.Text(3);
   run.began_at = row.TimeOr0(4);
@@ -46,20 +37,17 @@ StoredRow LeaseRunOf(SQLite::Statement& select, LeaseRunRow& run) {
 }
 
 StoredRow DrainedNodeOf(SQLite::Statement& select, DrainedNodeRow& node) {
-  StoredRow row(select, "node_event", Shown(select.getColumn(0)));
-  node.id = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "node_event");
+  node.id = row.Id(0);
   node.at = row.Time(1);
-  node.node = row.Text(2);
-  node.who = row.Text(3);
-  node.why = row.Text(4);
+  row.TextsInto(2, {&node.node, &node.who, &node.why});
   return row;
 }
 
 // The newest event of a node and its reason; "" if there is none.
 std::pair<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
-  SQLite::Statement select(
-      db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1");
-  select.bind(1, node);
+  Statement select(db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1",
+                   node);
   if (!select.executeStep()) return {};
   return {select.getColumn(0).getString(), select.getColumn(1).getString()};
 }
@@ -71,23 +59,19 @@ std::string_view RunEndName(RunEnd end) { return NameIn(kRunEnds, end); }
 std::optional<RunEnd> ParseRunEnd(std::string_view name) { return ParseIn<RunEnd>(kRunEnds, name); }
 
 absl::Status Writer::RecordLeaseRun(const LeaseRunRow& run) {
-  SQLite::Statement insert(
-      db_, "INSERT INTO lease_run (lease, attempt, node, job, began_at, ended_at, cpu_ms, energy_mj, "
-           "how) VALUES (?, ?, ?, ?, nullif(?, 0), ?, ?, ?, ?) ON CONFLICT (lease, attempt) DO NOTHING");
-  SQLite::bind(insert, run.lease, run.attempt, run.node, run.job, run.began_at,
-               run.ended_at == 0 ? now_ms_ : run.ended_at, Thousandths(run.cpu_s));
-  if (run.energy_j.has_value()) insert.bind(8, Thousandths(*run.energy_j));
-  insert.bind(9, std::string(RunEndName(run.how)));
-  insert.exec();
+  Run(db_, R"(INSERT INTO lease_run (lease, attempt, node, job, began_at, ended_at, cpu_ms,
+      energy_mj, how) VALUES (?, ?, ?, ?, nullif(?, 0), ?, ?, nullif(?, -1), ?)
+      ON CONFLICT (lease, attempt) DO NOTHING)",
+      run.lease, run.attempt, run.node, run.job, run.began_at,
+      run.ended_at == 0 ? now_ms_ : run.ended_at, Thousandths(run.cpu_s),
+      run.energy_j.has_value() ? Thousandths(*run.energy_j) : -1, RunEndName(run.how));
   return absl::OkStatus();
 }
 
 void Writer::AddNodeEvent(const std::string& node, const char* event, const std::string& why,
                           const std::string& who) {
-  SQLite::Statement insert(
-      db_, "INSERT INTO node_event (at, node, event, who, why) VALUES (?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, node, event, who, why);
-  insert.exec();
+  Run(db_, "INSERT INTO node_event (at, node, event, who, why) VALUES (?, ?, ?, ?, ?)", now_ms_,
+      node, event, who, why);
 }
 
 absl::Status Writer::DrainNode(const std::string& node, const std::string& why,
@@ -103,19 +87,19 @@ absl::Status Writer::AdmitNode(const std::string& node, const std::string& who) 
 }
 
 absl::StatusOr<std::vector<LeaseRunRow>> Reader::LeaseRunsOf(int64_t evaluation) {
-  SQLite::Statement select(
-      db_, "SELECT r.lease, r.attempt, r.node, r.job, r.began_at, r.ended_at, r.cpu_ms, r.energy_mj, "
-           "r.how FROM lease AS l JOIN lease_run AS r ON r.lease = l.id WHERE l.evaluation = ? "
-           "ORDER BY r.lease, r.attempt");
-  select.bind(1, evaluation);
-  return AllOf<LeaseRunRow>(select, {}, LeaseRunOf);
+  return AllOf<LeaseRunRow>(
+      Statement(db_, R"(SELECT r.lease, r.attempt, r.node, r.job, r.began_at, r.ended_at,
+          r.cpu_ms, r.energy_mj, r.how FROM lease AS l JOIN lease_run AS r ON r.lease = l.id
+          WHERE l.evaluation = ? ORDER BY r.lease, r.attempt)",
+                evaluation),
+      LeaseRunOf);
 }
 
 Listed<DrainedNodeRow> Reader::DrainedNodes() {
-  SQLite::Statement select(
-      db_, "SELECT id, at, node, who, why FROM node_event AS n WHERE event = 'drained' AND "
-           "id = (SELECT max(id) FROM node_event WHERE node IS n.node) ORDER BY node");
-  return ListOf<DrainedNodeRow>(select, {}, DrainedNodeOf);
+  return ListOf<DrainedNodeRow>(
+      Statement(db_, R"(SELECT id, at, node, who, why FROM node_event AS n WHERE event = 'drained'
+          AND id = (SELECT max(id) FROM node_event WHERE node IS n.node) ORDER BY node)"),
+      DrainedNodeOf);
 }
 
 }  // namespace myograde::server

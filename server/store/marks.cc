@@ -5,10 +5,9 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/store/connection.h"
 #include "server/store/reader.h"
-#include "server/store/stored_row.h"
 #include "server/store/store.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
@@ -16,10 +15,10 @@ namespace {
 constexpr char kMarkColumns[] = "SELECT m.id, m.at, m.submission, m.mark, m.set_to, m.who, m.why ";
 
 StoredRow MarkOf(SQLite::Statement& select, MarkRow& mark) {
-  StoredRow row(select, "mark", Shown(select.getColumn(0)));
-  mark.id = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "mark");
+  mark.id = row.Id(0);
   mark.at = row.Time(1);
-  mark.submission = row.Number(2, 1, INT64_MAX);
+  mark.submission = row.Id(2);
   mark.mark = row.OneOf(3, {"hidden", "disqualified", "baseline"});
   mark.set = row.Flag(4);
   mark.who = row.Text(5);
@@ -37,40 +36,32 @@ std::string BytesOf(const std::vector<double>& numbers) {
 
 absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, bool set,
                                   const std::string& who, const std::string& why) {
-  SQLite::Statement exists(db_, "SELECT 1 FROM submission WHERE id = ?");
-  exists.bind(1, submission);
-  if (!exists.executeStep()) {
+  if (!AnyRow(db_, "SELECT 1 FROM submission WHERE id = ?", submission)) {
     return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
   }
-  SQLite::Statement last(db_, "SELECT set_to, why FROM mark WHERE submission = ? AND mark = ? "
-                              "ORDER BY id DESC LIMIT 1");
-  SQLite::bind(last, submission, mark);
+  Statement last(db_, R"(SELECT set_to, why
+      FROM mark WHERE submission = ? AND mark = ? ORDER BY id DESC LIMIT 1)",
+                 submission, mark);
   const bool there = last.executeStep();
   const bool is_set = there && last.getColumn(0).getInt() != 0;
   const bool same_reason = !there || why.empty() || last.getColumn(1).getString() == why;
   if (is_set == set && (!set || same_reason)) return false;
   MendBoardState();
-  SQLite::Statement insert(db_, "INSERT INTO mark (at, submission, mark, set_to, who, why) "
-                                "VALUES (?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, submission, mark, set ? 1 : 0, who, why);
-  insert.exec();
-  RETURN_IF_ERROR(AppendRecord(kMarkedEntry, db_.getLastInsertRowid()));
+  Run(db_, R"(INSERT INTO mark (at, submission, mark, set_to, who, why)
+      VALUES (?, ?, ?, ?, ?, ?))",
+      now_ms_, submission, mark, set, who, why);
+  AppendEntry(db_, kMarkedEntry, db_.getLastInsertRowid());
   return true;
 }
 
 absl::Status Writer::SetStanding(int64_t evaluation, const Standing& standing) {
   MendBoardState();
-  SQLite::Statement insert(
-      db_, "INSERT INTO standing VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation) "
-           "DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, "
-           "names = excluded.names, numbers = excluded.numbers, "
-           "aggregate_json = excluded.aggregate_json");
   const RankedNumbers& ranked = standing.ranked;
-  const std::string numbers = BytesOf(ranked.numbers);
-  SQLite::bind(insert, evaluation, ranked.successes, ranked.episodes, ranked.names);
-  insert.bind(5, numbers.data(), static_cast<int>(numbers.size()));
-  insert.bind(6, standing.aggregate_json);
-  insert.exec();
+  Run(db_, R"(INSERT INTO standing VALUES (?, ?, ?, ?, CAST(? AS BLOB), ?) ON CONFLICT
+      (evaluation) DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, names
+      = excluded.names, numbers = excluded.numbers, aggregate_json = excluded.aggregate_json)",
+      evaluation, ranked.successes, ranked.episodes, ranked.names, BytesOf(ranked.numbers),
+      standing.aggregate_json);
   return absl::OkStatus();
 }
 
@@ -89,11 +80,12 @@ absl::Status Writer::DropStandings() {
 }
 
 MarksInForce Reader::Marks(int64_t before_ms) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.id = (SELECT max(id) FROM mark "
-                        "WHERE submission IS m.submission AND mark IS m.mark AND at < ?) "
-                        "ORDER BY m.id"));
-  select.bind(1, before_ms);
+  Statement select(db_,
+                   absl::StrCat(kMarkColumns,
+                                "FROM mark AS m WHERE m.id = (SELECT max(id) FROM mark "
+                                "WHERE submission IS m.submission AND mark IS m.mark AND at < ?) "
+                                "ORDER BY m.id"),
+                   before_ms);
   MarksInForce marks;
   while (select.executeStep()) {
     MarkRow mark;
@@ -109,26 +101,23 @@ MarksInForce Reader::Marks(int64_t before_ms) {
 }
 
 absl::StatusOr<std::vector<MarkRow>> Reader::MarkHistory(int64_t submission) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.submission = ? ORDER BY m.id"));
-  select.bind(1, submission);
-  return AllOf<MarkRow>(select, {}, MarkOf);
+  return AllOf<MarkRow>(
+      Statement(db_,
+                absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.submission = ? ORDER BY m.id"),
+                submission),
+      MarkOf);
 }
 
 int64_t Reader::BoardChanges() {
-  SQLite::Statement select(db_, "SELECT changes FROM board_state WHERE typeof(changes) = 'integer'");
+  Statement select(db_, "SELECT changes FROM board_state WHERE typeof(changes) = 'integer'");
   return select.executeStep() ? select.getColumn(0).getInt64() : -1;
 }
 
 std::vector<int64_t> Reader::DoneEvaluations(bool without_standing) {
-  SQLite::Statement select(
-      db_, "SELECT e.id FROM evaluation AS e LEFT JOIN standing AS v ON v.evaluation = e.id "
-           "WHERE e.state = 'done' AND e.kind != 'rerun' AND (NOT ?1 OR v.evaluation IS NULL) "
-           "ORDER BY e.id");
-  select.bind(1, without_standing ? 1 : 0);
-  std::vector<int64_t> ids;
-  while (select.executeStep()) ids.push_back(select.getColumn(0).getInt64());
-  return ids;
+  return AllNumbers(db_, R"(SELECT e.id
+      FROM evaluation AS e LEFT JOIN standing AS v ON v.evaluation = e.id WHERE e.state = 'done'
+      AND e.kind != 'rerun' AND (NOT ?1 OR v.evaluation IS NULL) ORDER BY e.id)",
+                    without_standing);
 }
 
 }  // namespace myograde::server

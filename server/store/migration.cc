@@ -16,8 +16,6 @@
 
 #include "protocol/base/fd.h"
 #include "server/store/connection.h"
-#include "server/store/copy.h"
-#include "server/store/schema.h"
 
 namespace myograde::server {
 namespace {
@@ -25,10 +23,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kSchema[] = ".schema-";
+constexpr int kApplicationId = 0x4d796f47;  // as schema.sql sets it
 
 int SchemaOf(SQLite::Database& db) { return db.execAndGet("PRAGMA user_version").getInt(); }
 
-int KnownSchema() { return static_cast<int>(SchemaMigrations().size()); }
+// Whether a database that has no id of ours holds a store of before the first release.
+bool IsUnreleased(SQLite::Database& db) {
+  return SchemaOf(db) > 0 && db.tableExists("submission") && db.tableExists("transition");
+}
 
 // The schemas of the copies beside a store, the newest first.
 std::vector<int> Copies(const std::string& path) {
@@ -93,10 +95,11 @@ std::string CopyBeforeMigration(const std::string& path, int schema) {
   return absl::StrCat(path, kSchema, schema);
 }
 
-absl::Status CheckSchema(SQLite::Database& db, const std::string& path) {
+absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migrations migrations) {
   const int version = SchemaOf(db);
-  const int known = KnownSchema();
-  if (version > known) {
+  const int known = static_cast<int>(migrations.size());
+  const bool ours = db.execAndGet("PRAGMA application_id").getInt() == kApplicationId;
+  if (ours && version > known) {
     std::string older = "a backup that was made with this one";
     for (const int copy : Copies(path)) {
       if (copy > known) continue;
@@ -107,15 +110,21 @@ absl::Status CheckSchema(SQLite::Database& db, const std::string& path) {
         absl::StrCat(path, ": has schema ", version, ", this program knows up to ", known,
                      "; use the newer program that wrote it, or restore ", older));
   }
-  if (version == 0 && db.execAndGet("SELECT count(*) FROM sqlite_master").getInt() != 0) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(path, ": is an SQLite database of something else; move it away"));
+  if (ours || db.execAndGet("SELECT count(*) FROM sqlite_master").getInt() == 0) {
+    return absl::OkStatus();
   }
-  return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      IsUnreleased(db)
+          ? absl::StrCat(path, ": is a store of schema ", version,
+                         " from before the first release, "
+                         "which this program can't read; use the program that wrote it, or give "
+                         "--data a new folder")
+          : absl::StrCat(path, ": is an SQLite database of something else; move it away"));
 }
 
-absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std::string& path) {
-  Migration done{SchemaOf(db), KnownSchema(), ""};
+absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std::string& path,
+                                                 Migrations migrations) {
+  Migration done{SchemaOf(db), static_cast<int>(migrations.size()), ""};
   if (done.from == done.to) return std::nullopt;
   if (done.from > 0) {
     done.copy = CopyBeforeMigration(path, done.from);
@@ -127,7 +136,6 @@ absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std
                        ", and without it the store stays as it is"));
     }
   }
-  const auto migrations = SchemaMigrations();
   for (size_t i = static_cast<size_t>(done.from); i < migrations.size(); ++i) {
     SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
     db.exec(migrations[i]);

@@ -1,7 +1,9 @@
-// Brings a store of an earlier schema to this program's, and keeps a copy of what it was.
+// The store's schema, and how a store of an earlier one is brought to it; a copy of what it was is
+// kept.
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 
 #include <absl/status/status.h>
@@ -12,6 +14,11 @@ class Database;
 }
 
 namespace myograde::server {
+
+// Entry i brings a store from schema i (PRAGMA user_version) to i + 1. The first is schema.sql,
+// which documents the tables, the states and the invariants.
+using Migrations = std::span<const char* const>;
+Migrations SchemaMigrations();
 
 // Copies that are kept: of the stores before the latest two migrations.
 inline constexpr int kKeptCopies = 2;
@@ -25,13 +32,14 @@ struct Migration {
 // The copy that is kept of a store at `path` of this schema.
 std::string CopyBeforeMigration(const std::string& path, int schema);
 
-// FailedPreconditionError: the file at `path` is no store, or its schema is newer than this program;
-// the message then names the newest copy that this program can open.
-absl::Status CheckSchema(SQLite::Database& db, const std::string& path);
+// FailedPreconditionError: the file at `path` is no store, or one from before the first release, or
+// its schema is newer than these; the message then names the newest copy that can be opened.
+absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migrations migrations);
 
 // Migrates the store at `path`, open as `db`, one version at a time and each in one transaction.
 // An existing one is first copied to CopyBeforeMigration() (0600); without that copy, nothing
-// changes. nullopt: the schema was this program's, or the store is new. Not thread-safe.
-absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std::string& path);
+// changes. nullopt: the schema was the newest, or the store is new. Not thread-safe.
+absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std::string& path,
+                                                 Migrations migrations);
 
 }  // namespace myograde::server

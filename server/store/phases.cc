@@ -7,21 +7,20 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
-#include "server/store/connection.h"
 #include "server/store/reader.h"
-#include "server/store/stored_row.h"
 #include "server/store/store.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr int kPhaseSecretBytes = 32;
 
-constexpr char kEventColumns[] = "SELECT p.id, p.at, p.phase, p.event, p.who, p.why FROM ";
+constexpr char kEventColumns[] = "SELECT id, at, phase, event, who, why FROM phase_event ";
 
 StoredRow PhaseEventOf(SQLite::Statement& select, PhaseEventRow& event) {
-  StoredRow row(select, "phase_event", Shown(select.getColumn(0)));
-  event.id = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "phase_event");
+  event.id = row.Id(0);
   event.at = row.Time(1);
   event.phase = row.Text(2);
   event.event = row.OneOf(3, {kPausedEvent, kResumedEvent, kPublishedEvent, kRevealedEvent});
@@ -33,11 +32,12 @@ StoredRow PhaseEventOf(SQLite::Statement& select, PhaseEventRow& event) {
 // The newest event of a phase with one of two names; nullopt: there is none.
 absl::StatusOr<std::optional<PhaseEventRow>> Newest(SQLite::Database& db, const std::string& phase,
                                                     const char* one, const char* other) {
-  SQLite::Statement select(
-      db, absl::StrCat(kEventColumns, "phase_event AS p WHERE p.phase = ? AND "
-                       "(p.event NOT IN ('paused', 'resumed', 'published', 'revealed') OR "
-                       "p.event IN (?, ?)) ORDER BY p.id DESC LIMIT 1"));
-  SQLite::bind(select, phase, one, other);
+  Statement select(db,
+                   absl::StrCat(kEventColumns,
+                                "WHERE phase = ? AND "
+                                "(event NOT IN ('paused', 'resumed', 'published', 'revealed') OR "
+                                "event IN (?, ?)) ORDER BY id DESC LIMIT 1"),
+                   phase, one, other);
   if (!select.executeStep()) return std::optional<PhaseEventRow>();
   PhaseEventRow event;
   if (const StoredRow row = PhaseEventOf(select, event); !row.ok()) return row.status();
@@ -52,8 +52,7 @@ struct SecretRow {
 // nullopt: none was drawn.
 absl::StatusOr<std::optional<SecretRow>> FindSecret(SQLite::Database& db,
                                                     const std::string& phase) {
-  SQLite::Statement select(db, "SELECT secret, challenge FROM phase_secret WHERE phase = ?");
-  select.bind(1, phase);
+  Statement select(db, "SELECT secret, challenge FROM phase_secret WHERE phase = ?", phase);
   if (!select.executeStep()) return std::optional<SecretRow>();
   StoredRow row(select, "phase_secret", phase);
   SecretRow found{row.Blob(0), row.Text(1)};
@@ -67,55 +66,44 @@ absl::StatusOr<std::optional<SecretRow>> FindSecret(SQLite::Database& db,
 
 // What the record has committed to for a phase, the oldest first; `own`: without secrets that are for
 // further episodes alone.
-std::vector<std::string> CommitmentsOf(SQLite::Database& db, const std::string& phase, bool own = false) {
-  SQLite::Statement select(db, "SELECT entry_json FROM record WHERE kind = 'commitment' ORDER BY id");
-  std::vector<std::string> found;
-  while (select.executeStep()) {
-    const nlohmann::json entry =
-        nlohmann::json::parse(select.getColumn(0).getString(), nullptr, false);
-    if (!entry.is_object() || entry.value("phase", nlohmann::json()) != phase) continue;
-    if (own && entry.contains("further")) continue;
-    const nlohmann::json commitment = entry.value("commitment", nlohmann::json());
-    if (commitment.is_string()) found.push_back(commitment.get<std::string>());
-  }
-  return found;
-}
-
-bool HasRow(SQLite::Database& db, const char* query, const std::string& phase) {
-  SQLite::Statement select(db, query);
-  select.bind(1, phase);
-  return select.executeStep();
+std::vector<std::string> CommitmentsOf(SQLite::Database& db, const std::string& phase,
+                                       bool own = false) {
+  return AllTexts(db, R"(SELECT json_extract(entry_json, '$.commitment') FROM record
+      WHERE kind = 'commitment' AND CASE WHEN json_valid(entry_json) THEN json_extract(entry_json,
+      '$.phase') = ?1 AND json_type(entry_json, '$.commitment') = 'text'
+      AND NOT (?2 AND json_type(entry_json, '$.further') IS NOT NULL) END ORDER BY id)",
+                  phase, own);
 }
 
 bool IsRevealed(SQLite::Database& db, const std::string& phase) {
-  return HasRow(db, "SELECT 1 FROM phase_event WHERE phase = ? AND event = 'revealed' LIMIT 1", phase);
+  return AnyRow(db, "SELECT 1 FROM phase_event WHERE phase = ? AND event = 'revealed' LIMIT 1",
+                phase);
 }
 
 absl::Status RevealedError(const std::string& phase) {
-  return WithErrorCode(
-      absl::FailedPreconditionError(absl::StrCat(
-          "the seeds of phase \"", phase, "\" were revealed, so it takes no submission any more; "
-          "give a new phase a name that no phase of this server had")),
-      "phase_revealed");
+  return CodedRefusal("phase_revealed",
+                      absl::StrCat("the seeds of phase \"", phase,
+                                   "\" were revealed, so it takes no submission any more; "
+                                   "give a new phase a name that no phase of this server had"));
 }
 
 // Why a phase without a secret must not draw one: what was played or published followed from another.
 // `further`: the secret is for further episodes of a phase with public seeds.
 absl::Status CheckNeverUsed(SQLite::Database& db, const std::string& phase, bool further) {
   const bool committed = !CommitmentsOf(db, phase).empty();
-  const bool used =
-      HasRow(db, "SELECT 1 FROM submission WHERE phase = ? LIMIT 1", phase) ||
-      HasRow(db, "SELECT 1 FROM phase_event WHERE phase = ? LIMIT 1", phase);
+  const bool used = AnyRow(db, "SELECT 1 FROM submission WHERE phase = ? LIMIT 1", phase) ||
+                    AnyRow(db, "SELECT 1 FROM phase_event WHERE phase = ? LIMIT 1", phase);
   if (!committed && (further || !used)) return absl::OkStatus();
-  return WithErrorCode(
-      absl::FailedPreconditionError(absl::StrCat(
+  return CodedRefusal(
+      "no_secret",
+      absl::StrCat(
           "this store has ",
-          committed ? "the commitment to the secret of" : "submissions to or events of", " phase \"",
-          phase, "\" and not its secret, as after an import, and another secret would be another "
+          committed ? "the commitment to the secret of" : "submissions to or events of",
+          " phase \"", phase,
+          "\" and not its secret, as after an import, and another secret would be another "
           "phase; ",
           committed ? "bring it over with \"myograde seeds export\" and \"myograde seeds import\""
-                    : "give a phase with hidden seeds a name that no phase of this server had")),
-      "no_secret");
+                    : "give a phase with hidden seeds a name that no phase of this server had"));
 }
 
 absl::Status CheckBelongs(SQLite::Database& db, const std::string& phase, const SecretRow& secret,
@@ -124,11 +112,10 @@ absl::Status CheckBelongs(SQLite::Database& db, const std::string& phase, const 
     return absl::OkStatus();
   }
   if (IsRevealed(db, phase)) return RevealedError(phase);
-  return WithErrorCode(
-      absl::FailedPreconditionError(absl::StrCat(
-          "the secret of phase \"", phase, "\" belongs to challenge \"", secret.challenge,
-          "\", so challenge \"", challenge, "\" can't use it; give the phase another name")),
-      "no_secret");
+  return CodedRefusal("no_secret",
+                      absl::StrCat("the secret of phase \"", phase, "\" belongs to challenge \"",
+                                   secret.challenge, "\", so challenge \"", challenge,
+                                   "\" can't use it; give the phase another name"));
 }
 
 }  // namespace
@@ -147,11 +134,9 @@ absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::
   if (there && same) return false;
   if (event == kResumedEvent && !newest.has_value()) return false;
   MendBoardState();
-  SQLite::Statement insert(
-      db_, "INSERT INTO phase_event (at, phase, event, who, why) VALUES (?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, phase, event, who, why);
-  insert.exec();
-  RETURN_IF_ERROR(AppendRecord(kPhaseEntry, db_.getLastInsertRowid()));
+  Run(db_, "INSERT INTO phase_event (at, phase, event, who, why) VALUES (?, ?, ?, ?, ?)", now_ms_,
+      phase, event, who, why);
+  AppendEntry(db_, kPhaseEntry, db_.getLastInsertRowid());
   if (!pauses) return true;
   const nlohmann::json named = phase.empty() ? nlohmann::json() : nlohmann::json(phase);
   RETURN_IF_ERROR(Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
@@ -169,10 +154,8 @@ absl::Status Writer::CheckTakesSubmissions(const std::string& phase) {
         scope.empty() ? "submissions are" : absl::StrCat("phase \"", scope, "\" is");
     std::string why = newest->why;
     while (why.ends_with('.')) why.pop_back();
-    return WithErrorCode(
-        absl::FailedPreconditionError(absl::StrCat(what, " paused by the organiser: ", why,
-                                                   "; try again later")),
-        "paused");
+    return CodedRefusal("paused",
+                        absl::StrCat(what, " paused by the organiser: ", why, "; try again later"));
   }
   return absl::OkStatus();
 }
@@ -183,9 +166,7 @@ absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase,
   if (!there.has_value()) return DrawSecret(phase, challenge, /*further=*/false);
   RETURN_IF_ERROR(CheckBelongs(db_, phase, *there, challenge));
   if (there->challenge.empty() && !challenge.empty()) {
-    SQLite::Statement update(db_, "UPDATE phase_secret SET challenge = ? WHERE phase = ?");
-    SQLite::bind(update, challenge, phase);
-    update.exec();
+    Run(db_, "UPDATE phase_secret SET challenge = ? WHERE phase = ?", challenge, phase);
   }
   return (*std::move(there)).secret;
 }
@@ -199,21 +180,16 @@ absl::StatusOr<std::string> Writer::FurtherSecret(const std::string& phase) {
 absl::StatusOr<std::string> Writer::DrawSecret(const std::string& phase,
                                                const std::string& challenge, bool further) {
   RETURN_IF_ERROR(CheckNeverUsed(db_, phase, further));
-  absl::StatusOr<std::string> secret = RandomBytes(kPhaseSecretBytes);
-  if (!secret.ok()) return secret;
-  RETURN_IF_ERROR(AppendRecord(kCommitmentEntry, AddSecret(phase, challenge, *secret)));
+  ASSIGN_OR_RETURN(std::string secret, RandomBytes(kPhaseSecretBytes));
+  AppendEntry(db_, kCommitmentEntry, AddSecret(phase, challenge, secret));
   return secret;
 }
 
 int64_t Writer::AddSecret(const std::string& phase, const std::string& challenge,
                           const std::string& secret) {
-  SQLite::Statement insert(
-      db_, "INSERT INTO phase_secret (phase, secret, created_at, challenge) VALUES (?, ?, ?, ?)");
-  insert.bind(1, phase);
-  insert.bind(2, secret.data(), kPhaseSecretBytes);
-  insert.bind(3, now_ms_);
-  insert.bind(4, challenge);
-  insert.exec();
+  Run(db_, R"(INSERT INTO phase_secret (phase, secret, created_at, challenge)
+      VALUES (?, CAST(? AS BLOB), ?, ?))",
+      phase, secret, now_ms_, challenge);
   return db_.getLastInsertRowid();
 }
 
@@ -242,11 +218,10 @@ absl::StatusOr<bool> Writer::TakeSecret(const std::string& phase, const std::str
 }
 
 absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) {
-  SQLite::Statement select(
-      db_, "SELECT s.team_id, s.phase, s.track, s.ranked = 1 AND e.state = 'done', s.profile "
-           "FROM submission AS s LEFT JOIN evaluation AS e ON e.submission = s.id AND "
-           "e.kind = 'original' WHERE s.id = ?");
-  select.bind(1, submission);
+  Statement select(db_, R"(SELECT s.team_id, s.phase, s.track, s.ranked = 1
+      AND e.state = 'done', s.profile FROM submission AS s
+      LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' WHERE s.id = ?)",
+                   submission);
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
   }
@@ -256,30 +231,27 @@ absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) 
         "done; choose a ranked one that is"));
   }
   const int64_t team = select.getColumn(0).getInt64();
-  SQLite::Statement newest(
-      db_, "SELECT c.submission FROM choice AS c JOIN submission AS s ON s.id = c.submission "
-           "JOIN team AS t ON t.id = c.team_id WHERE c.phase = ? AND ifnull(t.merged_into, t.id) = "
-           "(SELECT ifnull(merged_into, id) FROM team WHERE id = ?) AND s.track = ? AND "
-           "s.profile = ? ORDER BY c.id DESC LIMIT 1");
-  SQLite::bind(newest, select.getColumn(1).getString(), team, select.getColumn(2).getString(),
-               select.getColumn(4).getString());
-  if (newest.executeStep() && newest.getColumn(0).getInt64() == submission) return false;
+  const int64_t newest =
+      FirstNumber(db_, R"(SELECT c.submission FROM choice AS c
+      JOIN submission AS s ON s.id = c.submission JOIN team AS t ON t.id = c.team_id
+      WHERE c.phase = ? AND ifnull(t.merged_into, t.id) = (SELECT ifnull(merged_into, id)
+      FROM team WHERE id = ?) AND s.track = ? AND s.profile = ? ORDER BY c.id DESC LIMIT 1)",
+                  select.getColumn(1).getString(), team, select.getColumn(2).getString(),
+                  select.getColumn(4).getString());
+  if (newest == submission) return false;
   MendBoardState();
-  SQLite::Statement insert(
-      db_, "INSERT INTO choice (at, team_id, phase, submission, who) VALUES (?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, team, select.getColumn(1).getString(), submission, who);
-  insert.exec();
-  RETURN_IF_ERROR(AppendRecord(kChosenEntry, db_.getLastInsertRowid()));
+  Run(db_, "INSERT INTO choice (at, team_id, phase, submission, who) VALUES (?, ?, ?, ?, ?)",
+      now_ms_, team, select.getColumn(1).getString(), submission, who);
+  AppendEntry(db_, kChosenEntry, db_.getLastInsertRowid());
   return true;
 }
 
 absl::StatusOr<std::vector<PhaseEventRow>> Reader::PhaseEvents(
     const std::optional<std::string>& phase) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kEventColumns, "phase_event AS p WHERE ?1 OR p.phase IN (?2, '') "
-                        "ORDER BY p.id"));
-  SQLite::bind(select, phase.has_value() ? 0 : 1, phase.value_or(""));
-  return AllOf<PhaseEventRow>(select, {}, PhaseEventOf);
+  return AllOf<PhaseEventRow>(
+      Statement(db_, absl::StrCat(kEventColumns, "WHERE ?1 OR phase IN (?2, '') ORDER BY id"),
+                !phase.has_value(), phase.value_or("")),
+      PhaseEventOf);
 }
 
 absl::StatusOr<std::string> Reader::PhaseSecret(const std::string& phase) {
@@ -299,31 +271,27 @@ bool Reader::HasCommitted(const std::string& phase) {
 }
 
 absl::StatusOr<std::vector<PhaseUse>> Reader::PhasesInUse() {
-  SQLite::Statement select(
-      db_, "SELECT s.phase, s.track, s.profile, s.config, max(s.id), count(*), "
-           "sum(e.finished_at IS NULL AND e.id IS NOT NULL) FROM submission AS s "
-           "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
-           "WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase");
-  return AllOf<PhaseUse>(select, {}, [](SQLite::Statement& read, PhaseUse& use) {
-    StoredRow row(read, "submission", Shown(read.getColumn(4)));
-    use.phase = row.Text(0);
-    use.track = row.Text(1);
-    use.profile = row.Text(2);
-    use.config = row.Hash(3);
+  const auto parse = [](SQLite::Statement& select, PhaseUse& use) {
+    StoredRow row(select, "submission");
+    row.TextsInto(1, {&use.phase, &use.track, &use.profile});
+    use.config = row.Hash(4);
     use.submissions = row.Number(5, 1, kMany);
     use.waiting = row.Number(6, 0, kMany);
     return row;
-  });
+  };
+  return AllOf<PhaseUse>(Statement(db_, R"(SELECT max(s.id), s.phase,
+      s.track, s.profile, s.config, count(*), sum(e.finished_at IS NULL AND e.id IS NOT NULL)
+      FROM submission AS s LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original'
+      WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase)"),
+                         parse);
 }
 
 std::string Reader::ConfigOfPhase(const std::string& phase) {
-  SQLite::Statement select(
-      db_, "SELECT config FROM (SELECT * FROM (SELECT 1 AS place, config FROM board_config "
-           "WHERE phase = ?1 AND phase != '' ORDER BY id DESC LIMIT 1) UNION ALL "
-           "SELECT * FROM (SELECT 2, config FROM submission WHERE phase = ?1 AND phase != '' "
-           "ORDER BY id DESC LIMIT 1)) ORDER BY place LIMIT 1");
-  select.bind(1, phase);
-  return select.executeStep() ? select.getColumn(0).getString() : "";
+  return FirstText(db_, R"(SELECT config FROM (SELECT *
+      FROM (SELECT 1 AS place, config FROM board_config WHERE phase = ?1 AND phase != ''
+      ORDER BY id DESC LIMIT 1) UNION ALL SELECT * FROM (SELECT 2, config FROM submission
+      WHERE phase = ?1 AND phase != '' ORDER BY id DESC LIMIT 1)) ORDER BY place LIMIT 1)",
+                   phase);
 }
 
 }  // namespace myograde::server

@@ -9,6 +9,9 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
+#include "server/store/stored_row.h"
 #include "server/store/teams.h"
 
 namespace myograde::server {
@@ -17,7 +20,7 @@ namespace {
 constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
 constexpr char kCodeKey[] = "myograde/error-code";
 
-constexpr std::array<std::string_view, 3> kNames = {"official", "practice", "failed"};
+constexpr std::string_view kBudgetNames[] = {"official", "practice", "failed"};
 
 size_t Index(Budget budget) { return static_cast<size_t>(budget); }
 
@@ -34,12 +37,15 @@ std::string CountedUnits(int64_t count, Budget budget) {
 void AddLedger(SQLite::Database& db, int64_t team, const std::string& track,
                const std::string& phase, QuotaUse& use) {
   // Unreadable entries count for nothing; the ledger reports them.
-  SQLite::Statement select(
-      db, absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ledger "
-                       "WHERE team_id IN ", RowsOfTeam(2), " AND track = ?3 AND phase = ?5 AND "
-                       "typeof(amount) = 'integer' AND amount BETWEEN 1 AND ?4 "
-                       "GROUP BY budget, entry"));
-  SQLite::bind(select, use.day, team, track, kMostUnits, phase);
+  Statement select(
+      db,
+      absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ledger "
+                   "WHERE team_id IN ",
+                   RowsOfTeam(2),
+                   " AND track = ?3 AND phase = ?5 AND "
+                   "typeof(amount) = 'integer' AND amount BETWEEN 1 AND ?4 "
+                   "GROUP BY budget, entry"),
+      use.day, team, track, kMostUnits, phase);
   while (select.executeStep()) {
     const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
     if (!budget) continue;
@@ -56,13 +62,14 @@ void AddLedger(SQLite::Database& db, int64_t team, const std::string& track,
 
 void AddOpen(SQLite::Database& db, int64_t team, const std::string& track,
              const std::string& phase, QuotaUse& use) {
-  SQLite::Statement select(
-      db, absl::StrCat("SELECT a.budget, a.day = ?1, e.state = 'queued', EXISTS (SELECT 1 FROM "
-                       "ledger AS l WHERE l.submission = a.submission AND l.entry = 'charge') "
-                       "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
-                       "AND e.kind = 'original' WHERE a.team_id IN ", RowsOfTeam(2),
-                       " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL"));
-  SQLite::bind(select, use.day, team, track, phase);
+  Statement select(
+      db,
+      absl::StrCat("SELECT a.budget, a.day = ?1, e.state = 'queued', EXISTS (SELECT 1 FROM "
+                   "ledger AS l WHERE l.submission = a.submission AND l.entry = 'charge') "
+                   "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
+                   "AND e.kind = 'original' WHERE a.team_id IN ",
+                   RowsOfTeam(2), " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL"),
+      use.day, team, track, phase);
   while (select.executeStep()) {
     use.waiting += select.getColumn(2).getInt64();
     const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
@@ -72,9 +79,7 @@ void AddOpen(SQLite::Database& db, int64_t team, const std::string& track,
   }
 }
 
-absl::Status Refuse(const std::string& sentence) {
-  return WithErrorCode(absl::FailedPreconditionError(sentence), "quota");
-}
+absl::Status Refuse(const std::string& sentence) { return CodedRefusal("quota", sentence); }
 
 // What a quota is of, in sentences.
 std::string Place(const std::string& track, const std::string& phase) {
@@ -106,15 +111,55 @@ absl::Status CheckBudget(const QuotaUse& use, const QuotaLimits& limits, Budget 
   return absl::OkStatus();
 }
 
+constexpr char kGrader[] = "daemon";
+
+constexpr char kAddLedgerRow[] =
+    "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, submission, who, "
+    "why) ";
+
+// Charges a unit for a submission's own evaluation, unless that was done. `budget`: in SQL, where
+// `a` is the submission's admission.
+void Charge(SQLite::Database& db, int64_t now_ms, int64_t evaluation, const char* budget,
+            const std::string& who, const std::string& why) {
+  Run(db,
+      absl::StrCat(kAddLedgerRow, "SELECT ?, a.day, a.team_id, a.track, a.phase, ", budget,
+                   ", 'charge', 1, a.submission, ?, ? FROM evaluation AS e "
+                   "JOIN admission AS a ON a.submission = e.submission "
+                   "WHERE e.id = ? AND e.kind = 'original' ON CONFLICT DO NOTHING"),
+      now_ms, who, why, evaluation);
+}
+
+// Adds an entry of no submission, as of the store's current day.
+absl::Status AddUnits(SQLite::Database& db, int64_t now_ms, const char* entry,
+                      const NewGrant& units, const std::string& who) {
+  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db, units.team));
+  const int64_t team = AddTeam(db, name, now_ms, who);
+  Run(db, absl::StrCat(kAddLedgerRow, "VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, ?, ?)"), now_ms,
+      QuotaDay(db, now_ms), team, units.track, units.phase, BudgetName(units.budget), entry,
+      units.amount, who, units.why);
+  return absl::OkStatus();
+}
+
+StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
+  StoredRow row(select, "ledger");
+  entry.id = row.Id(0);
+  entry.at = row.Time(1);
+  entry.day = row.Number(2, 0, kLastDay);
+  entry.track = row.Text(3);
+  entry.budget = BudgetName(row.Named(4, ParseBudget));
+  entry.entry = row.OneOf(5, {"charge", "refund", "grant"});
+  entry.amount = row.Number(6, 1, kMostUnits);
+  entry.submission = row.IdOr0(7);
+  row.TextsInto(8, {&entry.who, &entry.why, &entry.phase, &entry.team});
+  return row;
+}
+
 }  // namespace
 
-std::string_view BudgetName(Budget budget) { return kNames[Index(budget)]; }
+std::string_view BudgetName(Budget budget) { return NameIn(kBudgetNames, budget); }
 
 std::optional<Budget> ParseBudget(std::string_view name) {
-  for (const Budget budget : kBudgets) {
-    if (BudgetName(budget) == name) return budget;
-  }
-  return std::nullopt;
+  return ParseIn<Budget>(kBudgetNames, name);
 }
 
 const Allowance& QuotaLimits::of(Budget budget) const {
@@ -125,10 +170,10 @@ const Allowance& QuotaLimits::of(Budget budget) const {
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
   // Rows of a clock that was far ahead must not hold the day there until the calendar arrives.
   const int64_t today = now_ms / kDayMs;
-  SQLite::Statement select(db,
-                           "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), "
-                           "0), ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))");
-  select.bind(1, std::min(today + 1, kLastDay));
+  Statement select(db,
+                   "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), 0), "
+                   "ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))",
+                   std::min(today + 1, kLastDay));
   select.executeStep();
   return std::max(select.getColumn(0).getInt64(), today);
 }
@@ -170,9 +215,80 @@ absl::Status WithErrorCode(absl::Status status, std::string_view code) {
   return status;
 }
 
+absl::Status CodedRefusal(std::string_view code, const std::string& sentence) {
+  return WithErrorCode(absl::FailedPreconditionError(sentence), code);
+}
+
 std::string ErrorCodeOf(const absl::Status& status) {
   const auto code = status.GetPayload(kCodeKey);
   return code ? std::string(*code) : "";
+}
+
+void Writer::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {
+  Charge(db_, now_ms_, evaluation, "a.budget", kGrader, why);
+}
+
+void Writer::ChargeBegun(int64_t evaluation) {
+  if (AnyRow(db_, "SELECT 1 FROM lease WHERE evaluation = ? AND attempt > 0 LIMIT 1", evaluation)) {
+    ChargeFirstEpisode(evaluation, "cancelled after its first lease had begun");
+  }
+}
+
+void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who) {
+  const bool failed = state == EvaluationState::kFailed;
+  if (!failed && state != EvaluationState::kGraderError) return;
+  Run(db_,
+      absl::StrCat(kAddLedgerRow,
+                   "SELECT ?, l.day, l.team_id, l.track, l.phase, l.budget, 'refund', l.amount, "
+                   "l.submission, ?, ? FROM evaluation AS e "
+                   "JOIN ledger AS l ON l.submission = e.submission WHERE e.id = ? AND "
+                   "e.kind = 'original' AND l.entry = 'charge' AND l.budget != 'failed' "
+                   "ON CONFLICT DO NOTHING"),
+      now_ms_, who,
+      failed ? "every episode ended by the policy's fault: a failed try in its place"
+             : "the evaluation ended by the grader's fault",
+      evaluation);
+  if (!failed) return;
+  Charge(db_, now_ms_, evaluation, "'failed'", who, "every episode ended by the policy's fault");
+}
+
+absl::Status Writer::ChargeFailure(const std::string& team, const std::string& track,
+                                   const std::string& who, const std::string& why) {
+  return AddUnits(
+      db_, now_ms_, "charge",
+      {.team = team, .track = track, .budget = Budget::kFailed, .amount = 1, .why = why}, who);
+}
+
+absl::Status Writer::Grant(const NewGrant& grant, const std::string& who) {
+  return AddUnits(db_, now_ms_, "grant", grant, who);
+}
+
+QuotaUse Reader::Quota(const std::string& team, const std::string& track, int64_t now_ms,
+                       const std::string& phase) {
+  return ReadQuotaUse(db_, team, track, phase, now_ms);
+}
+
+std::string Reader::ChargedBudget(int64_t submission) {
+  return FirstText(db_, R"(SELECT budget FROM ledger WHERE submission = ? GROUP BY budget
+      HAVING sum(CASE entry WHEN 'charge' THEN amount WHEN 'refund' THEN -amount ELSE 0 END) > 0
+      ORDER BY budget LIMIT 1)",
+                   submission);
+}
+
+int64_t Reader::QuotaDayAt(int64_t now_ms) { return QuotaDay(db_, now_ms); }
+
+Listed<LedgerRow> Reader::Ledger(const std::string& team, const std::string& track, int64_t before,
+                                 int64_t limit) {
+  return ListOf<LedgerRow>(
+      Statement(db_,
+                absl::StrCat("SELECT l.id, l.at, l.day, l.track, l.budget, l.entry, l.amount, "
+                             "l.submission, l.who, l.why, l.phase, ?5 FROM ledger AS l "
+                             "WHERE l.team_id IN ",
+                             RowsOfTeam(1),
+                             " AND (?2 = '' OR l.track = ?2) AND l.id < ?3 "
+                             "ORDER BY l.id DESC LIMIT ?4"),
+                KnownTeamId(db_, team), track, before, limit, team),
+      LedgerRowOf);
 }
 
 }  // namespace myograde::server

@@ -1,18 +1,6 @@
 // Quotas: how much a team may submit on a track, or to a phase of a challenge, as a function of the
-// store's rows. Each phase counts its own rows; the track itself counts those of no phase.
-//
-// Each ranked submission is charged one unit of the ranked budget (`official` in requests and
-// rows), any other one unit of `practice`. The charge happens when its first episode has ended in
-// any outcome but the grader's fault, and counts for the day on which it was accepted. Accepted
-// submissions that are not charged yet count as used. An evaluation that ends as grader_error is
-// refunded. One that ends as failed (the policy spoiled every episode) is refunded too, and charged
-// to the budget `failed` instead, as are rejected uploads. A cancelled one is not refunded, and in a
-// phase that withholds anything it is charged once a lease has begun.
-//
-// Days are whole UTC days, and each has its one allowance, however the clock is set. A clock that was
-// ahead by up to a day, as around midnight, makes no new day when it goes back. Rows of days beyond
-// tomorrow are from a clock that was wrong: they count for their day and in the total, and hold
-// nobody up today.
+// store's rows; README.md has the rules. Each phase counts its own rows; the track itself counts
+// those of no phase.
 #pragma once
 
 #include <array>
@@ -99,6 +87,8 @@ inline constexpr char kHeldBackCode[] = "held_back";
 
 // Attaches the API's error code to a status, where it is not the usual one of the status code.
 absl::Status WithErrorCode(absl::Status status, std::string_view code);
+// A FailedPreconditionError with such a code.
+absl::Status CodedRefusal(std::string_view code, const std::string& sentence);
 std::string ErrorCodeOf(const absl::Status& status);  // "" if it has none
 
 }  // namespace myograde::server

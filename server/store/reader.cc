@@ -9,7 +9,6 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
-#include "server/store/artefact_options.h"
 #include "server/store/connection.h"
 #include "server/store/damage.h"
 #include "server/store/stored_row.h"
@@ -21,42 +20,15 @@ namespace {
 constexpr size_t kKept = 8;
 
 
-constexpr char kSubmissionColumns[] =
-    "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by, s.phase, s.extra_observations FROM submission AS s "
-    "LEFT JOIN team AS o ON o.id = s.team_id "
-    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
-    "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
-
 constexpr char kEvaluationColumns[] =
     "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
     "e.results_hash, e.created_at, e.started_at, e.finished_at, e.config, e.seeds "
     "FROM evaluation AS e ";
 
-StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
-  StoredRow row(select, "submission", Shown(select.getColumn(0)));
-  submission.id = row.Number(0, 1, INT64_MAX);
-  submission.artefact = row.Hash(2);
-  submission.track = row.Text(4);
-  submission.profile = row.Text(5);
-  submission.config = row.Hash(6);
-  submission.seeds = row.Hash(7);
-  submission.ranked = row.Flag(8);
-  submission.accepted_at = row.Time(9);
-  submission.accepted_by = row.Text(11);
-  submission.phase = row.Text(12);
-  submission.extra_observations = row.Flag(13);
-  row.Joined("team", 10);
-  submission.team = row.Text(1);
-  row.Joined("artefact", 2);
-  submission.artefact_name = row.Text(3);
-  return row;
-}
-
 StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
-  StoredRow row(select, "evaluation", Shown(select.getColumn(0)));
-  evaluation.id = row.Number(0, 1, INT64_MAX);
-  evaluation.submission = row.Number(1, 1, INT64_MAX);
+  StoredRow row(select, "evaluation");
+  evaluation.id = row.Id(0);
+  evaluation.submission = row.Id(1);
   evaluation.kind = row.Named(2, ParseEvaluationKind);
   evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
   evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
@@ -80,8 +52,9 @@ StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
 }
 
 StoredRow LeaseOf(SQLite::Statement& select, LeaseRow& lease) {
-  StoredRow row(select, "lease", Shown(select.getColumn(0)));
-  lease.id = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "lease");
+  lease.id = row.Id(0);
+  lease.evaluation = row.Id(12);
   lease.first = row.Number(1, 0, kMaxEpisodes - 1);
   lease.last = row.Number(2, lease.first, kMaxEpisodes - 1);
   lease.state = row.Named(3, ParseLeaseState);
@@ -101,9 +74,10 @@ StoredRow LeaseOf(SQLite::Statement& select, LeaseRow& lease) {
 
 StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
   StoredRow row(select, "episode",
-                absl::StrCat(episode.evaluation, "/", Shown(select.getColumn(0))));
+                absl::StrCat(Shown(select.getColumn(8)), "/", Shown(select.getColumn(0))));
+  episode.evaluation = row.Id(8);
   episode.index = row.Number(0, 0, kMaxEpisodes - 1);
-  episode.lease = row.Number(1, 1, INT64_MAX);
+  episode.lease = row.Id(1);
   episode.attempt = row.Number(2, 1, kMany);
   episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
   episode.outcome = row.Named(4, ParseOutcome);
@@ -119,9 +93,7 @@ StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
 // Content is addressed by its hash, so a mismatch means that it is not what was stored.
 absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, const char* column,
                                     const std::string& hash) {
-  SQLite::Statement select(
-      db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"));
-  select.bind(1, hash);
+  Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
   if (!select.executeStep()) {
     return DamagedRow({table, hash, "it is missing, and other rows name it"});
   }
@@ -134,72 +106,19 @@ absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, con
 
 }  // namespace
 
-absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
-  SQLite::Statement select(db_, "SELECT name, command_json, runtimes_json, bytes, files, "
-                                "environment_json, options_json FROM artefact WHERE hash = ?");
-  select.bind(1, hash);
-  if (!select.executeStep()) {
-    return UnknownArtefact(hash);
-  }
-  StoredRow row(select, "artefact", hash);
-  ArtefactRow artefact;
-  artefact.hash = hash;
-  artefact.name = row.Text(0);
-  artefact.command = row.Strings(1);
-  artefact.runtimes = row.Strings(2);
-  artefact.bytes = row.Number(3, 0, INT64_MAX);
-  artefact.files = row.Number(4, 0, INT64_MAX);
-  artefact.environment = row.Texts(5);
-  ReadArtefactOptions(row, 6, artefact);
-  if (artefact.command.empty()) row.Fail(1, "a program belongs there");
-  if (!row.ok()) return row.status();
-  return artefact;
-}
-
-absl::StatusOr<SubmissionRow> Reader::Submission(int64_t id) {
-  SQLite::Statement select(db_, absl::StrCat(kSubmissionColumns, "WHERE s.id = ?"));
-  select.bind(1, id);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no submission ", id));
-  }
-  SubmissionRow submission;
-  if (const StoredRow row = SubmissionOf(select, submission); !row.ok()) return row.status();
-  return submission;
-}
-
-Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kSubmissionColumns,
-                        "WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3)"
-                        " AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM "
-                        "evaluation AS e WHERE e.submission = s.id AND e.kind = 'original' AND "
-                        "e.state = ?5)) AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))"
-                        " AND (?8 = '' OR s.phase = ?8) ORDER BY s.id DESC LIMIT ?6"));
-  SQLite::bind(select, filter.before, filter.team, filter.track, filter.profile,
-               filter.state ? std::string(EvaluationStateName(*filter.state)) : std::string(),
-               filter.limit,
-               filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : std::string(),
-               filter.phase);
-  return ListOf<SubmissionRow>(select, {}, SubmissionOf);
-}
-
 absl::StatusOr<EvaluationRow> Reader::Evaluation(int64_t id) {
-  SQLite::Statement select(db_, absl::StrCat(kEvaluationColumns, "WHERE e.id = ?"));
-  select.bind(1, id);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
-  }
-  EvaluationRow evaluation;
-  if (const StoredRow row = EvaluationOf(select, evaluation); !row.ok()) return row.status();
-  return evaluation;
+  return FirstOf<EvaluationRow>(
+      Statement(db_, absl::StrCat(kEvaluationColumns, "WHERE e.id = ?"), id), EvaluationOf,
+      absl::NotFoundError(absl::StrCat("there is no evaluation ", id)));
 }
 
 absl::StatusOr<std::vector<EvaluationRow>> Reader::Evaluations(int64_t submission) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kEvaluationColumns,
-                        "WHERE e.submission = ? ORDER BY e.kind != 'original', e.id"));
-  select.bind(1, submission);
-  auto rows = AllOf<EvaluationRow>(select, {}, EvaluationOf);
+  auto rows = AllOf<EvaluationRow>(
+      Statement(db_,
+                absl::StrCat(kEvaluationColumns,
+                             "WHERE e.submission = ? ORDER BY e.kind != 'original', e.id"),
+                submission),
+      EvaluationOf);
   if (rows.ok() && (rows->empty() || rows->front().kind != EvaluationKind::kOriginal)) {
     return DamagedRow({"submission", absl::StrCat(submission),
                        "it has no evaluation, or none that is its original one"});
@@ -214,76 +133,68 @@ absl::StatusOr<EvaluationRow> Reader::Original(int64_t submission) {
 
 Listed<EvaluationRow> Reader::Unfinished() {
   // Anything not in a final state has not ended, including rows with an invalid state.
-  SQLite::Statement select(
-      db_, absl::StrCat(kEvaluationColumns, "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
-                        "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY e.id"));
-  return ListOf<EvaluationRow>(select, {}, EvaluationOf);
+  return ListOf<EvaluationRow>(
+      Statement(db_,
+                absl::StrCat(kEvaluationColumns,
+                             "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
+                             "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY e.id")),
+      EvaluationOf);
 }
 
 absl::StatusOr<std::vector<LeaseRow>> Reader::Leases(int64_t evaluation) {
-  SQLite::Statement select(
-      db_, "SELECT id, first, last, state, attempt, faults, detail, slot, started_at, "
-           "deadline_at, finished_at, output_json FROM lease WHERE evaluation = ? ORDER BY first");
-  select.bind(1, evaluation);
-  LeaseRow empty;
-  empty.evaluation = evaluation;
-  return AllOf(select, empty, LeaseOf);
+  return AllOf<LeaseRow>(Statement(db_, R"(SELECT id, first, last, state,
+      attempt, faults, detail, slot, started_at, deadline_at, finished_at, output_json, evaluation
+      FROM lease WHERE evaluation = ? ORDER BY first)",
+                                   evaluation),
+                         LeaseOf);
 }
 
 absl::StatusOr<std::vector<EpisodeRow>> Reader::Episodes(int64_t evaluation) {
-  SQLite::Statement select(db_, "SELECT idx, lease, attempt, seed, outcome, reason, facts_json, "
-                                "metrics_json FROM episode WHERE evaluation = ? ORDER BY idx");
-  select.bind(1, evaluation);
-  EpisodeRow empty;
-  empty.evaluation = evaluation;
-  return AllOf(select, empty, EpisodeOf);
+  return AllOf<EpisodeRow>(Statement(db_, R"(SELECT idx, lease, attempt, seed, outcome, reason,
+      facts_json, metrics_json, evaluation FROM episode WHERE evaluation = ? ORDER BY idx)",
+                                     evaluation),
+                           EpisodeOf);
 }
 
 absl::StatusOr<std::vector<RepeatRow>> Reader::Repeats(int64_t evaluation) {
-  SQLite::Statement select(db_, "SELECT idx, attempt, differs_json, id FROM replay "
-                                "WHERE evaluation = ? ORDER BY idx, attempt");
-  select.bind(1, evaluation);
-  return AllOf<RepeatRow>(select, {}, [](SQLite::Statement& read, RepeatRow& replay) {
-    StoredRow row(read, "replay", Shown(read.getColumn(3)));
-    replay.index = row.Number(0, 0, kMaxEpisodes - 1);
-    replay.attempt = row.Number(1, 1, kMany);
-    replay.differs = row.Strings(2);
+  const auto parse = [](SQLite::Statement& select, RepeatRow& replay) {
+    StoredRow row(select, "replay");
+    replay.index = row.Number(1, 0, kMaxEpisodes - 1);
+    replay.attempt = row.Number(2, 1, kMany);
+    replay.differs = row.Strings(3);
     return row;
-  });
+  };
+  return AllOf<RepeatRow>(Statement(db_, R"(SELECT id, idx, attempt, differs_json
+      FROM replay WHERE evaluation = ? ORDER BY idx, attempt)",
+                                    evaluation),
+                          parse);
 }
 
 EpisodeCounts Reader::Counts(int64_t evaluation, bool ended_leases) {
-  SQLite::Statement select(
-      db_, "SELECT count(*), ifnull(sum(outcome = 'success'), 0), "
-           "ifnull(sum(outcome = 'failure'), 0) FROM episode WHERE evaluation = ?1 AND (?2 = 0 OR "
-           "lease NOT IN (SELECT id FROM lease WHERE evaluation = ?1 AND finished_at IS NULL))");
-  SQLite::bind(select, evaluation, ended_leases ? 1 : 0);
-  select.executeStep();
-  EpisodeCounts counts;
-  counts.done = select.getColumn(0).getInt64();
-  counts.success = select.getColumn(1).getInt64();
-  counts.failure = select.getColumn(2).getInt64();
-  counts.fault = counts.done - counts.success - counts.failure;
-  return counts;
+  return AllRows<EpisodeCounts, 4>(Statement(db_, R"(SELECT count(*),
+      ifnull(sum(outcome = 'success'), 0), ifnull(sum(outcome = 'failure'), 0),
+      count(*) - ifnull(sum(outcome IN ('success', 'failure')), 0) FROM episode WHERE evaluation = ?1
+      AND (?2 = 0 OR lease NOT IN (SELECT id FROM lease WHERE evaluation = ?1
+      AND finished_at IS NULL)))",
+                                             evaluation, ended_leases))
+      .front();
 }
 
 absl::StatusOr<std::vector<TransitionRow>> Reader::Transitions(const std::string& entity,
                                                                int64_t id) {
-  SQLite::Statement select(db_, "SELECT at, from_state, to_state, who, why, id FROM transition "
-                                "WHERE entity = ? AND entity_id = ? ORDER BY id");
-  SQLite::bind(select, entity, id);
-  TransitionRow empty;
-  empty.entity = entity;
-  empty.entity_id = id;
-  return AllOf(select, empty, [](SQLite::Statement& read, TransitionRow& transition) {
-    StoredRow row(read, "transition", Shown(read.getColumn(5)));
-    transition.at = row.Time(0);
-    transition.from = row.Text(1);
-    transition.to = row.Text(2);
-    transition.who = row.Text(3);
-    transition.why = row.Text(4);
+  const auto parse = [](SQLite::Statement& select, TransitionRow& transition) {
+    StoredRow row(select, "transition");
+    transition.at = row.Time(1);
+    transition.entity_id = row.Number(2, INT64_MIN, INT64_MAX);
+    row.TextsInto(3, {&transition.entity, &transition.from, &transition.to, &transition.who,
+                      &transition.why});
     return row;
-  });
+  };
+  return AllOf<TransitionRow>(
+      Statement(db_, R"(SELECT id, at, entity_id, entity, from_state, to_state, who, why
+          FROM transition WHERE entity = ? AND entity_id = ? ORDER BY id)",
+                entity, id),
+      parse);
 }
 
 absl::StatusOr<std::string> Reader::ConfigJson(const std::string& hash) {
@@ -328,6 +239,13 @@ absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) 
   const MutexLock lock(mutex_);
   if (free_.size() < kKept) free_.push_back(*std::move(db));
   return answer;
+}
+
+absl::Status ReaderPool::Backup(const std::string& path,
+                                const std::function<void(int64_t, int64_t)>& progress,
+                                const std::function<void(const std::string&)>& damaged) {
+  ASSIGN_OR_RETURN(std::unique_ptr<SQLite::Database> source, OpenForReading(path_));
+  return GuardSqlite(path, [&] { return CopyDatabase(*source, path_, path, progress, damaged); });
 }
 
 }  // namespace myograde::server

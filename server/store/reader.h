@@ -16,15 +16,14 @@
 
 #include "protocol/base/mutex.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/accepted.h"
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/deliveries.h"
-#include "server/store/lease_runs.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
+#include "server/store/submissions.h"
 #include "server/store/transfer.h"
 
 namespace SQLite {

@@ -6,9 +6,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
-#include "server/store/content.h"
 #include "server/store/reader.h"
-#include "server/store/record_appender.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -22,13 +20,11 @@ absl::Status Refused(const RejudgeRow& rejudge, const std::string& what) {
 
 // A later one of the same board that is applied, or 0.
 int64_t LaterApplied(SQLite::Database& db, const RejudgeRow& rejudge) {
-  SQLite::Statement select(
-      db, "SELECT q.id FROM rejudge AS q JOIN rejudge_event AS v ON v.rejudge = q.id "
-          "WHERE q.purpose = 'rules' AND q.phase = ?1 AND q.track = ?2 AND q.profile = ?3 AND "
-          "v.event = 'applied' AND v.id = (SELECT max(id) FROM rejudge_event WHERE rejudge = q.id) "
-          "AND v.id > (SELECT max(id) FROM rejudge_event WHERE rejudge = ?4) ORDER BY v.id DESC");
-  SQLite::bind(select, rejudge.phase, rejudge.track, rejudge.profile, rejudge.id);
-  return select.executeStep() ? select.getColumn(0).getInt64() : 0;
+  return FirstNumber(db, R"(SELECT q.id FROM rejudge AS q JOIN rejudge_event AS v ON v.rejudge
+      = q.id WHERE q.purpose = 'rules' AND q.phase = ?1 AND q.track = ?2 AND q.profile = ?3
+      AND v.event = 'applied' AND v.id = (SELECT max(id) FROM rejudge_event WHERE rejudge = q.id)
+      AND v.id > (SELECT max(id) FROM rejudge_event WHERE rejudge = ?4) ORDER BY v.id DESC)",
+                     rejudge.phase, rejudge.track, rejudge.profile, rejudge.id);
 }
 
 std::string Listing(const std::vector<int64_t>& submissions) {
@@ -67,6 +63,15 @@ std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& prog
                       "then), and ", Listing(without), " named");
 }
 
+// `item`: what was asked for; `evaluation`: what was made of it.
+template <typename Item>
+void AddItemRow(SQLite::Database& db, const Item& item, RejudgeMethod method, int64_t evaluation) {
+  Run(db, R"(INSERT INTO rejudge_item (rejudge, submission, repetition, source, method, evaluation)
+      VALUES (?, ?, ?, ?, ?, ?))",
+      item.rejudge, item.submission, item.repetition, item.source, RejudgeMethodName(method),
+      evaluation);
+}
+
 }  // namespace
 
 absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudge,
@@ -83,32 +88,26 @@ absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudg
   row.document_json = std::move(document.json);
   row.signature = std::move(document.signature);
   MendBoardState();
-  SQLite::Statement insert(db_, "INSERT INTO rejudge_event (at, rejudge, event, who, why, "
-                                "document_json, signature) VALUES (?, ?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, row.at, row.rejudge, std::string(RejudgeEventName(event)), who, why,
-               row.document_json, row.signature);
-  insert.exec();
+  Run(db_, R"(INSERT INTO rejudge_event (at, rejudge, event, who, why, document_json, signature)
+      VALUES (?, ?, ?, ?, ?, ?, ?))",
+      row.at, row.rejudge, RejudgeEventName(event), who, why, row.document_json, row.signature);
   row.id = db_.getLastInsertRowid();
-  RETURN_IF_ERROR(AppendRecord(kRejudgeEntry, row.id));
+  AppendEntry(db_, kRejudgeEntry, row.id);
   return row;
 }
 
 absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge,
                                               const SignRejudge& sign, const std::string& who) {
-  absl::Status content = AddConfig(db_, rejudge.from_config, rejudge.track, rejudge.profile,
-                                   rejudge.from_config_json, now_ms_);
-  content.Update(AddConfig(db_, rejudge.to_config, rejudge.track, rejudge.profile,
-                           rejudge.to_config_json, now_ms_));
-  content.Update(AddSeedList(db_, rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
-  if (!content.ok()) return content;
-  SQLite::Statement insert(
-      db_, "INSERT INTO rejudge (at, purpose, phase, track, profile, from_config, to_config, seeds, "
-           "method, repeats, who, why) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, std::string(RejudgePurposeName(rejudge.purpose)), rejudge.phase,
-               rejudge.track, rejudge.profile, rejudge.from_config, rejudge.to_config,
-               rejudge.seeds, std::string(RejudgeMethodName(rejudge.method)), rejudge.repeats, who,
-               rejudge.why);
-  insert.exec();
+  RETURN_IF_ERROR(
+      AddConfig(rejudge.from_config, rejudge.track, rejudge.profile, rejudge.from_config_json));
+  RETURN_IF_ERROR(
+      AddConfig(rejudge.to_config, rejudge.track, rejudge.profile, rejudge.to_config_json));
+  RETURN_IF_ERROR(AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
+  Run(db_, R"(INSERT INTO rejudge (at, purpose, phase, track, profile, from_config,
+      to_config, seeds, method, repeats, who, why) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
+      now_ms_, RejudgePurposeName(rejudge.purpose), rejudge.phase, rejudge.track, rejudge.profile,
+      rejudge.from_config, rejudge.to_config, rejudge.seeds, RejudgeMethodName(rejudge.method),
+      rejudge.repeats, who, rejudge.why);
   ASSIGN_OR_RETURN(RejudgeRow row, Reader(db_).Rejudge(db_.getLastInsertRowid()));
   RETURN_IF_ERROR(AddRejudgeEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
   return row;
@@ -117,43 +116,28 @@ absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge,
 absl::StatusOr<std::optional<RejudgeRow>> Writer::RejudgeWithout(int64_t id, int64_t submission,
                                                                  int64_t repetition) {
   ASSIGN_OR_RETURN(RejudgeRow rejudge, Reader(db_).Rejudge(id));
-  SQLite::Statement there(db_, "SELECT 1 FROM rejudge_item WHERE rejudge = ? AND submission = ? "
-                               "AND repetition = ?");
-  SQLite::bind(there, id, submission, repetition);
-  if (there.executeStep()) return std::optional<RejudgeRow>();
+  if (AnyRow(db_, R"(SELECT 1
+      FROM rejudge_item WHERE rejudge = ? AND submission = ? AND repetition = ?)",
+             id, submission, repetition))
+    return std::optional<RejudgeRow>();
   ASSIGN_OR_RETURN(std::vector<RejudgeEventRow> events, Reader(db_).RejudgeEvents(id));
   if (events.back().event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
   return std::optional(std::move(rejudge));
 }
 
-void Writer::AddItemRow(const RejudgeItemRow& item) {
-  SQLite::Statement insert(db_, "INSERT INTO rejudge_item (rejudge, submission, repetition, source, "
-                                "method, evaluation) VALUES (?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, item.rejudge, item.submission, item.repetition, item.source,
-               std::string(RejudgeMethodName(item.method)), item.evaluation);
-  insert.exec();
-}
-
 absl::StatusOr<Accepted> Writer::AddRejudgeItem(const NewRejudgeItem& item,
                                                 const std::string& who) {
-  absl::StatusOr<std::optional<RejudgeRow>> rejudge =
-      RejudgeWithout(item.rejudge, item.submission, item.repetition);
-  if (!rejudge.ok()) return rejudge.status();
-  Accepted repeated{.submission = item.submission, .repeated = true};
-  if (!rejudge->has_value()) return repeated;
+  ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge,
+                   RejudgeWithout(item.rejudge, item.submission, item.repetition));
+  if (!rejudge.has_value()) return Accepted{.submission = item.submission, .repeated = true};
   ASSIGN_OR_RETURN(Accepted added, AddEvaluation({.submission = item.submission,
                                                   .kind = EvaluationKind::kRejudge,
-                                                  .config = (*rejudge)->to_config,
-                                                  .seeds = (*rejudge)->seeds,
+                                                  .config = rejudge->to_config,
+                                                  .seeds = rejudge->seeds,
                                                   .grader_json = item.grader_json,
                                                   .blocks = item.blocks},
                                                  who));
-  AddItemRow({.rejudge = item.rejudge,
-              .submission = item.submission,
-              .repetition = item.repetition,
-              .source = item.source,
-              .method = item.method,
-              .evaluation = added.evaluation});
+  AddItemRow(db_, item, item.method, added.evaluation);
   if (item.impossible.empty()) return added;
   RETURN_IF_ERROR(
       EndWithLeases(added.evaluation, EvaluationState::kGraderError, item.impossible, who));
@@ -161,42 +145,33 @@ absl::StatusOr<Accepted> Writer::AddRejudgeItem(const NewRejudgeItem& item,
 }
 
 absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::string& who) {
-  absl::StatusOr<std::optional<RejudgeRow>> rejudge =
-      RejudgeWithout(item.rejudge, item.submission, item.repetition);
-  if (!rejudge.ok()) return rejudge.status();
-  if (!rejudge->has_value()) return false;
+  ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge,
+                   RejudgeWithout(item.rejudge, item.submission, item.repetition));
+  if (!rejudge.has_value()) return false;
   const std::string state(EvaluationStateName(item.state));
   MendBoardState();
-  SQLite::Statement insert(
-      db_, "INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json, "
-           "results_hash, created_at, started_at, finished_at, config, seeds) "
-           "SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6 "
-           "FROM evaluation WHERE id = ?7 AND submission = ?8 AND last - first + 1 = ?9");
-  SQLite::bind(insert, state, item.reason, item.results_hash, now_ms_, (*rejudge)->to_config,
-               (*rejudge)->seeds, item.source, item.submission, std::ssize(item.episodes));
-  if (insert.exec() != 1) {
+  if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last,
+      state, reason, grader_json, results_hash, created_at, started_at, finished_at, config, seeds)
+      SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6
+      FROM evaluation WHERE id = ?7 AND submission = ?8 AND last - first + 1 = ?9)",
+          state, item.reason, item.results_hash, now_ms_, rejudge->to_config, rejudge->seeds,
+          item.source, item.submission, std::ssize(item.episodes)) != 1) {
     return absl::InternalError(absl::StrCat("evaluation ", item.source, " is not of submission ",
                                             item.submission, ", or has other episodes"));
   }
   const int64_t evaluation = db_.getLastInsertRowid();
-  const std::string why =
-      absl::StrCat("judged anew from the facts of evaluation ", item.source);
-  absl::Status status = Audit("evaluation", evaluation, "", state, who, why);
-  SQLite::Statement leases(
-      db_, "INSERT INTO lease (evaluation, first, last, state, attempt, finished_at, output_json) "
-           "SELECT ?, first, last, 'done', 1, ?, output_json FROM lease WHERE evaluation = ? "
-           "ORDER BY first");
-  SQLite::bind(leases, evaluation, now_ms_, item.source);
-  leases.exec();
-  SQLite::Statement audit(
-      db_, "INSERT INTO transition (at, entity, entity_id, from_state, to_state, who, why) "
-           "SELECT ?, 'lease', id, '', 'done', ?, ? FROM lease WHERE evaluation = ? ORDER BY id");
-  SQLite::bind(audit, now_ms_, who, why, evaluation);
-  audit.exec();
-  SQLite::Statement episode(
-      db_, "INSERT INTO episode SELECT ?1, p.idx, l.id, 1, p.seed, ?2, ?3, p.facts_json, ?4, ?5 "
-           "FROM episode AS p JOIN lease AS l ON l.evaluation = ?1 AND p.idx BETWEEN l.first AND "
-           "l.last WHERE p.evaluation = ?6 AND p.idx = ?7");
+  const std::string why = absl::StrCat("judged anew from the facts of evaluation ", item.source);
+  RETURN_IF_ERROR(Audit("evaluation", evaluation, "", state, who, why));
+  Run(db_, R"(INSERT INTO lease (evaluation, first, last, state, attempt, finished_at, output_json)
+      SELECT ?, first, last, 'done', 1, ?, output_json
+      FROM lease WHERE evaluation = ? ORDER BY first)",
+      evaluation, now_ms_, item.source);
+  Run(db_, R"(INSERT INTO transition (at, entity, entity_id, from_state, to_state, who, why)
+      SELECT ?, 'lease', id, '', 'done', ?, ? FROM lease WHERE evaluation = ? ORDER BY id)",
+      now_ms_, who, why, evaluation);
+  Statement episode(db_, R"(INSERT INTO episode SELECT ?1, p.idx, l.id,
+      1, p.seed, ?2, ?3, p.facts_json, ?4, ?5 FROM episode AS p JOIN lease AS l ON l.evaluation = ?1
+      AND p.idx BETWEEN l.first AND l.last WHERE p.evaluation = ?6 AND p.idx = ?7)");
   for (const EpisodeRow& judged : item.episodes) {
     SQLite::bind(episode, evaluation, std::string(OutcomeName(judged.outcome)),
                  std::string(judged.reason.name()), judged.metrics_json, now_ms_, item.source,
@@ -207,97 +182,79 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
     }
     episode.reset();
   }
-  CopyDetails(item.source, evaluation);
-  AddItemRow({.rejudge = item.rejudge,
-              .submission = item.submission,
-              .repetition = item.repetition,
-              .source = item.source,
-              .method = RejudgeMethod::kFacts,
-              .evaluation = evaluation});
-  if (item.state == EvaluationState::kDone) status.Update(SetStanding(evaluation, item.standing));
-  status.Update(AppendRecord(kGradedEntry, evaluation));
-  if (!status.ok()) return status;
+  Run(db_, R"(INSERT INTO episode_details (evaluation, idx, details_json)
+      SELECT ?, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx)",
+      evaluation, item.source);
+  AddItemRow(db_, item, RejudgeMethod::kFacts, evaluation);
+  if (item.state == EvaluationState::kDone) {
+    RETURN_IF_ERROR(SetStanding(evaluation, item.standing));
+  }
+  AppendEntry(db_, kGradedEntry, evaluation);
   return true;
-}
-
-std::string Writer::BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none) {
-  SQLite::Statement select(db_, "SELECT config FROM board_config WHERE phase = ? AND track = ? AND "
-                                "profile = ? ORDER BY id DESC LIMIT 1");
-  SQLite::bind(select, rejudge.phase, rejudge.track, rejudge.profile);
-  return select.executeStep() ? select.getColumn(0).getString() : if_none;
 }
 
 // Gives the board the config that it has after the act.
 absl::StatusOr<RejudgeDone> Writer::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                               const std::string& who) {
   if (done.config_after == done.config_before) return done;
-  RETURN_IF_ERROR(SetBoardConfig({.board = {rejudge.phase, rejudge.track,
-                                                        rejudge.profile},
-                                              .config = done.config_after,
-                                              .rejudge = rejudge.id},
-                                             who)
-                                  .status());
+  const BoardName board = {rejudge.phase, rejudge.track, rejudge.profile};
+  RETURN_IF_ERROR(
+      SetBoardConfig({.board = board, .config = done.config_after, .rejudge = rejudge.id}, who)
+          .status());
   return done;
 }
 
 absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                                  const std::string& who) {
   Reader reader(db_);
-  absl::StatusOr<RejudgeRow> rejudge = reader.Rejudge(act.rejudge);
-  if (!rejudge.ok()) return rejudge.status();
-  ASSIGN_OR_RETURN(RejudgeProgress progress, reader.ProgressOf(*rejudge));
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, reader.Rejudge(act.rejudge));
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
   RejudgeDone done;
-  done.config_before = BoardConfigOf(*rejudge, act.in_force);
-  if (const std::string why = WhyNotApplied(*rejudge, progress, act.without, done.config_before);
+  done.config_before = NewestBoardConfig(db_, {rejudge.phase, rejudge.track, rejudge.profile})
+                           .value_or(act.in_force);
+  if (const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);
       !why.empty()) {
-    return Refused(*rejudge, why);
+    return Refused(rejudge, why);
   }
   ASSIGN_OR_RETURN(done.event,
-                   AddRejudgeEvent(*rejudge, RejudgeEvent::kApplied, act.why, sign, who));
-  done.config_after = rejudge->to_config;
-  return MoveBoard(*rejudge, std::move(done), who);
+                   AddRejudgeEvent(rejudge, RejudgeEvent::kApplied, act.why, sign, who));
+  done.config_after = rejudge.to_config;
+  return MoveBoard(rejudge, std::move(done), who);
 }
 
 absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                                 const std::string& who) {
   Reader reader(db_);
-  absl::StatusOr<RejudgeRow> rejudge = reader.Rejudge(act.rejudge);
-  if (!rejudge.ok()) return rejudge.status();
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, reader.Rejudge(act.rejudge));
   ASSIGN_OR_RETURN(std::vector<RejudgeEventRow> events, reader.RejudgeEvents(act.rejudge));
   const RejudgeEventRow& last = events.back();
-  if (last.event == RejudgeEvent::kDropped) return Refused(*rejudge, "was dropped already");
+  if (last.event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped already");
   const bool applied = last.event == RejudgeEvent::kApplied;
-  if (applied) {
-    if (const int64_t later = LaterApplied(db_, *rejudge); later != 0) {
-      return Refused(*rejudge, absl::StrCat("can't be dropped before rejudge ", later,
-                                            ", which was applied after it to the same board"));
-    }
+  if (const int64_t later = applied ? LaterApplied(db_, rejudge) : 0; later != 0) {
+    return Refused(rejudge, absl::StrCat("can't be dropped before rejudge ", later,
+                                         ", which was applied after it to the same board"));
   }
   RejudgeDone done;
-  done.config_before = BoardConfigOf(*rejudge, act.in_force);
+  done.config_before = NewestBoardConfig(db_, {rejudge.phase, rejudge.track, rejudge.profile})
+                           .value_or(act.in_force);
   // If the config files have changed the board's config since, it stays.
-  const bool back = applied && done.config_before == rejudge->to_config;
-  done.config_after = back ? rejudge->from_config : done.config_before;
-  if (applied && rejudge->from_config != rejudge->to_config) {
-    SQLite::Statement stay(db_, "SELECT count(*) FROM submission WHERE config = ? AND ranked = 1 "
-                                "AND phase = ? AND accepted_at >= ?");
-    SQLite::bind(stay, rejudge->to_config, rejudge->phase, last.at);
-    stay.executeStep();
-    done.stay = stay.getColumn(0).getInt64();
+  const bool back = applied && done.config_before == rejudge.to_config;
+  done.config_after = back ? rejudge.from_config : done.config_before;
+  if (applied && rejudge.from_config != rejudge.to_config) {
+    done.stay = FirstNumber(db_, R"(SELECT count(*)
+        FROM submission WHERE config = ? AND ranked = 1 AND phase = ? AND accepted_at >= ?)",
+                            rejudge.to_config, rejudge.phase, last.at);
   }
-  SQLite::Statement open(db_, "SELECT e.id FROM rejudge_item AS i JOIN evaluation AS e ON "
-                              "e.id = i.evaluation WHERE i.rejudge = ? AND e.finished_at IS NULL "
-                              "ORDER BY e.id");
-  open.bind(1, rejudge->id);
-  while (open.executeStep()) done.cancelled.push_back(open.getColumn(0).getInt64());
+  done.cancelled = AllNumbers(db_, R"(SELECT e.id FROM rejudge_item AS i JOIN evaluation AS e
+      ON e.id = i.evaluation WHERE i.rejudge = ? AND e.finished_at IS NULL ORDER BY e.id)",
+                              rejudge.id);
   for (const int64_t evaluation : done.cancelled) {
-    RETURN_IF_ERROR(
-        EndWithLeases(evaluation, EvaluationState::kCancelled,
-                      absl::StrCat("rejudge ", rejudge->id, " was dropped"), who));
+    RETURN_IF_ERROR(EndWithLeases(evaluation, EvaluationState::kCancelled,
+                                  absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
   }
   ASSIGN_OR_RETURN(done.event,
-                   AddRejudgeEvent(*rejudge, RejudgeEvent::kDropped, act.why, sign, who));
-  return MoveBoard(*rejudge, std::move(done), who);
+                   AddRejudgeEvent(rejudge, RejudgeEvent::kDropped, act.why, sign, who));
+  return MoveBoard(rejudge, std::move(done), who);
 }
 
 }  // namespace myograde::server

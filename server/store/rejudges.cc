@@ -1,48 +1,33 @@
 #include "server/store/rejudges.h"
 
 #include <algorithm>
-#include <array>
 #include <map>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/store/connection.h"
 #include "server/store/differences.h"
-#include "server/store/name_table.h"
 #include "server/store/reader.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr std::array<std::pair<RejudgePurpose, std::string_view>, 2> kPurposes = {{
-    {RejudgePurpose::kRules, "rules"},
-    {RejudgePurpose::kSeeds, "seeds"},
-}};
-constexpr std::array<std::pair<RejudgeMethod, std::string_view>, 3> kMethods = {{
-    {RejudgeMethod::kAuto, "auto"},
-    {RejudgeMethod::kFacts, "facts"},
-    {RejudgeMethod::kPlay, "play"},
-}};
-constexpr std::array<std::pair<RejudgeEvent, std::string_view>, 3> kEvents = {{
-    {RejudgeEvent::kCreated, "created"},
-    {RejudgeEvent::kApplied, "applied"},
-    {RejudgeEvent::kDropped, "dropped"},
-}};
+constexpr std::string_view kPurposes[] = {"rules", "seeds"};
+constexpr std::string_view kMethods[] = {"auto", "facts", "play"};
+constexpr std::string_view kEvents[] = {"created", "applied", "dropped"};
+constexpr std::string_view kStates[] = {"computing", "ready", "applied", "dropped"};
 
 constexpr char kRejudgeColumns[] =
     "SELECT id, at, purpose, phase, track, profile, from_config, to_config, seeds, method, repeats, "
     "who, why FROM rejudge ";
 
 StoredRow RejudgeRowOf(SQLite::Statement& select, RejudgeRow& rejudge) {
-  StoredRow row(select, "rejudge", Shown(select.getColumn(0)));
-  rejudge.id = row.Number(0, 1, INT64_MAX);
+  StoredRow row(select, "rejudge");
+  rejudge.id = row.Id(0);
   rejudge.at = row.Time(1);
   rejudge.purpose = row.Named(2, ParseRejudgePurpose);
-  rejudge.phase = row.Text(3);
-  rejudge.track = row.Text(4);
-  rejudge.profile = row.Text(5);
+  row.TextsInto(3, {&rejudge.phase, &rejudge.track, &rejudge.profile});
   rejudge.from_config = row.Hash(6);
   rejudge.to_config = row.Hash(7);
   rejudge.seeds = row.Hash(8);
@@ -53,11 +38,11 @@ StoredRow RejudgeRowOf(SQLite::Statement& select, RejudgeRow& rejudge) {
   return row;
 }
 
-StoredRow EventOf(SQLite::Statement& select, RejudgeEventRow& event) {
-  StoredRow row(select, "rejudge_event", Shown(select.getColumn(0)));
-  event.id = row.Number(0, 1, INT64_MAX);
+StoredRow RejudgeEventOf(SQLite::Statement& select, RejudgeEventRow& event) {
+  StoredRow row(select, "rejudge_event");
+  event.id = row.Id(0);
   event.at = row.Time(1);
-  event.rejudge = row.Number(2, 1, INT64_MAX);
+  event.rejudge = row.Id(2);
   event.event = row.Named(3, ParseRejudgeEvent);
   event.who = row.Text(4);
   event.why = row.Text(5);
@@ -75,12 +60,12 @@ StoredRow ItemOf(SQLite::Statement& select, RejudgeItemRow& item) {
   StoredRow row(select, "rejudge_item",
                 absl::StrCat(Shown(select.getColumn(0)), "/", Shown(select.getColumn(1)), "/",
                              Shown(select.getColumn(2))));
-  item.rejudge = row.Number(0, 1, INT64_MAX);
-  item.submission = row.Number(1, 1, INT64_MAX);
+  item.rejudge = row.Id(0);
+  item.submission = row.Id(1);
   item.repetition = row.Number(2, 1, kMostRepeats);
-  item.source = row.Number(3, 1, INT64_MAX);
+  item.source = row.Id(3);
   item.method = row.Named(4, ParseRejudgeMethod);
-  item.evaluation = row.Number(5, 1, INT64_MAX);
+  item.evaluation = row.Id(5);
   row.Joined("evaluation", 9);
   item.state = row.Named(6, ParseEvaluationState);
   item.reason = row.Text(7);
@@ -120,14 +105,13 @@ std::string MissingSql() {
       "  submission = s.id AND repetition = n) ORDER BY n, s.id LIMIT ?8");
 }
 
-std::vector<RejudgeCandidate> Candidates(SQLite::Statement& select) {
-  std::vector<RejudgeCandidate> candidates;
-  while (select.executeStep()) {
-    candidates.push_back({.submission = select.getColumn(0).getInt64(),
-                          .source = select.getColumn(1).getInt64(),
-                          .repetition = select.getColumn(2).getInt64()});
-  }
-  return candidates;
+// Of a RejudgeRow or a NewRejudge, whose `id` is 0.
+template <typename Rejudge>
+std::vector<RejudgeCandidate> Candidates(SQLite::Database& db, const Rejudge& rejudge, int64_t id,
+                                         int64_t latest, int64_t limit) {
+  return AllRows<RejudgeCandidate, 3>(Statement(db, MissingSql(), rejudge.from_config, id,
+                                                rejudge.phase, rejudge.track, rejudge.profile,
+                                                rejudge.repeats, latest, limit));
 }
 
 }  // namespace
@@ -145,39 +129,27 @@ std::optional<RejudgeEvent> ParseRejudgeEvent(std::string_view name) {
   return ParseIn<RejudgeEvent>(kEvents, name);
 }
 
-std::string_view RejudgeStateName(RejudgeProgress::State state) {
-  switch (state) {
-    case RejudgeProgress::State::kComputing: return "computing";
-    case RejudgeProgress::State::kReady: return "ready";
-    case RejudgeProgress::State::kApplied: return "applied";
-    case RejudgeProgress::State::kDropped: return "dropped";
-  }
-  return "";
-}
+std::string_view RejudgeStateName(RejudgeProgress::State state) { return NameIn(kStates, state); }
 
 absl::StatusOr<RejudgeRow> Reader::Rejudge(int64_t id) {
-  SQLite::Statement select(db_, absl::StrCat(kRejudgeColumns, "WHERE id = ?"));
-  select.bind(1, id);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no rejudge ", id));
-  }
-  RejudgeRow rejudge;
-  if (const StoredRow row = RejudgeRowOf(select, rejudge); !row.ok()) return row.status();
-  return rejudge;
+  return FirstOf<RejudgeRow>(Statement(db_, absl::StrCat(kRejudgeColumns, "WHERE id = ?"), id),
+                             RejudgeRowOf,
+                             absl::NotFoundError(absl::StrCat("there is no rejudge ", id)));
 }
 
 Listed<RejudgeRow> Reader::Rejudges(int64_t before, int64_t limit) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kRejudgeColumns, "WHERE id < ? ORDER BY id DESC LIMIT ?"));
-  SQLite::bind(select, before, limit);
-  return ListOf<RejudgeRow>(select, {}, RejudgeRowOf);
+  return ListOf<RejudgeRow>(
+      Statement(db_, absl::StrCat(kRejudgeColumns, "WHERE id < ? ORDER BY id DESC LIMIT ?"), before,
+                limit),
+      RejudgeRowOf);
 }
 
 absl::StatusOr<std::vector<RejudgeEventRow>> Reader::RejudgeEvents(int64_t rejudge) {
-  SQLite::Statement select(db_, "SELECT id, at, rejudge, event, who, why, document_json, signature "
-                                "FROM rejudge_event WHERE rejudge = ? ORDER BY id");
-  select.bind(1, rejudge);
-  absl::StatusOr<std::vector<RejudgeEventRow>> events = AllOf<RejudgeEventRow>(select, {}, EventOf);
+  absl::StatusOr<std::vector<RejudgeEventRow>> events = AllOf<RejudgeEventRow>(
+      Statement(db_, R"(SELECT id, at, rejudge, event, who, why, document_json, signature
+          FROM rejudge_event WHERE rejudge = ? ORDER BY id)",
+                rejudge),
+      RejudgeEventOf);
   if (events.ok() && events->empty()) {
     return DamagedRow({"rejudge", absl::StrCat(rejudge), "it has no event"});
   }
@@ -185,15 +157,16 @@ absl::StatusOr<std::vector<RejudgeEventRow>> Reader::RejudgeEvents(int64_t rejud
 }
 
 absl::StatusOr<std::vector<RejudgeItemRow>> Reader::RejudgeItems(int64_t rejudge) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kItemColumns, "WHERE i.rejudge = ? ORDER BY i.submission, i.repetition"));
-  select.bind(1, rejudge);
-  return AllOf<RejudgeItemRow>(select, {}, ItemOf);
+  return AllOf<RejudgeItemRow>(
+      Statement(
+          db_,
+          absl::StrCat(kItemColumns, "WHERE i.rejudge = ? ORDER BY i.submission, i.repetition"),
+          rejudge),
+      ItemOf);
 }
 
 absl::StatusOr<std::optional<RejudgeItemRow>> Reader::RejudgeItemOf(int64_t evaluation) {
-  SQLite::Statement select(db_, absl::StrCat(kItemColumns, "WHERE i.evaluation = ?"));
-  select.bind(1, evaluation);
+  Statement select(db_, absl::StrCat(kItemColumns, "WHERE i.evaluation = ?"), evaluation);
   if (!select.executeStep()) return std::optional<RejudgeItemRow>();
   RejudgeItemRow item;
   if (const StoredRow row = ItemOf(select, item); !row.ok()) return row.status();
@@ -222,47 +195,39 @@ absl::StatusOr<RejudgeProgress> Reader::ProgressOf(const RejudgeRow& rejudge) {
     ++progress.missing;
   }
   progress.submissions = std::ssize(submissions);
-  SQLite::Statement episodes(
-      db_, "SELECT ifnull(sum(e.last - e.first + 1), 0), ifnull(sum(CASE WHEN e.state = 'done' THEN "
-           "e.last - e.first + 1 ELSE (SELECT count(*) FROM episode WHERE evaluation = e.id) END), 0)"
-           " FROM rejudge_item AS i JOIN evaluation AS e ON e.id = i.evaluation WHERE i.rejudge = ?");
-  episodes.bind(1, rejudge.id);
+  Statement episodes(db_, R"(SELECT ifnull(sum(e.last - e.first + 1),
+      0), ifnull(sum(CASE WHEN e.state = 'done' THEN e.last - e.first + 1 ELSE
+      (SELECT count(*) FROM episode WHERE evaluation = e.id) END), 0)
+      FROM rejudge_item AS i JOIN evaluation AS e ON e.id = i.evaluation WHERE i.rejudge = ?)",
+                     rejudge.id);
   episodes.executeStep();
   progress.episodes = episodes.getColumn(0).getInt64();
   progress.episodes_done = episodes.getColumn(1).getInt64();
   const bool dropped = events.back().event == RejudgeEvent::kDropped;
   progress.complete = progress.missing == 0 && progress.ended == progress.items &&
                       !(dropped && progress.cancelled > 0);
-  switch (events.back().event) {
-    case RejudgeEvent::kApplied: progress.state = RejudgeProgress::State::kApplied; break;
-    case RejudgeEvent::kDropped: progress.state = RejudgeProgress::State::kDropped; break;
-    case RejudgeEvent::kCreated:
-      progress.state = progress.complete ? RejudgeProgress::State::kReady
-                                         : RejudgeProgress::State::kComputing;
-  }
+  using State = RejudgeProgress::State;
+  progress.state = events.back().event == RejudgeEvent::kApplied ? State::kApplied
+                   : dropped                                     ? State::kDropped
+                   : progress.complete                           ? State::kReady
+                                                                 : State::kComputing;
   return progress;
 }
 
 std::vector<RejudgeCandidate> Reader::MissingItems(const RejudgeRow& rejudge, int64_t limit) {
   if (rejudge.purpose != RejudgePurpose::kRules) return {};
   // Where the config stays, what was accepted after it was applied has its result under it.
-  SQLite::Statement applied(db_, "SELECT ifnull(min(at), ?2) FROM rejudge_event WHERE rejudge = ?1 "
-                                 "AND event = 'applied'");
-  SQLite::bind(applied, rejudge.id, INT64_MAX);
-  applied.executeStep();
-  const int64_t latest =
-      rejudge.from_config == rejudge.to_config ? applied.getColumn(0).getInt64() : INT64_MAX;
-  SQLite::Statement select(db_, MissingSql());
-  SQLite::bind(select, rejudge.from_config, rejudge.id, rejudge.phase, rejudge.track,
-               rejudge.profile, rejudge.repeats, latest, limit);
-  return Candidates(select);
+  const int64_t latest = rejudge.from_config != rejudge.to_config
+                             ? INT64_MAX
+                             : FirstNumber(db_, R"(SELECT ifnull(min(at), ?2)
+                                 FROM rejudge_event WHERE rejudge = ?1 AND event = 'applied')",
+                                           rejudge.id, INT64_MAX);
+  return Candidates(db_, rejudge, rejudge.id, latest, limit);
 }
 
 std::vector<RejudgeCandidate> Reader::CandidatesFor(const NewRejudge& rejudge) {
-  SQLite::Statement select(db_, MissingSql());
-  SQLite::bind(select, rejudge.from_config, 0, rejudge.phase, rejudge.track, rejudge.profile,
-               rejudge.repeats, INT64_MAX, INT64_MAX);
-  std::vector<RejudgeCandidate> candidates = Candidates(select);
+  std::vector<RejudgeCandidate> candidates =
+      Candidates(db_, rejudge, /*id=*/0, INT64_MAX, INT64_MAX);
   if (rejudge.purpose == RejudgePurpose::kSeeds) {
     std::erase_if(candidates, [&](const RejudgeCandidate& candidate) {
       return std::find(rejudge.submissions.begin(), rejudge.submissions.end(),
@@ -293,18 +258,14 @@ absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge
       continue;
     }
     if (item.results_hash == first->results_hash) continue;
-    for (const int64_t evaluation : {first->evaluation, item.evaluation}) {
-      if (evaluation == first->evaluation && !episodes.empty()) continue;
-      ASSIGN_OR_RETURN(std::vector<EpisodeRow> read, Episodes(evaluation));
-      if (evaluation == first->evaluation) {
-        episodes = std::move(read);
-        continue;
-      }
-      for (size_t i = 0; i < std::min(episodes.size(), read.size()); ++i) {
-        std::vector<std::string> differs = DifferencesBetween(episodes[i], read[i]);
-        if (differs.empty()) continue;
-        add(item.submission, {read[i].index, item.repetition, std::move(differs)});
-      }
+    if (episodes.empty()) {
+      ASSIGN_OR_RETURN(episodes, Episodes(first->evaluation));
+    }
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> others, Episodes(item.evaluation));
+    for (size_t i = 0; i < std::min(episodes.size(), others.size()); ++i) {
+      std::vector<std::string> differs = DifferencesBetween(episodes[i], others[i]);
+      if (differs.empty()) continue;
+      add(item.submission, {others[i].index, item.repetition, std::move(differs)});
     }
   }
   std::vector<Unrepeatable> listed;
@@ -314,10 +275,8 @@ absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge
 
 int64_t Reader::RejudgeWork() {
   // Both only grow.
-  SQLite::Statement select(db_, "SELECT ifnull((SELECT max(id) FROM transition), 0) + "
-                                "ifnull((SELECT max(id) FROM rejudge_event), 0)");
-  select.executeStep();
-  return select.getColumn(0).getInt64();
+  return FirstNumber(db_, R"(SELECT ifnull((SELECT max(id)
+      FROM transition), 0) + ifnull((SELECT max(id) FROM rejudge_event), 0))");
 }
 
 }  // namespace myograde::server

@@ -1,8 +1,9 @@
 // Rejudges: all submissions of a board judged again, under another config (purpose "rules") or with
-// further episodes (purpose "seeds"). The tables are described in schema_v7.sql.
+// further episodes (purpose "seeds"). schema.sql describes the tables.
 //
-// The operations are Writer's (AddRejudge, AddRejudgeItem, AddJudgedItem, ApplyRejudge, DropRejudge),
-// the views Reader's (Rejudge, Rejudges, RejudgeEvents, RejudgeItems, ProgressOf, MissingItems).
+// The operations are Writer's (AddRejudge, AddRejudgeItem, AddJudgedItem, ApplyRejudge,
+// DropRejudge), the views Reader's (Rejudge, Rejudges, RejudgeEvents, RejudgeItems, ProgressOf,
+// MissingItems).
 //
 //   created ──(every item has ended)── ready ──apply──► applied ──drop──► dropped
 //      └───────────────────drop──────────┴───────────────► dropped ──apply──► applied, if complete

@@ -2,38 +2,15 @@
 
 #include <absl/strings/str_cat.h>
 
-#include <array>
-#include <utility>
-
-#include <nlohmann/json.hpp>
-
-#include "server/store/name_table.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr std::array<std::pair<LeaseState, std::string_view>, 5> kLeaseStates = {{
-    {LeaseState::kPending, "pending"},
-    {LeaseState::kRunning, "running"},
-    {LeaseState::kDone, "done"},
-    {LeaseState::kFailed, "failed"},
-    {LeaseState::kCancelled, "cancelled"},
-}};
-
-constexpr std::array<std::pair<EvaluationKind, std::string_view>, 3> kEvaluationKinds = {{
-    {EvaluationKind::kOriginal, "original"},
-    {EvaluationKind::kRerun, "rerun"},
-    {EvaluationKind::kRejudge, "rejudge"},
-}};
-
-constexpr std::array<std::pair<EvaluationState, std::string_view>, 6> kEvaluationStates = {{
-    {EvaluationState::kQueued, "queued"},
-    {EvaluationState::kRunning, "running"},
-    {EvaluationState::kDone, "done"},
-    {EvaluationState::kFailed, "failed"},
-    {EvaluationState::kCancelled, "cancelled"},
-    {EvaluationState::kGraderError, "grader_error"},
-}};
+constexpr std::string_view kLeaseStates[] = {"pending", "running", "done", "failed", "cancelled"};
+constexpr std::string_view kEvaluationKinds[] = {"original", "rerun", "rejudge"};
+constexpr std::string_view kEvaluationStates[] = {"queued", "running",   "done",
+                                                  "failed", "cancelled", "grader_error"};
 
 }  // namespace
 

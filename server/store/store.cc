@@ -2,12 +2,12 @@
 
 #include <sys/stat.h>
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
-#include "server/store/record_backfill.h"
 #include "server/store/stored_row.h"
 #include "server/store/teams.h"
 
@@ -16,11 +16,10 @@ namespace {
 
 // Of those that an evaluation or a person leaves.
 std::optional<int64_t> NewestRow(SQLite::Database& db) {
-  SQLite::Statement select(
-      db, "SELECT max(at) FROM (SELECT max(accepted_at) AS at FROM submission UNION ALL "
-          "SELECT max(finished_at) FROM evaluation UNION ALL SELECT max(at) FROM upload UNION ALL "
-          "SELECT at FROM (SELECT at FROM transition ORDER BY id DESC LIMIT 1) UNION ALL "
-          "SELECT at FROM (SELECT at FROM access_event ORDER BY id DESC LIMIT 1))");
+  Statement select(db, R"(SELECT max(at) FROM (SELECT max(accepted_at) AS at
+      FROM submission UNION ALL SELECT max(finished_at) FROM evaluation UNION ALL SELECT max(at)
+      FROM upload UNION ALL SELECT at FROM (SELECT at FROM transition ORDER BY id DESC
+      LIMIT 1) UNION ALL SELECT at FROM (SELECT at FROM access_event ORDER BY id DESC LIMIT 1)))");
   if (!select.executeStep() || !select.getColumn(0).isInteger()) return std::nullopt;
   return select.getColumn(0).getInt64();
 }
@@ -28,9 +27,8 @@ std::optional<int64_t> NewestRow(SQLite::Database& db) {
 // What SetTrustedTime wrote, else the time of the newest row. A row that was written while the clock was
 // wrong says nothing about it.
 std::optional<int64_t> TrustedTimeOf(SQLite::Database& db) {
-  SQLite::Statement select(db, "SELECT CAST(CAST(value AS TEXT) AS INTEGER) FROM meta WHERE key = 'trusted_time'");
-  if (select.executeStep() && select.getColumn(0).getInt64() > 0) return select.getColumn(0).getInt64();
-  return NewestRow(db);
+  int64_t ms = 0;
+  return absl::SimpleAtoi(Meta(db, "trusted_time"), &ms) && ms > 0 ? ms : NewestRow(db);
 }
 
 // How many rows were ever added to the tables that number their rows so. It never goes back.
@@ -49,22 +47,16 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
   ASSIGN_OR_RETURN(OpenedStore opened, OpenForWriting(path));
   std::unique_ptr<Store> store(new Store(path, std::move(opened.db), clock));
   store->migration_ = std::move(opened.migration);
-  RETURN_IF_ERROR(GuardSqlite(path, [&] {
-    store->trusted_time_ms_ = TrustedTimeOf(*store->db_);
+  RETURN_IF_ERROR(GuardSqlite(path, [&]() -> absl::Status {
+    SQLite::Database& db = *store->db_;
+    store->trusted_time_ms_ = TrustedTimeOf(db);
+    RETURN_IF_ERROR(store->LoadSecret());
+    SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
+    FillTeamLooks(db);
+    transaction.commit();
+    store->Remember(RowsEver(db));
     return absl::OkStatus();
   }));
-  absl::Status status = store->LoadSecret();
-  if (status.ok()) {
-    status = GuardSqlite(path, [&] {
-      SQLite::Transaction transaction(*store->db_, SQLite::TransactionBehavior::IMMEDIATE);
-      FillTeamLooks(*store->db_);
-      transaction.commit();
-      BackfillRecord(*store->db_);
-      store->Remember(RowsEver(*store->db_));
-      return absl::OkStatus();
-    });
-  }
-  if (!status.ok()) return status;
   store->files_ = FilesOf(path);
   return store;
 }
@@ -142,36 +134,31 @@ void Store::Distrust(const std::string& why) {
 }
 
 void Writer::SetTrustedTime(int64_t ms) {
-  SQLite::Statement set(db_, "INSERT INTO meta VALUES ('trusted_time', CAST(? AS BLOB)) ON CONFLICT (key) DO "
-                             "UPDATE SET value = excluded.value WHERE CAST(CAST(value AS TEXT) AS INTEGER) < ?");
-  set.bind(1, absl::StrCat(ms));
-  set.bind(2, ms);
-  set.exec();
+  int64_t before = 0;
+  if (!absl::SimpleAtoi(Meta(db_, "trusted_time"), &before) || before < ms) {
+    SetMeta(db_, "trusted_time", absl::StrCat(ms));
+  }
 }
 
 absl::Status Store::LoadSecret() {
-  return GuardSqlite(path_, [&]() -> absl::Status {
-    ASSIGN_OR_RETURN(std::string fresh, RandomBytes(32));
-    SQLite::Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
-    const bool there = select.executeStep();
-    if (there && select.getColumn(0).isBlob() &&
-        select.getColumn(0).getBytes() == static_cast<int>(fresh.size())) {
-      policy_secret_ = select.getColumn(0).getString();
-      return absl::OkStatus();
-    }
-    if (there) {
-      mended_ = Damage{"meta", "policy_secret", absl::StrCat("its \"value\" is ",
-                       Shown(select.getColumn(0)), ", and not 32 bytes; a new one was made, so "
-                       "policies that use their seed do not repeat what they did before")};
-    }
-    select.reset();
-    SQLite::Statement insert(*db_, "INSERT INTO meta VALUES ('policy_secret', ?) ON CONFLICT (key) "
-                                   "DO UPDATE SET value = excluded.value");
-    insert.bind(1, fresh.data(), static_cast<int>(fresh.size()));
-    insert.exec();
-    policy_secret_ = std::move(fresh);
+  ASSIGN_OR_RETURN(std::string fresh, RandomBytes(32));
+  Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
+  const bool there = select.executeStep();
+  if (there && select.getColumn(0).isBlob() &&
+      select.getColumn(0).getBytes() == static_cast<int>(fresh.size())) {
+    policy_secret_ = select.getColumn(0).getString();
     return absl::OkStatus();
-  });
+  }
+  if (there) {
+    mended_ = Damage{"meta", "policy_secret",
+                     absl::StrCat("its \"value\" is ", Shown(select.getColumn(0)),
+                                  ", and not 32 bytes; a new one was made, so policies that use "
+                                  "their seed do not repeat what they did before")};
+  }
+  select.reset();
+  SetMeta(*db_, "policy_secret", fresh);
+  policy_secret_ = std::move(fresh);
+  return absl::OkStatus();
 }
 
 absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {

@@ -24,17 +24,15 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
-#include "server/store/accepted.h"
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/deliveries.h"
-#include "server/store/lease_runs.h"
 #include "server/store/migration.h"
-#include "server/store/new_submission.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
+#include "server/store/submissions.h"
 #include "server/store/transfer.h"
 
 namespace SQLite {
@@ -48,49 +46,9 @@ class Reader;
 // Different kinds of denied requests that have rows of their own, for each UTC day.
 inline constexpr int64_t kMostDenialsOfADay = 1000;
 
-// What a submission must satisfy to be accepted.
-struct AdmissionRules {
-  QuotaLimits quota;
-  // An artefact has one ranked evaluation per config: for each team or, if true, for all teams
-  // together.
-  bool one_for_everyone = false;
-};
-
-// Who uploaded an artefact that has not been submitted yet.
-struct NewUpload {
-  std::string uploader;     // "uid 1000"
-  std::string team;         // "": unknown
-  bool organiser = false;   // only the limits on the total apply
-};
-
-// Limits on artefacts with files that nobody has submitted.
-struct UnsubmittedLimits {
-  int64_t count = 4000;
-  int64_t bytes = int64_t{64} << 30;
-  int64_t of_one = 1000;    // per uploader, and per team
-  int64_t bytes_of_one = int64_t{16} << 30;
-  absl::Duration age = absl::Hours(24);  // after which the files are removed
-};
-
-// Limits on re-runs that have not ended.
-struct RerunLimits {
-  int64_t unfinished = 64;     // total of all non-organisers
-  int64_t of_one = 8;          // per non-organiser
-  int64_t of_a_submission = 2;
-  int64_t of_organisers = 256;
-};
-
 // The kind of an artefact that Writer::Remove removes only if it is still unsubmitted.
 inline constexpr char kUploadKind[] = "upload";
 inline constexpr char kPracticeLogKind[] = "practice log";
-
-struct NewRerun {
-  int64_t submission = 0;
-  std::string artefact;  // the submission's
-  std::string grader_json;
-  std::vector<std::pair<int64_t, int64_t>> blocks;
-  RequestKey request_key = {};
-};
 
 // Extra units for a team, for the store's current day and in total.
 struct NewGrant {
@@ -196,10 +154,8 @@ class Writer {
   // Ends an evaluation with unreadable rows as grader_error, as far as they can be written: values
   // of a wrong type become 0 and "". An error: it stays as it is.
   absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
-  // Evaluations that have not ended.
-  std::vector<int64_t> OpenEvaluations();
-  // Those that a cancel of the submission ends: its original one and, if `reruns`, its re-runs.
-  // Rejudges end by Drop alone.
+  // The evaluations that a cancel of the submission ends: those of its original one and, if
+  // `reruns`, its re-runs that have not ended. Rejudges end by DropRejudge alone.
   std::vector<int64_t> OpenEvaluationsOf(int64_t submission, bool reruns);
 
   // Charges one unit of the budget `failed` for an attempt that never became a submission.
@@ -288,13 +244,8 @@ class Writer {
   // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
   absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
 
-  // Adds the entry of a row to the public record (record.h): of kind "accepted" of a submission,
-  // "graded" of an evaluation, "marked" of a mark, "chosen" of a choice, "team" of a team_event,
-  // "commitment" of a phase_secret, "phase" of a phase_event, "config" of a board_config, "rejudge"
-  // of a rejudge_event. Called in the transaction that wrote the row, after everything that the
-  // entry tells. Does nothing for what is not public: practice, re-runs, what has not ended.
-  absl::Status AppendRecord(const std::string& kind, int64_t row);
-  // Adds the key that signs from now on, unless it is the latest one already.
+  // Adds to the public record (record.h) the key that signs from now on, unless it is the latest
+  // one already.
   absl::Status AppendKey(const std::string& public_pem);
 
   // Rejudges (rejudges.h). Adds one with its event 'created'.
@@ -338,20 +289,22 @@ class Writer {
     std::vector<std::pair<int64_t, int64_t>> blocks;
   };
   absl::StatusOr<Accepted> AddEvaluation(const NewEvaluation& added, const std::string& who);
+  // Content rows, each found by the SHA-256 of its text and never changed. Each is added unless it
+  // is there. A damaged row (damage.h) if what is there under this hash is not this text.
+  absl::Status AddConfig(const std::string& hash, const std::string& track,
+                         const std::string& profile, const std::string& json);
+  absl::Status AddSeedList(const std::string& hash, int64_t count, const std::string& json);
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
   // The rejudge that an item is to be added to; nullopt if the item is there.
   absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(int64_t rejudge, int64_t submission,
                                                            int64_t repetition);
-  void AddItemRow(const RejudgeItemRow& item);
   absl::StatusOr<RejudgeEventRow> AddRejudgeEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                                   const std::string& why, const SignRejudge& sign,
                                                   const std::string& who);
-  std::string BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none);
   absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                         const std::string& who);
   void AddNodeEvent(const std::string& node, const char* event, const std::string& why,
                     const std::string& who);
-  void MendTypes(const char* table, int64_t id);
   void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
@@ -363,8 +316,6 @@ class Writer {
   // Returns the row's id.
   int64_t AddSecret(const std::string& phase, const std::string& challenge,
                     const std::string& secret);
-  void AddDetails(const EpisodeRow& row);
-  void CopyDetails(int64_t from, int64_t to);  // between evaluations with the same episodes
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
   void SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who);
 

@@ -30,6 +30,9 @@ std::string Shown(const SQLite::Column& column) {
 StoredRow::StoredRow(SQLite::Statement& select, std::string table, std::string key)
     : select_(select), table_(std::move(table)), key_(std::move(key)) {}
 
+StoredRow::StoredRow(SQLite::Statement& select, std::string table)
+    : StoredRow(select, std::move(table), Shown(select.getColumn(0))) {}
+
 void StoredRow::Joined(std::string table, int key_column) {
   table_ = std::move(table);
   key_ = Shown(select_.getColumn(key_column));
@@ -101,6 +104,10 @@ std::string StoredRow::TextOr(int column) {
   return select_.isColumnNull(column) ? "" : Text(column);
 }
 
+void StoredRow::TextsInto(int first_column, std::initializer_list<std::string*> texts) {
+  for (std::string* text : texts) *text = Text(first_column++);
+}
+
 std::string StoredRow::Hash(int column) {
   std::string text = Text(column);
   if (!IsSha256Hex(text)) Fail(column, "64 lower-case hexadecimal digits belong there");
@@ -116,30 +123,21 @@ std::string StoredRow::Object(int column) {
 }
 
 std::vector<std::string> StoredRow::Strings(int column) {
-  const auto array = nlohmann::json::parse(Text(column), nullptr, /*allow_exceptions=*/false);
-  std::vector<std::string> strings;
-  for (const nlohmann::json& entry : array.is_array() ? array : nlohmann::json::array({0})) {
-    if (!entry.is_string()) {
-      Fail(column, "a JSON array of strings belongs there");
-      return {};
-    }
-    strings.push_back(entry.get<std::string>());
+  try {
+    return nlohmann::json::parse(Text(column)).get<std::vector<std::string>>();
+  } catch (const nlohmann::json::exception&) {
+    Fail(column, "a JSON array of strings belongs there");
+    return {};
   }
-  return strings;
 }
 
 std::map<std::string, std::string> StoredRow::Texts(int column) {
-  const auto object = nlohmann::json::parse(Text(column), nullptr, /*allow_exceptions=*/false);
-  if (!object.is_object()) Fail(column, "a JSON object of strings belongs there");
-  std::map<std::string, std::string> texts;
-  for (const auto& [name, value] : object.items()) {
-    if (!value.is_string()) {
-      Fail(column, "a JSON object of strings belongs there");
-      return {};
-    }
-    texts[name] = value.get<std::string>();
+  try {
+    return nlohmann::json::parse(Text(column)).get<std::map<std::string, std::string>>();
+  } catch (const nlohmann::json::exception&) {
+    Fail(column, "a JSON object of strings belongs there");
+    return {};
   }
-  return texts;
 }
 
 }  // namespace myograde::server

@@ -7,8 +7,10 @@
 //   if (!row.ok()) return row.status();
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <initializer_list>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <string>
@@ -16,11 +18,11 @@
 #include <utility>
 #include <vector>
 
-#include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "server/store/damage.h"
+#include "server/store/statement.h"
 
 namespace myograde::server {
 
@@ -31,19 +33,27 @@ class StoredRow {
  public:
   // `select` is positioned on the row and outlives this object. Table and key appear in errors.
   StoredRow(SQLite::Statement& select, std::string table, std::string key);
+  // The first column is the key.
+  StoredRow(SQLite::Statement& select, std::string table);
 
   // The following columns belong to another, joined row. NULL in `key_column`: it is missing.
   void Joined(std::string table, int key_column);
 
+  bool IsNull(int column) const { return select_.isColumnNull(column); }
+
   // Values; after the first error, harmless values of the same type.
   int64_t Number(int column, int64_t min, int64_t max);
   int64_t NumberOr(int column, int64_t min, int64_t max, int64_t if_null);
+  int64_t Id(int column) { return Number(column, 1, INT64_MAX); }
+  int64_t IdOr0(int column) { return NumberOr(column, 1, INT64_MAX, 0); }  // 0 if it is NULL
   int64_t Time(int column);     // ms since 1970, up to the year 9999
   int64_t TimeOr0(int column);  // 0 if it is NULL
   std::string Blob(int column);  // bytes
   bool Flag(int column) { return Number(column, 0, 1) != 0; }
   std::string Text(int column);    // valid UTF-8
   std::string TextOr(int column);  // "" if it is NULL
+  // Texts of this column and those after it.
+  void TextsInto(int first_column, std::initializer_list<std::string*> texts);
   std::string Hash(int column);    // 64 lower-case hexadecimal digits
   std::string Object(int column);  // the text of a JSON object
   std::vector<std::string> Strings(int column);  // of a JSON array of strings
@@ -78,13 +88,13 @@ class StoredRow {
   std::optional<Damage> damage_;
 };
 
-// All rows, or the damage of the first unreadable one. `parse` fills in a row, which starts as
-// `empty`, and returns the StoredRow that it was read with.
+// All rows, or the damage of the first unreadable one. `parse` fills in a row, and returns the
+// StoredRow that it was read with.
 template <typename Row, typename Parse>
-absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement& select, const Row& empty, Parse parse) {
+absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement select, Parse parse) {
   std::vector<Row> rows;
   while (select.executeStep()) {
-    Row row = empty;
+    Row row;
     if (const StoredRow read = parse(select, row); !read.ok()) return read.status();
     rows.push_back(std::move(row));
   }
@@ -93,11 +103,11 @@ absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement& select, const Row& emp
 
 // The readable rows, and the damage of the others; the first column is their id.
 template <typename Row, typename Parse>
-Listed<Row> ListOf(SQLite::Statement& select, const Row& empty, Parse parse) {
+Listed<Row> ListOf(SQLite::Statement select, Parse parse) {
   Listed<Row> listed;
   while (select.executeStep()) {
     listed.last_id = select.getColumn(0).getInt64();
-    Row row = empty;
+    Row row;
     const StoredRow read = parse(select, row);
     if (read.ok()) {
       listed.rows.push_back(std::move(row));
@@ -108,7 +118,28 @@ Listed<Row> ListOf(SQLite::Statement& select, const Row& empty, Parse parse) {
   return listed;
 }
 
+// The first row, or its damage; `missing` if there is none.
+template <typename Row, typename Parse>
+absl::StatusOr<Row> FirstOf(SQLite::Statement select, Parse parse, const absl::Status& missing) {
+  Row row;
+  if (!select.executeStep()) return missing;
+  if (const StoredRow read = parse(select, row); !read.ok()) return read.status();
+  return row;
+}
+
 // A column's value for people, for keys and errors.
 std::string Shown(const SQLite::Column& column);
+
+// Enumerations as the names that the store has for them: arrays of the names of 0, 1 and so on.
+template <typename Names, typename Value>
+std::string_view NameIn(const Names& names, Value value) {
+  return names[static_cast<size_t>(value)];
+}
+template <typename Value, typename Names>
+std::optional<Value> ParseIn(const Names& names, std::string_view name) {
+  const auto found = std::find(std::begin(names), std::end(names), name);
+  if (found == std::end(names)) return std::nullopt;
+  return static_cast<Value>(found - std::begin(names));
+}
 
 }  // namespace myograde::server

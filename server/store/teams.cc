@@ -10,7 +10,7 @@
 #include "server/base/names.h"
 #include "server/store/quota.h"
 #include "server/store/reader.h"
-#include "server/store/record_appender.h"
+#include "server/store/record.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -19,32 +19,29 @@ namespace {
 constexpr char kResembledKey[] = "myograde/resembled-team";
 
 int64_t RowNamedExactly(SQLite::Database& db, const std::string& name) {
-  SQLite::Statement select(db, "SELECT id FROM team WHERE name = ?1 UNION ALL "
-                               "SELECT team_id FROM former_name WHERE name = ?1 LIMIT 1");
-  select.bind(1, name);
-  return select.executeStep() ? select.getColumn(0).getInt64() : 0;
+  return FirstNumber(db, R"(SELECT id FROM team
+      WHERE name = ?1 UNION ALL SELECT team_id FROM former_name WHERE name = ?1 LIMIT 1)",
+                     name);
 }
 
 // The oldest other team that the name resembles, now or by a former name of its own; "": none.
 std::string Resembled(SQLite::Database& db, const std::string& name, int64_t team) {
-  SQLite::Statement select(
-      db, absl::StrCat("SELECT t.name FROM team_look AS l JOIN team AS t ON t.id = l.team "
-                       "WHERE l.look = ?1 AND t.id NOT IN ", RowsOfTeam(2),
-                       " ORDER BY t.id LIMIT 1"));
+  const std::string sql = absl::StrCat(
+      "SELECT t.name FROM team_look AS l JOIN team AS t ON t.id = l.team "
+      "WHERE l.look = ?1 AND t.id NOT IN ",
+      RowsOfTeam(2), " ORDER BY t.id LIMIT 1");
   for (const std::string& look : LooksOf(name)) {
-    select.reset();
-    SQLite::bind(select, look, team);
-    if (select.executeStep()) return select.getColumn(0).getString();
+    std::string other = FirstText(db, sql, look, team);
+    if (!other.empty()) return other;
   }
   return "";
 }
 
 // Why it was banned; "" if no reason was given.
 std::string ReasonOfBan(SQLite::Database& db, int64_t team) {
-  SQLite::Statement select(db, "SELECT why FROM team_event WHERE team_id = ? AND event = 'banned' "
-                               "ORDER BY id DESC LIMIT 1");
-  select.bind(1, team);
-  return select.executeStep() ? select.getColumn(0).getString() : "";
+  return FirstText(db, R"(SELECT why
+      FROM team_event WHERE team_id = ? AND event = 'banned' ORDER BY id DESC LIMIT 1)",
+                   team);
 }
 
 }  // namespace
@@ -62,9 +59,9 @@ int64_t TeamRowNamed(SQLite::Database& db, const std::string& name) {
 }
 
 absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row) {
-  SQLite::Statement select(db, "SELECT t.id, t.name, t.banned FROM team AS o LEFT JOIN team AS t "
-                               "ON t.id = ifnull(o.merged_into, o.id) WHERE o.id = ?");
-  select.bind(1, row);
+  Statement select(db, R"(SELECT t.id, t.name, t.banned
+      FROM team AS o LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) WHERE o.id = ?)",
+                   row);
   if (!select.executeStep()) {
     return DamagedRow({"team", absl::StrCat(row), "it is missing, though another row names it"});
   }
@@ -84,11 +81,10 @@ absl::StatusOr<TeamInForce> FindTeam(SQLite::Database& db, const std::string& na
 absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t team) {
   const std::string other = Resembled(db, clean, team);
   if (other.empty()) return absl::OkStatus();
-  absl::Status status = WithErrorCode(
-      absl::FailedPreconditionError(
-          "the team's name looks like that of another team; choose another name, or write your "
-          "team's exactly as it was first given"),
-      "look_alike");
+  absl::Status status = CodedRefusal(
+      "look_alike",
+      "the team's name looks like that of another team; choose another name, or write your "
+      "team's exactly as it was first given");
   status.SetPayload(kResembledKey, absl::Cord(other));
   return status;
 }
@@ -110,12 +106,11 @@ absl::Status CheckNotBanned(SQLite::Database& db, const std::string& name) {
   ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db, row));
   if (!team.banned) return absl::OkStatus();
   const std::string why = ReasonOfBan(db, team.id);
-  return WithErrorCode(
-      absl::FailedPreconditionError(absl::StrCat(
-          "team \"", team.name, "\" is banned by the organisers",
-          why.empty() ? "" : absl::StrCat(" (", why, ")"),
-          ": nothing more is taken from it; what it has submitted stays readable for it")),
-      kBannedCode);
+  return CodedRefusal(
+      kBannedCode,
+      absl::StrCat("team \"", team.name, "\" is banned by the organisers",
+                   why.empty() ? "" : absl::StrCat(" (", why, ")"),
+                   ": nothing more is taken from it; what it has submitted stays readable for it"));
 }
 
 std::string ResembledTeam(const absl::Status& status) {
@@ -123,10 +118,7 @@ std::string ResembledTeam(const absl::Status& status) {
 }
 
 std::string KnownTeam(SQLite::Database& db, const std::string& name) {
-  if (name.empty()) return name;
-  const int64_t row = TeamRowNamed(db, name);
-  if (row == 0) return name;
-  const absl::StatusOr<TeamInForce> team = TeamOfRow(db, row);
+  const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
   return team.ok() ? team->name : name;
 }
 
@@ -136,28 +128,22 @@ int64_t KnownTeamId(SQLite::Database& db, const std::string& name) {
 }
 
 void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
-  SQLite::Statement insert(db, "INSERT OR IGNORE INTO team_look VALUES (?, ?)");
   for (const std::string& look : LooksOf(name)) {
-    insert.reset();
-    SQLite::bind(insert, look, team);
-    insert.exec();
+    Run(db, "INSERT OR IGNORE INTO team_look VALUES (?, ?)", look, team);
   }
 }
 
 void AddTeamEvent(SQLite::Database& db, const TeamEventRow& event, int64_t team) {
-  SQLite::Statement insert(db, "INSERT INTO team_event (at, team_id, event, detail, who, why) "
-                               "VALUES (?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, event.at, team, event.event, event.detail, event.who, event.why);
-  insert.exec();
+  Run(db, R"(INSERT INTO team_event (at, team_id, event, detail, who, why)
+      VALUES (?, ?, ?, ?, ?, ?))",
+      event.at, team, event.event, event.detail, event.who, event.why);
   AppendEntry(db, kTeamEntry, db.getLastInsertRowid());
 }
 
 int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
                 const std::string& who, const std::string& why) {
   if (const int64_t row = RowNamedExactly(db, name); row != 0) return row;
-  SQLite::Statement insert(db, "INSERT INTO team (name, created_at) VALUES (?, ?)");
-  SQLite::bind(insert, name, now_ms);
-  insert.exec();
+  Run(db, "INSERT INTO team (name, created_at) VALUES (?, ?)", name, now_ms);
   const int64_t team = db.getLastInsertRowid();
   AddLooks(db, team, name);
   AddTeamEvent(db, {.at = now_ms, .event = "created", .who = who, .why = why}, team);
@@ -166,24 +152,17 @@ int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
 
 void FillTeamLooks(SQLite::Database& db) {
   const std::string version = LooksVersion();
-  SQLite::Statement made(db, "SELECT CAST(value AS TEXT) FROM meta WHERE key = 'team_looks'");
-  const bool fits = made.executeStep() && made.getColumn(0).getString() == version;
+  const bool fits = Meta(db, "team_looks") == version;
   if (!fits) db.exec("DELETE FROM team_look");
-  SQLite::Statement select(
-      db, "WITH bare AS (SELECT id FROM team AS t WHERE NOT EXISTS "
-          "(SELECT 1 FROM team_look WHERE team = t.id)) "
-          "SELECT id, name FROM team WHERE id IN bare UNION ALL "
-          "SELECT team_id, name FROM former_name WHERE team_id IN bare");
+  Statement select(db, R"(WITH bare AS (SELECT id FROM team AS t
+      WHERE NOT EXISTS (SELECT 1 FROM team_look WHERE team = t.id)) SELECT id, name FROM team
+      WHERE id IN bare UNION ALL SELECT team_id, name FROM former_name WHERE team_id IN bare)");
   std::vector<std::pair<int64_t, std::string>> teams;
   while (select.executeStep()) {
     teams.emplace_back(select.getColumn(0).getInt64(), select.getColumn(1).getString());
   }
   for (const auto& [team, name] : teams) AddLooks(db, team, name);
-  if (fits) return;
-  SQLite::Statement set(db, "INSERT INTO meta VALUES ('team_looks', CAST(? AS BLOB)) "
-                            "ON CONFLICT (key) DO UPDATE SET value = excluded.value");
-  set.bind(1, version);
-  set.exec();
+  if (!fits) SetMeta(db, "team_looks", version);
 }
 
 absl::Status Reader::CheckTeam(const std::string& team) {

@@ -15,8 +15,11 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
-#include "server/store/schema.h"
+#include "server/store/migration.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
 #include "server/store/stored_row.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -47,20 +50,10 @@ struct Table {
 
 std::vector<Table> TablesOf(SQLite::Database& db) {
   std::vector<Table> tables;
-  SQLite::Statement names(db, kExportedTables);
-  while (names.executeStep()) {
-    Table table{names.getColumn(0).getString(), {}, {}};
-    std::map<int, std::string> key;
-    SQLite::Statement columns(db, "SELECT name, pk FROM pragma_table_info(?)");
-    columns.bind(1, table.name);
-    while (columns.executeStep()) {
-      table.columns.push_back(columns.getColumn(0).getString());
-      const int place = columns.getColumn(1).getInt();
-      if (place > 0) key[place] = table.columns.back();
-    }
-    for (const auto& [place, column] : key) table.key.push_back(column);
-    std::sort(table.columns.begin(), table.columns.end());
-    tables.push_back(std::move(table));
+  for (const std::string& name : AllTexts(db, kExportedTables)) {
+    tables.push_back(
+        {name, AllTexts(db, "SELECT name FROM pragma_table_info(?) ORDER BY name", name),
+         AllTexts(db, "SELECT name FROM pragma_table_info(?) WHERE pk > 0 ORDER BY pk", name)});
   }
   return tables;
 }
@@ -91,69 +84,45 @@ Json RowOf(SQLite::Statement& select, const Table& table) {
   return row;
 }
 
-absl::Status ExportTable(SQLite::Database& db, const Table& table, const ExportSink& out) {
-  SQLite::Statement select(
-      db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", table.name, "\" ORDER BY ",
-                       table.key.empty() ? "rowid" : Quoted(table.key)));
-  bool first = true;
-  while (select.executeStep()) {
-    if (!out(absl::StrCat(first ? "" : ",\n", CanonicalJson(RowOf(select, table))))) {
-      return absl::CancelledError("the export was stopped");
-    }
-    first = false;
-  }
-  return absl::OkStatus();
-}
-
 absl::Status Broken(const std::string& path, int64_t line, std::string_view what) {
   return absl::InvalidArgumentError(
       absl::StrCat(path, ": line ", line, ": ", std::string(what),
                    "; it is no export, or it was changed or cut off: export again"));
 }
 
-// Reads a document line by line. Lines have no trailing newline.
-class LineReader {
- public:
-  explicit LineReader(const std::string& path) : path_(path), file_(path, std::ios::binary) {}
-
-  bool opened() const { return file_.is_open(); }
-  // False at the end of the file; a last line without a newline is an error.
-  absl::StatusOr<bool> Next(std::string& line) {
-    line.clear();
-    std::filebuf& in = *file_.rdbuf();
-    for (int c = in.sbumpc(); c != '\n'; c = in.sbumpc()) {
-      if (c == std::filebuf::traits_type::eof()) {
-        if (line.empty()) return false;
-        return Broken(path_, number_ + 1, "ends in the middle");
-      }
-      if (line.size() == kMaxLine) return Broken(path_, number_ + 1, "is too long");
-      line.push_back(static_cast<char>(c));
-    }
-    ++number_;
-    return true;
+// Calls `on_line` for each line of a file, without its newline, and its number from 1 on. A last
+// line without a newline is an error.
+absl::Status ForEachLine(
+    const std::string& path,
+    const std::function<absl::Status(std::string_view line, int64_t number)>& on_line) {
+  // A stream would wait for a named pipe.
+  RETURN_IF_ERROR(OpenToRead(path).status());
+  std::ifstream file(path, std::ios::binary);
+  if (!file.is_open()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
+  std::vector<char> buffer(kMaxLine + 1);
+  int64_t number = 1;
+  for (; file.getline(buffer.data(), std::ssize(buffer)); ++number) {
+    if (file.eof()) return Broken(path, number, "ends in the middle");
+    const auto bytes = static_cast<size_t>(file.gcount()) - 1;
+    RETURN_IF_ERROR(on_line(std::string_view(buffer.data(), bytes), number));
   }
-  int64_t number() const { return number_; }
+  return file.eof() ? absl::OkStatus() : Broken(path, number, "is too long");
+}
 
- private:
-  const std::string path_;
-  std::ifstream file_;
-  int64_t number_ = 0;
-};
-
-// Parses the lines between the first and the last, and passes them to two callbacks.
+// Parses the lines between the first and the last, and passes on the rows.
 class Parser {
  public:
-  using OnRow = std::function<absl::Status(const std::string& table, std::string_view row)>;
+  using OnRow =
+      std::function<absl::Status(const std::string& table, std::string_view row, int64_t number)>;
   Parser(std::string path, OnRow on_row) : path_(std::move(path)), on_row_(std::move(on_row)) {}
 
   absl::Status Line(std::string_view line, int64_t number) {
-    const bool more = line.ends_with(',');
-    if (more) line.remove_suffix(1);
+    if (line.ends_with(',')) line.remove_suffix(1);
     if (in_table_ && line == "]") {
       in_table_ = false;
       return absl::OkStatus();
     }
-    if (in_table_ && line.starts_with('{')) return on_row_(table_, line);
+    if (in_table_ && line.starts_with('{')) return on_row_(table_, line, number);
     if (!in_table_ && line.starts_with('"') && line.ends_with("\":[") && line.size() > 4) {
       table_ = std::string(line.substr(1, line.size() - 4));
       in_table_ = true;
@@ -172,112 +141,6 @@ class Parser {
 };
 
 bool IsLast(std::string_view line) { return line.starts_with("},\"format\":"); }
-
-}  // namespace
-
-absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
-  Sha256 hash;
-  const ExportSink out = [&](std::string_view text) {
-    hash.Update(text);
-    return sink(text);
-  };
-  const absl::Status stopped = absl::CancelledError("the export was stopped");
-  if (!out(absl::StrCat(kHead, "\n"))) return stopped;
-  const std::vector<Table> tables = TablesOf(db);
-  for (const Table& table : tables) {
-    if (!out(absl::StrCat("\"", table.name, "\":[\n"))) return stopped;
-    const int64_t before = db.execAndGet(absl::StrCat("SELECT count(*) FROM (SELECT 1 FROM \"",
-                                                      table.name, "\" LIMIT 1)")).getInt64();
-    RETURN_IF_ERROR(ExportTable(db, table, out));
-    const bool last = &table == &tables.back();
-    if (!out(absl::StrCat(before == 0 ? "]" : "\n]", last ? "\n" : ",\n"))) return stopped;
-  }
-  if (!out(absl::StrCat("},\"format\":\"", kFormat, "\",\"schema\":", SchemaMigrations().size()))) {
-    return stopped;
-  }
-  return sink(absl::StrCat(",\"sha256\":\"", hash.FinishHex(), "\"}\n")) ? absl::OkStatus()
-                                                                         : stopped;
-}
-
-absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
-  // A stream would wait for a named pipe.
-  RETURN_IF_ERROR(OpenToRead(path).status());
-  LineReader lines(path);
-  if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
-  ExportInfo info;
-  Sha256 hash;
-  std::string line;
-  std::string last;
-  Parser parser(path, [&](const std::string& table, std::string_view) {
-    ++info.rows[table];
-    return absl::OkStatus();
-  });
-  for (;;) {
-    ASSIGN_OR_RETURN(bool there, lines.Next(line));
-    if (!there) break;
-    if (!last.empty()) return Broken(path, lines.number(), "comes after the end");
-    info.bytes += static_cast<int64_t>(line.size()) + 1;
-    if (IsLast(line)) {
-      last = line;
-      continue;
-    }
-    hash.Update(line + "\n");
-    if (lines.number() == 1) {
-      if (line != kHead) return Broken(path, 1, "is not the beginning of an export");
-      continue;
-    }
-    RETURN_IF_ERROR(parser.Line(line, lines.number()));
-    if (parser.in_table()) info.rows.try_emplace(parser.table(), 0);
-    if (info.rows.size() > kMaxTables) return Broken(path, lines.number(), "is one table too many");
-  }
-  const size_t digest = last.find(",\"sha256\":");
-  const Json trailer =
-      last.empty() ? Json() : ParseJson("{" + last.substr(2), path).value_or(Json());
-  if (digest == std::string::npos || parser.in_table() || !trailer.is_object() ||
-      trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
-      !trailer.value("schema", Json()).is_number_unsigned()) {
-    return Broken(path, lines.number(), "is the last, and an export has its checksum there");
-  }
-  hash.Update(std::string_view(last).substr(0, digest));
-  info.schema = trailer["schema"].get<int64_t>();
-  info.sha256 = trailer["sha256"].get<std::string>();
-  if (const std::string found = hash.FinishHex(); found != info.sha256) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": has the checksum ", found, " and says ", info.sha256,
-                     ": it was changed after it was written; export again"));
-  }
-  return info;
-}
-
-absl::Status ForEachRow(
-    const std::string& path,
-    const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
-  // A stream would wait for a named pipe.
-  RETURN_IF_ERROR(OpenToRead(path).status());
-  LineReader lines(path);
-  if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
-  Parser parser(path, [&](const std::string& table, std::string_view text) {
-    const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-    if (!row.is_object()) return Broken(path, lines.number(), "is no JSON object");
-    for (const Json& value : row) {
-      const bool bytes = value.is_object() && value.size() == 1 && value.contains(kBytes) &&
-                         value[kBytes].is_string();
-      if (value.is_structured() && !bytes) {
-        return Broken(path, lines.number(), "is no row of plain values");
-      }
-    }
-    return on_row(table, row);
-  });
-  std::string line;
-  for (;;) {
-    ASSIGN_OR_RETURN(bool there, lines.Next(line));
-    if (!there || IsLast(line)) return absl::OkStatus();
-    if (lines.number() == 1) continue;
-    RETURN_IF_ERROR(parser.Line(line, lines.number()));
-  }
-}
-
-namespace {
 
 // Larger numbers would be stored as negative ones.
 bool FitsInt64(const Json& number) {
@@ -378,11 +241,11 @@ bool IsLate(const std::string& table) { return table == "episode" || table == "r
 
 // Whether every row that another one names is there. The commit would only say that one is not.
 absl::Status CheckReferences(SQLite::Database& db) {
-  SQLite::Statement check(db, "SELECT \"table\", parent, fkid FROM pragma_foreign_key_check");
+  Statement check(db, "SELECT \"table\", parent, fkid FROM pragma_foreign_key_check");
   if (!check.executeStep()) return absl::OkStatus();
   const std::string child = check.getColumn(0).getString();
   const std::string parent = check.getColumn(1).getString();
-  SQLite::Statement parts(db, "SELECT \"from\", \"to\" FROM pragma_foreign_key_list(?) WHERE id = ?");
+  Statement parts(db, "SELECT \"from\", \"to\" FROM pragma_foreign_key_list(?) WHERE id = ?");
   parts.bind(1, child);
   parts.bind(2, check.getColumn(2).getInt64());
   std::string names = "1";
@@ -397,7 +260,7 @@ absl::Status CheckReferences(SQLite::Database& db) {
     if (each.name == child) table = std::move(each);
   }
   // Not by its rowid, which some tables don't have.
-  SQLite::Statement select(
+  Statement select(
       db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", child, "\" AS c WHERE ", names,
                        " AND NOT EXISTS (SELECT 1 FROM \"", parent, "\" AS p WHERE ", same, ")"));
   const Json row = select.executeStep() ? RowOf(select, table) : Json::object();
@@ -406,6 +269,98 @@ absl::Status CheckReferences(SQLite::Database& db) {
 
 }  // namespace
 
+absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
+  Sha256 hash;
+  const auto write = [&](const std::string& text) {
+    hash.Update(text);
+    return sink(text) ? absl::OkStatus() : absl::CancelledError("the export was stopped");
+  };
+  RETURN_IF_ERROR(write(kHead));
+  const std::vector<Table> tables = TablesOf(db);
+  for (const Table& table : tables) {
+    const bool first = &table == &tables.front();
+    RETURN_IF_ERROR(write(absl::StrCat(first ? "" : ",", "\n\"", table.name, "\":[")));
+    Statement select(
+        db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", table.name, "\" ORDER BY ",
+                         table.key.empty() ? "rowid" : Quoted(table.key)));
+    for (bool more = false; select.executeStep(); more = true) {
+      RETURN_IF_ERROR(
+          write(absl::StrCat(more ? ",\n" : "\n", CanonicalJson(RowOf(select, table)))));
+    }
+    RETURN_IF_ERROR(write("\n]"));
+  }
+  RETURN_IF_ERROR(write(
+      absl::StrCat("\n},\"format\":\"", kFormat, "\",\"schema\":", SchemaMigrations().size())));
+  return write(absl::StrCat(",\"sha256\":\"", hash.FinishHex(), "\"}\n"));
+}
+
+absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
+  ExportInfo info;
+  Sha256 hash;
+  std::string last;
+  int64_t lines = 0;
+  Parser parser(path, [&](const std::string& table, std::string_view, int64_t) {
+    ++info.rows[table];
+    return absl::OkStatus();
+  });
+  RETURN_IF_ERROR(ForEachLine(path, [&](std::string_view line, int64_t number) {
+    lines = number;
+    if (!last.empty()) return Broken(path, number, "comes after the end");
+    info.bytes += std::ssize(line) + 1;
+    if (IsLast(line)) {
+      last = std::string(line);
+      return absl::OkStatus();
+    }
+    hash.Update(line);
+    hash.Update("\n");
+    if (number == 1) {
+      return line == kHead ? absl::OkStatus()
+                           : Broken(path, 1, "is not the beginning of an export");
+    }
+    RETURN_IF_ERROR(parser.Line(line, number));
+    if (parser.in_table()) info.rows.try_emplace(parser.table(), 0);
+    return info.rows.size() <= kMaxTables ? absl::OkStatus()
+                                          : Broken(path, number, "is one table too many");
+  }));
+  const size_t digest = last.find(",\"sha256\":");
+  const Json trailer =
+      last.empty() ? Json() : ParseJson("{" + last.substr(2), path).value_or(Json());
+  if (digest == std::string::npos || parser.in_table() || !trailer.is_object() ||
+      trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
+      !trailer.value("schema", Json()).is_number_unsigned()) {
+    return Broken(path, lines, "is the last, and an export has its checksum there");
+  }
+  hash.Update(std::string_view(last).substr(0, digest));
+  info.schema = trailer["schema"].get<int64_t>();
+  info.sha256 = trailer["sha256"].get<std::string>();
+  if (const std::string found = hash.FinishHex(); found != info.sha256) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has the checksum ", found, " and says ", info.sha256,
+                     ": it was changed after it was written; export again"));
+  }
+  return info;
+}
+
+absl::Status ForEachRow(
+    const std::string& path,
+    const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
+  Parser parser(path, [&](const std::string& table, std::string_view text, int64_t number) {
+    const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+    if (!row.is_object()) return Broken(path, number, "is no JSON object");
+    for (const Json& value : row) {
+      const bool bytes = value.is_object() && value.size() == 1 && value.contains(kBytes) &&
+                         value[kBytes].is_string();
+      if (value.is_structured() && !bytes) {
+        return Broken(path, number, "is no row of plain values");
+      }
+    }
+    return on_row(table, row);
+  });
+  return ForEachLine(path, [&](std::string_view line, int64_t number) {
+    return number == 1 || IsLast(line) ? absl::OkStatus() : parser.Line(line, number);
+  });
+}
+
 absl::Status ImportRows(SQLite::Database& db, const std::string& path, const ExportInfo& info) {
   if (info.schema != static_cast<int64_t>(SchemaMigrations().size())) {
     return absl::FailedPreconditionError(
@@ -413,8 +368,7 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
                      SchemaMigrations().size(), "; export and import with the same version"));
   }
   for (const Table& table : TablesOf(db)) {
-    if (db.execAndGet(absl::StrCat("SELECT count(*) FROM (SELECT 1 FROM \"", table.name,
-                                   "\" LIMIT 1)")).getInt() != 0) {
+    if (AnyRow(db, absl::StrCat("SELECT 1 FROM \"", table.name, "\" LIMIT 1"))) {
       return absl::FailedPreconditionError(
           absl::StrCat("the store has rows already (table ", table.name,
                        "); an export is taken up by an empty one: give --data a new folder"));
@@ -429,6 +383,25 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
         }));
   }
   return CheckReferences(db);
+}
+
+absl::Status Writer::Import(const std::string& path, const ExportInfo& info, const std::string& who,
+                            const std::function<absl::Status(Reader&)>& check) {
+  RETURN_IF_ERROR(ImportRows(db_, path, info));
+  FillTeamLooks(db_);
+  Reader reader(db_);
+  if (absl::Status read = check(reader); !read.ok()) {
+    if (!DamageOf(read).has_value()) return read;
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has a row that no request could read (", read.message(),
+                     "); nothing was imported: export again from a store that is well"));
+  }
+  constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
+  for (const int64_t evaluation :
+       AllNumbers(db_, "SELECT id FROM evaluation WHERE finished_at IS NULL ORDER BY id")) {
+    RETURN_IF_ERROR(EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

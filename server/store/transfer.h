@@ -9,7 +9,7 @@
 //   "artefact":[
 //   ...
 //   ]
-//   },"format":"myograde-export","schema":2,"sha256":"<64 hexadecimal digits>"}
+//   },"format":"myograde-export","schema":1,"sha256":"<64 hexadecimal digits>"}
 //
 // Tables by name, rows by primary key, keys by name. The digest covers every byte before
 // `,"sha256"`. Left out: the store's secret, views that can be rebuilt from the rows, and the

@@ -1,5 +1,5 @@
-"""The packages in a bare Debian 12 with a kernel, control groups and systemd of its own: lintian, installed
-over a store of the first version, graded, watched, upgraded (also from the package whose daemon ran as
+"""The packages in a bare Debian 12 with a kernel, control groups and systemd of its own: lintian, installed,
+graded, watched, upgraded (also from the package whose daemon ran as
 root), removed and purged. Takes the packages in MYOGRADE_TEST_PACKAGES, or else builds them; and the bare system from the
 archive MYOGRADE_TEST_BASE, or else from Debian's archive."""
 
@@ -7,7 +7,6 @@ import os
 import pathlib
 import re
 import shutil
-import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,6 @@ from support.certificates import make_certificate
 
 HERE = pathlib.Path(__file__).resolve().parent
 BEFORE = HERE / "debian_before"
-OLD = SOURCE / "tests/server/store/old"
 TOOLS = ("lintian", "dpkg-shlibdeps", "dpkg-deb")
 FETCHED = ("mujoco-2.2.2", "myosuite-2.8.4")
 # An emulated processor takes some ten minutes; the rest is for busy hosts.
@@ -68,12 +66,6 @@ class Debian(unittest.TestCase):
         machine.run("dpkg-deb", "--root-owner-group", "-Zgzip", "-b", tree, folder / "myograde-server.deb")
         shutil.rmtree(tree)
 
-    def first_store(self, path):
-        """Writes a store of the first version; returns the track and config of its board."""
-        with sqlite3.connect(path) as db:
-            db.executescript((OLD / "v1.sql").read_text())
-            return db.execute("SELECT track, config FROM submission WHERE id = 1").fetchone()
-
     def test_installed_graded_upgraded_and_purged(self):
         bare = machine.Machine(self.folder, os.environ.get("MYOGRADE_TEST_BASE"))
         home = bare.root / "root"
@@ -81,7 +73,6 @@ class Debian(unittest.TestCase):
         for package in self.packages.glob("*.deb"):
             shutil.copy(package, home / "packages")
         self.earlier_form(home / "before")
-        track, config = self.first_store(home / "first.db")
         make_certificate(home)
         bare.inside("apt-get", "update", "-q")
         bare.trust()
@@ -95,7 +86,7 @@ class Debian(unittest.TestCase):
         bare.inside("sh", "-c", "apt-get remove -y -q 'myograde-*' libmyograde-policy-dev python3-myograde && "
                     "rm -rf /var/lib/myograde")
         script = (HERE / "debian_trial.sh").read_text()
-        told, console = bare.boot(f"FIRST_TRACK={track} FIRST_CONFIG={config}\n{script}", BOOTED_S)
+        told, console = bare.boot(script, BOOTED_S)
         if os.environ.get("MYOGRADE_TEST_TOLD"):
             pathlib.Path(os.environ["MYOGRADE_TEST_TOLD"]).write_text(told)
         ends = dict(re.findall(r"^step (\w+): (\d+)$", told, re.M))
@@ -106,9 +97,6 @@ class Debian(unittest.TestCase):
         self.assertEqual(bad, [], f"{told[-12000:]}\n{console[-1500:]}")
         self.assertIn("cgroup2fs", told)
         self.assertEqual(told.count("successes           4 of 4"), 4)
-        for line in (OLD / "v1.board").read_text().splitlines():
-            if "{" in line:
-                self.assertIn(f'"team": "{line.split(" ")[1]}"', told)
 
 
 if __name__ == "__main__":

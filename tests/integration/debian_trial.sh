@@ -1,7 +1,6 @@
 # What an operator does with the packages in a bare Debian 12, in order. Runs as root in the machine of
-# debian_test.py. /root has packages/ (today's), before/ (the earlier form), first.db (a store of the
-# first version), server.pem and server.key. Each step says how it ended,
-# and the first that fails is the last.
+# debian_test.py. /root has packages/ (today's), before/ (the earlier form), server.pem and server.key. Each
+# step says how it ended, and the first that fails is the last.
 step() {
   local ended=$?
   echo "step $1: $ended"
@@ -19,7 +18,6 @@ short_track() {
     >/etc/myograde/tracks/short.json
 }
 board() { myograde leaderboard --track short --json; }
-first_board() { myograde leaderboard --track "$FIRST_TRACK" --config "$FIRST_CONFIG" --json; }
 # For half a minute submit waits itself for the reference episodes, which an emulated processor plays longer.
 submit() {
   local tries
@@ -37,18 +35,14 @@ data=/var/lib/myograde
 unit=/etc/systemd/system/myograded.service.d
 echo "kernel $(uname -r), $(stat -f -c %T /sys/fs/cgroup)"
 
-# Installed over a store of the first version.
+# Installed.
 installed ./packages/*.deb; step install
 systemd-analyze verify --man=no myograded.service myograded.socket myograded-https.socket; step verify
-mkdir -p -m 0700 $data && cp first.db $data/store.db; step first_store
 myograde-setup >setup.log 2>&1 || { tail -n 60 setup.log; false; }; step setup
 grep cgroup_ setup.log; grep -q "cgroup_memory.*version 2" setup.log; step groups_for_sandboxes
 short_track
 systemctl enable --now myograded.socket myograded.service 2>&1; step start
 answers; step answers
-first_board >first-board.json; step first_board
-grep '"team"' first-board.json
-[ -f $data/store.db.schema-1 ]; step backup_of_the_store
 [ "$(stat -c '%U %a' $data)" = "myograde 700" ] && [ "$(stat -c %U $data/store.db)" = myograde ]; step data_is_the_users
 
 # Hardened, and grading.

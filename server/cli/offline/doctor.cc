@@ -25,7 +25,7 @@
 #include "server/runtime/tree.h"
 #include "server/sandbox/doctor.h"
 #include "server/store/reader.h"
-#include "server/store/record_check.h"
+#include "server/store/record.h"
 
 namespace myograde::server {
 namespace {

@@ -20,7 +20,7 @@
 #include "server/cli/terminal/progress.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"
-#include "server/store/lock.h"
+#include "server/store/data_folder.h"
 #include "server/store/transfer.h"
 
 namespace myograde::server {

@@ -29,7 +29,7 @@
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/seed_list.h"
-#include "server/store/lock.h"
+#include "server/store/data_folder.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 

@@ -267,10 +267,7 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
     return Wrong("it is the receipt of another evaluation");
   }
   RETURN_IF_ERROR(CheckPlace(receipt, result));
-  // Earlier versions of the server told the hash itself.
-  const std::string artefact = receipt.at("artefact").get<std::string>();
-  if (accepted && artefact != submission->second.artefact &&
-      ArtefactCommitment(result.submission, artefact) != submission->second.artefact) {
+  if (accepted && receipt.at("artefact").get<std::string>() != submission->second.artefact) {
     return Wrong("it names another artefact than the one that was accepted");
   }
   if (!HidesSeeds(receipt) && accepted && result.rejudge == 0 && phase != state_.phases().end() &&

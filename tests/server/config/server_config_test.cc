@@ -16,8 +16,6 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
-#include "server/config/earlier_versions.h"
-#include "server/config/user_names.h"
 
 namespace myograde::server {
 namespace {
@@ -39,18 +37,35 @@ class ServerConfigTest : public ::testing::Test {
     return LoadServerConfig(path_.string(), "/cache").status();
   }
 
-  // Keys that an earlier version's server.json lacks.
-  static bool CameLater(const Pointer& place) {
-    static const std::set<std::string> later = {
-        "unpack_cpu_s", "disk_reserve_bytes", "unsubmitted", "unsubmitted_bytes",
-        "uploader_unsubmitted", "uploader_unsubmitted_bytes", "unsubmitted_s",
-        "organiser_workers", "organiser_clients", "peer_clients", "address_clients",
-        "min_bytes_per_s",
-        "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
-        "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user", "level",
-        "samples", "places", "picture_bytes", "team_running", "queue_wait_s", "suspect_after",
-        "self_test_s", "self_test_every_s", "unpack_memory_bytes", "pictures_ahead_s"};
-    return place.parent_pointer() == Pointer("/slurm") || later.contains(place.back());
+  static bool MayBeLeftOut(const Pointer& place) {
+    static const std::set<std::string> optional = {"unpack_cpu_s",
+                                                   "disk_reserve_bytes",
+                                                   "unsubmitted",
+                                                   "unsubmitted_bytes",
+                                                   "uploader_unsubmitted",
+                                                   "uploader_unsubmitted_bytes",
+                                                   "unsubmitted_s",
+                                                   "organiser_workers",
+                                                   "organiser_clients",
+                                                   "peer_clients",
+                                                   "address_clients",
+                                                   "min_bytes_per_s",
+                                                   "speed_window_s",
+                                                   "spool_bytes",
+                                                   "peer_spool_bytes",
+                                                   "unfinished",
+                                                   "of_one",
+                                                   "of_a_submission",
+                                                   "of_organisers",
+                                                   "requests_per_s",
+                                                   "burst",
+                                                   "teams_of_a_user",
+                                                   "level",
+                                                   "samples",
+                                                   "places",
+                                                   "picture_bytes",
+                                                   "pictures_ahead_s"};
+    return place.parent_pointer() == Pointer("/slurm") || optional.contains(place.back());
   }
 
   // Keys whose 0 says that the daemon works the number out, or never does it.
@@ -84,7 +99,7 @@ TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
     const std::string key = place.back();
     Json json = shipped_;
     json.at(place.parent_pointer()).erase(key);
-    if (!CameLater(place)) {
+    if (!MayBeLeftOut(place)) {
       EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr(key)) << "absent";
     } else {
       EXPECT_TRUE(Load(json.dump()).ok()) << key;
@@ -105,12 +120,12 @@ TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
   }
 }
 
-TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
+TEST_F(ServerConfigTest, KeysThatAreLeftOutHaveTheShippedValues) {
   std::ofstream(path_) << shipped_.dump();
   const ServerConfig now = LoadServerConfig(path_.string(), "/cache").value();
   Json json = shipped_;
   for (const Pointer& place : Numbers()) {
-    if (CameLater(place)) json.at(place.parent_pointer()).erase(place.back());
+    if (MayBeLeftOut(place)) json.at(place.parent_pointer()).erase(place.back());
   }
   json.erase("reruns");
   json.erase("access");
@@ -118,7 +133,7 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
   json.erase("executor");
   json.erase("slurm");
   std::ofstream(path_) << json.dump();
-  const ServerConfig old = LoadServerConfig(path_.string(), "/cache").value();
+  const ServerConfig usual = LoadServerConfig(path_.string(), "/cache").value();
   const auto numbers = [](const ServerConfig& config) {
     const HttpLimits& http = config.http;
     const UploadLimits& uploads = config.artefacts;
@@ -138,46 +153,8 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
         config.slurm.cpus, absl::ToInt64Seconds(config.slurm.queue_wait),
         absl::ToInt64Seconds(config.pictures_ahead)};
   };
-  EXPECT_EQ(numbers(old), numbers(now));
-  EXPECT_EQ(old.statistics, now.statistics);
-}
-
-// Files as earlier versions shipped them (tests/server/config/old), without comments.
-TEST_F(ServerConfigTest, EveryEarlierVersionsFileLoads) {
-  int files = 0;
-  for (;; ++files) {
-    const std::string path =
-        absl::StrCat(MYOGRADE_SOURCE_DIR "/tests/server/config/old/server-", files + 1, ".json");
-    if (!std::filesystem::exists(path)) break;
-    const absl::StatusOr<ServerConfig> config = LoadServerConfig(path, "/cache");
-    ASSERT_TRUE(config.ok()) << config.status();
-    const Json file = ReadJsonFile(path).value();
-    EXPECT_EQ(config->http.workers, file.at("http").at("workers").get<int>());
-    EXPECT_EQ(config->scheduler.team_running, 1024);
-    EXPECT_EQ(config->quota.usual.quota.ranked.per_day, 100);
-  }
-  EXPECT_EQ(files, 12);
-}
-
-TEST_F(ServerConfigTest, LaterPartsAreAsShippedAndNothingElseIsAdded) {
-  const Json first =
-      ReadJsonFile(MYOGRADE_SOURCE_DIR "/tests/server/config/old/server-1.json").value();
-  const Json filled = WithLaterParts(first);
-  EXPECT_GT(filled.flatten().size(), first.flatten().size() + 15);
-  const Json flat = filled.flatten();
-  for (const auto& [place, value] : flat.items()) {
-    const Pointer pointer(place);
-    if (first.contains(pointer)) continue;
-    const Json& shipped = shipped_.at(pointer);
-    EXPECT_EQ(value, shipped.empty() ? Json() : shipped) << place;
-  }
-  Json own = shipped_;
-  own["quota"]["official_per_day"] = 3;
-  own["scheduler"]["self_test_s"] = 7;
-  EXPECT_EQ(WithLaterParts(own), own);
-  own["quota"].erase("waiting");
-  EXPECT_EQ(WithLaterParts(own), own) << "a part with a key left out is a mistake";
-  EXPECT_EQ(WithLaterParts(Json::array()), Json::array());
+  EXPECT_EQ(numbers(usual), numbers(now));
+  EXPECT_EQ(usual.statistics, now.statistics);
 }
 
 TEST_F(ServerConfigTest, AClusterTakesTheSlotsPlace) {
@@ -192,13 +169,13 @@ TEST_F(ServerConfigTest, AClusterTakesTheSlotsPlace) {
   ASSERT_TRUE(config.ok()) << config.status();
   EXPECT_TRUE(config->on_cluster);
   EXPECT_EQ(config->scheduler.slots, 5000);
-  EXPECT_TRUE(load({{"shared_dir", "/shared"}, {"poll_s", 2}}).ok()) << "as earlier versions had it";
   const auto mistake = [&](Json slurm) { return std::string(load(slurm).status().message()); };
   EXPECT_THAT(mistake({{"node_dir", "node"}}), HasSubstr("absolute"));
   EXPECT_THAT(mistake({{"partition", "a b"}}), HasSubstr("partition"));
   EXPECT_THAT(mistake({{"extra_options", {"--label"}}}), HasSubstr("the daemon sets itself"));
   EXPECT_THAT(mistake({{"extra_options", {"--nice 5"}}}), HasSubstr("in one word"));
   EXPECT_THAT(mistake({{"partitions", "a"}}), HasSubstr("partitions"));
+  EXPECT_THAT(mistake({{"shared_dir", "/shared"}}), HasSubstr("shared_dir"));
 }
 
 TEST_F(ServerConfigTest, StatisticsAreReadAndMustBeAbleToDecide) {

@@ -1,5 +1,5 @@
 // Where attempts ran and what they used, and which nodes get no leases.
-#include "server/store/lease_runs.h"
+#include "server/store/rows.h"
 
 #include <limits>
 

@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include "server/store/schema.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {
@@ -108,56 +107,21 @@ TEST_F(StandingTest, PracticeLeavesBoardsAsTheyAreAndOfficialEvaluationsDoNot) {
   EXPECT_GT(Changes(), after);
 }
 
-TEST_F(StandingTest, AStoreOfTheVersionBeforeGetsItsViewAnew) {
-  store_.reset();
-  const std::string path = dir_ + "/older.db";
-  {
-    SQLite::Database db(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    db.exec(SchemaMigrations()[0]);
-    db.exec(SchemaMigrations()[1]);
-    db.exec("PRAGMA user_version = 2");
-  }
-  ASSERT_TRUE(Store::Open(path, clock_).ok());
-  SQLite::Database db(path);
-  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM pragma_table_info('standing')").getInt(), 6);
-  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM sqlite_master WHERE type = 'trigger' AND name "
-                          "LIKE 'board_by_%'").getInt(), 11);
-}
-
-// The last version that allowed only the original reasons. Today's belong to the tracks, so the
-// table's schema does not list them.
-TEST_F(StandingTest, RowsOfVersionThreeStandAndTheirTableTakesTheLaterReasons) {
-  store_.reset();
-  const std::string path = dir_ + "/older.db";
-  {
-    SQLite::Database db(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    for (int version = 0; version < 3; ++version) db.exec(SchemaMigrations()[version]);
-    db.exec("PRAGMA user_version = 3;"
-            "INSERT INTO team VALUES (1, 'alpha', 1);"
-            "INSERT INTO artefact VALUES (printf('%064d', 1), 'walker', '[]', '[]', 1, 1, 1);"
-            "INSERT INTO config VALUES (printf('%064d', 2), 'manipulation', 'paper', '{}', 1);"
-            "INSERT INTO seed_list VALUES (printf('%064d', 3), 1, '[1]');"
-            "INSERT INTO submission VALUES (1, 1, printf('%064d', 1), 'manipulation', 'paper',"
-            "  printf('%064d', 2), printf('%064d', 3), 1, 'uid 0', 1);"
-            "INSERT INTO evaluation VALUES (1, 1, 'original', 0, 1, 'running', '', '{}', NULL, 1, 1, "
-            "NULL);"
-            "INSERT INTO lease VALUES (1, 1, 0, 1, 'pending', 0, 0, '', NULL, NULL, NULL, NULL, NULL, "
-            "NULL);"
-            "INSERT INTO episode VALUES (1, 0, 1, 1, 7, 'failure', 'time', '{}', '{}', 5);"
-            "INSERT INTO replay VALUES (1, 1, 0, 2, '[\"digest\"]', '{}', 6)");
-  }
-  ASSERT_TRUE(Store::Open(path, clock_).ok());
-  SQLite::Database db(path, SQLite::OPEN_READWRITE);
+// The reasons of failures belong to the tracks, so the table's schema does not list them.
+TEST_F(StandingTest, EpisodesTakeAnyShortReasonAndStandAsTheyAre) {
+  const Accepted accepted = Submit();
+  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  ASSERT_TRUE(Record(accepted, 0, 1).ok());
+  SQLite::Database db(path_, SQLite::OPEN_READWRITE);
   db.exec("PRAGMA foreign_keys = ON");
-  EXPECT_EQ(db.execAndGet("SELECT reason || recorded_at FROM episode").getString(), "time5");
-  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM pragma_foreign_key_check").getInt(), 0);
   const std::string insert = "INSERT INTO episode VALUES (1, 1, 1, 1, 8, 'failure', '";
   EXPECT_THROW(db.exec(insert + "', '{}', '{}', 5)"), SQLite::Exception);
   EXPECT_THROW(db.exec(insert + std::string(41, 'a') + "', '{}', '{}', 5)"), SQLite::Exception);
   db.exec(insert + "given-up', '{}', '{}', 5)");
+  db.exec("INSERT INTO replay VALUES (1, 1, 0, 2, '[\"digest\"]', '{}', 6)");
   for (const char* forbidden :
        {"UPDATE episode SET seed = 9", "DELETE FROM episode", "DELETE FROM replay",
-        "INSERT INTO episode VALUES (1, 2, 1, 1, 8, 'failure', 'time', '{}', '{}', 5)",
+        "INSERT INTO episode VALUES (1, 90, 1, 1, 8, 'failure', 'time', '{}', '{}', 5)",
         "INSERT INTO replay VALUES (2, 1, 9, 2, '[]', '{}', 6)"}) {
     EXPECT_THROW(db.exec(forbidden), SQLite::Exception) << forbidden;
   }

@@ -13,8 +13,7 @@
 #include <csignal>
 #include <filesystem>
 
-#include "server/store/home.h"
-#include "server/store/lock.h"
+#include "server/store/data_folder.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {

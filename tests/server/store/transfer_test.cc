@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 
 #include "protocol/base/sha256.h"
-#include "server/store/schema.h"
+#include "server/store/migration.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {

@@ -212,12 +212,7 @@ class Client:
     def _check_runtimes(self, needed: list[str]) -> None:
         if not needed:
             return
-        try:
-            offered = [record["runtime"] for record in self.runtimes()]
-        except ServerError as error:
-            if error.status == 404:  # an earlier version, which refuses it itself
-                return
-            raise
+        offered = [record["runtime"] for record in self.runtimes()]
         for name in needed:
             if name not in offered:
                 raise WrongUse(f'policy.json asks for the runtime "{name}", which this server does not '

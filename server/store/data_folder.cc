@@ -1,14 +1,19 @@
-#include "server/store/lock.h"
+#include "server/store/data_folder.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 
 #include <cerrno>
+#include <memory>
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/host_name.h"
+#include "server/store/connection.h"
 
 namespace myograde::server {
 namespace {
@@ -33,7 +38,8 @@ absl::Status CantWrite(const std::string& path, const char* otherwise) {
 // `path`: what `fd` has open; `dir`: the data folder, in which the holder's file is.
 absl::Status Lock(int fd, const std::string& path, const std::string& dir) {
   if (flock(fd, LOCK_EX | LOCK_NB) == 0) return absl::OkStatus();
-  if (errno != EWOULDBLOCK) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be locked"));
+  if (errno != EWOULDBLOCK)
+    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be locked"));
   return absl::FailedPreconditionError(
       absl::StrCat("another daemon (process ", HolderOf(dir + "/lock"), ") works on ", dir,
                    "; stop it, or give this one a data folder of its own with --data"));
@@ -60,6 +66,42 @@ absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
     return CantWrite(path, ": can't be written");
   }
   return DataLock(std::move(folder), std::move(fd));
+}
+
+// Device numbers and the host's name are left out, as a restart may change them.
+absl::StatusOr<DataHome> HomeOf(const std::string& dir) {
+  struct statx info = {};
+  if (statx(AT_FDCWD, dir.c_str(), 0, STATX_INO | STATX_BTIME, &info) != 0) {
+    return absl::UnavailableError(absl::StrCat(dir, ": can't be examined"));
+  }
+  const std::string machine = ReadFile("/etc/machine-id").value_or("");  // none in most containers
+  const bool dated = (info.stx_mask & STATX_BTIME) != 0;
+  const std::string born =
+      dated ? absl::StrCat(info.stx_btime.tv_sec, ".", info.stx_btime.tv_nsec) : "";
+  return DataHome{
+      Sha256Hex(absl::StrCat("a data folder\n", machine, "\n", info.stx_ino, "\n", born)),
+      absl::StrCat(dir, " on host ", HostName())};
+}
+
+absl::StatusOr<std::optional<DataHome>> RecordedHome(const std::string& store) {
+  std::optional<DataHome> home;
+  RETURN_IF_ERROR(GuardSqlite(store, [&]() -> absl::Status {
+    ASSIGN_OR_RETURN(const auto db, OpenForReading(store));
+    const std::string text = Meta(*db, "home");
+    if (text.empty()) return absl::OkStatus();
+    const size_t key = text.find('\n');
+    home = {text.substr(0, key), key == std::string::npos ? "" : text.substr(key + 1)};
+    return absl::OkStatus();
+  }));
+  return home;
+}
+
+absl::Status RecordHome(const std::string& store, const DataHome& home) {
+  return GuardSqlite(store, [&]() -> absl::Status {
+    ASSIGN_OR_RETURN(const OpenedStore opened, OpenForWriting(store));
+    SetMeta(*opened.db, "home", absl::StrCat(home.key, "\n", home.place));
+    return absl::OkStatus();
+  });
 }
 
 }  // namespace myograde::server

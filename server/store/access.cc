@@ -1,0 +1,212 @@
+// Who calls: denied requests and acts, the keys of requests, and bearer tokens, as hashes.
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/status_macros.h"
+#include "server/store/quota.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
+#include "server/store/stored_row.h"
+#include "server/store/teams.h"
+
+namespace myograde::server {
+namespace {
+
+StoredRow AccessEventOf(SQLite::Statement& select, AccessEventRow& event) {
+  StoredRow row(select, "access_event");
+  event.id = row.Id(0);
+  event.at = row.Time(1);
+  event.kind = row.OneOf(2, {"denied", "act"});
+  row.TextsInto(3, {&event.who, &event.role, &event.action, &event.subject, &event.detail});
+  event.count = row.Id(8);
+  return row;
+}
+
+constexpr int64_t kMsOfADay = 24 * 60 * 60 * 1000;
+
+// Adds to the count of the day's row of equal denials. False: there is none.
+bool CountDenial(SQLite::Database& db, const AccessEventRow& event, int64_t now_ms) {
+  return Run(db, R"(UPDATE access_event SET count = count + ?1 WHERE id = (SELECT id
+      FROM access_event WHERE kind = 'denied' AND at BETWEEN ?2 AND ?2 + ?3 - 1
+      AND who = ?4 AND role = ?5 AND action = ?6 AND subject = ?7 AND detail = ?8 LIMIT 1))",
+             event.count, now_ms / kMsOfADay * kMsOfADay, kMsOfADay, event.who, event.role,
+             event.action, event.subject, event.detail) > 0;
+}
+
+bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
+  return FirstNumber(db, R"(SELECT count(*) FROM (SELECT 1
+      FROM access_event WHERE kind = 'denied' AND at BETWEEN ?1 AND ?1 + ?2 - 1 LIMIT ?3))",
+                     now_ms / kMsOfADay * kMsOfADay, kMsOfADay,
+                     kMostDenialsOfADay) == kMostDenialsOfADay;
+}
+
+// Makes room for one more key of a caller.
+void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
+  Run(db, "DELETE FROM request_key WHERE at < ?", now_ms - absl::ToInt64Milliseconds(kKeyAge));
+  Run(db, R"(DELETE FROM request_key WHERE who = ?1 AND key IN (SELECT key
+      FROM request_key WHERE who = ?1 ORDER BY at DESC, key LIMIT -1 OFFSET ?2))",
+      who, kKeysOfOne - 1);
+}
+
+constexpr int64_t kMinuteMs = 60 * 1000;
+constexpr char kParticipant[] = "participant";
+
+constexpr char kTokenColumns[] =
+    "SELECT k.id, k.role, t.name, k.label, k.created_at, k.created_by, k.expires_at, "
+    "k.revoked_at, k.revoked_by, k.last_used_at, k.team_id FROM token AS k "
+    "LEFT JOIN team AS o ON o.id = k.team_id "
+    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ";
+
+StoredRow TokenOf(SQLite::Statement& select, TokenRow& token) {
+  StoredRow row(select, "token");
+  token.id = row.Id(0);
+  token.role = row.OneOf(1, {kParticipant, "organiser", "operator"});
+  token.label = row.Text(3);
+  token.created_at = row.Time(4);
+  token.created_by = row.Text(5);
+  token.expires_at = row.TimeOr0(6);
+  token.revoked_at = row.TimeOr0(7);
+  token.revoked_by = row.TextOr(8);
+  token.last_used_at = row.TimeOr0(9);
+  if (select.isColumnNull(7) != select.isColumnNull(8)) {
+    row.Fail(7, "who revoked it says otherwise");
+  }
+  if (select.isColumnNull(10) == (token.role == kParticipant)) {
+    row.Fail(10, "its role says otherwise");
+  }
+  if (token.role == kParticipant) {
+    row.Joined("team", 10);
+    token.team = row.Text(2);
+  }
+  return row;
+}
+
+}  // namespace
+
+absl::Status Writer::AddDenial(AccessEventRow event, const AccessEventRow& others) {
+  event.kind = "denied";
+  if (CountDenial(db_, event, now_ms_)) return absl::OkStatus();
+  if (IsDayFull(db_, now_ms_)) {
+    const int64_t count = std::exchange(event, others).count;
+    event.kind = "denied";
+    event.count = count;
+    if (CountDenial(db_, event, now_ms_)) return absl::OkStatus();
+  }
+  return AddAccessEvent(event);
+}
+
+void Writer::RemoveDenials(int64_t before_ms) {
+  Run(db_, R"(DELETE FROM access_event WHERE id IN (SELECT id
+      FROM access_event WHERE kind = 'denied' AND at < ? ORDER BY at LIMIT 10000))",
+      before_ms);
+}
+
+absl::Status Writer::AddAccessEvent(const AccessEventRow& event) {
+  Run(db_, R"(INSERT INTO access_event (at, kind, who, role, action, subject, detail, count)
+      VALUES (?, ?, ?, ?, ?, ?, ?, ?))",
+      now_ms_, event.kind, event.who, event.role, event.action, event.subject, event.detail,
+      event.count);
+  return absl::OkStatus();
+}
+
+Listed<AccessEventRow> Reader::AccessEvents(const std::string& kind, int64_t before,
+                                            int64_t limit) {
+  return ListOf<AccessEventRow>(
+      Statement(db_, R"(SELECT id, at, kind, who, role, action, subject, detail, count
+          FROM access_event WHERE id < ?1 AND (?2 = '' OR kind = ?2) ORDER BY id DESC LIMIT ?3)",
+                before, kind, limit),
+      AccessEventOf);
+}
+
+absl::StatusOr<std::optional<Accepted>> Reader::FindRequest(const std::string& who,
+                                                            const RequestKey& key) {
+  if (key.key.empty()) return std::optional<Accepted>();
+  Statement select(db_, R"(SELECT request, submission, evaluation, linked
+      FROM request_key WHERE who = ? AND key = ?)",
+                   who, key.key);
+  if (!select.executeStep()) return std::optional<Accepted>();
+  StoredRow row(select, "request_key", absl::StrCat(who, "/", key.key));
+  const std::string request = row.Hash(0);
+  const Accepted earlier{
+      .submission = row.Id(1), .evaluation = row.Id(2), .linked = row.Flag(3), .repeated = true};
+  if (!row.ok()) return row.status();
+  if (request == key.request) return std::optional(earlier);
+  return CodedRefusal(kKeyReusedCode,
+                      absl::StrCat("the Idempotency-Key \"", key.key,
+                                   "\" came with another request before, for submission ",
+                                   earlier.submission, "; use a new key for each request"));
+}
+
+absl::StatusOr<Accepted> Writer::Once(const std::string& who, const RequestKey& key,
+                                      const std::function<absl::StatusOr<Accepted>()>& accept) {
+  ASSIGN_OR_RETURN(std::optional<Accepted> earlier, Reader(db_).FindRequest(who, key));
+  if (earlier.has_value()) return *earlier;
+  absl::StatusOr<Accepted> accepted = accept();
+  if (accepted.ok() && !key.key.empty()) {
+    DropOldKeys(db_, who, now_ms_);
+    Run(db_, "INSERT INTO request_key VALUES (?, ?, ?, ?, ?, ?, ?)", who, key.key, key.request,
+        accepted->submission, accepted->evaluation, accepted->linked, now_ms_);
+  }
+  return accepted;
+}
+
+absl::StatusOr<int64_t> Writer::AddToken(const NewToken& token, const std::string& who) {
+  const bool participant = token.role == kParticipant;
+  if (participant == token.team.empty()) {
+    return absl::InvalidArgumentError("a participant's token has a team, and no other token has");
+  }
+  if (token.expires_at != 0 && token.expires_at <= now_ms_) {
+    return absl::InvalidArgumentError("the token would have expired already; choose a later time");
+  }
+  int64_t team = 0;
+  if (participant) {
+    const absl::StatusOr<TeamInForce> found = FindTeam(db_, token.team);
+    if (absl::IsNotFound(found.status())) {
+      return WithErrorCode(
+          absl::NotFoundError(absl::StrCat(found.status().message(), "; create it first")),
+          "unknown_team");
+    }
+    if (!found.ok()) return found.status();
+    team = found->id;
+  }
+  Run(db_, R"(INSERT INTO token (hash, role, team_id, label, created_at, created_by, expires_at)
+      VALUES (?, ?, nullif(?, 0), ?, ?, ?, nullif(?, 0)))",
+      token.hash, token.role, team, token.label, now_ms_, who, token.expires_at);
+  return db_.getLastInsertRowid();
+}
+
+absl::StatusOr<bool> Writer::RevokeToken(int64_t id, const std::string& who) {
+  const absl::Status there = Reader(db_).Token(id).status();
+  if (absl::IsNotFound(there)) return there;
+  // A damaged row is revoked as well, if the schema takes it.
+  return Run(db_, R"(UPDATE token
+      SET revoked_at = ?, revoked_by = ? WHERE id = ? AND revoked_at IS NULL)",
+             now_ms_, who, id) == 1;
+}
+
+absl::Status Writer::TouchToken(int64_t id) {
+  Run(db_, R"(UPDATE token
+      SET last_used_at = ?1 WHERE id = ?2 AND (last_used_at IS NULL OR last_used_at < ?1))",
+      now_ms_ - now_ms_ % kMinuteMs, id);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<TokenRow> Reader::TokenByHash(const std::string& sha256) {
+  return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.hash = ?"), sha256),
+                           TokenOf, absl::NotFoundError("there is no such token"));
+}
+
+absl::StatusOr<TokenRow> Reader::Token(int64_t id) {
+  return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id = ?"), id),
+                           TokenOf, absl::NotFoundError(absl::StrCat("there is no token ", id)));
+}
+
+Listed<TokenRow> Reader::Tokens(int64_t before, int64_t limit) {
+  return ListOf<TokenRow>(
+      Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id < ? ORDER BY k.id DESC LIMIT ?"),
+                before, limit),
+      TokenOf);
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,320 @@
+// Artefacts and logs: whose they are, and which files are still needed.
+#include <algorithm>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
+#include "protocol/lease/policy_image.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
+#include "server/store/stored_row.h"
+#include "server/store/teams.h"
+
+namespace myograde::server {
+namespace {
+
+// artefact.options_json: a key for each wish of a policy.json that is not the default.
+std::string OptionsOf(const ArtefactRow& artefact) {
+  nlohmann::json options = nlohmann::json::object();
+  if (!artefact.adapter.empty()) options["adapter"] = artefact.adapter;
+  if (artefact.extra_observations) options["extra_observations"] = true;
+  if (artefact.image.has_value()) options["image"] = PolicyImageToJson(*artefact.image);
+  return CanonicalJson(options);
+}
+
+void ReadOptions(StoredRow& row, int column, ArtefactRow& artefact) {
+  const std::string text = row.Object(column);
+  if (!row.ok()) return;
+  const nlohmann::json options = nlohmann::json::parse(text);
+  ConfigReader reader(options, "options");
+  if (reader.Has("adapter")) artefact.adapter = reader.String("adapter");
+  if (reader.Has("extra_observations")) {
+    artefact.extra_observations = reader.Boolean("extra_observations");
+  }
+  if (reader.Has("image")) {
+    absl::StatusOr<PolicyImage> image =
+        PolicyImageFromJson(reader.Object("image"), "options: image");
+    if (!image.ok()) return row.Fail(column, std::string(image.status().message()));
+    artefact.image = *std::move(image);
+  }
+  if (const absl::Status read = reader.Finish(); !read.ok()) {
+    row.Fail(column, std::string(read.message()));
+  }
+}
+
+// The hash of an episode's log, "" if it has none, NULL if its facts are unreadable. The same
+// expression as in the index episode_by_log (schema.sql), so that the index is used.
+constexpr char kLogOfEpisode[] =
+    "CASE WHEN typeof(facts_json) = 'text' AND json_valid(facts_json) "
+    "THEN ifnull(json_extract(facts_json, '$.log.sha256'), '') END";
+
+// An evaluation `e` of a submission `s` whose files may be removed: it has ended and can't stand on
+// a board, nor on one that a rejudge is made for, which may have to play it. Unreadable rows keep
+// their files.
+constexpr char kOver[] =
+    "(e.finished_at IS NOT NULL AND "
+    "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')) AND NOT "
+    "(s.ranked = 1 AND EXISTS (SELECT 1 FROM rejudge AS q WHERE q.purpose = 'rules' AND "
+    "q.phase = s.phase AND (SELECT event FROM rejudge_event WHERE rejudge = q.id "
+    "ORDER BY id DESC LIMIT 1) = 'created' AND (q.from_config = s.config OR EXISTS "
+    "(SELECT 1 FROM rejudge_item AS i JOIN rejudge AS before ON before.id = i.rejudge "
+    "WHERE i.submission = s.id AND before.to_config = q.from_config)))))";
+
+constexpr char kEpisodesOf[] =
+    "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "
+    "LEFT JOIN submission AS s ON s.id = e.submission ";
+
+// In unreadable text, any run of 64 hexadecimal digits is taken for a log's hash.
+void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  for (size_t begin = text.find_first_of(kDigits); begin != std::string::npos;) {
+    const size_t end = std::min(text.find_first_not_of(kDigits, begin), text.size());
+    if (end - begin == 64) hashes.insert(text.substr(begin, 64));
+    begin = text.find_first_of(kDigits, end);
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
+  return Run(db_, "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+             artefact.hash, artefact.name, CanonicalJson(artefact.command),
+             CanonicalJson(artefact.runtimes), artefact.bytes, artefact.files, now_ms_,
+             CanonicalJson(artefact.environment), OptionsOf(artefact)) == 1;
+}
+
+absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
+                               const UnsubmittedLimits& limits) {
+  RETURN_IF_ERROR(CheckNotBanned(db_, upload.team));
+  const std::string team = KnownTeam(db_, upload.team);
+  Run(db_, "INSERT INTO artefact_holder VALUES (?, ?, ?) ON CONFLICT DO NOTHING", artefact.hash,
+      upload.uploader, team);
+  if (AnyRow(db_, "SELECT 1 FROM submission WHERE artefact = ? LIMIT 1", artefact.hash) ||
+      Run(db_, "UPDATE upload SET at = ? WHERE artefact = ?", now_ms_, artefact.hash) > 0) {
+    return absl::OkStatus();
+  }
+  const auto check = [&](const char* whose, const std::string& name, const std::string& sentence,
+                         int64_t most, int64_t most_bytes) -> absl::Status {
+    Statement sum(db_,
+                  absl::StrCat("SELECT count(*), ifnull(sum(a.bytes), 0) FROM upload AS u "
+                               "JOIN artefact AS a ON a.hash = u.artefact WHERE ",
+                               whose, " = ?"),
+                  name);
+    sum.executeStep();
+    const int64_t count = sum.getColumn(0).getInt64();
+    const int64_t bytes = sum.getColumn(1).getInt64();
+    if (count < most && artefact.bytes <= most_bytes - bytes) return absl::OkStatus();
+    return CodedRefusal(
+        "quota",
+        absl::StrCat(sentence, " has ", count, " uploads of ", bytes,
+                     " bytes together that were never submitted, and may have ", most, " of ",
+                     most_bytes, " bytes; submit them, or try again later: each goes ",
+                     absl::FormatDuration(limits.age), " after it came"));
+  };
+  RETURN_IF_ERROR(check("''", "", "this server", limits.count, limits.bytes));
+  if (!upload.organiser) {
+    RETURN_IF_ERROR(
+        check("u.uploader", upload.uploader, upload.uploader, limits.of_one, limits.bytes_of_one));
+  }
+  if (!upload.organiser && !team.empty()) {
+    RETURN_IF_ERROR(check("u.team", team, absl::StrCat("team \"", team, "\""), limits.of_one,
+                          limits.bytes_of_one));
+  }
+  Run(db_, "INSERT INTO upload (artefact, uploader, team, at) VALUES (?, ?, ?, ?)", artefact.hash,
+      upload.uploader, team, now_ms_);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
+  Statement select(db_, R"(SELECT name, command_json,
+      runtimes_json, bytes, files, environment_json, options_json FROM artefact WHERE hash = ?)",
+                   hash);
+  if (!select.executeStep()) return UnknownArtefact(hash);
+  StoredRow row(select, "artefact", hash);
+  ArtefactRow artefact{.hash = hash,
+                       .name = row.Text(0),
+                       .command = row.Strings(1),
+                       .runtimes = row.Strings(2),
+                       .bytes = row.Number(3, 0, INT64_MAX),
+                       .files = row.Number(4, 0, INT64_MAX),
+                       .environment = row.Texts(5)};
+  ReadOptions(row, 6, artefact);
+  if (artefact.command.empty()) row.Fail(1, "a program belongs there");
+  if (!row.ok()) return row.status();
+  return artefact;
+}
+
+std::vector<ArtefactUse> Reader::ArtefactUses() {
+  Statement select(
+      db_, absl::StrCat("SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
+                        "ifnull(max(e.finished_at), 0)), "
+                        "ifnull(max(e.id IS NOT NULL AND ",
+                        kOver,
+                        " IS NOT TRUE), 0) "
+                        "FROM artefact AS a LEFT JOIN submission AS s ON s.artefact = a.hash "
+                        "LEFT JOIN evaluation AS e ON e.submission = s.id GROUP BY a.hash"));
+  std::vector<ArtefactUse> uses;
+  while (select.executeStep()) {
+    StoredRow row(select, "artefact");
+    ArtefactUse use{row.Hash(0), row.Number(1, 0, INT64_MAX), row.Time(2), row.Flag(3)};
+    if (row.ok()) uses.push_back(std::move(use));
+  }
+  return uses;
+}
+
+std::vector<UploadRow> Reader::Uploads() {
+  return AllRows<UploadRow, 3>(Statement(db_, R"(SELECT u.artefact, a.bytes, u.at
+      FROM upload AS u JOIN artefact AS a ON a.hash = u.artefact ORDER BY u.at)"));
+}
+
+// The logs of the episodes for which `condition` holds.
+std::set<std::string> Reader::LogsWhere(const std::string& condition) {
+  Statement select(db_, absl::StrCat("SELECT ", kLogOfEpisode, ", p.facts_json ", kEpisodesOf,
+                                     "WHERE ", condition, " AND (", kLogOfEpisode, ") IS NOT ''"));
+  std::set<std::string> logs;
+  while (select.executeStep()) {
+    AddHashesIn(select.getColumn(select.isColumnNull(0) ? 1 : 0).getString(), logs);
+  }
+  return logs;
+}
+
+std::set<std::string> Reader::NeededLogs() {
+  return LogsWhere(absl::StrCat(kOver, " IS NOT TRUE"));
+}
+
+std::set<std::string> Reader::PracticeLogs() {
+  std::set<std::string> logs = LogsWhere("s.ranked = 0");
+  for (const std::string& log :
+       LogsWhere(absl::StrCat(kOver, " IS NOT TRUE AND s.ranked IS NOT 0"))) {
+    logs.erase(log);
+  }
+  return logs;
+}
+
+std::vector<std::string> Reader::Hashes(const std::string& table) {
+  return AllTexts(db_, absl::StrCat("SELECT hash FROM \"", table, "\" ORDER BY hash"));
+}
+
+absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& name, int64_t bytes,
+                                    const std::string& why) {
+  const bool upload = kind == kUploadKind;
+  const bool practice = kind == kPracticeLogKind;
+  const bool artefact = upload || kind == "artefact";
+  std::string needed;
+  if (artefact) {
+    needed = absl::StrCat(
+        "SELECT 1 FROM submission AS s JOIN evaluation AS e ON "
+        "e.submission = s.id WHERE s.artefact = ?1 AND ",
+        kOver, " IS NOT TRUE LIMIT 1");
+  } else {
+    const std::string open =
+        absl::StrCat(kOver, " IS NOT TRUE", practice ? " AND s.ranked IS NOT 0 " : " ");
+    // Of unreadable facts, those that contain the name anywhere.
+    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?1 AND ", open,
+                          "UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode,
+                          ") IS NULL AND instr(p.facts_json, ?1) > 0 AND ", open, "LIMIT 1");
+  }
+  if (AnyRow(db_, needed, name)) return false;
+  if (artefact) {
+    const int taken = Run(db_, "DELETE FROM upload WHERE artefact = ?", name);
+    if (taken == 0 && upload) return false;
+  }
+  Run(db_, R"(INSERT INTO removal (at, kind, name, bytes, why) VALUES (?, ?, ?, ?, ?))", now_ms_,
+      artefact ? "artefact" : "log", name, bytes, why);
+  return true;
+}
+
+bool Reader::MaySubmitArtefact(const std::string& hash, const std::string& who,
+                               const std::string& team) {
+  return UploadedArtefact(hash, who) || (!team.empty() && TeamHoldsArtefact(hash, team));
+}
+
+bool Reader::UploadedArtefact(const std::string& hash, const std::string& who) {
+  return AnyRow(db_, "SELECT 1 FROM artefact_holder WHERE artefact = ? AND uploader = ? LIMIT 1",
+                hash, who);
+}
+
+bool Reader::TeamHoldsArtefact(const std::string& hash, const std::string& team) {
+  if (AnyRow(db_,
+             absl::StrCat("SELECT 1 FROM submission WHERE artefact = ?1 AND team_id IN ",
+                          RowsOfTeam(2), " LIMIT 1"),
+             hash, KnownTeamId(db_, team))) {
+    return true;
+  }
+  // By name, as a new team has no row before its first submission.
+  const std::vector<std::string> names = AllTexts(
+      db_, "SELECT DISTINCT team FROM artefact_holder WHERE artefact = ? AND team != ''", hash);
+  return std::any_of(names.begin(), names.end(),
+                     [&](const std::string& name) { return TeamOf(name) == TeamOf(team); });
+}
+
+absl::StatusOr<std::string> Reader::TeamOfSubmission(int64_t id) {
+  const std::string name = FirstText(db_, R"(SELECT t.name FROM submission AS s
+      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE s.id = ?)",
+                                     id);
+  if (!name.empty()) return TeamOf(name);
+  return absl::NotFoundError(absl::StrCat("there is no submission ", id));
+}
+
+absl::StatusOr<std::string> Reader::TeamOfEvaluation(int64_t id) {
+  const std::string name = FirstText(db_, R"(SELECT t.name
+      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
+      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE e.id = ?)",
+                                     id);
+  if (!name.empty()) return TeamOf(name);
+  return absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
+}
+
+std::set<std::string> Reader::TeamsOfLog(const std::string& sha256) {
+  std::set<std::string> teams;
+  for (const std::string& name : AllTexts(db_,
+                                          absl::StrCat("SELECT DISTINCT t.name ", kEpisodesOf,
+                                                       "JOIN team AS t ON t.id = s.team_id "
+                                                       "AND typeof(t.name) = 'text' WHERE (",
+                                                       kLogOfEpisode, ") = ?"),
+                                          sha256)) {
+    teams.insert(TeamOf(name));
+  }
+  return teams;
+}
+
+std::set<std::string> Reader::PhasesOfLog(const std::string& sha256) {
+  const std::vector<std::string> phases = AllTexts(
+      db_, absl::StrCat("SELECT DISTINCT s.phase ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?"),
+      sha256);
+  return {phases.begin(), phases.end()};
+}
+
+absl::StatusOr<LoggedEpisode> Reader::EpisodeOfLog(const std::string& sha256) {
+  Statement select(db_,
+                   absl::StrCat("SELECT evaluation, idx, lease, seed FROM episode WHERE (",
+                                kLogOfEpisode, ") = ? ORDER BY evaluation, idx LIMIT 1"),
+                   sha256);
+  const auto parse = [](SQLite::Statement& read, LoggedEpisode& episode) {
+    StoredRow row(read, "episode",
+                  absl::StrCat(Shown(read.getColumn(0)), "/", Shown(read.getColumn(1))));
+    episode.evaluation = row.Id(0);
+    episode.index = row.Number(1, 0, INT64_MAX);
+    episode.lease = row.Id(2);
+    episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
+    return row;
+  };
+  return FirstOf<LoggedEpisode>(
+      std::move(select), parse,
+      absl::NotFoundError(absl::StrCat("no episode has the log ", sha256)));
+}
+
+std::vector<EndedEvaluation> Reader::DoneSince(int64_t after_ms, int64_t limit) {
+  std::vector<EndedEvaluation> ended =
+      AllRows<EndedEvaluation, 2>(Statement(db_, R"(SELECT id, finished_at FROM evaluation
+          WHERE state = 'done' AND finished_at > ? ORDER BY finished_at DESC, id DESC LIMIT ?)",
+                                            after_ms, limit));
+  std::reverse(ended.begin(), ended.end());
+  return ended;
+}
+
+int64_t Reader::LastEnd() { return FirstNumber(db_, "SELECT max(finished_at) FROM evaluation"); }
+
+}  // namespace myograde::server

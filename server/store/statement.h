@@ -1,0 +1,82 @@
+// SQLite statements in one call each. Internal to the store; everything here throws
+// SQLite::Exception.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <SQLiteCpp/VariadicBind.h>
+
+namespace myograde::server {
+
+// What SQLite::bind takes: it knows no views.
+inline std::string Bindable(std::string_view text) { return std::string(text); }
+template <typename Value>
+const Value& Bindable(const Value& value) {
+  return value;
+}
+
+// A statement with the values of its parameters, the first ones first.
+class Statement : public SQLite::Statement {
+ public:
+  template <typename... Values>
+  explicit Statement(SQLite::Database& db, const std::string& sql, const Values&... values)
+      : SQLite::Statement(db, sql) {
+    SQLite::bind(*this, Bindable(values)...);
+  }
+};
+
+// Runs a change; the number of rows that it changed.
+template <typename... Values>
+int Run(SQLite::Database& db, const std::string& sql, const Values&... values) {
+  return Statement(db, sql, values...).exec();
+}
+
+// Whether a query gives any row.
+template <typename... Values>
+bool AnyRow(SQLite::Database& db, const std::string& sql, const Values&... values) {
+  return Statement(db, sql, values...).executeStep();
+}
+
+// The first row's first column; 0 or "" if there is no row.
+template <typename... Values>
+int64_t FirstNumber(SQLite::Database& db, const std::string& sql, const Values&... values) {
+  Statement select(db, sql, values...);
+  return select.executeStep() ? select.getColumn(0).getInt64() : 0;
+}
+template <typename... Values>
+std::string FirstText(SQLite::Database& db, const std::string& sql, const Values&... values) {
+  Statement select(db, sql, values...);
+  return select.executeStep() ? select.getColumn(0).getString() : "";
+}
+
+// The first column of every row.
+template <typename... Values>
+std::vector<int64_t> AllNumbers(SQLite::Database& db, const std::string& sql,
+                                const Values&... values) {
+  Statement select(db, sql, values...);
+  std::vector<int64_t> numbers;
+  while (select.executeStep()) numbers.push_back(select.getColumn(0).getInt64());
+  return numbers;
+}
+template <typename... Values>
+std::vector<std::string> AllTexts(SQLite::Database& db, const std::string& sql,
+                                  const Values&... values) {
+  Statement select(db, sql, values...);
+  std::vector<std::string> texts;
+  while (select.executeStep()) texts.push_back(select.getColumn(0).getString());
+  return texts;
+}
+
+// Every row as a struct of whole numbers and texts, whose members are the columns.
+template <typename Row, int Columns>
+std::vector<Row> AllRows(SQLite::Statement select) {
+  std::vector<Row> rows;
+  while (select.executeStep()) rows.push_back(select.getColumns<Row, Columns>());
+  return rows;
+}
+
+}  // namespace myograde::server

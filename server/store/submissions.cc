@@ -1,0 +1,271 @@
+// Submissions: how they are accepted, with their quota and one ranked evaluation per artefact.
+#include <array>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
+#include "server/store/stored_row.h"
+#include "server/store/teams.h"
+
+namespace myograde::server {
+namespace {
+
+// Ranked evaluations of an artefact in a config. Those that ended by the grader's fault, or were
+// cancelled before an episode had ended, told their team nothing and don't count.
+constexpr char kOfficial[] =
+    "SELECT s.id, e.id FROM submission AS s "
+    "JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+    "WHERE s.artefact = ? AND s.config = ? AND s.ranked = 1 AND e.state != 'grader_error' AND "
+    "(e.state != 'cancelled' OR EXISTS (SELECT 1 FROM episode WHERE evaluation = e.id)) ";
+
+// If another team has submitted the same bytes, the audit row says so, for the organiser.
+std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
+  Statement select(db, R"(SELECT s.id, t.name FROM submission AS s
+      JOIN team AS o ON o.id = s.team_id JOIN team AS t ON t.id = ifnull(o.merged_into, o.id)
+      WHERE s.artefact = ? AND t.name != ? ORDER BY s.id LIMIT 1)",
+                   submission.artefact, submission.team);
+  if (!select.executeStep()) return "";
+  return absl::StrCat("the same artefact as submission ", select.getColumn(0).getInt64(),
+                      " of team \"", select.getColumn(1).getString(), "\"");
+}
+
+// Evaluations of an artefact in a row that end by the grader's fault until it is held back. Only
+// those by the same build and runtimes count, so an upgrade lets it in again.
+constexpr int64_t kFaultsToHold = 3;
+
+bool EndedByFaults(SQLite::Database& db, const std::string& artefact,
+                   const std::string& grader_json, int64_t last) {
+  return FirstNumber(db, R"(SELECT count(*) FROM (SELECT e.state AS state, e.grader_json AS grader
+      FROM submission AS s JOIN evaluation AS e ON e.submission = s.id WHERE s.artefact = ?1
+      AND e.kind != 'rejudge' AND e.finished_at IS NOT NULL AND e.state != 'cancelled' ORDER BY
+      e.finished_at DESC, e.id DESC LIMIT ?2) WHERE state = 'grader_error' AND grader = ?3)",
+                     artefact, last, grader_json) == last;
+}
+
+absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
+                              const std::string& grader_json) {
+  if (!EndedByFaults(db, artefact, grader_json, kFaultsToHold)) return absl::OkStatus();
+  return CodedRefusal(kHeldBackCode,
+                      absl::StrCat("the last ", kFaultsToHold,
+                                   " evaluations of this artefact ended by the grader's fault, so "
+                                   "it is held back; ask an organiser to look at it: a re-run that "
+                                   "ends otherwise lets it in again"));
+}
+
+constexpr char kSubmissionColumns[] =
+    "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
+    "s.accepted_at, s.team_id, s.accepted_by, s.phase, s.extra_observations FROM submission AS s "
+    "LEFT JOIN team AS o ON o.id = s.team_id "
+    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
+    "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
+
+StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
+  StoredRow row(select, "submission");
+  submission.id = row.Id(0);
+  submission.artefact = row.Hash(2);
+  submission.track = row.Text(4);
+  submission.profile = row.Text(5);
+  submission.config = row.Hash(6);
+  submission.seeds = row.Hash(7);
+  submission.ranked = row.Flag(8);
+  submission.accepted_at = row.Time(9);
+  submission.accepted_by = row.Text(11);
+  submission.phase = row.Text(12);
+  submission.extra_observations = row.Flag(13);
+  row.Joined("team", 10);
+  submission.team = row.Text(1);
+  row.Joined("artefact", 2);
+  submission.artefact_name = row.Text(3);
+  return row;
+}
+
+// Of a config or a seed list that was added: a damaged row if another text is there under its hash.
+absl::Status CheckContent(SQLite::Database& db, const char* table, const char* column,
+                          const std::string& hash, const std::string& text) {
+  Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
+  if (select.executeStep() && select.getColumn(0).isText() &&
+      select.getColumn(0).getString() == text) {
+    return absl::OkStatus();
+  }
+  return DamagedRow({table, hash, "its content has another hash"});
+}
+
+}  // namespace
+
+absl::StatusOr<SubmissionRow> Reader::Submission(int64_t id) {
+  return FirstOf<SubmissionRow>(
+      Statement(db_, absl::StrCat(kSubmissionColumns, "WHERE s.id = ?"), id), SubmissionOf,
+      absl::NotFoundError(absl::StrCat("there is no submission ", id)));
+}
+
+Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
+  return ListOf<SubmissionRow>(
+      Statement(
+          db_,
+          absl::StrCat(kSubmissionColumns,
+                       "WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3)"
+                       " AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM "
+                       "evaluation AS e WHERE e.submission = s.id AND e.kind = 'original' AND "
+                       "e.state = ?5)) AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))"
+                       " AND (?8 = '' OR s.phase = ?8) ORDER BY s.id DESC LIMIT ?6"),
+          filter.before, filter.team, filter.track, filter.profile,
+          filter.state ? EvaluationStateName(*filter.state) : std::string(), filter.limit,
+          filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : std::string(),
+          filter.phase),
+      SubmissionOf);
+}
+
+std::vector<std::string> Reader::HeldBack() {
+  Statement select(db_, R"(SELECT s.artefact, (SELECT l.grader_json
+      FROM submission AS o JOIN evaluation AS l ON l.submission = o.id WHERE o.artefact = s.artefact
+      AND l.state = 'grader_error' ORDER BY l.finished_at DESC, l.id DESC LIMIT 1)
+      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission WHERE e.kind = 'original'
+      AND e.state = 'grader_error' GROUP BY s.artefact ORDER BY s.artefact)");
+  std::vector<std::string> held;
+  while (select.executeStep()) {
+    const std::string artefact = select.getColumn(0);
+    if (EndedByFaults(db_, artefact, select.getColumn(1), kFaultsToHold)) held.push_back(artefact);
+  }
+  return held;
+}
+
+std::string Writer::WithHold(int64_t evaluation, const std::string& why) {
+  Statement select(db_, R"(SELECT s.artefact, e.grader_json
+      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission WHERE e.id = ?)",
+                   evaluation);
+  if (!select.executeStep() ||
+      !EndedByFaults(db_, select.getColumn(0), select.getColumn(1), kFaultsToHold - 1)) {
+    return why;
+  }
+  return absl::StrCat(why, "; this artefact has ended so ", kFaultsToHold,
+                      " times in a row and is held back until an organiser's re-run of it ends "
+                      "otherwise");
+}
+
+absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
+                                 const RerunLimits& limits) {
+  if (!organiser) {
+    RETURN_IF_ERROR(CheckNotBanned(db_, FirstText(db_, R"(SELECT t.name
+        FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
+                                                  submission)));
+    Statement last(db_, R"(SELECT s.artefact, e.grader_json FROM submission AS s
+        JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ? ORDER BY e.id DESC LIMIT 1)",
+                   submission);
+    if (last.executeStep()) {
+      RETURN_IF_ERROR(CheckNotHeldBack(db_, last.getColumn(0), last.getColumn(1)));
+    }
+  }
+  // The audit row of a re-run's start says who asked for it.
+  Statement count(db_, R"(SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?),
+      0) FROM evaluation AS e JOIN transition AS t ON t.entity = 'evaluation' AND t.entity_id = e.id
+      AND t.from_state = '' WHERE e.kind = 'rerun' AND e.finished_at IS NULL)",
+                  who, submission);
+  count.executeStep();
+  const auto [all, own, of_it] = count.getColumns<std::array<int64_t, 3>, 3>();
+  struct Limit {
+    std::string what;
+    int64_t count;
+    int64_t most;
+  };
+  std::vector<Limit> applying;
+  if (!organiser) {
+    applying = {{absl::StrCat("re-runs of submission ", submission), of_it, limits.of_a_submission},
+                {absl::StrCat("re-runs that ", who, " asked for"), own, limits.of_one}};
+  }
+  applying.push_back({"re-runs", all, organiser ? limits.of_organisers : limits.unfinished});
+  for (const Limit& limit : applying) {
+    if (limit.count < limit.most) continue;
+    return CodedRefusal(
+        "quota", absl::StrCat(limit.count, " ", limit.what, " have not ended, and ", limit.most,
+                              " is the most; wait for one to end, or cancel it"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Writer::AddConfig(const std::string& hash, const std::string& track,
+                               const std::string& profile, const std::string& json) {
+  Run(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", hash, track, profile,
+      json, now_ms_);
+  return CheckContent(db_, "config", "effective_json", hash, json);
+}
+
+absl::Status Writer::AddSeedList(const std::string& hash, int64_t count, const std::string& json) {
+  Run(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING", hash, count, json);
+  return CheckContent(db_, "seed_list", "seeds_json", hash, json);
+}
+
+absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission& submission,
+                                                             const AdmissionRules& rules) {
+  Statement own(
+      db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
+      submission.artefact, submission.config, KnownTeamId(db_, submission.team));
+  if (own.executeStep()) {
+    return std::optional(Accepted{.submission = own.getColumn(0).getInt64(),
+                                  .evaluation = own.getColumn(1).getInt64(),
+                                  .leases = {},
+                                  .linked = true});
+  }
+  if (!rules.one_for_everyone) return std::optional<Accepted>();
+  const bool taken =
+      AnyRow(db_, absl::StrCat(kOfficial, "LIMIT 1"), submission.artefact, submission.config);
+  if (!taken) return std::optional<Accepted>();
+  return CodedRefusal(
+      "same_artefact",
+      absl::StrCat("another team has handed in exactly this artefact for track \"",
+                   submission.track, "\", profile \"", submission.profile,
+                   "\", and an artefact has one ranked evaluation there; hand in a policy of your "
+                   "own, or practise with fewer episodes"));
+}
+
+absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const AdmissionRules& rules,
+                                        const std::string& who) {
+  if (!AnyRow(db_, "SELECT 1 FROM artefact WHERE hash = ?", asked.artefact)) {
+    return UnknownArtefact(asked.artefact);
+  }
+  // In this transaction, so that of two names that look alike the second is rejected.
+  NewSubmission submission = asked;
+  ASSIGN_OR_RETURN(submission.team, TeamNamed(db_, asked.team));
+  RETURN_IF_ERROR(CheckNotBanned(db_, submission.team));
+  if (submission.ranked) {
+    ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, rules));
+    if (first.has_value()) return *first;
+  }
+  // A submission that was accepted before is found above, however late its answer is asked for.
+  if (!submission.closed.ok()) return submission.closed;
+  RETURN_IF_ERROR(CheckTakesSubmissions(submission.phase));
+  RETURN_IF_ERROR(CheckNotHeldBack(db_, submission.artefact, submission.grader_json));
+  const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
+  const QuotaUse use =
+      ReadQuotaUse(db_, submission.team, submission.track, submission.phase, now_ms_);
+  RETURN_IF_ERROR(
+      CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
+  const int64_t team_id = AddTeam(db_, submission.team, now_ms_, who);
+  RETURN_IF_ERROR(
+      AddConfig(submission.config, submission.track, submission.profile, submission.config_json));
+  RETURN_IF_ERROR(AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json));
+  Run(db_, R"(INSERT INTO submission (team_id, artefact,
+      track, profile, config, seeds, ranked, accepted_by, accepted_at, phase, extra_observations)
+      VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
+      team_id, submission.artefact, submission.track, submission.profile, submission.config,
+      submission.seeds, submission.ranked, who, now_ms_, submission.phase,
+      submission.extra_observations);
+  const int64_t id = db_.getLastInsertRowid();
+  Run(db_, "DELETE FROM upload WHERE artefact = ?", submission.artefact);
+  Run(db_, R"(INSERT INTO admission (submission, team_id, track, phase, budget, day)
+      SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?)",
+      BudgetName(budget), use.day, id);
+  RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
+  ASSIGN_OR_RETURN(Accepted accepted, AddEvaluation({.submission = id,
+                                                     .kind = EvaluationKind::kOriginal,
+                                                     .grader_json = submission.grader_json,
+                                                     .blocks = submission.blocks},
+                                                    who));
+  AppendEntry(db_, kAcceptedEntry, id);
+  return accepted;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,115 @@
+// What submissions, uploads and re-runs are made of, what they must satisfy, and what they were
+// accepted as; and the keys (the header Idempotency-Key) by which a client may send one again when
+// the answer was lost.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/time/time.h>
+
+#include "server/store/quota.h"
+
+namespace myograde::server {
+
+struct Accepted {
+  int64_t submission = 0;
+  int64_t evaluation = 0;
+  std::vector<int64_t> leases = {};  // in block order
+  // True: nothing new was accepted. The team already has this artefact's ranked evaluation;
+  // `submission` and `evaluation` are those, and `leases` is empty.
+  bool linked = false;
+  // True: nothing new was accepted, as the same request came before with the same key. All but
+  // `leases`, which is empty, is what it was accepted as then.
+  bool repeated = false;
+
+  bool is_new() const { return !linked && !repeated; }
+};
+
+struct RequestKey {
+  std::string key = "";      // chosen by the client; "": the request has none
+  std::string request = "";  // SHA-256 of everything that it asks for
+};
+
+// The API's error code (ErrorCodeOf in quota.h) for a key that came with another request before.
+inline constexpr char kKeyReusedCode[] = "idempotency_mismatch";
+
+// A key is kept for this long, and of one caller the newest of these.
+inline constexpr absl::Duration kKeyAge = absl::Hours(24);
+inline constexpr int64_t kKeysOfOne = 1000;
+
+// Who becomes a team's first member.
+struct Founding {
+  std::string person;  // "uid 1000"
+  int64_t most = 1;    // teams that the person may have (Writer::FoundTeam)
+  bool needed = true;  // false: it does not matter if the team is somebody else's
+};
+
+// A submission to accept. Content that the store already has is shared.
+struct NewSubmission {
+  std::string team;
+  std::string artefact;  // must be in the store
+  std::string track;
+  std::string profile;
+  std::string config;       // hash of `config_json`
+  std::string config_json;  // the effective track config, canonical
+  std::string seeds;        // hash of `seeds_json`
+  std::string seeds_json;   // array of numbers, canonical
+  int64_t seed_count = 0;
+  bool ranked = false;
+  std::string grader_json;
+  std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
+  RequestKey request_key = {};
+  std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
+  std::string phase = "";                           // of a challenge; "": the track's own board
+  bool extra_observations = false;                  // its policy is shown them
+  // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
+  // already is found all the same.
+  absl::Status closed = absl::OkStatus();
+};
+
+struct NewRerun {
+  int64_t submission = 0;
+  std::string artefact;  // the submission's
+  std::string grader_json;
+  std::vector<std::pair<int64_t, int64_t>> blocks;
+  RequestKey request_key = {};
+};
+
+// What a submission must satisfy to be accepted.
+struct AdmissionRules {
+  QuotaLimits quota;
+  // An artefact has one ranked evaluation per config: for each team or, if true, for all teams
+  // together.
+  bool one_for_everyone = false;
+};
+
+// Who uploaded an artefact that has not been submitted yet.
+struct NewUpload {
+  std::string uploader;    // "uid 1000"
+  std::string team;        // "": unknown
+  bool organiser = false;  // only the limits on the total apply
+};
+
+// Limits on artefacts with files that nobody has submitted.
+struct UnsubmittedLimits {
+  int64_t count = 4000;
+  int64_t bytes = int64_t{64} << 30;
+  int64_t of_one = 1000;  // per uploader, and per team
+  int64_t bytes_of_one = int64_t{16} << 30;
+  absl::Duration age = absl::Hours(24);  // after which the files are removed
+};
+
+// Limits on re-runs that have not ended.
+struct RerunLimits {
+  int64_t unfinished = 64;  // total of all non-organisers
+  int64_t of_one = 8;       // per non-organiser
+  int64_t of_a_submission = 2;
+  int64_t of_organisers = 256;
+};
+
+}  // namespace myograde::server
