@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "server/executor/node_view.h"
+#include "server/executor/executor.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {

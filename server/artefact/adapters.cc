@@ -14,8 +14,6 @@ constexpr Adapter kAdapters[] = {
 
 }  // namespace
 
-std::span<const Adapter> Adapters() { return kAdapters; }
-
 const Adapter* FindAdapter(std::string_view name) {
   const auto found = std::ranges::find(kAdapters, name, &Adapter::name);
   return found == std::end(kAdapters) ? nullptr : found;

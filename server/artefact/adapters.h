@@ -2,7 +2,6 @@
 // were written for another protocol than LCM's. The programs themselves are in policies/adapters.
 #pragma once
 
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,9 +19,6 @@ struct Adapter {
   std::string_view runtime;      // the server's runtime that it needs
   bool TrackKind::*plays_track;  // of the kinds of track that it can play
 };
-
-// Sorted by name.
-std::span<const Adapter> Adapters();
 
 // nullptr: there is none of that name. The result is never freed.
 const Adapter* FindAdapter(std::string_view name);

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
@@ -87,11 +86,5 @@ absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
                                             const std::string& destination);
 absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits,
                                       const ByteProgress& progress = nullptr);
-
-// Reads and checks the policy.json of an unpacked artefact: no unknown keys, and a command that
-// exists and is executable. A command outside the artefact is not checked here (see
-// server/sandbox/program.h). InvalidArgumentError otherwise. `folder`: its path, or a descriptor.
-absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder);
-absl::StatusOr<ArtefactManifest> ReadManifest(int folder);
 
 }  // namespace myograde::server

@@ -1,14 +1,33 @@
 #include "server/artefact/beneath.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <linux/openat2.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
+#include <climits>
+#include <cstring>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
+
+struct CloseFolder {
+  void operator()(DIR* folder) const { ::closedir(folder); }
+};
+
+const char* BaseNameOf(const std::string& path) { return path.c_str() + path.rfind('/') + 1; }
 
 // The same, one path component at a time, for kernels and container hosts without openat2.
 Fd OpenByNames(int root, const std::string& path, int flags, mode_t mode) {
@@ -32,6 +51,17 @@ Fd OpenByNames(int root, const std::string& path, int flags, mode_t mode) {
 
 }  // namespace
 
+absl::StatusOr<Fd> MakeFolderToFill(const std::string& path) {
+  if (::mkdir(path.c_str(), 0755) != 0) {
+    return HostError(absl::StrCat("can't make the folder ", path));
+  }
+  Fd folder(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (folder.valid() && ::fchmod(folder.get(), 0755) == 0) return folder;
+  const absl::Status status = HostError(absl::StrCat("can't open the folder ", path));
+  ::rmdir(path.c_str());
+  return status;
+}
+
 Fd OpenBeneath(int root, const std::string& path, int flags, mode_t mode) {
   flags |= O_CLOEXEC | O_NOFOLLOW;
   struct open_how how = {};
@@ -42,6 +72,149 @@ Fd OpenBeneath(int root, const std::string& path, int flags, mode_t mode) {
   if (fd >= 0) return Fd(static_cast<int>(fd));
   if (errno == ENOSYS || errno == EPERM) return OpenByNames(root, path, flags, mode);
   return Fd();
+}
+
+absl::StatusOr<Fd> OpenFolderOf(int root, const std::string& path) {
+  const size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash);
+  Fd opened = OpenBeneath(root, folder, O_PATH | O_DIRECTORY);
+  if (!opened.valid()) return HostError(absl::StrCat("can't open the folder ", Quoted(folder)));
+  return opened;
+}
+
+std::optional<std::vector<std::string>> NamesIn(int folder) {
+  Fd fd(::openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  const std::unique_ptr<DIR, CloseFolder> entries(fd.valid() ? ::fdopendir(fd.get()) : nullptr);
+  if (entries == nullptr) return std::nullopt;
+  fd.release();  // `entries` closes it
+  std::vector<std::string> names;
+  for (;;) {
+    errno = 0;
+    const dirent* entry = ::readdir(entries.get());
+    if (entry == nullptr) break;
+    const std::string_view name = entry->d_name;
+    if (name != "." && name != "..") names.emplace_back(name);
+  }
+  if (errno != 0) return std::nullopt;
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string TargetOf(int link) {
+  std::array<char, PATH_MAX> target;
+  const ssize_t size = ::readlinkat(link, "", target.data(), target.size());
+  return std::string(target.data(), static_cast<size_t>(std::max<ssize_t>(size, 0)));
+}
+
+absl::Status MakeFolderBeneath(int root, const std::string& path) {
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root, path));
+  const char* name = BaseNameOf(path);
+  if (::mkdirat(folder.get(), name, 0755) != 0 || ::fchmodat(folder.get(), name, 0755, 0) != 0) {
+    return HostError(absl::StrCat("can't make the folder ", Quoted(path)));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status MakeLinkBeneath(int root, const std::string& path, const std::string& target) {
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root, path));
+  if (::symlinkat(target.c_str(), folder.get(), BaseNameOf(path)) == 0) return absl::OkStatus();
+  return HostError(absl::StrCat("can't make the link ", Quoted(path)));
+}
+
+absl::Status MakeFileBeneath(int root, const std::string& path, Entry& entry,
+                             const std::function<absl::StatusOr<std::string_view>()>& next) {
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root, path));
+  const Fd file(::openat(folder.get(), BaseNameOf(path),
+                         O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
+  Sha256 hash;
+  for (;;) {
+    ASSIGN_OR_RETURN(const std::string_view piece, next());
+    if (piece.empty()) break;
+    if (!WriteAll(file.get(), piece).ok()) {
+      return HostError(absl::StrCat("can't write the file ", Quoted(path)));
+    }
+    hash.Update(piece);
+    entry.size += std::ssize(piece);
+  }
+  entry.sha256 = hash.FinishHex();
+  const timespec time = {entry.time, 0};
+  const timespec times[] = {time, time};
+  if (::futimens(file.get(), times) != 0 ||
+      ::fchmod(file.get(), entry.executable ? 0755 : 0644) != 0) {
+    return HostError(absl::StrCat("can't set mode and time of ", Quoted(path)));
+  }
+  return absl::OkStatus();
+}
+
+namespace {
+
+class FolderLister {
+ public:
+  FolderLister(int root, FolderOf whose, Listing& listing)
+      : root_(root), whose_(whose), listing_(listing) {}
+
+  // `folder` is "" for the top.
+  absl::Status List(const std::string& folder) {
+    const Fd fd = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+    const auto names = fd.valid() ? NamesIn(fd.get()) : std::nullopt;
+    if (!names.has_value()) return Unreadable(folder.empty() ? "the folder" : folder, whose_);
+    for (const std::string& name : *names) {
+      RETURN_IF_ERROR(Take(folder.empty() ? name : folder + "/" + name));
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  absl::Status Take(const std::string& raw_path) {
+    const bool submitted = whose_ == FolderOf::kParticipant;
+    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw_path));
+    const Fd fd = OpenBeneath(root_, path, O_PATH);
+    struct stat info = {};
+    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(path, whose_);
+    if (S_ISDIR(info.st_mode)) {
+      RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
+      return List(path);
+    }
+    if (S_ISLNK(info.st_mode)) {
+      const std::string target = TargetOf(fd.get());
+      // An image's links lead where they like.
+      if (submitted) RETURN_IF_ERROR(CheckLinkTarget(path, target));
+      ASSIGN_OR_RETURN(Entry* const link, listing_.Add(path, EntryType::kLink));
+      link->target = target;
+      return absl::OkStatus();
+    }
+    if (!S_ISREG(info.st_mode)) {
+      const std::string what = absl::StrCat(Quoted(path), " is no file, folder or symbolic link");
+      return submitted ? absl::InvalidArgumentError(absl::StrCat(what, "; remove it"))
+                       : absl::DataLossError(absl::StrCat("the submission's ", what));
+    }
+    if (submitted && (info.st_mode & (S_ISUID | S_ISGID)) != 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(Quoted(path), " has the setuid or setgid bit; remove it with chmod a-s"));
+    }
+    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kFile));
+    entry->size = info.st_size;
+    entry->time = KeptTime(info.st_mtim.tv_sec);
+    entry->executable = (info.st_mode & 0111) != 0;
+    return listing_.AddBytes(path, info.st_size);
+  }
+
+  const int root_;
+  const FolderOf whose_;
+  Listing& listing_;
+};
+
+}  // namespace
+
+absl::Status ListFolder(int root, FolderOf whose, Listing& listing) {
+  return FolderLister(root, whose, listing).List("");
+}
+
+absl::Status Unreadable(const std::string& path, FolderOf whose) {
+  if (whose == FolderOf::kDaemon) return HostError(absl::StrCat("can't read ", Quoted(path)));
+  return absl::InvalidArgumentError(
+      absl::StrCat(Quoted(path), " can't be read: ", std::strerror(errno)));
 }
 
 }  // namespace myograde::server

@@ -11,7 +11,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/artefact/archive_errors.h"
 
 namespace myograde::server {
 namespace {
@@ -119,13 +118,12 @@ la_int64_t StreamArchive::SkipSome(archive*, void* self, la_int64_t bytes) {
   return static_cast<StreamArchive*>(self)->from_.Skip(bytes);
 }
 
-absl::Status StreamArchive::Failure(std::string_view what) const {
+absl::Status StreamArchive::Failure(absl::string_view what) const {
   if (!failure_.ok()) return failure_;
-  return absl::InvalidArgumentError(absl::StrCat(absl::string_view(what.data(), what.size()), ": ",
-                                                 ArchiveReason(reader_.get())));
+  return absl::InvalidArgumentError(absl::StrCat(what, ": ", ArchiveReason(reader_.get())));
 }
 
-absl::StatusOr<std::string_view> DecompressedStream::Next() {
+absl::StatusOr<std::string_view> EntryStream::Next() {
   if (!open_) {
     open_ = true;
     RETURN_IF_ERROR(archive_.Open());

@@ -10,6 +10,7 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/strings/string_view.h>
 
 #include "protocol/base/sha256.h"
 #include "server/artefact/listing.h"
@@ -83,7 +84,7 @@ class StreamArchive {
  private:
   static la_ssize_t Read(archive* reader, void* self, const void** buffer);
   static la_int64_t SkipSome(archive* reader, void* self, la_int64_t bytes);
-  absl::Status Failure(std::string_view what) const;
+  absl::Status Failure(absl::string_view what) const;
 
   ByteStream& from_;
   const Form form_;
@@ -92,12 +93,13 @@ class StreamArchive {
   std::unique_ptr<archive, ArchiveReader> reader_;
 };
 
-// What a stream yields once it is decompressed, whatever of gzip, zstd, xz and bzip2 it is; the bytes
-// themselves if they are not compressed.
-class DecompressedStream : public ByteStream {
+// The content of an archive's first entry; nothing if it has none. By default, what a stream yields
+// once it is decompressed, whatever of gzip, zstd, xz and bzip2 it is; the bytes themselves if they
+// are not compressed.
+class EntryStream : public ByteStream {
  public:
-  explicit DecompressedStream(ByteStream& from)
-      : archive_(from, StreamArchive::Form::kPacked) {}
+  explicit EntryStream(ByteStream& from, StreamArchive::Form form = StreamArchive::Form::kPacked)
+      : archive_(from, form) {}
   absl::StatusOr<std::string_view> Next() override;
 
  private:

@@ -10,8 +10,8 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/archive_errors.h"
 
 namespace myograde::server {
 namespace {
@@ -24,15 +24,12 @@ constexpr int kMaxIndexDepth = 3;
 constexpr size_t kHexDigits = 64;
 constexpr char kPlatform[] = "linux/amd64";
 
-absl::Status BadImage(std::string_view what) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("the image ", absl::string_view(what.data(), what.size())));
+absl::Status BadImage(absl::string_view what) {
+  return absl::InvalidArgumentError(absl::StrCat("the image ", what));
 }
 
-bool IsHexDigest(std::string_view text) {
-  return text.size() >= kHexDigits &&
-         text.substr(0, kHexDigits).find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
+// Whether a name begins with a digest.
+bool IsHexDigest(std::string_view name) { return IsSha256Hex(name.substr(0, kHexDigits)); }
 
 bool IsIndex(const std::string& media_type) {
   return media_type == "application/vnd.oci.image.index.v1+json" ||
@@ -68,20 +65,9 @@ std::string PlainMemberName(const std::string& name) {
   return plain;
 }
 
-absl::StatusOr<std::string_view> MemberStream::Next() {
-  if (!open_) {
-    open_ = true;
-    RETURN_IF_ERROR(archive_.Open());
-    archive_entry* entry = nullptr;
-    ASSIGN_OR_RETURN(const bool found, archive_.NextEntry(&entry));
-    if (!found) return absl::InvalidArgumentError("a member of the image is cut off");
-  }
-  return archive_.NextData();
-}
-
 bool ImageArchive::MayBe(int file) {
   FileStream stream(file);
-  DecompressedStream bytes(stream);
+  EntryStream bytes(stream);
   const bool compressed = IsCompressed(file);
   StreamArchive archive(compressed ? static_cast<ByteStream&>(bytes) : stream,
                         StreamArchive::Form::kTar);
@@ -213,10 +199,10 @@ absl::StatusOr<Json> ImageArchive::BlobOf(const Described& described, const std:
   return ParseJson(text, absl::StrCat("the image's ", what));
 }
 
-absl::StatusOr<ImageArchive::Described> ImageArchive::Descriptor(const nlohmann::json& json,
+absl::StatusOr<ImageArchive::Described> ImageArchive::Descriptor(const Json& json,
                                                                  const std::string& where) const {
   ASSIGN_OR_RETURN(const std::string sha256, DigestOf(TextAt(json, "digest"), where));
-  const nlohmann::json& size = At(json, "size");
+  const Json& size = At(json, "size");
   if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
     return BadImage(absl::StrCat("states no size for its ", where));
   }
@@ -239,7 +225,7 @@ absl::StatusOr<ImageContent> ImageArchive::Read() const {
 }
 
 absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
-  ASSIGN_OR_RETURN(const nlohmann::json images, JsonOf("manifest.json"));
+  ASSIGN_OR_RETURN(const Json images, JsonOf("manifest.json"));
   if (images.contains("schemaVersion")) {
     return absl::InvalidArgumentError(
         "the archive holds an image as \"skopeo copy IMAGE dir:FOLDER\" writes it; save it with "
@@ -250,7 +236,7 @@ absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
         "the archive's manifest.json lists ", images.is_array() ? images.size() : 0,
         " images; save exactly one"));
   }
-  const nlohmann::json& image = images[0];
+  const Json& image = images[0];
   const std::string config_name = TextAt(image, "Config");
   ASSIGN_OR_RETURN(const std::string text, TextOf(config_name));
   // Its name is its digest, wherever tools put it.
@@ -258,10 +244,10 @@ absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
   if (IsHexDigest(base) && Sha256Hex(text) != base.substr(0, kHexDigits)) {
     return BadImage("has a config whose digest is not its name; save the image again");
   }
-  ASSIGN_OR_RETURN(const nlohmann::json config, ParseJson(text, "the image's config"));
+  ASSIGN_OR_RETURN(const Json config, ParseJson(text, "the image's config"));
   ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
   ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
-  for (const nlohmann::json& layer : At(image, "Layers")) {
+  for (const Json& layer : At(image, "Layers")) {
     if (!layer.is_string()) return BadImage("lists a layer that is no name");
     ASSIGN_OR_RETURN(std::string member, Find(layer.get<std::string>()));
     content.layers.push_back({.member = std::move(member), .sha256 = {}, .diff_id = {}});
@@ -270,7 +256,7 @@ absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
   return content;
 }
 
-absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const nlohmann::json& entry) const {
+absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const Json& entry) const {
   absl::StatusOr<Described> described = Descriptor(entry, "index");
   if (!described.ok()) return described;
   RETURN_IF_ERROR(Find(BlobName(described->sha256)).status());
@@ -278,24 +264,23 @@ absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const nlohmann::js
   return described;
 }
 
-absl::StatusOr<nlohmann::json> ImageArchive::ConfigOf(const nlohmann::json& manifest) const {
+absl::StatusOr<Json> ImageArchive::ConfigOf(const Json& manifest) const {
   ASSIGN_OR_RETURN(const Described about, Descriptor(At(manifest, "config"), "config"));
   return BlobOf(about, "config");
 }
 
 absl::StatusOr<std::string> ImageArchive::PlatformOf(const Described& described) const {
-  ASSIGN_OR_RETURN(const nlohmann::json manifest, BlobOf(described, "manifest"));
-  ASSIGN_OR_RETURN(const nlohmann::json config, ConfigOf(manifest));
+  ASSIGN_OR_RETURN(const Json manifest, BlobOf(described, "manifest"));
+  ASSIGN_OR_RETURN(const Json config, ConfigOf(manifest));
   return PlatformName(config);
 }
 
-absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
-                                   Candidates& candidates) const {
+absl::Status ImageArchive::Collect(const Json& index, int depth, Candidates& candidates) const {
   const auto other = [&](const std::string& name) {
     if (candidates.others.size() < 16) candidates.others.push_back(Quoted(name));
   };
-  for (const nlohmann::json& entry : At(index, "manifests")) {
-    const nlohmann::json& platform = At(entry, "platform");
+  for (const Json& entry : At(index, "manifests")) {
+    const Json& platform = At(entry, "platform");
     const bool is_index = IsIndex(TextAt(entry, "mediaType"));
     if (TextAt(platform, "os") == "unknown") continue;  // attestations
     if (!is_index && platform.is_object() && PlatformName(platform) != kPlatform) {
@@ -309,7 +294,7 @@ absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
     }
     if (is_index) {
       if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
-      ASSIGN_OR_RETURN(const nlohmann::json inner, BlobOf(*described, "index"));
+      ASSIGN_OR_RETURN(const Json inner, BlobOf(*described, "index"));
       RETURN_IF_ERROR(Collect(inner, depth + 1, candidates));
       continue;
     }
@@ -327,7 +312,7 @@ absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
 }
 
 absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
-  ASSIGN_OR_RETURN(const nlohmann::json index, JsonOf("index.json"));
+  ASSIGN_OR_RETURN(const Json index, JsonOf("index.json"));
   Candidates candidates;
   RETURN_IF_ERROR(Collect(index, 1, candidates));
   std::map<std::string, Described>& fitting = candidates.fitting;
@@ -351,7 +336,7 @@ absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
 }
 
 absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
-  ASSIGN_OR_RETURN(const nlohmann::json manifest, BlobOf(described, "manifest"));
+  ASSIGN_OR_RETURN(const Json manifest, BlobOf(described, "manifest"));
   if (!TextAt(manifest, "artifactType").empty() || manifest.contains("subject")) return false;
   const std::string kind = TextAt(At(manifest, "config"), "mediaType");
   if (kind != "application/vnd.oci.image.config.v1+json" &&
@@ -359,19 +344,19 @@ absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
     return false;
   }
   // Signatures have an image's config, and layers that are no archives.
-  const nlohmann::json& layers = At(manifest, "layers");
-  return std::all_of(layers.begin(), layers.end(), [](const nlohmann::json& layer) {
+  const Json& layers = At(manifest, "layers");
+  return std::all_of(layers.begin(), layers.end(), [](const Json& layer) {
     const std::string layer_kind = TextAt(layer, "mediaType");
     return layer_kind.find("layer") != std::string::npos || layer_kind.find("rootfs") != std::string::npos;
   });
 }
 
 absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& described) const {
-  ASSIGN_OR_RETURN(const nlohmann::json manifest, BlobOf(described, "manifest"));
-  ASSIGN_OR_RETURN(const nlohmann::json config, ConfigOf(manifest));
+  ASSIGN_OR_RETURN(const Json manifest, BlobOf(described, "manifest"));
+  ASSIGN_OR_RETURN(const Json config, ConfigOf(manifest));
   ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
   ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
-  for (const nlohmann::json& layer : At(manifest, "layers")) {
+  for (const Json& layer : At(manifest, "layers")) {
     const std::string kind = TextAt(layer, "mediaType");
     if (kind.find("encrypted") != std::string::npos || kind.find("foreign") != std::string::npos) {
       return BadImage(absl::StrCat("has a layer of the kind ", Quoted(kind),

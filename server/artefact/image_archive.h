@@ -25,13 +25,12 @@ std::string PlainMemberName(const std::string& name);
 class MemberStream : public ByteStream {
  public:
   MemberStream(int file, int64_t position)
-      : file_(file, position), archive_(file_, StreamArchive::Form::kTar) {}
-  absl::StatusOr<std::string_view> Next() override;
+      : file_(file, position), content_(file_, StreamArchive::Form::kTar) {}
+  absl::StatusOr<std::string_view> Next() override { return content_.Next(); }
 
  private:
   FileStream file_;
-  StreamArchive archive_;
-  bool open_ = false;
+  EntryStream content_;
 };
 
 struct ImageLayer {

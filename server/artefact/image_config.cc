@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/listing.h"
 
@@ -19,9 +20,8 @@ constexpr size_t kMaxImageVariables = 256;
 constexpr size_t kMaxImageEnvironmentBytes = 32 << 10;
 constexpr size_t kMaxLayers = 128;  // as engines have
 
-absl::Status BadConfig(std::string_view what) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("the image's config ", absl::string_view(what.data(), what.size())));
+absl::Status BadConfig(absl::string_view what) {
+  return absl::InvalidArgumentError(absl::StrCat("the image's config ", what));
 }
 
 // An array of texts, or null.
@@ -116,10 +116,7 @@ std::string TagOfIndex(const Json& index) {
 absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view where) {
   constexpr std::string_view kPrefix = "sha256:";
   const std::string_view hex = text.substr(std::min(text.size(), kPrefix.size()));
-  if (text.starts_with(kPrefix) && hex.size() == 64 &&
-      hex.find_first_not_of("0123456789abcdef") == std::string_view::npos) {
-    return std::string(hex);
-  }
+  if (text.starts_with(kPrefix) && IsSha256Hex(hex)) return std::string(hex);
   return absl::InvalidArgumentError(absl::StrCat("the image's ", std::string(where),
                                                  " has the digest ", Quoted(text),
                                                  "; only SHA-256 is accepted"));

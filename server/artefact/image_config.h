@@ -1,8 +1,6 @@
 // The JSON of container images: untrusted, and with keys that mean nothing here.
 #pragma once
 
-#include <cstdint>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>

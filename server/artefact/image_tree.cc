@@ -1,12 +1,9 @@
 #include "server/artefact/image_tree.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
 #include <climits>
 #include <deque>
 
@@ -27,9 +24,13 @@ constexpr std::string_view kWhiteout = ".wh.";
 constexpr std::string_view kOpaque = ".wh..wh..opq";
 constexpr std::string_view kEngineOwn = ".wh..wh.";
 
-absl::Status BadEntry(std::string_view path, std::string_view rule) {
-  return absl::InvalidArgumentError(absl::StrCat("the image's ", Quoted(path), " ",
-                                                 absl::string_view(rule.data(), rule.size())));
+absl::Status BadEntry(std::string_view path, absl::string_view rule) {
+  return absl::InvalidArgumentError(absl::StrCat("the image's ", Quoted(path), " ", rule));
+}
+
+// An image's paths begin at its root, with or without a slash.
+std::string_view FromRoot(std::string_view path) {
+  return path.substr(std::min(path.find_first_not_of('/'), path.size()));
 }
 
 std::string FolderName(const std::string& path) {
@@ -66,10 +67,7 @@ absl::Status ImageTree::Take(StreamArchive& layer, archive_entry* entry) {
   if (raw == nullptr) {
     return absl::InvalidArgumentError("a layer of the image has a name that is not UTF-8");
   }
-  // An image's paths begin at its root, with or without a slash.
-  std::string_view from_root = raw;
-  while (from_root.starts_with('/')) from_root.remove_prefix(1);
-  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(from_root));
+  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(FromRoot(raw)));
   if (clean.empty()) {
     return archive_entry_filetype(entry) == AE_IFDIR
                ? absl::OkStatus()
@@ -128,9 +126,7 @@ absl::Status ImageTree::PutFile(const std::string& path, StreamArchive& layer,
 }
 
 absl::Status ImageTree::PutHardLink(const std::string& path, const std::string& target) {
-  std::string_view from_root = target;
-  while (from_root.starts_with('/')) from_root.remove_prefix(1);
-  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(from_root));
+  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(FromRoot(target)));
   ASSIGN_OR_RETURN(const std::string real, Real(clean, /*last=*/false));
   if (real == path) return absl::OkStatus();
   RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
@@ -157,46 +153,17 @@ absl::Status ImageTree::PutLink(const std::string& path, const std::string& targ
   }
   RETURN_IF_ERROR(CheckLinkText(path, target));
   RETURN_IF_ERROR(Add(path, {.type = EntryType::kLink, .target = target}).status());
-  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
-  if (::symlinkat(target.c_str(), folder.get(), LastName(path).c_str()) != 0) {
-    return HostError(absl::StrCat("can't make the link ", Quoted(path)));
-  }
-  return absl::OkStatus();
+  return MakeLinkBeneath(root_, path, target);
 }
 
 absl::Status ImageTree::Write(const std::string& path, Entry about,
                               const std::function<absl::StatusOr<std::string_view>()>& next) {
   ASSIGN_OR_RETURN(Node* const node, Add(path, std::move(about)));
-  Entry& entry = node->entry;
-  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
-  const Fd file(::openat(folder.get(), LastName(path).c_str(),
-                         O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
-  Sha256 hash;
-  for (;;) {
+  return MakeFileBeneath(root_, path, node->entry, [&]() -> absl::StatusOr<std::string_view> {
     ASSIGN_OR_RETURN(const std::string_view piece, next());
-    if (piece.empty()) break;
-    const auto size = static_cast<int64_t>(piece.size());
-    RETURN_IF_ERROR(names_.AddBytes(path, size));
-    hash.Update(piece);
-    for (int64_t done = 0; done < size;) {
-      const ssize_t put =
-          ::write(file.get(), piece.data() + done, static_cast<size_t>(size - done));
-      if (put < 0 && errno == EINTR) continue;
-      if (put <= 0) return HostError(absl::StrCat("can't write the file ", Quoted(path)));
-      done += put;
-    }
-    entry.size += size;
-  }
-  entry.sha256 = hash.FinishHex();
-  const timespec time = {entry.time, 0};
-  if (const timespec times[] = {time, time}; ::futimens(file.get(), times) != 0) {
-    return HostError(absl::StrCat("can't set the time of ", Quoted(path)));
-  }
-  if (::fchmod(file.get(), entry.executable ? 0755 : 0644) != 0) {
-    return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
-  }
-  return absl::OkStatus();
+    RETURN_IF_ERROR(names_.AddBytes(path, std::ssize(piece)));
+    return piece;
+  });
 }
 
 absl::StatusOr<std::string> ImageTree::Real(const std::string& path, bool last) const {
@@ -247,13 +214,7 @@ absl::Status ImageTree::MakeFoldersOf(const std::string& path) {
 
 absl::Status ImageTree::MakeFolder(const std::string& path) {
   RETURN_IF_ERROR(Add(path, {.type = EntryType::kFolder}).status());
-  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
-  const std::string name = LastName(path);
-  if (::mkdirat(folder.get(), name.c_str(), 0755) != 0 ||
-      ::fchmodat(folder.get(), name.c_str(), 0755, 0) != 0) {
-    return HostError(absl::StrCat("can't make the folder ", Quoted(path)));
-  }
-  return absl::OkStatus();
+  return MakeFolderBeneath(root_, path);
 }
 
 absl::StatusOr<ImageTree::Node*> ImageTree::Add(const std::string& path, Entry entry) {
@@ -285,20 +246,13 @@ absl::Status ImageTree::Remove(const std::string& path, bool itself, bool of_thi
 }
 
 absl::Status ImageTree::RemoveOne(const std::string& path) {
-  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(path));
+  ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root_, path));
   const bool is_folder = nodes_.at(path).entry.type == EntryType::kFolder;
   if (::unlinkat(folder.get(), LastName(path).c_str(), is_folder ? AT_REMOVEDIR : 0) != 0) {
     return HostError(absl::StrCat("can't remove ", Quoted(path)));
   }
   nodes_.erase(path);
   return absl::OkStatus();
-}
-
-absl::StatusOr<Fd> ImageTree::OpenFolderOf(const std::string& path) const {
-  const std::string folder = FolderName(path);
-  Fd opened = OpenBeneath(root_, folder.empty() ? "." : folder, O_PATH | O_DIRECTORY);
-  if (!opened.valid()) return HostError(absl::StrCat("can't open the folder ", Quoted(folder)));
-  return opened;
 }
 
 absl::StatusOr<std::string> ImageTree::ReadText(const std::string& path) const {
@@ -326,9 +280,7 @@ absl::Status ImageTree::AddText(const std::string& path, std::string_view text) 
 }
 
 absl::Status ImageTree::PlaceWorkingFolder(PolicyImage& image) {
-  std::string_view from_root = image.working_dir;
-  while (from_root.starts_with('/')) from_root.remove_prefix(1);
-  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(from_root));
+  ASSIGN_OR_RETURN(const std::string clean, names_.CleanPath(FromRoot(image.working_dir)));
   ASSIGN_OR_RETURN(const std::string real, Real(clean, /*last=*/true));
   image.working_dir = "/" + real;
   if (real.empty() || real == "tmp") return absl::OkStatus();

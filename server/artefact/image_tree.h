@@ -15,7 +15,6 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "protocol/base/fd.h"
 #include "protocol/lease/policy_image.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"
@@ -64,7 +63,6 @@ class ImageTree {
   absl::Status Remove(const std::string& path, bool itself, bool of_this_layer);
   absl::Status RemoveOne(const std::string& path);
   std::vector<std::string> Below(const std::string& path) const;
-  absl::StatusOr<Fd> OpenFolderOf(const std::string& path) const;
   absl::Status AddText(const std::string& path, std::string_view text);
   // The content of a file that may be missing; at most 1 MiB of it.
   absl::StatusOr<std::string> ReadText(const std::string& path) const;

@@ -18,8 +18,20 @@ class KnownArchives {
 
   // The artefact that the archive with this SHA-256 (of the file as it was sent) was unpacked to.
   // Its files may have been removed since.
-  std::optional<std::string> Find(const std::string& archive) const;
-  void Learn(const std::string& archive, const std::string& artefact);
+  std::optional<std::string> Find(const std::string& archive) const {
+    const MutexLock lock(mutex_);
+    const auto known = artefacts_.find(archive);
+    return known == artefacts_.end() ? std::nullopt : std::optional(known->second);
+  }
+
+  void Learn(const std::string& archive, const std::string& artefact) {
+    const MutexLock lock(mutex_);
+    if (!artefacts_.insert_or_assign(archive, artefact).second) return;
+    order_.push_back(archive);
+    if (order_.size() <= most_) return;
+    artefacts_.erase(order_.front());
+    order_.pop_front();
+  }
 
  private:
   const size_t most_;

@@ -15,9 +15,8 @@
 namespace myograde::server {
 namespace {
 
-absl::Status Broken(std::string_view path, std::string_view rule) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("the entry ", Quoted(path), " ", absl::string_view(rule.data(), rule.size())));
+absl::Status Broken(std::string_view path, absl::string_view rule) {
+  return absl::InvalidArgumentError(absl::StrCat("the entry ", Quoted(path), " ", rule));
 }
 
 bool HasControlCharacter(std::string_view text) {
@@ -158,19 +157,14 @@ absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
   return absl::OkStatus();
 }
 
-std::string PolicyNameOf(const std::string& file) {
-  constexpr size_t kMaxBytes = 64;
-  std::string name;
-  for (size_t at = 0; at < file.size();) {
-    const size_t begin = at;
-    const char32_t c = TakeCodePoint(file, at);
-    if (name.size() + at - begin > kMaxBytes) break;
-    if (c != kBroken && !IsHarmful(c) && (c != ' ' || !name.empty())) {
-      name.append(file, begin, at - begin);
-    }
+std::string ArchiveReason(archive* reader) {
+  const char* text = archive_error_string(reader);
+  std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
+  for (char& c : reason) {
+    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = ' ';
   }
-  name.erase(name.find_last_not_of(' ') + 1);
-  return name.empty() ? "policy" : name;
+  reason.erase(reason.find_last_not_of(' ') + 1);
+  return reason;
 }
 
 Utf8Names::Utf8Names() : utf8_(::newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr)) {

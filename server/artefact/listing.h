@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <locale>
 #include <map>
-#include <memory>
 #include <string>
 #include <string_view>
 
@@ -79,9 +78,6 @@ absl::Status CheckLinkTarget(std::string_view path, std::string_view target);
 // An error if the text of a symbolic link is empty or not plain UTF-8.
 absl::Status CheckLinkText(std::string_view path, std::string_view target);
 
-// The part of a file's name that is allowed in a policy's name.
-std::string PolicyNameOf(const std::string& file);
-
 // A path for a message: quoted, shortened, and without bytes that could affect a terminal.
 std::string Quoted(std::string_view path);
 
@@ -94,6 +90,9 @@ struct ArchiveReader {
 struct ArchiveWriter {
   void operator()(archive* a) const { archive_write_free(a); }
 };
+
+// Why libarchive can't read or write any further, in words that may be shown, as part of one line.
+std::string ArchiveReason(archive* archive);
 
 // libarchive converts names by the calling thread's locale; while this object lives, that is UTF-8,
 // whatever the environment says.

@@ -1,11 +1,9 @@
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
-#include <climits>
 #include <filesystem>
 #include <set>
 
@@ -13,12 +11,12 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
 #include "protocol/base/program_head.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
-#include "server/artefact/environment.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/submitted_manifest.h"
 #include "server/base/plain_text.h"
@@ -32,6 +30,39 @@ constexpr size_t kMaxArguments = 256;
 constexpr size_t kMaxArgumentBytes = 4096;
 constexpr size_t kMaxRuntimes = 8;
 constexpr int kMaxLinkHops = 16;
+constexpr size_t kMaxVariables = 64;
+constexpr size_t kMaxVariableNameBytes = 64;
+constexpr size_t kMaxValueBytes = 4096;
+constexpr size_t kMaxEnvironmentBytes = 32 << 10;
+
+// An allow list, not a deny list: variables that mean something to the sandbox (PATH, HOME,
+// MYOGRADE_*) or to the C library's maths (GLIBC_TUNABLES) stay under the grader's control.
+constexpr std::array<std::string_view, 5> kNames = {"CUDA_VISIBLE_DEVICES", "GOTO_NUM_THREADS",
+                                                    "LD_LIBRARY_PATH", "MPLCONFIGDIR", "TZ"};
+constexpr std::array<std::string_view, 19> kPrefixes = {
+    "BLIS_",   "JAX_",     "JULIA_", "KERAS_",   "KMP_", "MALLOC_",   "MKL_",
+    "MUJOCO_", "NPY_",     "NUMBA_", "NUMEXPR_", "OMP_", "OPENBLAS_", "POLICY_",
+    "PYTHON",  "PYTORCH_", "TF_",    "TORCH_",   "XLA_"};
+
+bool MayBeSet(std::string_view name) {
+  const auto begins = [&](std::string_view prefix) { return name.starts_with(prefix); };
+  return std::find(kNames.begin(), kNames.end(), name) != kNames.end() ||
+         std::any_of(kPrefixes.begin(), kPrefixes.end(), begins);
+}
+
+bool IsName(std::string_view name) {
+  return !name.empty() && name.size() <= kMaxVariableNameBytes &&
+         name.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string_view::npos;
+}
+
+std::string Known() {
+  std::string list;
+  for (const std::string_view name : kNames) absl::StrAppend(&list, std::string(name), ", ");
+  for (const std::string_view prefix : kPrefixes) {
+    absl::StrAppend(&list, std::string(prefix), "*", prefix == kPrefixes.back() ? "" : ", ");
+  }
+  return list;
+}
 
 // "policy.json is missing", with the folder that contains it if somebody packed a folder instead of
 // its content.
@@ -46,21 +77,18 @@ absl::Status MissingManifest(int root) {
     hint = "; it looks like a container image in OCI's layout that is no tar, or lacks the file oci-layout: "
            "write it with podman save, docker save or buildah push IMAGE oci-archive:FILE.tar";
   }
-  const int copy = ::openat(root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (DIR* names = copy >= 0 ? ::fdopendir(copy) : nullptr; names != nullptr) {
-    while (const dirent* name = ::readdir(names)) {
-      const std::string inner = std::string(name->d_name) + "/policy.json";
-      if (inner.starts_with('.')) continue;
-      const std::string folder(name->d_name);
-      if (OpenBeneath(root, inner, O_PATH).valid()) {
-        hint = absl::StrCat("; it is at ", Quoted(inner), ", so submit that folder itself");
-      } else if (OpenBeneath(root, folder + "/index.json", O_PATH).valid() ||
-                 OpenBeneath(root, folder + "/manifest.json", O_PATH).valid()) {
-        hint = absl::StrCat("; the folder ", Quoted(folder), " looks like a container image: pack what is in "
-                            "it and not the folder, with \"tar -C ", folder, " -cf image.tar .\"");
-      }
+  for (const std::string& folder : NamesIn(root).value_or(std::vector<std::string>())) {
+    if (folder.starts_with('.')) continue;
+    if (OpenBeneath(root, folder + "/policy.json", O_PATH).valid()) {
+      hint = absl::StrCat("; it is at ", Quoted(folder + "/policy.json"),
+                          ", so submit that folder itself");
+    } else if (OpenBeneath(root, folder + "/index.json", O_PATH).valid() ||
+               OpenBeneath(root, folder + "/manifest.json", O_PATH).valid()) {
+      hint = absl::StrCat("; the folder ", Quoted(folder),
+                          " looks like a container image: pack what is in it and not the folder, "
+                          "with \"tar -C ",
+                          folder, " -cf image.tar .\"");
     }
-    ::closedir(names);
   }
   return absl::InvalidArgumentError(absl::StrCat(
       "there is no policy.json at the top of the submission",
@@ -74,20 +102,7 @@ absl::StatusOr<std::string> ReadManifestText(int root) {
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
     return absl::InvalidArgumentError("policy.json must be a file that can be read, not a link");
   }
-  std::string text(kMaxManifestBytes + 1, '\0');
-  size_t size = 0;
-  while (size < text.size()) {
-    const ssize_t got = ::read(fd.get(), text.data() + size, text.size() - size);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return HostError("can't read policy.json");
-    if (got == 0) break;
-    size += static_cast<size_t>(got);
-  }
-  if (size > kMaxManifestBytes) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("policy.json is larger than ", kMaxManifestBytes, " bytes"));
-  }
-  text.resize(size);
+  ASSIGN_OR_RETURN(std::string text, ReadAll(fd.get(), "policy.json", kMaxManifestBytes));
   if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") ||
       text.find('\0') != std::string::npos) {
     return absl::InvalidArgumentError(
@@ -97,10 +112,9 @@ absl::StatusOr<std::string> ReadManifestText(int root) {
   return text;
 }
 
-absl::Status BadCommand(std::string_view command, std::string_view rule) {
-  return absl::InvalidArgumentError(absl::StrCat("policy.json: \"command\" starts with ",
-                                                 Quoted(command), ", which ",
-                                                 absl::string_view(rule.data(), rule.size())));
+absl::Status BadCommand(std::string_view command, absl::string_view rule) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("policy.json: \"command\" starts with ", Quoted(command), ", which ", rule));
 }
 
 // Resolves the links of a relative command by hand: an absolute target belongs to the sandbox,
@@ -128,10 +142,8 @@ absl::Status CheckProgram(int root, const std::string& command) {
       return BadCommand(command, "is not executable; set its bit with chmod +x");
     }
     if (!S_ISLNK(info.st_mode)) return BadCommand(command, "is a folder, not a program");
-    std::string target(PATH_MAX, '\0');
-    const ssize_t size = ::readlinkat(fd.get(), "", target.data(), target.size());
-    if (size <= 0) return BadCommand(command, "is a symbolic link that can't be read");
-    target.resize(static_cast<size_t>(size));
+    const std::string target = TargetOf(fd.get());
+    if (target.empty()) return BadCommand(command, "is a symbolic link that can't be read");
     if (target.starts_with('/')) return absl::OkStatus();
     path = (std::filesystem::path(path).parent_path() / target).lexically_normal().string();
   }
@@ -193,6 +205,30 @@ void CheckRuntimes(ConfigReader& reader, const std::vector<std::string>& runtime
   }
 }
 
+// Variables that the policy or one of its libraries reads, with values that fit into any process'
+// environment.
+std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
+  std::map<std::string, std::string> variables = reader.StringsByName("env");
+  size_t bytes = 0;
+  for (const auto& [name, value] : variables) {
+    if (!IsName(name) || !MayBeSet(name)) {
+      reader.Fail("env", absl::StrCat("sets ", Quoted(name), ", which it may not; it may set ",
+                                      Known(), " (POLICY_* for names of your own)"));
+    }
+    if (value.size() > kMaxValueBytes || value.find('\0') != std::string::npos) {
+      reader.Fail(
+          "env", absl::StrCat("has a value of ", Quoted(name), " with a zero byte or of more than ",
+                              kMaxValueBytes, " bytes"));
+    }
+    bytes += name.size() + value.size() + 2;
+  }
+  if (variables.size() > kMaxVariables || bytes > kMaxEnvironmentBytes) {
+    reader.Fail("env", absl::StrCat("must have at most ", kMaxVariables, " variables and ",
+                                    kMaxEnvironmentBytes, " bytes together"));
+  }
+  return variables;
+}
+
 // What an adapter runs in is one of the submission's runtimes, named or not.
 void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
   manifest.adapter = reader.Choice("adapter", AdapterNames());
@@ -204,9 +240,9 @@ void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
   }
 }
 
-absl::Status BadImageFile(const std::string& file, std::string_view rule) {
-  return absl::InvalidArgumentError(absl::StrCat("policy.json: \"image\" is ", Quoted(file), ", which ",
-                                                 absl::string_view(rule.data(), rule.size())));
+absl::Status BadImageFile(const std::string& file, absl::string_view rule) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("policy.json: \"image\" is ", Quoted(file), ", which ", rule));
 }
 
 // The image's archive lies beside policy.json, and nothing else does: the image has all files.
@@ -219,19 +255,15 @@ absl::Status CheckImageFile(int root, const std::string& file) {
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
     return BadImageFile(file, "is not there; save the image into the submission's folder");
   }
-  const int copy = ::openat(root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  DIR* names = copy >= 0 ? ::fdopendir(copy) : nullptr;
-  if (names == nullptr) return HostError("can't list the submission");
-  std::string further;
-  while (const dirent* name = ::readdir(names)) {
-    const std::string entry = name->d_name;
-    if (entry != "." && entry != ".." && entry != file && entry != "policy.json") further = entry;
+  const auto names = NamesIn(root);
+  if (!names.has_value()) return HostError("can't list the submission");
+  for (const std::string& name : *names) {
+    if (name == file || name == "policy.json") continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("beside policy.json and its image there is ", Quoted(name),
+                     ", which the image would not see; put it into the image, or remove it"));
   }
-  ::closedir(names);
-  if (further.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      "beside policy.json and its image there is ", Quoted(further),
-      ", which the image would not see; put it into the image, or remove it"));
+  return absl::OkStatus();
 }
 
 // `image`: where to put the name of the image's archive; null: there must be none.
@@ -259,17 +291,6 @@ absl::StatusOr<ArtefactManifest> ParseKeys(const nlohmann::json& json, std::stri
 }
 
 }  // namespace
-
-absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
-  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (!root.valid()) return HostError(absl::StrCat("can't open the folder ", folder));
-  return ReadManifest(root.get());
-}
-
-absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
-  ASSIGN_OR_RETURN(SubmittedManifest submitted, ReadSubmittedManifest(folder));
-  return std::move(submitted.manifest);
-}
 
 absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json) {
   return ParseKeys(json, /*image=*/nullptr);

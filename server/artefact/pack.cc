@@ -1,16 +1,12 @@
-#include <archive.h>
-#include <archive_entry.h>
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
-#include <climits>
 #include <cstring>
 #include <filesystem>
-#include <memory>
+#include <functional>
 
 #include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
@@ -23,14 +19,11 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
-#include "server/artefact/folder_lister.h"
+#include "server/artefact/image_submission.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/saved_name.h"
 #include "server/artefact/submitted_manifest.h"
 #include "server/artefact/tar_writer.h"
-#include "server/artefact/unpack_image.h"
 #include "server/base/names.h"
-#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -45,11 +38,6 @@ struct Packing {
   const std::string& name;  // "": the submission's own
 };
 
-absl::Status Unreadable(const std::string& path) {
-  return absl::InvalidArgumentError(
-      absl::StrCat(Quoted(path), " can't be read: ", std::strerror(errno)));
-}
-
 absl::StatusOr<Fd> NewArchive(const std::string& path) {
   Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   if (!file.valid()) return HostError(absl::StrCat("can't write the archive ", path));
@@ -62,83 +50,49 @@ TarWriter::Sink SinkOf(const Fd& file) {
   };
 }
 
-// Reports to `progress` the bytes of all files as they are packed.
-class PackedBytes {
- public:
-  PackedBytes(int64_t total, const ByteProgress& progress) : total_(total), progress_(progress) {}
-  void Add(int64_t bytes) {
-    done_ += bytes;
-    if (progress_) progress_(done_, total_);
-  }
-
- private:
-  const int64_t total_;
-  const ByteProgress& progress_;
-  int64_t done_ = 0;
-};
-
-absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& tar,
-                      PackedBytes& packed) {
-  std::string buffer(64 << 10, '\0');
-  const auto changed = [&] {
-    return absl::InvalidArgumentError(
-        absl::StrCat(Quoted(path), " changed while it was packed; try again"));
-  };
-  struct stat info = {};
-  if (::fstat(fd, &info) != 0) return Unreadable(path);
-  if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
-  for (int64_t left = size; left > 0;) {
-    const size_t want = static_cast<size_t>(std::min<int64_t>(left, std::ssize(buffer)));
-    const ssize_t got = ::read(fd, buffer.data(), want);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return Unreadable(path);
-    if (got == 0) return changed();
-    RETURN_IF_ERROR(tar.Write({buffer.data(), static_cast<size_t>(got)}));
-    packed.Add(got);
-    left -= got;
-  }
-  return absl::OkStatus();
-}
-
 // The text of a policy.json that is made or changed here.
 std::string ManifestText(const nlohmann::json& manifest) {
   return manifest.dump(2, ' ', false, nlohmann::json::error_handler_t::ignore) + "\n";
 }
 
-// Writes the listed files of a folder. `about`: what to write as policy.json; "": the file itself.
-absl::Status WriteFolder(int root, const Listing& listing, const std::string& about,
-                         const std::string& archive, const ByteProgress& progress) {
-  ASSIGN_OR_RETURN(const Fd file, NewArchive(archive));
-  TarWriter tar(SinkOf(file));
-  PackedBytes packed(listing.bytes(), progress);
+// Writes the listed files, which `open` opens. `about`: what to write as policy.json; "": the file
+// itself.
+absl::Status WriteListed(const Listing& listing, const std::string& about, const Packing& packing,
+                         const std::function<Fd(const std::string& path)>& open) {
+  ASSIGN_OR_RETURN(const Fd archive, NewArchive(packing.archive));
+  TarWriter tar(SinkOf(archive));
+  int64_t done = 0;
+  const auto wrote = [&](std::string_view piece) {
+    done += std::ssize(piece);
+    if (packing.progress) packing.progress(done, listing.bytes());
+  };
   for (const auto& [path, listed] : listing.entries()) {
     Entry entry = listed;
     const bool replaced = path == kManifestFile && !about.empty();
-    if (replaced) entry.size = static_cast<int64_t>(about.size());
-    absl::Status status = tar.Begin(path, entry);
-    if (status.ok() && replaced) {
-      status = tar.Write(about);
-    } else if (status.ok() && entry.type == EntryType::kFile) {
-      const Fd fd = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
-      status = fd.valid() ? CopyFile(fd.get(), path, entry.size, tar, packed) : Unreadable(path);
+    if (replaced) entry.size = std::ssize(about);
+    RETURN_IF_ERROR(tar.Begin(path, entry));
+    if (replaced) {
+      RETURN_IF_ERROR(tar.Write(about));
+    } else if (entry.type == EntryType::kFile) {
+      const Fd file = open(path);
+      if (!file.valid()) return Unreadable(path, FolderOf::kParticipant);
+      RETURN_IF_ERROR(tar.Copy(file.get(), path, entry.size, FolderOf::kParticipant, wrote));
     }
-    if (!status.ok()) return status;
   }
   return tar.Close();
 }
 
 absl::StatusOr<ArtefactManifest> PackFolder(const std::string& folder, const Packing& packing) {
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (!root.valid()) return Unreadable(folder);
+  if (!root.valid()) return Unreadable(folder, FolderOf::kParticipant);
   ASSIGN_OR_RETURN(SubmittedManifest submitted, ReadSubmittedManifest(root.get(), packing.name));
   RETURN_IF_ERROR(CleanName(submitted.manifest.name, "policy.json: \"name\"").status());
   Listing listing(packing.limits);
-  absl::Status status = ListFolder(root.get(), FolderOf::kParticipant, listing);
+  RETURN_IF_ERROR(ListFolder(root.get(), FolderOf::kParticipant, listing));
   const std::string about = packing.name.empty() ? "" : ManifestText(submitted.json);
-  if (status.ok()) {
-    status = WriteFolder(root.get(), listing, about, packing.archive, packing.progress);
-  }
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(WriteListed(listing, about, packing, [&](const std::string& path) {
+    return OpenBeneath(root.get(), path, O_RDONLY | O_NONBLOCK);
+  }));
   return std::move(submitted.manifest);
 }
 
@@ -147,32 +101,17 @@ absl::Status PackWithManifest(const std::string& source, const std::string& name
                               const nlohmann::json& about_it, const Packing& packing) {
   Listing listing(packing.limits);
   RETURN_IF_ERROR(listing.CleanPath(name).status());
-  const std::string manifest = ManifestText(about_it);
-  const Fd fd(::open(source.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   struct stat info = {};
-  if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(source);
-  const absl::StatusOr<Entry*> file = listing.Add(name, EntryType::kFile);
-  const absl::StatusOr<Entry*> about = listing.Add(kManifestFile, EntryType::kFile);
-  absl::Status status = listing.AddBytes(name, info.st_size);
-  for (const absl::Status& added : {file.status(), about.status()}) {
-    if (status.ok()) status = added;
-  }
-  if (!status.ok()) return status;
-  (*file)->size = info.st_size;
-  (*file)->time = KeptTime(info.st_mtim.tv_sec);
-  (*file)->executable = executable;
-  (*about)->size = static_cast<int64_t>(manifest.size());
-  ASSIGN_OR_RETURN(const Fd archive, NewArchive(packing.archive));
-  TarWriter tar(SinkOf(archive));
-  PackedBytes packed(info.st_size, packing.progress);
-  for (const auto& [path, entry] : listing.entries()) {
-    status = tar.Begin(path, entry);
-    if (!status.ok()) return status;
-    status = path == name ? CopyFile(fd.get(), path, entry.size, tar, packed)
-                          : tar.Write(manifest);
-    if (!status.ok()) return status;
-  }
-  return tar.Close();
+  if (::stat(source.c_str(), &info) != 0) return Unreadable(source, FolderOf::kParticipant);
+  RETURN_IF_ERROR(listing.AddBytes(name, info.st_size));
+  ASSIGN_OR_RETURN(Entry* const file, listing.Add(name, EntryType::kFile));
+  RETURN_IF_ERROR(listing.Add(kManifestFile, EntryType::kFile).status());
+  file->size = info.st_size;
+  file->time = KeptTime(info.st_mtim.tv_sec);
+  file->executable = executable;
+  return WriteListed(listing, ManifestText(about_it), packing, [&](const std::string&) {
+    return Fd(::open(source.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  });
 }
 
 absl::StatusOr<ArtefactManifest> PackProgram(const std::string& program, const Packing& packing) {
@@ -192,7 +131,7 @@ absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packi
   manifest.name = packing.name;
   if (manifest.name.empty()) {
     const Fd file(::open(image.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
-    if (!file.valid()) return Unreadable(image);
+    if (!file.valid()) return Unreadable(image, FolderOf::kParticipant);
     const std::string stem = std::filesystem::path(image).filename().string();
     manifest.name = SavedName(
         file.get(), stem.substr(0, absl::AsciiStrToLower(stem).find(".tar")), packing.limits);
@@ -262,7 +201,7 @@ absl::Status NoProgram(const std::string& path) {
 absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct stat& info,
                                           const Packing& packing) {
   const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));  // waits for a lease on it to end
-  if (!file.valid()) return Unreadable(path);
+  if (!file.valid()) return Unreadable(path, FolderOf::kParticipant);
   const KnownFile known = KindOf(file.get());
   if (known.kind == FileKind::kForeignArchive) {
     return absl::InvalidArgumentError(

@@ -1,6 +1,5 @@
 #include "server/artefact/share_files.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,13 +8,15 @@
 #include <cerrno>
 #include <cstdio>
 #include <functional>
-#include <memory>
+#include <string>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/policy_image.h"
+#include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
 
 namespace myograde::server {
@@ -23,32 +24,21 @@ namespace {
 
 constexpr int kMostFolders = 80;  // in each other; unpacking allows fewer
 
-struct CloseNames {
-  void operator()(DIR* names) const { ::closedir(names); }
-};
-
 Fd OpenFolder(int at, const char* name) {
   return Fd(::openat(at, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
 }
 
 // Calls `use` with each file at and below a folder, its folder and its name.
-void ForEachFile(Fd folder, int depth,
+void ForEachFile(const Fd& folder, int depth,
                  const std::function<void(int at, const char* name, const struct stat&)>& use) {
-  const int at = folder.get();
-  const std::unique_ptr<DIR, CloseNames> names(folder.valid() ? ::fdopendir(at) : nullptr);
-  if (names == nullptr || depth > kMostFolders) return;
-  folder.release();  // `names` closes it
-  while (const dirent* entry = ::readdir(names.get())) {
-    const std::string name = entry->d_name;
+  if (!folder.valid() || depth > kMostFolders) return;
+  for (const std::string& name : NamesIn(folder.get()).value_or(std::vector<std::string>())) {
     struct stat info = {};
-    if (name == "." || name == ".." ||
-        ::fstatat(at, name.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
-      continue;
-    }
+    if (::fstatat(folder.get(), name.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) continue;
     if (S_ISDIR(info.st_mode)) {
-      ForEachFile(OpenFolder(at, name.c_str()), depth + 1, use);
+      ForEachFile(OpenFolder(folder.get(), name.c_str()), depth + 1, use);
     } else if (S_ISREG(info.st_mode)) {
-      use(at, name.c_str(), info);
+      use(folder.get(), name.c_str(), info);
     }
   }
 }
@@ -92,14 +82,14 @@ void ShareFile(int pool, int at, const char* name, const struct stat& info) {
 
 absl::Status ShareImage(const std::string& artefact, const std::string& pool) {
   const Fd folder = OpenFolder(AT_FDCWD, artefact.c_str());
-  Fd image = folder.valid() ? OpenFolder(folder.get(), kImageFolder) : Fd();
+  const Fd image = folder.valid() ? OpenFolder(folder.get(), kImageFolder) : Fd();
   if (!image.valid()) return absl::OkStatus();
   if (::mkdir(pool.c_str(), 0700) != 0 && errno != EEXIST) {
     return HostError(absl::StrCat("can't make the folder ", pool));
   }
   const Fd pooled = OpenFolder(AT_FDCWD, pool.c_str());
   if (!pooled.valid()) return HostError(absl::StrCat("can't open the folder ", pool));
-  ForEachFile(std::move(image), 0, [&](int at, const char* name, const struct stat& info) {
+  ForEachFile(image, 0, [&](int at, const char* name, const struct stat& info) {
     ShareFile(pooled.get(), at, name, info);
   });
   return absl::OkStatus();

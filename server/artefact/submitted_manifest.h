@@ -16,8 +16,9 @@ struct SubmittedManifest {
   nlohmann::json json;     // the whole object
 };
 
-// Reads and checks the policy.json of a folder, and that what it names is there. `name` takes the
-// place of its name, unless it is "".
+// Reads and checks the policy.json of a folder: no unknown keys, and a command that exists and is
+// executable. A command outside the submission is not checked here (see server/sandbox/program.h).
+// `name` takes the place of its name, unless it is "". InvalidArgumentError otherwise.
 absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder, const std::string& name = "");
 
 // Unpacks the files of an archive as UnpackArtefact does, but does not look at policy.json, and leaves

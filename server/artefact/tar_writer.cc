@@ -2,13 +2,21 @@
 
 #include <archive.h>
 #include <archive_entry.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
+
+constexpr size_t kPieceBytes = 256 << 10;
 
 using TarHeader = std::unique_ptr<archive_entry, void (*)(archive_entry*)>;
 
@@ -61,15 +69,40 @@ absl::Status TarWriter::Write(std::string_view bytes) {
   return put == static_cast<la_ssize_t>(bytes.size()) ? absl::OkStatus() : Failed();
 }
 
+absl::Status TarWriter::Copy(int file, const std::string& path, int64_t size, FolderOf whose,
+                             const std::function<void(std::string_view piece)>& wrote) {
+  const auto changed = [&] {
+    const std::string what = absl::StrCat(Quoted(path), " changed while it was packed");
+    return whose == FolderOf::kParticipant
+               ? absl::InvalidArgumentError(absl::StrCat(what, "; try again"))
+               : absl::DataLossError(absl::StrCat("the submission's ", what));
+  };
+  struct stat info = {};
+  if (::fstat(file, &info) != 0) return Unreadable(path, whose);
+  if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
+  std::string buffer(kPieceBytes, '\0');
+  for (int64_t left = size; left > 0;) {
+    const auto wanted = static_cast<size_t>(std::min<int64_t>(left, std::ssize(buffer)));
+    const ssize_t got = ::read(file, buffer.data(), wanted);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Unreadable(path, whose);
+    if (got == 0) return changed();
+    const std::string_view piece(buffer.data(), static_cast<size_t>(got));
+    RETURN_IF_ERROR(Write(piece));
+    wrote(piece);
+    left -= got;
+  }
+  return absl::OkStatus();
+}
+
 absl::Status TarWriter::Close() {
   return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
 }
 
 absl::Status TarWriter::Failed() const {
   if (!status_.ok()) return status_;
-  const char* why = archive_error_string(writer_.get());
   return absl::UnavailableError(
-      absl::StrCat("writing the archive failed: ", why != nullptr ? why : "no reason given"));
+      absl::StrCat("writing the archive failed: ", ArchiveReason(writer_.get())));
 }
 
 }  // namespace myograde::server

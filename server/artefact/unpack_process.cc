@@ -1,14 +1,11 @@
 #include "server/artefact/unpack_process.h"
 
-#include <poll.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
@@ -18,17 +15,14 @@
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
-#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
-#include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/confine_unpack.h"
 #include "server/artefact/listing.h"
+#include "server/base/program_run.h"
 
 namespace myograde::server {
 namespace {
@@ -36,7 +30,6 @@ namespace {
 constexpr char kVerb[] = "unpack-one-archive";
 // How much nicer than the daemon it is: many uploads must not starve the daemon's own threads.
 constexpr int kNice = 10;
-constexpr absl::Duration kAskEvery = absl::Milliseconds(100);
 constexpr size_t kMaxAnswer = 8 << 20;  // a manifest is at most 64 KiB
 
 // --- in the unpack process ------------------------------------------------------
@@ -101,11 +94,6 @@ absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::st
 
 // --- in the caller ---------------------------------------------------------------
 
-struct Process {
-  pid_t pid = -1;
-  Fd answer;
-};
-
 // The small program beside the running one, which starts four times as fast; without it the running
 // one, even if its file has been replaced since.
 std::string UnpackProgram() {
@@ -115,37 +103,25 @@ std::string UnpackProgram() {
   return !error && ::access(small.c_str(), X_OK) == 0 ? small : "/proc/self/exe";
 }
 
-absl::StatusOr<Process> Start(std::vector<std::string> words) {
-  ASSIGN_OR_RETURN(Pipe answer, MakePipe());
-  SpawnOrder order = {UnpackProgram(), std::move(words)};
-  order.out = answer.write.get();
-  order.nice = kNice;
-  ASSIGN_OR_RETURN(const pid_t pid, Spawn(std::move(order)));
-  return Process{pid, std::move(answer.read)};
-}
-
-// Everything it writes until it exits.
-absl::StatusOr<std::string> ReadAnswer(const Process& process, const UnpackBudget& budget) {
-  const absl::Duration deadline = SystemClock().Monotonic() + budget.time;
-  std::string answer;
-  std::array<char, 4096> buffer;
-  while (answer.size() <= kMaxAnswer) {
-    const absl::Duration left = deadline - SystemClock().Monotonic();
-    if (left <= absl::ZeroDuration()) {
-      return absl::DeadlineExceededError(absl::StrCat("the archive could not be unpacked within ",
-                                                      absl::FormatDuration(budget.time),
-                                                      ", as the host is too busy; send it again"));
-    }
-    RETURN_IF_ERROR(budget.go_on());
-    pollfd entry = {process.answer.get(), POLLIN, 0};
-    const timespec wait = absl::ToTimespec(std::min(left, kAskEvery));
-    if (::ppoll(&entry, 1, &wait, nullptr) <= 0) continue;
-    const ssize_t got = ::read(process.answer.get(), buffer.data(), buffer.size());
-    if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) break;
-    answer.append(buffer.data(), static_cast<size_t>(got));
-  }
-  return answer;
+// Runs the unpack process; what it writes until it exits, and how it ended.
+absl::StatusOr<ProgramEnd> RunUnpacking(std::vector<std::string> words,
+                                        const UnpackBudget& budget) {
+  absl::Status stop;
+  absl::StatusOr<ProgramEnd> end = RunProgram({.program = UnpackProgram(),
+                                               .words = std::move(words),
+                                               .most_output = kMaxAnswer,
+                                               .deadline = budget.time,
+                                               .nice = kNice},
+                                              [&] {
+                                                stop = budget.go_on();
+                                                return !stop.ok();
+                                              });
+  RETURN_IF_ERROR(stop);
+  if (end.ok()) return end;
+  if (!absl::IsDeadlineExceeded(end.status())) return absl::InternalError(end.status().message());
+  return absl::DeadlineExceededError(absl::StrCat("the archive could not be unpacked within ",
+                                                  absl::FormatDuration(budget.time),
+                                                  ", as the host is too busy; send it again"));
 }
 
 // Signals that a process causes itself. Any other comes from outside: a person, or a kernel out of
@@ -157,9 +133,8 @@ bool IsOwnFault(int signal) {
   return false;
 }
 
-absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
-                                    const UnpackBudget& budget) {
-  const int signal = WIFSIGNALED(wait_status) ? WTERMSIG(wait_status) : 0;
+absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& budget) {
+  const int signal = std::max(end.exit_status - 128, 0);
   if (signal == SIGXCPU) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the archive takes more than ", absl::FormatDuration(budget.cpu),
@@ -174,7 +149,7 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
     return absl::UnavailableError(absl::StrCat(
         "what unpacked the archive was ended from outside (signal ", signal, "); send it again"));
   }
-  const absl::StatusOr<nlohmann::json> json = ParseJson(answer, "unpacking");
+  const absl::StatusOr<nlohmann::json> json = ParseJson(end.output, "unpacking");
   if (!json.ok()) return absl::InternalError("the process for unpacking gave no answer");
   ConfigReader reader(*json, "unpacking");
   const auto code = static_cast<absl::StatusCode>(reader.Integer("code", 0, 16));
@@ -205,21 +180,13 @@ absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::
       budget.cpu < absl::Seconds(1)) {
     return absl::FailedPreconditionError("every budget of unpacking must be above 0");
   }
-  const absl::StatusOr<Process> process =
-      Start({"myograde-unpack", kVerb, archive, destination, absl::StrCat(limits.bytes),
-             absl::StrCat(limits.files), absl::StrCat(limits.depth),
-             absl::StrCat(limits.name_bytes), absl::StrCat(budget.memory_bytes),
-             absl::StrCat(absl::ToInt64Seconds(budget.cpu)), absl::StrCat(::getpid())});
-  if (!process.ok()) return process.status();
-  const absl::StatusOr<std::string> answer = ReadAnswer(*process, budget);
-  // Either it is late, or it has answered and is about to exit: then its exit status stays as it
-  // is.
-  ::kill(process->pid, SIGKILL);
-  int wait_status = 0;
-  while (::waitpid(process->pid, &wait_status, 0) < 0 && errno == EINTR) continue;
-  absl::StatusOr<Artefact> artefact =
-      answer.ok() ? ArtefactOf(*answer, wait_status, budget)
-                  : absl::StatusOr<Artefact>(answer.status());
+  const absl::StatusOr<ProgramEnd> end =
+      RunUnpacking({kVerb, archive, destination, absl::StrCat(limits.bytes),
+                    absl::StrCat(limits.files), absl::StrCat(limits.depth),
+                    absl::StrCat(limits.name_bytes), absl::StrCat(budget.memory_bytes),
+                    absl::StrCat(absl::ToInt64Seconds(budget.cpu)), absl::StrCat(::getpid())},
+                   budget);
+  absl::StatusOr<Artefact> artefact = end.ok() ? ArtefactOf(*end, budget) : end.status();
   if (!artefact.ok()) {
     std::error_code ignored;  // the first error is the one to report
     std::filesystem::remove_all(destination, ignored);

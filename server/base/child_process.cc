@@ -1,5 +1,6 @@
 #include "server/base/child_process.h"
 
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,13 +16,15 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 #include <absl/strings/strip.h>
+#include <absl/time/time.h>
 
 #include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr int kMostReads = 64;
+constexpr int kMostReads = 16;
+constexpr absl::Duration kBurial = absl::Seconds(10);
 constexpr char kUsualPath[] = "/usr/local/bin:/usr/bin:/bin";
 
 }  // namespace
@@ -47,34 +50,37 @@ ChildProcess::ChildProcess(ChildProcess&& other) noexcept
       pid_(std::exchange(other.pid_, -1)),
       err_(std::move(other.err_)),
       said_(std::move(other.said_)),
-      wait_status_(other.wait_status_) {}
+      wait_status_(other.wait_status_),
+      cpu_s_(other.cpu_s_) {}
 
 ChildProcess::~ChildProcess() {
   if (pid_ < 0 || wait_status_.has_value()) return;
-  ::kill(-pid_, SIGKILL);
-  while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-  }
+  KillNow();
+  // One that is stuck in the kernel is left to whoever ends this process.
+  if (EndsWithin(pid_, kBurial)) ::waitpid(pid_, nullptr, 0);
 }
 
 bool ChildProcess::Look() {
   if (!wait_status_.has_value()) {
     int status = 0;
-    if (::waitpid(pid_, &status, WNOHANG) == pid_) wait_status_ = status;
+    rusage used = {};
+    if (::wait4(pid_, &status, WNOHANG, &used) == pid_) {
+      wait_status_ = status;
+      cpu_s_ = absl::ToDoubleSeconds(absl::DurationFromTimeval(used.ru_utime) +
+                                     absl::DurationFromTimeval(used.ru_stime));
+    }
   }
-  char buffer[4096];
   // As often as empties a full pipe, so that a flood keeps nobody from a deadline.
-  for (int reads = 0; err_.valid() && reads < kMostReads; ++reads) {
-    const ssize_t size = ::read(err_.get(), buffer, sizeof(buffer));
-    if (size < 0 && errno == EINTR) continue;
-    if (size < 0 && errno == EAGAIN) break;
-    if (size <= 0) err_.reset();
-    if (size > 0) said_.Append({buffer, static_cast<size_t>(size)});
-  }
+  DrainInto(err_, kMostReads, said_);
   return wait_status_.has_value();
 }
 
 void ChildProcess::Signal(int signal) const {
   if (!wait_status_.has_value()) ::kill(pid_, signal);
+}
+
+void ChildProcess::KillNow() const {
+  if (pid_ > 0 && !wait_status_.has_value()) ::kill(-pid_, SIGKILL);
 }
 
 bool ChildProcess::succeeded() const {

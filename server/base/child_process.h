@@ -32,9 +32,15 @@ class ChildProcess {
 
   // Sends it a signal, unless it has ended.
   void Signal(int signal) const;
+  // Kills it and what it started in its process group, unless it has ended.
+  void KillNow() const;
+
+  pid_t pid() const { return pid_; }
 
   // As of waitpid(2). REQUIRES: it has ended.
   int wait_status() const { return *wait_status_; }
+  // Of it and all that it waited for, once it has ended; 0 before.
+  double cpu_s() const { return cpu_s_; }
   bool succeeded() const;
   // The end of what it said, as valid UTF-8.
   std::string said() const { return said_.tail(); }
@@ -49,6 +55,7 @@ class ChildProcess {
   Fd err_;
   OutputTail said_;
   std::optional<int> wait_status_;
+  double cpu_s_ = 0;
 };
 
 // The last line of `text` that is not empty, without what ends it; "" if there is none.

@@ -1,6 +1,9 @@
 #include "server/base/output_tail.h"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 
 #include "server/base/plain_text.h"
 
@@ -48,6 +51,17 @@ std::string OutputTail::tail(int64_t since) const {
   size_t start = text.size() - kTailBytes;
   while (start < text.size() && (static_cast<unsigned char>(text[start]) & 0xC0) == 0x80) ++start;
   return text.substr(start);
+}
+
+void DrainInto(Fd& fd, int reads, OutputTail& tail) {
+  char buffer[16 << 10];
+  for (int i = 0; fd.valid() && i < reads; ++i) {
+    const ssize_t n = ::read(fd.get(), buffer, sizeof(buffer));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno == EAGAIN) return;
+    if (n <= 0) return fd.reset();
+    tail.Append({buffer, static_cast<size_t>(n)});
+  }
 }
 
 }  // namespace myograde::server

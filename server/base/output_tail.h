@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "protocol/base/fd.h"
+
 namespace myograde::server {
 
 // `bytes` as valid UTF-8 without control characters other than newline and tab: anything else
@@ -33,5 +35,9 @@ class OutputTail {
   int64_t total_ = 0;
   std::string kept_;
 };
+
+// Appends what a non-blocking descriptor has, in at most `reads` reads of 16 KiB, and closes it at
+// its end.
+void DrainInto(Fd& fd, int reads, OutputTail& tail);
 
 }  // namespace myograde::server

@@ -37,9 +37,9 @@
 #include "server/proof/signing_key.h"
 #include "server/runtime/runtimes.h"
 #include "server/sandbox/control_group.h"
-#include "server/sandbox/delegated_group.h"
+#include "server/sandbox/cgroup_host.h"
 #include "server/sandbox/stage.h"
-#include "server/sandbox/users.h"
+#include "server/sandbox/slot_processes.h"
 #include "server/store/data_folder.h"
 #include "server/webhook/sender.h"
 

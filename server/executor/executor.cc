@@ -6,6 +6,9 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/status_macros.h"
+#include "server/runner/runner_process.h"
+
 namespace myograde::server {
 namespace {
 
@@ -37,5 +40,22 @@ absl::Status Executor::MakeWorkDir(const std::string& path) {
 absl::Status Executor::Drain(const std::string&, const std::string&) { return NoCluster(); }
 
 absl::Status Executor::Admit(const std::string&) { return NoCluster(); }
+
+absl::StatusOr<std::unique_ptr<Runner>> LocalExecutor::Start(const LeaseOrder& unclaimed,
+                                                             const LeaseSubject&) {
+  LeaseOrder order = unclaimed;
+  RETURN_IF_ERROR(slots_.Claim(order));
+  RETURN_IF_ERROR(MakeWorkDir(order.work_dir));
+  absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
+  if (!runner.ok()) {
+    CleanUp(order.work_dir);
+    return runner.status();
+  }
+  return *std::move(runner);
+}
+
+std::map<int, std::string> LocalExecutor::ProcessesOf(int first, int count) {
+  return slots_.Find(first, count);
+}
 
 }  // namespace myograde::server

@@ -1,4 +1,4 @@
-// Where leases run: this host (local/), or the nodes of a cluster (slurm/). The engine decides which
+// Where leases run: this host, or the nodes of a cluster (slurm/). The engine decides which
 // lease runs next and what its end means; an executor places it, and says how it goes.
 #pragma once
 
@@ -12,8 +12,8 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/lease.h"
-#include "server/executor/node_view.h"
 #include "server/runner/runner.h"
+#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 
@@ -25,6 +25,23 @@ struct LeaseSubject {
   std::string artefact;    // digest of the files in order.artefact_dir; "": not a submission's
   std::vector<std::pair<std::string, std::string>> runtimes;  // those of the order: name and digest
   absl::Duration wall;     // longest run
+};
+
+struct DrainedNode {
+  std::string node;
+  std::string why;  // one sentence
+};
+
+// What people see of a cluster's node.
+struct NodeView {
+  std::string name;
+  // "new": it has not proved itself yet; "proved"; "drained".
+  std::string state;
+  std::string why;        // of a drained one
+  std::string processor;  // as it describes itself; "": not known
+  int running = 0;        // leases
+  int64_t done = 0;       // leases that ended well, since the daemon started
+  int64_t faults = 0;     // those that ended by the grader's fault
 };
 
 class Executor {
@@ -70,6 +87,18 @@ class Executor {
  protected:
   // A new, empty folder for a lease, private to this user.
   static absl::Status MakeWorkDir(const std::string& path);
+};
+
+// Leases run on this host, each a process of its own.
+class LocalExecutor : public Executor {
+ public:
+  explicit LocalExecutor(SlotProcesses slots) : slots_(std::move(slots)) {}
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order,
+                                                const LeaseSubject& subject) override;
+  std::map<int, std::string> ProcessesOf(int first, int count) override;
+
+ private:
+  const SlotProcesses slots_;
 };
 
 }  // namespace myograde::server

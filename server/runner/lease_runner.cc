@@ -32,6 +32,8 @@ constexpr absl::Duration kPrintDeadline = absl::Seconds(30);
 // Nothing signals the end of a process here, so poll for it.
 constexpr absl::Duration kExitPollInterval = absl::Milliseconds(5);
 constexpr absl::Duration kSimFarewell = absl::Seconds(5);
+// Of the simulator's last words, which a full pipe holds.
+constexpr int kMostReads = 64;
 
 absl::Status Errno(const char* what) {
   return absl::InternalError(absl::StrCat(what, ": ", std::strerror(errno)));
@@ -114,8 +116,8 @@ absl::Status LeaseRunner::Play() {
 
 absl::Status LeaseRunner::StartSim() {
   ASSIGN_OR_RETURN(auto channel, SocketPair());
-  absl::StatusOr<Fd> order = MemoryFile("myograde-order", LeaseOrderToJson(context_.order).dump());
-  if (!order.ok()) return order.status();
+  ASSIGN_OR_RETURN(const Fd order,
+                   MemoryFile("myograde-order", LeaseOrderToJson(context_.order).dump()));
   ASSIGN_OR_RETURN(Fd page, MemoryFile("myograde-cpu", std::string(sizeof(CpuPage), '\0')));
   void* memory =
       mmap(nullptr, sizeof(CpuPage), PROT_READ | PROT_WRITE, MAP_SHARED, page.get(), 0);
@@ -130,12 +132,9 @@ absl::Status LeaseRunner::StartSim() {
   GroupLimits limits = SimGroupLimits(context_.config.sim);
   limits.background = context_.order.background;
   sim_group_ = ControlGroup::Create(GroupName("sim"), limits);
-  std::vector<SandboxFd> fds = {{nothing.get(), 0},
-                                {nothing.get(), 1},
-                                {errors.write.get(), 2},
-                                {channel.second.get(), kSimChannelFd},
-                                {order->get(), kSimOrderFd},
-                                {page.get(), kSimCpuPageFd}};
+  std::vector<SandboxFd> fds = {{nothing.get(), 0},         {nothing.get(), 1},
+                                {errors.write.get(), 2},    {channel.second.get(), kSimChannelFd},
+                                {order.get(), kSimOrderFd}, {page.get(), kSimCpuPageFd}};
   if (context_.logs != nullptr) fds.push_back({context_.logs->writer(), kSimLogFd});
   if (context_.trajectory != nullptr) {
     fds.push_back({context_.trajectory->memory(), kSimTrajectoryFd});
@@ -172,12 +171,7 @@ absl::Status LeaseRunner::RunOnce() {
   if (entries[1].revents != 0 || entries[2].revents != 0) {
     return absl::CancelledError("the lease was ended by its caller");
   }
-  if (entries[5].revents != 0) {
-    char buffer[4096];
-    const ssize_t n = read(sim_stderr_.get(), buffer, sizeof(buffer));
-    if (n > 0) sim_errors_.Append(std::string_view(buffer, static_cast<size_t>(n)));
-    if (n == 0) sim_stderr_.reset();
-  }
+  if (entries[5].revents != 0) DrainInto(sim_stderr_, 1, sim_errors_);
   if (policy_ != nullptr) {
     const bool due = SystemClock().Monotonic() >= next_sample_;
     if (due || entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
@@ -368,11 +362,7 @@ void LeaseRunner::AwaitSimExit() {
 
 absl::Status LeaseRunner::SimEnded() {
   AwaitSimExit();
-  char buffer[4096];
-  for (ssize_t n;
-       sim_stderr_.valid() && (n = read(sim_stderr_.get(), buffer, sizeof(buffer))) > 0;) {
-    sim_errors_.Append(std::string_view(buffer, static_cast<size_t>(n)));
-  }
+  DrainInto(sim_stderr_, kMostReads, sim_errors_);
   const SandboxEnd end = sim_->end();
   std::string words = sim_errors_.tail();
   while (!words.empty() && words.back() == '\n') words.pop_back();

@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <random>
-#include <string>
 
 #include <absl/status/status.h>
 #include <absl/time/time.h>
@@ -13,7 +12,6 @@
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
 #include "protocol/lease/sim_channel.h"
-#include "server/runner/leftovers.h"
 #include "server/runner/policy_run.h"
 
 namespace myograde::server {

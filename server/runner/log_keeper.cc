@@ -11,6 +11,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 
@@ -46,7 +47,7 @@ absl::StatusOr<LogKeeper> LogKeeper::Open(const std::string& folder, const std::
 absl::Status LogKeeper::Keep(const std::string& folder, const std::string& lease,
                              const EpisodeLogInfo& info, std::string_view bytes) {
   ASSIGN_OR_RETURN(LogKeeper keeper, Open(folder, lease, std::ssize(bytes)));
-  RETURN_IF_ERROR(keeper.Write(bytes.data(), bytes.size()));
+  RETURN_IF_ERROR(keeper.Write(bytes));
   return keeper.Finish(info);
 }
 
@@ -67,12 +68,12 @@ absl::StatusOr<size_t> LogKeeper::Take(size_t most) {
     const ssize_t n = read(reader_.get(), buffer.data(), buffer.size());
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return 0;
-    RETURN_IF_ERROR(Write(buffer.data(), static_cast<size_t>(n)));
+    RETURN_IF_ERROR(Write({buffer.data(), static_cast<size_t>(n)}));
     return static_cast<size_t>(n);
   }
 }
 
-absl::Status LogKeeper::Write(const char* bytes, size_t size) {
+absl::Status LogKeeper::Write(std::string_view bytes) {
   if (!file_.valid()) {
     unlinkat(directory_.get(), draft_.c_str(), 0);
     file_ = Fd(openat(directory_.get(), draft_.c_str(),
@@ -80,17 +81,10 @@ absl::Status LogKeeper::Write(const char* bytes, size_t size) {
     if (!file_.valid()) return Trouble("made");
     written_ = 0;
   }
-  written_ += static_cast<int64_t>(size);
+  written_ += std::ssize(bytes);
   // A single Drain() may read the end of one log and the start of the next.
   if (written_ > budget_ + static_cast<int64_t>(kBufferBytes)) return TooLarge();
-  while (size > 0) {
-    const ssize_t n = write(file_.get(), bytes, size);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return Trouble("written");
-    bytes += n;
-    size -= static_cast<size_t>(n);
-  }
-  return absl::OkStatus();
+  return WriteAll(file_.get(), bytes).ok() ? absl::OkStatus() : Trouble("written");
 }
 
 absl::Status LogKeeper::TooLarge() const {
@@ -126,7 +120,7 @@ absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
                LogFileName(info.sha256).c_str()) != 0) {
     return Trouble("kept");
   }
-  return next.empty() ? absl::OkStatus() : Write(next.data(), next.size());
+  return next.empty() ? absl::OkStatus() : Write({next.data(), next.size()});
 }
 
 }  // namespace myograde::server

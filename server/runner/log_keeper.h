@@ -49,7 +49,7 @@ class LogKeeper {
   LogKeeper() = default;
   // Reads at most `most` bytes; 0 if there are none.
   absl::StatusOr<size_t> Take(size_t most);
-  absl::Status Write(const char* bytes, size_t size);
+  absl::Status Write(std::string_view bytes);
   absl::Status TooLarge() const;
   absl::Status Trouble(const char* what) const;
 

@@ -8,7 +8,6 @@
 // host.
 #include <fcntl.h>
 #include <sched.h>
-#include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -118,6 +117,28 @@ void MayHaveAllDescriptors() {
   setrlimit(RLIMIT_NOFILE, &files);
 }
 
+// Plays the lease of the order at `path`. True: all episodes were recorded; an error: it could not
+// even start.
+absl::StatusOr<bool> Play(const std::string& path, int stop, const Fd& signals) {
+  ASSIGN_OR_RETURN(LeaseOrder order, ReadOrder(path));
+  if (order.pinned) KeepToOneProcessor(order.slot);
+  ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
+  ASSIGN_OR_RETURN(const SandboxConfig config, LoadSandboxConfig(ConfigDir()));
+  order.log_bytes = config.sim.log_bytes;
+  // Open them before entering the stage, where their paths may be hidden.
+  ASSIGN_OR_RETURN(std::optional<LogKeeper> logs, OpenLogs(order));
+  ASSIGN_OR_RETURN(const std::vector<Fd> replays, OpenReplays(order));
+  ASSIGN_OR_RETURN(std::optional<TrajectoryFile> trajectory, OpenTrajectory(order));
+  ControlGroup::RemoveStale();
+  ASSIGN_OR_RETURN(const Stage stage, Stage::Enter(StagedSources(order, bin_dir)));
+  ASSIGN_OR_RETURN(const EtcFiles etc, StageEtcFiles(order, stage));
+  const LeaseContext context = {order,   config,
+                                bin_dir, stage,
+                                etc,     logs.has_value() ? &*logs : nullptr,
+                                replays, trajectory.has_value() ? &*trajectory : nullptr};
+  return LeaseRunner(context, STDOUT_FILENO, stop, signals.get()).Run();
+}
+
 int Main(int argc, char** argv) {
   const bool lifeline = argc == 3 && std::string_view(argv[1]) == "--lifeline";
   if (argc != 2 && !lifeline) {
@@ -128,37 +149,11 @@ int Main(int argc, char** argv) {
   MayHaveAllDescriptors();
   // Processes below this one that lose their parent become its children, and die with it.
   prctl(PR_SET_CHILD_SUBREAPER, 1);
-  absl::StatusOr<LeaseOrder> order = ReadOrder(argv[argc - 1]);
-  if (!order.ok()) return EndAtOnce(order.status());
-  if (order->pinned) KeepToOneProcessor(order->slot);
-  absl::StatusOr<std::string> bin_dir = BinDir();
-  if (!bin_dir.ok()) return EndAtOnce(bin_dir.status());
-  absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(ConfigDir());
-  if (!config.ok()) return EndAtOnce(config.status());
-  order->log_bytes = config->sim.log_bytes;
-  // Open them before entering the stage, where their paths may be hidden.
-  absl::StatusOr<std::optional<LogKeeper>> logs = OpenLogs(*order);
-  if (!logs.ok()) return EndAtOnce(logs.status());
-  absl::StatusOr<std::vector<Fd>> replays = OpenReplays(*order);
-  if (!replays.ok()) return EndAtOnce(replays.status());
-  absl::StatusOr<std::optional<TrajectoryFile>> trajectory = OpenTrajectory(*order);
-  if (!trajectory.ok()) return EndAtOnce(trajectory.status());
-  ControlGroup::RemoveStale();
-  absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(*order, *bin_dir));
-  if (!stage.ok()) return EndAtOnce(stage.status());
-  absl::StatusOr<EtcFiles> etc = StageEtcFiles(*order, *stage);
-  if (!etc.ok()) return EndAtOnce(etc.status());
-  const LeaseContext context = {*order, *config, *bin_dir, *stage, *etc,
-                                logs->has_value() ? &**logs : nullptr, *replays,
-                                trajectory->has_value() ? &**trajectory : nullptr};
-  bool recorded = false;
-  {
-    LeaseRunner runner(context, STDOUT_FILENO, lifeline ? STDIN_FILENO : -1, signals.get());
-    recorded = runner.Run();
-  }
+  const absl::StatusOr<bool> recorded = Play(argv[argc - 1], lifeline ? STDIN_FILENO : -1, signals);
+  if (!recorded.ok()) return EndAtOnce(recorded.status());
   // Reap orphans whose parents died before them.
   while (waitpid(-1, nullptr, WNOHANG) > 0) continue;
-  return recorded ? kDone : kGraderTrouble;
+  return *recorded ? kDone : kGraderTrouble;
 }
 
 }  // namespace

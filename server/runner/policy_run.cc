@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <csignal>
 #include <filesystem>
 #include <utility>
@@ -33,16 +32,6 @@ constexpr int64_t kFewSockets = 32;
 constexpr int64_t kSamplesPerCount = 10;
 // Time for the sandbox to end by itself, as its own exit says more than our kill.
 constexpr absl::Duration kLastMoments = absl::Milliseconds(300);
-
-void Drain(Fd& fd, OutputTail& tail) {
-  char buffer[16 << 10];
-  for (int i = 0; fd.valid() && i < kReadsPerDrain; ++i) {
-    const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
-    if (n < 0 && (errno == EINTR || errno == EAGAIN)) return;
-    if (n <= 0) return fd.reset();
-    tail.Append(std::string_view(buffer, static_cast<size_t>(n)));
-  }
-}
 
 // The last line of the output that has a letter or digit, at most kQuotedBytes of it: the last one of
 // some errors is a bracket.
@@ -167,8 +156,8 @@ void PolicyRun::Sample() {
 }
 
 void PolicyRun::DrainOutput() {
-  Drain(stdout_, out_);
-  Drain(stderr_, err_);
+  DrainInto(stdout_, kReadsPerDrain, out_);
+  DrainInto(stderr_, kReadsPerDrain, err_);
 }
 
 int64_t PolicyRun::CpuNs(bool by_chance) {
@@ -184,62 +173,53 @@ std::vector<pid_t> PolicyRun::Processes() const {
 
 bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
   const Budgets& budgets = context_.order.track.budgets;
-  const std::string seen = evidence.detail;
-  if (const int64_t most = context_.config.policy.sockets; sockets_ > most) {
-    evidence.outcome = Outcome::kMemoryLimit;
-    evidence.limit = "sockets";
+  const auto blame = [&](Outcome outcome, const char* limit, int64_t most, int64_t value,
+                         const std::string& what) {
+    evidence.outcome = outcome;
+    evidence.limit = limit;
     evidence.limit_value = static_cast<double>(most);
-    evidence.value = static_cast<double>(sockets_);
-    evidence.detail = absl::StrCat("the policy had ", sockets_, " network sockets of the ", most,
-                                   " that it may use at one time, whose buffers are the whole ",
-                                   "host's memory, and was stopped; ", seen);
-  } else if (const int64_t all = context_.config.policy.all_sockets; all_sockets_ > all) {
-    evidence.outcome = Outcome::kMemoryLimit;
-    evidence.limit = "all_sockets";
-    evidence.limit_value = static_cast<double>(all);
-    evidence.value = static_cast<double>(all_sockets_);
-    evidence.detail = absl::StrCat("the policy had ", all_sockets_, " sockets of the ", all,
-                                   " that it may have open at one time, and was stopped; ", seen);
-  } else if (overdrawn_ || group_->oom_kills() > 0) {
-    evidence.outcome = Outcome::kMemoryLimit;
-    evidence.limit = "memory_bytes";
-    evidence.limit_value = static_cast<double>(budgets.memory_bytes);
-    evidence.value = static_cast<double>(group_->peak_memory_bytes() + socket_bytes_);
+    evidence.value = static_cast<double>(value);
+    evidence.detail = absl::StrCat("the policy ", what, "; ", evidence.detail);
+    return true;
+  };
+  if (const int64_t most = context_.config.policy.sockets; sockets_ > most) {
+    return blame(Outcome::kMemoryLimit, "sockets", most, sockets_,
+                 absl::StrCat("had ", sockets_, " network sockets of the ", most,
+                              " that it may use at one time, whose buffers are the whole host's "
+                              "memory, and was stopped"));
+  }
+  if (const int64_t all = context_.config.policy.all_sockets; all_sockets_ > all) {
+    return blame(Outcome::kMemoryLimit, "all_sockets", all, all_sockets_,
+                 absl::StrCat("had ", all_sockets_, " sockets of the ", all,
+                              " that it may have open at one time, and was stopped"));
+  }
+  if (overdrawn_ || group_->oom_kills() > 0) {
     const std::string sockets =
         socket_bytes_ > 0 ? absl::StrCat(" (up to ", socket_bytes_, " of them in its sockets)") : "";
-    evidence.detail = absl::StrCat("the policy used all of its ", budgets.memory_bytes,
-                                   " bytes of memory", sockets, " and was stopped; ", seen);
-  } else if (group_->refused_tasks() > 0) {
-    evidence.outcome = Outcome::kProcessLimit;
-    evidence.limit = "tasks";
-    evidence.limit_value = static_cast<double>(budgets.tasks);
-    evidence.value = static_cast<double>(budgets.tasks + 1);
-    evidence.detail = absl::StrCat("the policy wanted more than ", budgets.tasks,
-                                   " processes and threads; ", seen);
-  } else if (evidence.outcome != Outcome::kCrash) {
-    return false;
-  } else if (WasEndedBy(evidence, SIGXFSZ)) {
-    evidence.outcome = Outcome::kDiskLimit;
-    evidence.limit = "scratch_bytes";
-    evidence.limit_value = static_cast<double>(budgets.scratch_bytes);
-    evidence.value = evidence.limit_value + 1;  // a file that would have grown past the limit
-    evidence.detail = absl::StrCat("the policy made a file longer than ", budgets.scratch_bytes,
-                                   " bytes; ", seen);
-  } else if (disk_.full()) {
-    const bool files = disk_.free_files == 0;
-    evidence.outcome = Outcome::kDiskLimit;
-    evidence.limit = files ? "scratch_files" : "scratch_bytes";
-    evidence.limit_value =
-        static_cast<double>(files ? budgets.scratch_files : budgets.scratch_bytes);
-    evidence.value = static_cast<double>(files ? disk_.files : disk_.bytes);
-    evidence.detail = absl::StrCat("the policy filled its /tmp and /dev/shm (", disk_.bytes,
-                                   " bytes and ", disk_.files, " files of ",
-                                   budgets.scratch_bytes, " and ", budgets.scratch_files,
-                                   ") and ended; ", seen);
-  } else {
-    return false;
+    return blame(Outcome::kMemoryLimit, "memory_bytes", budgets.memory_bytes,
+                 group_->peak_memory_bytes() + socket_bytes_,
+                 absl::StrCat("used all of its ", budgets.memory_bytes, " bytes of memory", sockets,
+                              " and was stopped"));
   }
-  return true;
+  if (group_->refused_tasks() > 0) {
+    return blame(Outcome::kProcessLimit, "tasks", budgets.tasks, budgets.tasks + 1,
+                 absl::StrCat("wanted more than ", budgets.tasks, " processes and threads"));
+  }
+  if (evidence.outcome != Outcome::kCrash) return false;
+  if (WasEndedBy(evidence, SIGXFSZ)) {
+    // A file that would have grown past the limit.
+    return blame(Outcome::kDiskLimit, "scratch_bytes", budgets.scratch_bytes,
+                 budgets.scratch_bytes + 1,
+                 absl::StrCat("made a file longer than ", budgets.scratch_bytes, " bytes"));
+  }
+  if (!disk_.full()) return false;
+  const bool files = disk_.free_files == 0;
+  return blame(Outcome::kDiskLimit, files ? "scratch_files" : "scratch_bytes",
+               files ? budgets.scratch_files : budgets.scratch_bytes,
+               files ? disk_.files : disk_.bytes,
+               absl::StrCat("filled its /tmp and /dev/shm (", disk_.bytes, " bytes and ",
+                            disk_.files, " files of ", budgets.scratch_bytes, " and ",
+                            budgets.scratch_files, ") and ended"));
 }
 
 void PolicyRun::CountSocketBytes() {
@@ -315,6 +295,21 @@ bool PolicyRun::End() {
 bool PolicyRun::Gone() {
   return (sandbox_ == nullptr || sandbox_->Gone()) &&
          (group_ == nullptr || group_->Members().empty());
+}
+
+void Leftovers::End(std::unique_ptr<PolicyRun> run) {
+  if (!run->End()) runs_.push_back(std::move(run));
+}
+
+void Leftovers::Keep(Sandbox& sim, ControlGroup& group) {
+  sim_ = &sim;
+  sim_group_ = &group;
+}
+
+bool Leftovers::Gone() {
+  std::erase_if(runs_, [](const std::unique_ptr<PolicyRun>& run) { return run->Gone(); });
+  if (sim_ != nullptr && sim_->Gone() && sim_group_->Members().empty()) sim_ = nullptr;
+  return runs_.empty() && sim_ == nullptr;
 }
 
 }  // namespace myograde::server

@@ -2,11 +2,8 @@
 
 #include <fcntl.h>
 #include <signal.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -16,6 +13,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/paths.h"
 
 namespace myograde::server {
 namespace {
@@ -26,10 +24,6 @@ constexpr size_t kMaxRecordBytes = 256 << 10;
 // processors busy for days, and requests to the daemon must not wait behind them.
 constexpr int kNice = 5;
 constexpr int kBackgroundNice = 19;
-
-double Seconds(const timeval& time) {
-  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
-}
 
 absl::Status WriteOrder(const std::string& text, const std::string& path) {
   ::unlink(path.c_str());
@@ -64,27 +58,20 @@ absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseO
 
   ASSIGN_OR_RETURN(Pipe in, MakePipe());
   ASSIGN_OR_RETURN(Pipe out, MakeOutputPipe());
-  ASSIGN_OR_RETURN(Pipe err, MakeOutputPipe());
-
-  ASSIGN_OR_RETURN(const pid_t pid, Spawn({program,
-                                           {program, "--lifeline", order_path},
-                                           in.read.get(),
-                                           out.write.get(),
-                                           err.write.get(),
-                                           order.background ? kBackgroundNice : kNice}));
-  std::unique_ptr<RunnerProcess> runner(new RunnerProcess());
-  runner->lease_ = order.lease;
-  runner->pid_ = pid;
-  runner->lifeline_ = std::move(in.write);
-  runner->stdout_ = std::move(out.read);
-  runner->stderr_ = std::move(err.read);
-  return runner;
+  ASSIGN_OR_RETURN(ChildProcess child,
+                   ChildProcess::Start({.program = program,
+                                        .words = {program, "--lifeline", order_path},
+                                        .in = in.read.get(),
+                                        .out = out.write.get(),
+                                        .nice = order.background ? kBackgroundNice : kNice}));
+  return std::unique_ptr<RunnerProcess>(
+      new RunnerProcess(order.lease, std::move(child), std::move(in.write), std::move(out.read)));
 }
 
 RunnerProcess::~RunnerProcess() { Kill(); }
 
 absl::StatusOr<std::vector<LeaseRecord>> RunnerProcess::Read() {
-  DrainStderr();
+  child_.Look();
   std::vector<LeaseRecord> records;
   RETURN_IF_ERROR(DrainStdout(records));
   return records;
@@ -125,52 +112,20 @@ absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
   return absl::OkStatus();
 }
 
-void RunnerProcess::DrainStderr() {
-  char buffer[16 << 10];
-  while (stderr_.valid()) {
-    const ssize_t n = ::read(stderr_.get(), buffer, sizeof(buffer));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0 && errno == EAGAIN) return;
-    if (n <= 0) {
-      stderr_.reset();
-      return;
-    }
-    stderr_output_.Append(std::string_view(buffer, static_cast<size_t>(n)));
-  }
-}
-
-bool RunnerProcess::dead() {
-  rusage used = {};
-  if (!reaped_ && pid_ > 0 && ::wait4(pid_, &wait_status_, WNOHANG, &used) == pid_) {
-    reaped_ = true;
-    cpu_s_ = Seconds(used.ru_utime) + Seconds(used.ru_stime);
-  }
-  return reaped_;
-}
-
-absl::StatusOr<int> RunnerProcess::Wait(absl::Duration timeout) {
-  if (dead() || (EndsWithin(pid_, timeout) && dead())) return wait_status_;
-  return absl::DeadlineExceededError(absl::StrCat("the runner of lease ", lease_, " still runs"));
-}
-
 void RunnerProcess::AskToEnd() {
-  if (pid_ <= 0 || dead()) return;
+  if (dead()) return;
   lifeline_.reset();
-  ::kill(pid_, SIGTERM);
-}
-
-void RunnerProcess::KillNow() {
-  if (pid_ <= 0 || dead()) return;
-  // Its children have asked the kernel to be killed when it dies, and theirs likewise.
-  ::kill(-pid_, SIGKILL);
+  child_.Signal(SIGTERM);
 }
 
 void RunnerProcess::Kill() {
-  if (pid_ <= 0 || dead()) return;
+  if (dead()) return;
   AskToEnd();
-  if (Wait(kCleanUpGrace).ok()) return;
-  KillNow();
-  (void)Wait(absl::Milliseconds(250));
+  if (!EndsWithin(pid(), kCleanUpGrace)) {
+    KillNow();
+    EndsWithin(pid(), absl::Milliseconds(250));
+  }
+  (void)dead();
 }
 
 }  // namespace myograde::server

@@ -17,16 +17,15 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
-#include "server/base/paths.h"
-#include "server/base/output_tail.h"
+#include "server/base/child_process.h"
 #include "server/runner/runner.h"
 
 namespace myograde::server {
@@ -49,21 +48,19 @@ class RunnerProcess : public Runner {
   RunnerProcess& operator=(const RunnerProcess&) = delete;
 
   int stdout_fd() const override { return stdout_.get(); }
-  int stderr_fd() const override { return stderr_.get(); }
+  int stderr_fd() const override { return child_.err_fd(); }
   absl::StatusOr<std::vector<LeaseRecord>> Read() override;
   bool finished() override { return dead() && !stdout_.valid(); }
-  bool dead() override;
+  bool dead() override { return dead_ = child_.Look(); }
   void AskToEnd() override;
-  void KillNow() override;
+  // Its children have asked the kernel to be killed when it dies, and theirs likewise.
+  void KillNow() override { child_.KillNow(); }
   // CPU seconds are known once it is dead.
-  RunnerSite site() const override { return {.node = "", .job = "", .cpu_s = cpu_s_}; }
-  pid_t pid() const override { return pid_; }
-  int wait_status() const override { return wait_status_; }
-  std::string stderr_tail() const override { return stderr_output_.tail(); }
-
-  // Waits until the process exits, draining nothing; DeadlineExceededError after `timeout`. Returns
-  // the wait status of waitpid(2).
-  absl::StatusOr<int> Wait(absl::Duration timeout);
+  RunnerSite site() const override { return {.node = "", .job = "", .cpu_s = child_.cpu_s()}; }
+  pid_t pid() const override { return child_.pid(); }
+  // 0 before.
+  int wait_status() const override { return dead_ ? child_.wait_status() : 0; }
+  std::string stderr_tail() const override { return child_.said(); }
 
   // Ends the lease: asks the runner to clean up, and kills it with everything it started if it
   // takes longer than kCleanUpGrace. Returns within 1 s, with the process reaped. Safe at any time
@@ -71,21 +68,20 @@ class RunnerProcess : public Runner {
   void Kill();
 
  private:
-  RunnerProcess() : stderr_output_(64 << 10) {}
-  void DrainStderr();
+  RunnerProcess(std::string lease, ChildProcess child, Fd lifeline, Fd records)
+      : lease_(std::move(lease)),
+        child_(std::move(child)),
+        lifeline_(std::move(lifeline)),
+        stdout_(std::move(records)) {}
   absl::Status DrainStdout(std::vector<LeaseRecord>& records);
 
-  std::string lease_;
-  pid_t pid_ = -1;
-  bool reaped_ = false;
-  bool saw_end_ = false;
-  int wait_status_ = 0;
-  double cpu_s_ = 0;  // of the runner and all that it waited for
+  const std::string lease_;
+  ChildProcess child_;
   Fd lifeline_;  // the runner's stdin: its end tells the runner that the caller is gone
   Fd stdout_;
-  Fd stderr_;
-  std::string line_;    // an incomplete record
-  OutputTail stderr_output_;
+  bool saw_end_ = false;
+  bool dead_ = false;
+  std::string line_;  // an incomplete record
 };
 
 }  // namespace myograde::server

@@ -1,37 +1,28 @@
 #include "server/sandbox/cgroup_host.h"
 
-#include <fcntl.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 #include <sys/xattr.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <sstream>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
-#include "protocol/base/fd.h"
-#include "protocol/base/file.h"
+#include "server/sandbox/kernel_files.h"
 
 namespace myograde::server {
-
-std::string ReadKernelFile(const std::string& path) {
-  return ReadFile(path).value_or("");
-}
-
-bool WriteKernelFile(const std::string& path, const std::string& text) {
-  const Fd file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
-  return file.valid() &&
-         write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
-}
 
 namespace {
 
 constexpr std::string_view kPrefix = "myograde.";
+constexpr char kOwnGroup[] = "/daemon";
 
 // This process' group in each hierarchy: "0::/path" or "3:cpu,cpuacct:/path".
 std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const CgroupHost& host) {
@@ -44,6 +35,13 @@ std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const Cgrou
     groups.emplace_back(std::move(names), parts[2]);
   }
   return groups;
+}
+
+absl::Status CantDivide(const std::string& path) {
+  return absl::FailedPreconditionError(absl::StrCat(
+      path, ": can't be written (", std::strerror(errno),
+      "), so the sandboxes have no control groups "
+      "although some were delegated; see that nothing else runs in this service's group"));
 }
 
 }  // namespace
@@ -102,6 +100,31 @@ std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy) {
   }
   if (parents.empty() || parents.back() != hierarchy.top) parents.push_back(hierarchy.top);
   return parents;
+}
+
+absl::Status DivideDelegatedGroup(const CgroupHost& host) {
+  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
+    const std::string& folder = hierarchy.folder;
+    if (hierarchy.version != 2 || !host.delegated(folder)) continue;
+    const std::set<std::string> offered = absl::StrSplit(
+        ReadKernelFile(folder + "/cgroup.controllers"), absl::ByAnyChar(" \n"), absl::SkipEmpty());
+    // Where version 1 holds them there is nothing to pass on.
+    if (!offered.contains("memory") || !offered.contains("pids")) continue;
+    const std::string own = folder + kOwnGroup;
+    if (!host.make(own) && errno != EEXIST) return CantDivide(own);
+    // The threads of this process go with it.
+    if (!WriteKernelFile(own + "/cgroup.procs", "0")) return CantDivide(own + "/cgroup.procs");
+    for (const char* controller : {"memory", "pids", "cpu"}) {
+      if (!offered.contains(controller)) continue;
+      const std::string list = folder + "/cgroup.subtree_control";
+      if (WriteKernelFile(list, absl::StrCat("+", controller))) continue;
+      const absl::Status status = CantDivide(list);
+      WriteKernelFile(folder + "/cgroup.procs", "0");
+      host.remove(own);
+      return status;
+    }
+  }
+  return absl::OkStatus();
 }
 
 std::string GroupName(const std::string& what) {

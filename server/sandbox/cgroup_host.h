@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include <absl/status/status.h>
+
 namespace myograde::server {
 
 // The operations on the kernel's interface. The defaults are the real ones; tests substitute plain
@@ -37,12 +39,14 @@ std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host);
 // own group, or at the top.
 std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy);
 
-// The content of a small kernel file; "" if it can't be read. Doesn't use streams, as it is called
-// many times per second of a lease.
-std::string ReadKernelFile(const std::string& path);
-
-// Writes `text` in one call, as kernel files want it. False: errno says why.
-bool WriteKernelFile(const std::string& path, const std::string& text);
+// If a service manager has delegated this process' own group of version 2 to it (systemd's
+// Delegate=): moves this process into a group `daemon` in it and passes memory, pids and cpu on, as
+// far as they are there, so that ControlGroup can make the sandboxes' groups beside it. Version 2
+// has no processes in a group whose children have controllers, and systemd only from 254 on makes
+// such a group itself. Otherwise does nothing. Call while this process has no
+// children, which would stay behind.
+// FailedPreconditionError: the group was delegated but can't be divided; this process stays in it.
+absl::Status DivideDelegatedGroup(const CgroupHost& host = ThisCgroupHost());
 
 // A name for this process' group `what`, which no other process of the host gives, whatever pid
 // namespace it is in.

@@ -12,6 +12,10 @@
 #include <cstdio>
 #include <cstring>
 
+#include <absl/strings/ascii.h>
+#include <absl/strings/str_join.h>
+#include <absl/strings/str_split.h>
+
 #include "protocol/base/clock.h"
 #include "protocol/base/spawn.h"
 
@@ -81,21 +85,14 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
 }
 
 std::string LastWords(const std::string& output, int lines) {
-  std::string words;
-  size_t end = output.size();
-  while (lines > 0 && end > 0) {
-    const size_t newline = output.rfind('\n', end - 1);
-    const size_t begin = newline == std::string::npos ? 0 : newline + 1;
-    std::string line = output.substr(begin, end - begin);
-    line.erase(line.find_last_not_of(" \r\n") + 1);
-    end = newline == std::string::npos ? 0 : newline;
-    if (line.empty()) continue;
-    words = words.empty() ? line : line + "; " + words;
-    --lines;
+  std::vector<std::string> last;
+  for (absl::string_view line : absl::StrSplit(output, '\n')) {
+    line = absl::StripTrailingAsciiWhitespace(line);
+    if (!line.empty()) last.emplace_back(line);
   }
-  for (char& c : words) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  }
+  last.erase(last.begin(), last.end() - std::min<std::ptrdiff_t>(lines, std::ssize(last)));
+  std::string words = absl::StrJoin(last, "; ");
+  std::replace_if(words.begin(), words.end(), absl::ascii_iscntrl, '?');
   return words;
 }
 

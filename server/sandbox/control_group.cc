@@ -1,6 +1,5 @@
 #include "server/sandbox/control_group.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -9,7 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
+#include <filesystem>
 #include <set>
 #include <sstream>
 #include <thread>
@@ -20,6 +19,7 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/clock.h"
+#include "server/sandbox/kernel_files.h"
 
 namespace myograde::server {
 namespace {
@@ -236,15 +236,13 @@ void ControlGroup::RemoveStale(const CgroupHost& host) {
   for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
     for (std::string& parent : CgroupParents(hierarchy)) parents.insert(std::move(parent));
   }
+  std::error_code error;
   for (const std::string& parent : parents) {
-    DIR* folder = opendir(parent.c_str());
-    if (folder == nullptr) continue;
-    while (const dirent* entry = readdir(folder)) {
-      if (!IsGroupName(entry->d_name)) continue;
+    for (const auto& entry : std::filesystem::directory_iterator(parent, error)) {
+      if (!IsGroupName(entry.path().filename())) continue;
       ControlGroup stale(host);  // if it can be locked
-      stale.Lock(absl::StrCat(parent, "/", entry->d_name), LOCK_EX | LOCK_NB);
+      stale.Lock(entry.path(), LOCK_EX | LOCK_NB);
     }
-    closedir(folder);
   }
 }
 

@@ -11,7 +11,6 @@
 #include <string>
 #include <vector>
 
-#include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"

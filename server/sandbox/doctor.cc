@@ -25,14 +25,12 @@
 #include "server/base/program_run.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/control_group.h"
-#include "server/sandbox/delegated_group.h"
 #include "server/sandbox/doctor_host.h"
-#include "server/sandbox/doctor_limits.h"
 #include "server/sandbox/policy_sandbox.h"
 #include "server/sandbox/sandbox.h"
 #include "server/sandbox/seccomp_filter.h"
+#include "server/sandbox/slot_processes.h"
 #include "server/sandbox/stage.h"
-#include "server/sandbox/users.h"
 
 namespace myograde::server {
 namespace {
@@ -53,7 +51,7 @@ int64_t SandboxUid(const DoctorOptions& options) {
 }
 
 // Bubblewrap creates its user namespace as the slot's user, so try as that user.
-void CheckUserNamespaces(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckUserNamespaces(const DoctorOptions& options) {
   const int64_t uid = SandboxUid(options);
   const ChildEnd end = RunInChild(
       [uid] {
@@ -67,55 +65,44 @@ void CheckUserNamespaces(const DoctorOptions& options, std::vector<Check>& check
       },
       kQuick);
   const std::string who = uid >= 0 ? absl::StrCat("uid ", uid) : "this user";
-  if (end.exit_code == 0) {
-    checks.push_back(Fine("user_namespaces", absl::StrCat("work for ", who)));
-    return;
-  }
-  checks.push_back(Missing(
-      "user_namespaces",
-      end.exit_code == 1 ? absl::StrCat(who, " may make none") : Trouble(end),
+  if (end.exit_code == 0) return Fine("user_namespaces", absl::StrCat("work for ", who));
+  return Missing(
+      "user_namespaces", end.exit_code == 1 ? absl::StrCat(who, " may make none") : Trouble(end),
       "no sandbox can be built, so nothing can be graded",
       "allow them with sysctl: user.max_user_namespaces above 0, and where they exist "
       "kernel.unprivileged_userns_clone=1 and kernel.apparmor_restrict_unprivileged_userns=0; "
-      "in a container, start it privileged"));
+      "in a container, start it privileged");
 }
 
-void CheckBubblewrap(std::vector<Check>& checks) {
+Check CheckBubblewrap() {
   const absl::StatusOr<ProgramEnd> end = RunProgram(
       {.program = kBubblewrap, .words = {"--version"}, .most_output = kMostPrinted, .deadline = kQuick});
-  if (end.ok() && end->exit_status == 0) {
-    checks.push_back(Fine("bubblewrap", LastLineOf(end->output)));
-  } else {
-    checks.push_back(Missing("bubblewrap", WhyItFailed(end),
-                             "no sandbox can be built, so nothing can be graded",
-                             "install the package bubblewrap"));
-  }
+  if (end.ok() && end->exit_status == 0) return Fine("bubblewrap", LastLineOf(end->output));
+  return Missing("bubblewrap", WhyItFailed(end),
+                 "no sandbox can be built, so nothing can be graded",
+                 "install the package bubblewrap");
 }
 
-void CheckSlotUsers(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckSlotUsers(const DoctorOptions& options) {
   const char name[] = "slot_users";
   if (geteuid() != 0) {
-    checks.push_back(Poorer(
+    return Poorer(
         name, absl::StrCat("runs as the ordinary user with uid ", geteuid()),
         "all sandboxes have this user's own uid, so only namespaces keep leases apart from each "
         "other and from the user's files; policies' limits rest on rlimits where control groups "
         "are not delegated",
-        "start the daemon as root: each slot then gets an unprivileged uid of its own"));
-    return;
+        "start the daemon as root: each slot then gets an unprivileged uid of its own");
   }
   for (int slot = 0; slot < options.slots; ++slot) {
     const auto uid = static_cast<uid_t>(options.uid_base + slot);
     const passwd* user = getpwuid(uid);
     if (user == nullptr) continue;
-    checks.push_back(Poorer(
-        name, absl::StrCat("uid ", uid, " of slot ", slot, " belongs to ", user->pw_name),
-        "a policy that got out of its namespaces would own that user's files",
-        "set uid_base in server.json to a range that nobody has"));
-    return;
+    return Poorer(name, absl::StrCat("uid ", uid, " of slot ", slot, " belongs to ", user->pw_name),
+                  "a policy that got out of its namespaces would own that user's files",
+                  "set uid_base in server.json to a range that nobody has");
   }
-  checks.push_back(Fine(name, absl::StrCat("uid ", options.uid_base, " to ",
-                                           options.uid_base + options.slots - 1,
-                                           ", one for each slot")));
+  return Fine(name, absl::StrCat("uid ", options.uid_base, " to ",
+                                 options.uid_base + options.slots - 1, ", one for each slot"));
 }
 
 void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks) {
@@ -124,32 +111,26 @@ void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks
                                                        : GroupLimits{1 << 30, 64, 1};
   const GroupControllers got =
       ControlGroup::Create(GroupName("doctor"), limits)->controllers();
-  const struct {
-    const char* name;
-    bool there;
-    const char* costs;
-  } controllers[] = {
-      {"cgroup_memory", got.memory,
-       "each process has the memory limit by itself instead of all together; running out shows as "
-       "crash, and peak memory is not reported"},
-      {"cgroup_pids", got.pids,
-       "processes are limited by RLIMIT_NPROC; reaching the limit shows as crash"},
-      {"cgroup_cpu", got.cpu, "a policy may use all processors, at the expense of other leases"},
-      {"cgroup_cpuacct", got.cpu_account,
-       "CPU time is added up over the processes of a sandbox, which misses some of those that "
-       "ended unseen"}};
-  for (const auto& controller : controllers) {
-    if (controller.there) {
-      checks.push_back(Fine(controller.name, absl::StrCat("control groups version ", got.version)));
-    } else {
-      checks.push_back(Poorer(
-          controller.name,
-          got.version == 0 ? "no control group can be made"
+  const auto check = [&](const char* name, bool there, const char* costs) {
+    checks.push_back(
+        there ? Fine(name, absl::StrCat("control groups version ", got.version))
+              : Poorer(name,
+                       got.version == 0
+                           ? "no control group can be made"
                            : absl::StrCat("not with control groups version ", got.version),
-          controller.costs,
-          "run as root, or as a service whose control groups systemd delegates (Delegate=yes)"));
-    }
-  }
+                       costs,
+                       "run as root, or as a service whose control groups systemd delegates "
+                       "(Delegate=yes)"));
+  };
+  check("cgroup_memory", got.memory,
+        "each process has the memory limit by itself instead of all together; running out shows as "
+        "crash, and peak memory is not reported");
+  check("cgroup_pids", got.pids,
+        "processes are limited by RLIMIT_NPROC; reaching the limit shows as crash");
+  check("cgroup_cpu", got.cpu, "a policy may use all processors, at the expense of other leases");
+  check("cgroup_cpuacct", got.cpu_account,
+        "CPU time is added up over the processes of a sandbox, which misses some of those that "
+        "ended unseen");
 }
 
 // Loads the filter into this process permanently. 0: it denies what it should.
@@ -179,7 +160,7 @@ int TryFilter(const PolicySandboxConfig& config) {
   return 0;
 }
 
-void CheckSeccomp(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckSeccomp(const DoctorOptions& options) {
   const ChildEnd end = RunInChild(
       [&options] {
         const absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(options.config_dir);
@@ -188,13 +169,11 @@ void CheckSeccomp(const DoctorOptions& options, std::vector<Check>& checks) {
         return 1;
       },
       kQuick);
-  if (end.exit_code == 0) {
-    checks.push_back(Fine("seccomp", "the policy's filter loads and denies"));
-  } else {
-    checks.push_back(Missing("seccomp", Trouble(end), "no sandbox can be built",
-                             "use a kernel with CONFIG_SECCOMP_FILTER and the sandbox/policy.json "
-                             "that MyoGrade came with"));
-  }
+  if (end.exit_code == 0) return Fine("seccomp", "the policy's filter loads and denies");
+  return Missing(
+      "seccomp", Trouble(end), "no sandbox can be built",
+      "use a kernel with CONFIG_SECCOMP_FILTER and the sandbox/policy.json that MyoGrade "
+      "came with");
 }
 
 // Both sandboxes of a lease, as values.
@@ -249,12 +228,10 @@ absl::Status WithSandboxes(const DoctorOptions& options,
   for (const std::string& source : StagedSources(order, options.bin_dir)) {
     staged[stage.PathOf(source)] = source;
   }
-  absl::StatusOr<SandboxSpec> policy = MakePolicySandbox(
-      order, config.policy, options.bin_dir, stage, etc, scratch, group);
-  if (!policy.ok()) return policy.status();
-  return use({*std::move(policy),
-              MakeSimSandbox(order, config.sim, options.bin_dir, stage, etc), config, budgets,
-              group, staged});
+  ASSIGN_OR_RETURN(SandboxSpec policy, MakePolicySandbox(order, config.policy, options.bin_dir,
+                                                         stage, etc, scratch, group));
+  return use({std::move(policy), MakeSimSandbox(order, config.sim, options.bin_dir, stage, etc),
+              config, budgets, group, staged});
 }
 
 // Runs WithSandboxes in a child, so that this process stays in its namespaces.
@@ -273,73 +250,63 @@ ChildEnd InSandboxChild(const DoctorOptions& options,
   return end;
 }
 
-// Runs `spec` with this process' stdout and stderr and expects `exit_code`.
-absl::Status Play(const SandboxSpec& spec, const std::vector<int>& join, const Fd& filter,
-                  int exit_code) {
+// Runs `spec` in a control group with this process' stdout and stderr, and expects it to succeed.
+absl::Status Play(const SandboxSpec& spec, const PolicySandboxConfig& config,
+                  const std::string& group_name) {
+  ASSIGN_OR_RETURN(const Fd filter, MakeSeccompFilter(config));
+  const auto group = ControlGroup::Create(GroupName(group_name), {1 << 30, 64, 1.0});
   const Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
-  ASSIGN_OR_RETURN(std::unique_ptr<Sandbox> sandbox, Sandbox::Start(
-      spec, {{nothing.get(), 0}, {STDOUT_FILENO, 1}, {STDERR_FILENO, 2}}, join, filter));
+  ASSIGN_OR_RETURN(
+      std::unique_ptr<Sandbox> sandbox,
+      Sandbox::Start(spec, {{nothing.get(), 0}, {STDOUT_FILENO, 1}, {STDERR_FILENO, 2}},
+                     group->join_fds(), filter));
   sandbox->Release();
   if (!sandbox->Wait(kSandboxTime - absl::Seconds(5))) {
     return absl::DeadlineExceededError("its command did not end");
   }
   const SandboxEnd end = sandbox->end();
-  if (end.started && end.exit_code == exit_code) return absl::OkStatus();
+  if (end.started && end.exit_code == 0) return absl::OkStatus();
   // Its own output says more, so the status values come after it.
   return absl::InternalError(end.started ? absl::StrCat("its command ended with ", end.exit_code)
                                          : "bubblewrap could not start its command");
 }
 
-void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckPolicySandbox(const DoctorOptions& options) {
   const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
     SandboxSpec spec = sandboxes.policy;
     // Skip the bridge, which waits for a simulator.
     const auto separator = std::find(spec.command.begin(), spec.command.end(), "--");
     spec.command.erase(spec.command.begin(), separator + 1);
-    ASSIGN_OR_RETURN(const Fd filter, MakeSeccompFilter(sandboxes.config.policy));
-    const auto group = ControlGroup::Create(GroupName("doctor"), {1 << 30, 64, 1.0});
-    return Play(spec, group->join_fds(), filter, 0);
+    return Play(spec, sandboxes.config.policy, "doctor");
   });
   if (end.exit_code == 0) {
-    checks.push_back(
-        Fine("policy_sandbox", "starts, and LCM's multicast works in its own network"));
-  } else {
-    checks.push_back(Missing(
-        "policy_sandbox", Trouble(end), "no policy can be started, so nothing can be graded",
-        "mend what is missing above first; in a plain chroot or an unprivileged container no "
-        "sandbox can start"));
+    return Fine("policy_sandbox", "starts, and LCM's multicast works in its own network");
   }
+  return Missing("policy_sandbox", Trouble(end),
+                 "no policy can be started, so nothing can be graded",
+                 "mend what is missing above first; in a plain chroot or an unprivileged container "
+                 "no sandbox can start");
 }
 
-void CheckSimulatorSandbox(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckSimulatorSandbox(const DoctorOptions& options) {
   const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
     SandboxSpec spec = sandboxes.simulator;
     // Loads its libraries, sets its own filter and exits.
     spec.command.push_back("--try");
-    ASSIGN_OR_RETURN(const Fd filter, MakeSeccompFilter(sandboxes.config.policy));
-    const auto group = ControlGroup::Create(GroupName("doctor-sim"), {1 << 30, 64, 1.0});
-    return Play(spec, group->join_fds(), filter, 0);
+    return Play(spec, sandboxes.config.policy, "doctor-sim");
   });
   if (end.exit_code == 0) {
-    checks.push_back(Fine("simulator_sandbox",
-                          "starts; the simulator finds its libraries and sets its filter"));
-  } else {
-    checks.push_back(Missing("simulator_sandbox", Trouble(end),
-                             "no episode can be simulated, so nothing can be graded",
-                             "mend what is missing elsewhere in this list first"));
+    return Fine("simulator_sandbox",
+                "starts; the simulator finds its libraries and sets its filter");
   }
+  return Missing("simulator_sandbox", Trouble(end),
+                 "no episode can be simulated, so nothing can be graded",
+                 "mend what is missing elsewhere in this list first");
 }
 
-void CheckSandboxes(const DoctorOptions& options, std::vector<Check>& checks) {
-  if (options.track.has_value()) {
-    CheckPolicySandbox(options, checks);
-    CheckSimulatorSandbox(options, checks);
-    return;
-  }
-  for (const char* name : {"policy_sandbox", "simulator_sandbox"}) {
-    checks.push_back(Missing(name, "can't be tried without a track's budgets",
-                             "nothing can be graded", "mend the configs first"));
-  }
+Check WithoutTrack(const char* name) {
+  return Missing(name, "can't be tried without a track's budgets", "nothing can be graded",
+                 "mend the configs first");
 }
 
 // A control group's limits, null where none enforces them on this host.
@@ -387,18 +354,17 @@ std::string_view CheckStateName(CheckState state) {
 
 std::vector<Check> ExamineHost(const DoctorOptions& options) {
   std::vector<Check> checks;
-  CheckSystem(options, checks);
-  CheckMachine(options, checks);
-  CheckPrograms(options, checks);
-  CheckPictures(checks);
-  CheckBubblewrap(checks);
-  CheckUserNamespaces(options, checks);
-  CheckSlotUsers(options, checks);
+  CheckHost(options, checks);
+  checks.insert(checks.end(),
+                {CheckBubblewrap(), CheckUserNamespaces(options), CheckSlotUsers(options)});
   CheckControlGroups(options, checks);
   CheckSharedLimits(options, checks);
-  CheckSeccomp(options, checks);
-  CheckSandboxes(options, checks);
-  CheckMujocoAndModels(options, checks);
+  const bool track = options.track.has_value();
+  checks.insert(
+      checks.end(),
+      {CheckSeccomp(options), track ? CheckPolicySandbox(options) : WithoutTrack("policy_sandbox"),
+       track ? CheckSimulatorSandbox(options) : WithoutTrack("simulator_sandbox"),
+       CheckMujoco(options), CheckModels(options)});
   return checks;
 }
 

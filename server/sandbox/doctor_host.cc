@@ -22,17 +22,16 @@
 #include "protocol/base/file.h"
 #include "protocol/base/set_up.h"
 #include "server/base/child_process.h"
-#include "server/base/temp_folder.h"
-#include "server/base/child_process.h"
 #include "server/base/program_run.h"
+#include "server/base/temp_folder.h"
 #include "server/sandbox/child.h"
-#include "server/sandbox/doctor_messages.h"
 
 namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kNoSimulation[] = "no episode can be simulated, so nothing can be graded";
 constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
 // Compiling both models takes seconds, longer on a busy host.
 constexpr absl::Duration kCompileTime = absl::Seconds(300);
@@ -78,45 +77,6 @@ size_t CompiledModels(const std::string& cache_dir) {
   return count;
 }
 
-void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
-  const char name[] = "models";
-  const char costs[] = "no episode can be simulated, so nothing can be graded";
-  // Compiled from a copy of the models' sources, a link, so that the cache stays as it is.
-  const absl::StatusOr<TempFolder> scratch = TempFolder::Make("doctor");
-  if (!scratch.ok()) {
-    checks.push_back(Missing(name, absl::StrCat("can't be tried: ",
-                                                std::string(scratch.status().message())),
-                             costs, "set TMPDIR to a folder with 1 GiB of space"));
-    return;
-  }
-  std::error_code error;
-  fs::create_directory_symlink(options.cache_dir + "/myosuite-2.8.4",
-                               scratch->path() + "/myosuite-2.8.4", error);
-  const absl::StatusOr<ProgramEnd> end = RunProgram(
-      {.program = options.bin_dir + "/myograde-sim",
-       .words = {"--compile-models", scratch->path()},
-       .most_output = kMostPrinted,
-       .deadline = kCompileTime,
-       .nice = 0,
-       .environment = {"PATH=/usr/bin:/bin",
-                       "LD_LIBRARY_PATH=" + options.cache_dir + "/mujoco-2.2.2/lib"}});
-  if (!end.ok() || end->exit_status != 0) {
-    checks.push_back(Missing(
-        name, absl::StrReplaceAll(WhyItFailed(end), {{scratch->path(), options.cache_dir}}), costs,
-        HowToSetUp()));
-    return;
-  }
-  const std::string found = "every source file has its SHA-256, and both tracks' models compile";
-  if (CompiledModels(options.cache_dir) >= 2) {
-    checks.push_back(Fine(name, found));
-  } else {
-    checks.push_back(Poorer(name, absl::StrCat(found, "; none is kept compiled in ",
-                                               options.cache_dir),
-                            "each lease compiles its model anew, about a second each",
-                            absl::StrCat("myograde-sim --compile-models ", options.cache_dir)));
-  }
-}
-
 // Physical cores: processors that are not another core's second thread; 0: unknown.
 int Cores() {
   std::set<std::string> cores;
@@ -129,40 +89,37 @@ int Cores() {
   return static_cast<int>(cores.size());
 }
 
-void CheckProcessor(const DoctorOptions& options, std::vector<Check>& checks) {
-  const auto processors = static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
+Check CheckProcessor() {
   const std::string flags = " " + ValueOf("/proc/cpuinfo", "flags", ':') + " ";
-  const std::string found =
-      absl::StrCat(ValueOf("/proc/cpuinfo", "model name", ':'), ", ", processors, " processors");
-  if (absl::StrContains(flags, " avx ")) {
-    checks.push_back(Fine("processor", found));
-  } else {
-    checks.push_back(Missing("processor", found + ", without AVX",
-                             "the upstream build of MuJoCo can't run",
-                             "take an x86-64 processor with AVX, or build with "
-                             "-DMYOGRADE_MUJOCO=system"));
-  }
+  const std::string found = absl::StrCat(ValueOf("/proc/cpuinfo", "model name", ':'), ", ",
+                                         sysconf(_SC_NPROCESSORS_ONLN), " processors");
+  if (absl::StrContains(flags, " avx ")) return Fine("processor", found);
+  return Missing("processor", found + ", without AVX", "the upstream build of MuJoCo can't run",
+                 "take an x86-64 processor with AVX, or build with -DMYOGRADE_MUJOCO=system");
+}
+
+Check CheckCores(const DoctorOptions& options) {
+  const auto processors = static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
   const int cores = Cores();
   const bool smt = FirstLine("/sys/devices/system/cpu/smt/active") == "1";
   const std::string threads = absl::StrCat("simultaneous multithreading ", smt ? "on" : "off",
                                            cores > 0 ? absl::StrCat(", ", cores, " cores") : "");
   if (smt && cores > 0 && options.slots > cores) {
-    checks.push_back(Poorer(
-        "cores", threads,
-        absl::StrCat(options.slots, " slots share ", cores,
-                     " cores: each lease runs slower; results stay the same"),
-        absl::StrCat("set slots in server.json to ", cores)));
-  } else if (options.slots > processors) {
-    checks.push_back(Poorer("cores", threads,
-                            absl::StrCat(options.slots, " slots on ", processors,
-                                         " processors make whole evaluations slower"),
-                            "set slots in server.json to \"cores\""));
-  } else {
-    checks.push_back(Fine("cores", threads));
+    return Poorer("cores", threads,
+                  absl::StrCat(options.slots, " slots share ", cores,
+                               " cores: each lease runs slower; results stay the same"),
+                  absl::StrCat("set slots in server.json to ", cores));
   }
+  if (options.slots > processors) {
+    return Poorer("cores", threads,
+                  absl::StrCat(options.slots, " slots on ", processors,
+                               " processors make whole evaluations slower"),
+                  "set slots in server.json to \"cores\"");
+  }
+  return Fine("cores", threads);
 }
 
-void CheckFrequency(std::vector<Check>& checks) {
+Check CheckFrequency() {
   const std::string folder = "/sys/devices/system/cpu/";
   const std::string governor = FirstLine(folder + "cpu0/cpufreq/scaling_governor");
   const std::string no_turbo = FirstLine(folder + "intel_pstate/no_turbo");
@@ -173,14 +130,13 @@ void CheckFrequency(std::vector<Check>& checks) {
   const std::string found = absl::StrCat(
       "governor ", governor.empty() ? "not told by this host" : governor, ", turbo ", turbo);
   if (governor == "powersave" && no_turbo.empty()) {
-    checks.push_back(Poorer("frequency", found, "evaluations take longer; results stay the same",
-                            "cpupower frequency-set -g performance"));
-  } else {
-    checks.push_back(Fine("frequency", found));
+    return Poorer("frequency", found, "evaluations take longer; results stay the same",
+                  "cpupower frequency-set -g performance");
   }
+  return Fine("frequency", found);
 }
 
-void CheckMemory(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckMemory(const DoctorOptions& options) {
   const auto total = static_cast<double>(MemoryBytes("MemTotal"));
   const auto available = static_cast<double>(MemoryBytes("MemAvailable"));
   const std::string found = absl::StrCat(GiB(total), ", ", GiB(available), " available");
@@ -188,16 +144,13 @@ void CheckMemory(const DoctorOptions& options, std::vector<Check>& checks) {
       options.track.has_value() ? options.track->budgets.memory_bytes : 0);
   // A simulator stays far below a quarter of a GiB.
   const double wanted = options.slots * (policy + 0.25 * kGiB);
-  if (total >= wanted) {
-    checks.push_back(Fine("memory", found));
-    return;
-  }
-  checks.push_back(Poorer(
+  if (total >= wanted) return Fine("memory", found);
+  return Poorer(
       "memory", found,
       absl::StrCat(options.slots, " policies that use their whole budget of ", GiB(policy),
                    " at once don't fit; the kernel may then stop one below its limit, and the "
                    "participant hears of a crash"),
-      "lower slots in server.json, or memory_bytes in the tracks' budgets"));
+      "lower slots in server.json, or memory_bytes in the tracks' budgets");
 }
 
 // The folder itself, or its closest existing parent.
@@ -208,66 +161,117 @@ fs::path Existing(const std::string& folder) {
   return path;
 }
 
-void CheckDisk(const char* name, const std::string& folder, double wanted, bool written,
-               double reserve, std::vector<Check>& checks) {
+Check CheckDisk(const char* name, const std::string& folder, double wanted, bool written,
+                double reserve) {
   const fs::path path = Existing(folder);
   struct statvfs space;
   if (statvfs(path.c_str(), &space) != 0 || (written && access(path.c_str(), W_OK | X_OK) != 0)) {
-    checks.push_back(Missing(name, absl::StrCat(folder, ": ", std::strerror(errno)),
-                             written ? "no daemon can be started by this user"
-                                     : "nothing can be installed there",
-                             "choose a folder that this user may write to"));
-    return;
+    return Missing(
+        name, absl::StrCat(folder, ": ", std::strerror(errno)),
+        written ? "no daemon can be started by this user" : "nothing can be installed there",
+        "choose a folder that this user may write to");
   }
   const double free = static_cast<double>(space.f_bavail) * static_cast<double>(space.f_frsize);
   const std::string found = absl::StrCat(GiB(free), " free in ", path.string(),
                                          path == folder ? "" : absl::StrCat(" (for ", folder, ")"));
   if (free < reserve) {
-    checks.push_back(Missing(name, found, "uploads are refused, and no lease begins",
-                             absl::StrCat("make ", GiB(std::max(wanted, reserve)),
-                                          " free (disk_reserve_bytes is ", GiB(reserve), ")")));
-  } else if (free >= wanted) {
-    checks.push_back(Fine(name, found));
-  } else {
-    checks.push_back(Poorer(name, found,
-                            written ? "large submissions, or many, will be refused"
-                                    : "a fresh set-up may not fit",
-                            absl::StrCat("make ", GiB(wanted), " free, or choose another folder")));
+    return Missing(name, found, "uploads are refused, and no lease begins",
+                   absl::StrCat("make ", GiB(std::max(wanted, reserve)),
+                                " free (disk_reserve_bytes is ", GiB(reserve), ")"));
   }
+  if (free >= wanted) return Fine(name, found);
+  return Poorer(
+      name, found,
+      written ? "large submissions, or many, will be refused" : "a fresh set-up may not fit",
+      absl::StrCat("make ", GiB(wanted), " free, or choose another folder"));
 }
 
-void CheckPython(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckPython() {
   const absl::StatusOr<ProgramEnd> python = RunProgram({.program = "/usr/bin/python3",
                                                         .words = {"--version"},
                                                         .most_output = kMostPrinted,
                                                         .deadline = kQuick,
                                                         .environment = {"PATH=/usr/bin:/bin"}});
   if (python.ok() && python->exit_status == 0) {
-    checks.push_back(Fine("python", "/usr/bin/python3: " + LastLineOf(python->output)));
-  } else {
-    checks.push_back(Poorer("python", WhyItFailed(python),
-                            "policies in Python can't run", "install the package python3"));
+    return Fine("python", "/usr/bin/python3: " + LastLineOf(python->output));
   }
-  for (const auto& [name, folder] : options.runtimes) {
-    const std::string check = "runtime_" + name;
-    if (access(folder.c_str(), R_OK | X_OK) != 0) {
-      checks.push_back(Poorer(check, absl::StrCat(folder, ": ", std::strerror(errno)),
-                              "submissions that ask for this runtime are refused",
-                              SetUpAdvice() + ", or mend runtimes in server.json"));
-      continue;
-    }
-    const absl::Status same =
-        options.check_runtime == nullptr ? absl::OkStatus() : options.check_runtime(name);
-    if (same.ok()) {
-      checks.push_back(Fine(check, folder));
-    } else {
-      checks.push_back(Poorer(check, std::string(same.message()),
-                              "policies with this runtime are played with something else than "
-                              "their receipts say",
-                              absl::StrCat("make it anew: myograde runtime add ", name,
-                                           " REQUIREMENTS --replace")));
+  return Poorer("python", WhyItFailed(python), "policies in Python can't run",
+                "install the package python3");
+}
+
+Check CheckRuntime(const DoctorOptions& options, const std::string& name,
+                   const std::string& folder) {
+  const std::string check = "runtime_" + name;
+  if (access(folder.c_str(), R_OK | X_OK) != 0) {
+    return Poorer(check, absl::StrCat(folder, ": ", std::strerror(errno)),
+                  "submissions that ask for this runtime are refused",
+                  SetUpAdvice() + ", or mend runtimes in server.json");
+  }
+  const absl::Status same =
+      options.check_runtime == nullptr ? absl::OkStatus() : options.check_runtime(name);
+  if (same.ok()) return Fine(check, folder);
+  return Poorer(
+      check, std::string(same.message()),
+      "policies with this runtime are played with something else than their receipts say",
+      absl::StrCat("make it anew: myograde runtime add ", name, " REQUIREMENTS --replace"));
+}
+
+Check CheckSystem() {
+  const std::string system = ValueOf("/etc/os-release", "PRETTY_NAME", '=');
+  if (ValueOf("/etc/os-release", "ID", '=') == "debian" &&
+      ValueOf("/etc/os-release", "VERSION_ID", '=') == "12") {
+    return Fine("system", absl::StrCat(system, " ", FirstLine("/etc/debian_version")));
+  }
+  return Poorer("system", system.empty() ? "unknown" : system,
+                "MyoGrade is tested on Debian 12 only", "use Debian 12");
+}
+
+Check CheckKernel() {
+  utsname kernel;
+  uname(&kernel);
+  int major = 0;
+  int minor = 0;
+  std::sscanf(kernel.release, "%d.%d", &major, &minor);
+  if (major > 5 || (major == 5 && minor >= 9)) return Fine("kernel", kernel.release);
+  return Missing("kernel", kernel.release, "the sandboxes use system calls that it lacks",
+                 "use Linux 5.9 or newer");
+}
+
+Check CheckPrograms(const DoctorOptions& options) {
+  std::string absent;
+  for (const char* program : {"myograded", "myograde-runner", "myograde-sim", "myograde-bridge"}) {
+    if (access(absl::StrCat(options.bin_dir, "/", program).c_str(), X_OK) != 0) {
+      absl::StrAppend(&absent, absent.empty() ? "" : ", ", program);
     }
   }
+  if (absent.empty()) return Fine("programs", "all beside each other in " + options.bin_dir);
+  return Missing("programs", absl::StrCat("not in ", options.bin_dir, ": ", absent),
+                 "nothing can be graded",
+                 absl::StrCat(IsInstalled(options.bin_dir + "/myograded")
+                                  ? "install the package myograde-server"
+                                  : "run ./dev build",
+                              ", or set MYOGRADE_BIN_DIR to their folder"));
+}
+
+Check CheckPictures() {
+  // In a child: it brings a compiler along.
+  const bool draws =
+      RunInChild([] { return dlopen("libOSMesa.so.8", RTLD_LAZY) == nullptr ? 1 : 0; }, kQuick)
+          .exit_code == 0;
+  const absl::StatusOr<std::string> encoder = FindProgram("ffmpeg");
+  if (draws && encoder.ok()) {
+    return Fine("pictures", "libOSMesa.so.8 draws, and " + *encoder + " encodes films");
+  }
+  std::string install = draws ? "" : " libosmesa6";
+  if (!encoder.ok()) install += " ffmpeg";
+  return Poorer(
+      "pictures",
+      absl::StrCat(draws ? "" : "libOSMesa.so.8 is missing",
+                   draws || encoder.ok() ? "" : ", and so is ", encoder.ok() ? "" : "ffmpeg",
+                   draws && !encoder.ok() ? " is missing" : ""),
+      draws ? "render draws pictures, and makes no films"
+            : "render and the pages draw no pictures of episodes; grading needs none",
+      "apt-get install" + install);
 }
 
 }  // namespace
@@ -286,90 +290,56 @@ Check Missing(std::string name, std::string found, std::string costs, std::strin
           std::move(todo)};
 }
 
-void CheckPrograms(const DoctorOptions& options, std::vector<Check>& checks) {
-  std::string absent;
-  for (const char* program : {"myograded", "myograde-runner", "myograde-sim", "myograde-bridge"}) {
-    if (access(absl::StrCat(options.bin_dir, "/", program).c_str(), X_OK) != 0) {
-      absl::StrAppend(&absent, absent.empty() ? "" : ", ", program);
-    }
-  }
-  if (absent.empty()) {
-    checks.push_back(Fine("programs", "all beside each other in " + options.bin_dir));
-  } else {
-    checks.push_back(Missing("programs", absl::StrCat("not in ", options.bin_dir, ": ", absent),
-                             "nothing can be graded",
-                             absl::StrCat(IsInstalled(options.bin_dir + "/myograded")
-                                              ? "install the package myograde-server"
-                                              : "run ./dev build",
-                                          ", or set MYOGRADE_BIN_DIR to their folder")));
-  }
-}
-
-void CheckPictures(std::vector<Check>& checks) {
-  // In a child: it brings a compiler along.
-  const bool draws =
-      RunInChild([] { return dlopen("libOSMesa.so.8", RTLD_LAZY) == nullptr ? 1 : 0; }, kQuick)
-          .exit_code == 0;
-  const absl::StatusOr<std::string> encoder = FindProgram("ffmpeg");
-  if (draws && encoder.ok()) {
-    checks.push_back(Fine("pictures", "libOSMesa.so.8 draws, and " + *encoder + " encodes films"));
-    return;
-  }
-  std::string install = draws ? "" : " libosmesa6";
-  if (!encoder.ok()) install += " ffmpeg";
-  checks.push_back(Poorer(
-      "pictures",
-      absl::StrCat(draws ? "" : "libOSMesa.so.8 is missing", draws || encoder.ok() ? "" : ", and so is ",
-                   encoder.ok() ? "" : "ffmpeg", draws && !encoder.ok() ? " is missing" : ""),
-      draws ? "render draws pictures, and makes no films"
-            : "render and the pages draw no pictures of episodes; grading needs none",
-      "apt-get install" + install));
-}
-
-void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& checks) {
+Check CheckMujoco(const DoctorOptions& options) {
   const std::string library = options.cache_dir + "/mujoco-2.2.2/lib/libmujoco.so.2.2.2";
-  if (access(library.c_str(), R_OK) == 0) {
-    checks.push_back(Fine("mujoco", library));
-  } else {
-    checks.push_back(Missing("mujoco", absl::StrCat(library, ": ", std::strerror(errno)),
-                             "no episode can be simulated, so nothing can be graded", HowToSetUp()));
-  }
-  CheckModels(options, checks);
+  if (access(library.c_str(), R_OK) == 0) return Fine("mujoco", library);
+  return Missing("mujoco", absl::StrCat(library, ": ", std::strerror(errno)), kNoSimulation,
+                 HowToSetUp());
 }
 
-void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks) {
-  CheckProcessor(options, checks);
-  CheckFrequency(checks);
-  CheckMessages(checks);
-  CheckMemory(options, checks);
-  CheckDisk("disk_data", options.data_dir, 2.0 * static_cast<double>(options.submission_bytes),
-            true, static_cast<double>(options.disk_reserve), checks);
-  CheckDisk("disk_cache", options.cache_dir, kGiB, false, 0, checks);
+Check CheckModels(const DoctorOptions& options) {
+  const char name[] = "models";
+  // Compiled from a copy of the models' sources, a link, so that the cache stays as it is.
+  const absl::StatusOr<TempFolder> scratch = TempFolder::Make("doctor");
+  if (!scratch.ok()) {
+    return Missing(name, absl::StrCat("can't be tried: ", std::string(scratch.status().message())),
+                   kNoSimulation, "set TMPDIR to a folder with 1 GiB of space");
+  }
+  std::error_code error;
+  fs::create_directory_symlink(options.cache_dir + "/myosuite-2.8.4",
+                               scratch->path() + "/myosuite-2.8.4", error);
+  const absl::StatusOr<ProgramEnd> end =
+      RunProgram({.program = options.bin_dir + "/myograde-sim",
+                  .words = {"--compile-models", scratch->path()},
+                  .most_output = kMostPrinted,
+                  .deadline = kCompileTime,
+                  .nice = 0,
+                  .environment = {"PATH=/usr/bin:/bin",
+                                  "LD_LIBRARY_PATH=" + options.cache_dir + "/mujoco-2.2.2/lib"}});
+  if (!end.ok() || end->exit_status != 0) {
+    return Missing(name,
+                   absl::StrReplaceAll(WhyItFailed(end), {{scratch->path(), options.cache_dir}}),
+                   kNoSimulation, HowToSetUp());
+  }
+  const std::string found = "every source file has its SHA-256, and both tracks' models compile";
+  if (CompiledModels(options.cache_dir) >= 2) return Fine(name, found);
+  return Poorer(name, absl::StrCat(found, "; none is kept compiled in ", options.cache_dir),
+                "each lease compiles its model anew, about a second each",
+                absl::StrCat("myograde-sim --compile-models ", options.cache_dir));
 }
 
-void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks) {
-  const std::string system = ValueOf("/etc/os-release", "PRETTY_NAME", '=');
-  const bool tested = ValueOf("/etc/os-release", "ID", '=') == "debian" &&
-                      ValueOf("/etc/os-release", "VERSION_ID", '=') == "12";
-  if (tested) {
-    checks.push_back(Fine("system", absl::StrCat(system, " ", FirstLine("/etc/debian_version"))));
-  } else {
-    checks.push_back(Poorer("system", system.empty() ? "unknown" : system,
-                            "MyoGrade is tested on Debian 12 only", "use Debian 12"));
+void CheckHost(const DoctorOptions& options, std::vector<Check>& checks) {
+  checks.insert(checks.end(), {CheckSystem(), CheckKernel(), CheckPython()});
+  for (const auto& [name, folder] : options.runtimes) {
+    checks.push_back(CheckRuntime(options, name, folder));
   }
-  utsname kernel;
-  uname(&kernel);
-  int major = 0;
-  int minor = 0;
-  std::sscanf(kernel.release, "%d.%d", &major, &minor);
-  if (major > 5 || (major == 5 && minor >= 9)) {
-    checks.push_back(Fine("kernel", kernel.release));
-  } else {
-    checks.push_back(Missing("kernel", kernel.release,
-                             "the sandboxes use system calls that it lacks",
-                             "use Linux 5.9 or newer"));
-  }
-  CheckPython(options, checks);
+  checks.insert(checks.end(), {CheckProcessor(), CheckCores(options), CheckFrequency(),
+                               CheckMessages(), CheckMemory(options),
+                               CheckDisk("disk_data", options.data_dir,
+                                         2.0 * static_cast<double>(options.submission_bytes), true,
+                                         static_cast<double>(options.disk_reserve)),
+                               CheckDisk("disk_cache", options.cache_dir, kGiB, false, 0),
+                               CheckPrograms(options), CheckPictures()});
 }
 
 }  // namespace myograde::server

@@ -1,5 +1,4 @@
-#include "server/sandbox/doctor_limits.h"
-
+// Whether all slots together can exhaust what the kernel shares among all processes.
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>

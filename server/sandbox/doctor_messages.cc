@@ -1,5 +1,4 @@
-#include "server/sandbox/doctor_messages.h"
-
+// How long a message between two processes takes.
 #include <sched.h>
 #include <signal.h>
 #include <sys/socket.h>
@@ -115,8 +114,6 @@ Check JudgeMessages(std::optional<absl::Duration> there_and_back, const std::str
                 "faster (sim/README.md)");
 }
 
-void CheckMessages(std::vector<Check>& checks) {
-  checks.push_back(JudgeMessages(MeasureMessages(), Mitigations()));
-}
+Check CheckMessages() { return JudgeMessages(MeasureMessages(), Mitigations()); }
 
 }  // namespace myograde::server

@@ -1,15 +1,13 @@
 #include "server/sandbox/image_sandbox.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <climits>
+#include <algorithm>
+#include <cerrno>
 #include <filesystem>
-#include <set>
+#include <optional>
 
-#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <absl/strings/str_split.h>
@@ -58,15 +56,10 @@ class ImageMounts {
 
   // `folder`: "" for the top.
   absl::Status ShowAll(const std::string& folder) {
-    Fd opened = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
-    DIR* names = opened.valid() ? ::fdopendir(opened.get()) : nullptr;
-    if (names == nullptr) return Unreadable("/" + folder, "can't be read");
-    opened.release();  // `names` closes it
-    std::set<std::string> sorted;
-    while (const dirent* name = ::readdir(names)) sorted.insert(name->d_name);
-    ::closedir(names);
-    for (const std::string& name : sorted) {
-      if (name == "." || name == "..") continue;
+    const Fd opened = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+    const auto names = opened.valid() ? NamesIn(opened.get()) : std::nullopt;
+    if (!names.has_value()) return Unreadable("/" + folder, "can't be read");
+    for (const std::string& name : *names) {
       if (folder.empty() && IsReplacedByTheSandbox(name)) continue;
       RETURN_IF_ERROR(Show(folder.empty() ? name : folder + "/" + name));
     }
@@ -83,7 +76,7 @@ class ImageMounts {
     }
     const std::string place = "/" + path;
     // A runtime is mounted there; its folders must be real ones.
-    if (IsRuntime(place)) return absl::OkStatus();
+    if (std::ranges::find(runtimes_, place) != runtimes_.end()) return absl::OkStatus();
     if (HoldsRuntime(place)) return S_ISDIR(info.st_mode) ? ShowAll(path) : absl::OkStatus();
     if (S_ISLNK(info.st_mode)) return ShowLink(fd.get(), path);
     if (!S_ISDIR(info.st_mode) && !S_ISREG(info.st_mode)) {
@@ -99,10 +92,8 @@ class ImageMounts {
   absl::Status ShowLink(int link, const std::string& path) {
     // Through a link, files of the grader's programs could be the image's.
     if (path == "etc") return Unshowable("/etc", "is a link; make it a folder");
-    std::string target(PATH_MAX, '\0');
-    const ssize_t size = ::readlinkat(link, "", target.data(), target.size());
-    if (size <= 0) return Unreadable("/" + path, "is a link that can't be read");
-    target.resize(static_cast<size_t>(size));
+    const std::string target = TargetOf(link);
+    if (target.empty()) return Unreadable("/" + path, "is a link that can't be read");
     spec_.mounts.push_back({Kind::kSymlink, target, "/" + path});
     return absl::OkStatus();
   }
@@ -126,18 +117,9 @@ class ImageMounts {
            errno == ENOENT;
   }
 
-  bool IsRuntime(const std::string& place) const {
-    for (const std::string& runtime : runtimes_) {
-      if (runtime == place) return true;
-    }
-    return false;
-  }
-
   bool HoldsRuntime(const std::string& place) const {
-    for (const std::string& runtime : runtimes_) {
-      if (absl::StartsWith(runtime, place + "/")) return true;
-    }
-    return false;
+    return std::ranges::any_of(
+        runtimes_, [&](const std::string& runtime) { return runtime.starts_with(place + "/"); });
   }
 
   const int root_;
@@ -180,19 +162,6 @@ std::vector<std::string> ImagePath(const PolicyImage& image) {
   const auto path = image.environment.find("PATH");
   const std::string folders = path == image.environment.end() ? kDefaultPath : path->second;
   return absl::StrSplit(folders, ':');
-}
-
-std::vector<std::string> AgentEnvironment(const LeaseOrder& order) {
-  // Programs that ask for the user's name find it here if the image does not know its number.
-  std::map<std::string, std::string> all;
-  if (order.image.has_value()) {
-    all = {{"USER", "policy"}, {"LOGNAME", "policy"}};
-    for (const auto& [name, value] : order.image->environment) all[name] = value;
-  }
-  for (const auto& [name, value] : order.environment) all[name] = value;
-  std::vector<std::string> variables;
-  for (const auto& [name, value] : all) variables.push_back(absl::StrCat(name, "=", value));
-  return variables;
 }
 
 }  // namespace myograde::server

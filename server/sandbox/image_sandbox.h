@@ -2,12 +2,10 @@
 // see the host's. The grader's own programs in it run with the host's loader and libraries.
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 
 #include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "protocol/lease/lease.h"
 #include "server/sandbox/sandbox.h"
@@ -38,9 +36,5 @@ absl::Status CheckImageMounts(int root, const std::vector<std::string>& runtimes
 
 // Where the image's command is looked up, in this order.
 std::vector<std::string> ImagePath(const PolicyImage& image);
-
-// The variables of the policy's program that are not every policy's, as "NAME=value": an image's,
-// then those of policy.json.
-std::vector<std::string> AgentEnvironment(const LeaseOrder& order);
 
 }  // namespace myograde::server

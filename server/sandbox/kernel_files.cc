@@ -1,6 +1,8 @@
 #include "server/sandbox/kernel_files.h"
 
+#include <fcntl.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -14,6 +16,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 
@@ -24,12 +27,10 @@ namespace fs = std::filesystem;
 
 using Kind = SandboxMount::Kind;
 
-std::string HostText(const std::string& path) { return ReadFile(path).value_or(""); }
-
 // Lines of the host's file that begin with `key`.
 std::vector<std::string> HostLines(const std::string& path, const std::string& key) {
   std::vector<std::string> found;
-  for (std::string& line : std::vector<std::string>(absl::StrSplit(HostText(path), '\n'))) {
+  for (std::string& line : std::vector<std::string>(absl::StrSplit(ReadKernelFile(path), '\n'))) {
     if (absl::StartsWith(line, key)) found.push_back(std::move(line));
   }
   return found;
@@ -60,7 +61,7 @@ std::string Stat() {
   return text + "processes 1\nprocs_running 1\nprocs_blocked 0\n";
 }
 
-std::string CopyOf(const std::string& name) { return HostText("/proc/" + name); }
+std::string CopyOf(const std::string& name) { return ReadKernelFile("/proc/" + name); }
 
 // Each with what needs it.
 const std::map<std::string, std::function<std::string(int64_t)>>& ProcFiles() {
@@ -110,7 +111,7 @@ absl::StatusOr<std::string> StageSettings(const Stage& stage) {
   }
   std::vector<std::pair<std::string, std::string>> files = {{kUuid, ""}};
   for (const std::string& name : Settings()) {
-    files.emplace_back(name, HostText("/proc/sys/" + name));
+    files.emplace_back(name, ReadKernelFile("/proc/sys/" + name));
   }
   std::string folder;
   for (const auto& [name, text] : files) {
@@ -121,6 +122,13 @@ absl::StatusOr<std::string> StageSettings(const Stage& stage) {
 }
 
 }  // namespace
+
+std::string ReadKernelFile(const std::string& path) { return ReadFile(path).value_or(""); }
+
+bool WriteKernelFile(const std::string& path, const std::string& text) {
+  const Fd file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  return file.valid() && write(file.get(), text.data(), text.size()) == std::ssize(text);
+}
 
 absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
                                                            int64_t memory_bytes) {
@@ -148,18 +156,6 @@ absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
   }
   if (!error) return mounts;
   return absl::FailedPreconditionError(absl::StrCat("can't list /proc: ", error.message()));
-}
-
-std::vector<std::string> ShownProcFiles() {
-  std::vector<std::string> names;
-  for (const auto& [name, text] : ProcFiles()) names.push_back(name);
-  return names;
-}
-
-std::vector<std::string> ShownSettings() {
-  std::vector<std::string> names = Settings();
-  names.emplace_back(kUuid);
-  return names;
 }
 
 bool HideNetworkCounters() {

@@ -1,4 +1,5 @@
-// What a policy may read of /proc and /dev. Whatever counts or lists the whole host would let two
+// Files of the kernel: how this process reads and writes them, and what a policy may read of /proc
+// and /dev. Whatever counts or lists the whole host would let two
 // sandboxes signal to each other: beside its own processes, a sandbox sees a short list of files
 // whose content does not change during a lease.
 #pragma once
@@ -14,16 +15,19 @@
 
 namespace myograde::server {
 
+// The content of a small kernel file; "" if it can't be read. Doesn't use streams, as it is called
+// many times per second of a lease.
+std::string ReadKernelFile(const std::string& path);
+
+// Writes `text` in one call, as kernel files want it. False: errno says why.
+bool WriteKernelFile(const std::string& path, const std::string& text);
+
 // Mounts for a sandbox that already has /proc and /dev: covers each name of this host's /proc that
 // others than root can read, with a file of the list, or with nothing. /proc/sys has a list of its
 // own. There are no terminals. `memory_bytes`: what /proc/meminfo says is free.
 // A name that the kernel adds to /proc later, with a module, is not covered.
 absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
                                                            int64_t memory_bytes);
-
-// The list's names in /proc, and those in /proc/sys.
-std::vector<std::string> ShownProcFiles();
-std::vector<std::string> ShownSettings();
 
 // Withdraws the right to read from all files of /proc/net, of the calling thread's network, but
 // those about its own sockets, addresses and routes. Some of the others count the whole host.

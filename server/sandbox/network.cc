@@ -2,15 +2,22 @@
 
 #include <arpa/inet.h>
 #include <fcntl.h>
+#include <linux/inet_diag.h>
+#include <linux/netlink.h>
+#include <linux/rtnetlink.h>
+#include <linux/sock_diag.h>
 #include <net/if.h>
 #include <net/route.h>
 #include <netinet/in.h>
 #include <sched.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
 #include <sstream>
 #include <string>
@@ -23,9 +30,7 @@
 #include <absl/strings/str_split.h>
 #include <absl/strings/string_view.h>
 
-#include "protocol/base/file.h"
 #include "server/sandbox/kernel_files.h"
-#include "server/sandbox/socket_bytes.h"
 
 namespace myograde::server {
 namespace {
@@ -68,23 +73,14 @@ int SetUpLoopback() {
 // For the calling thread's network. Someone filling the host's UDP memory must not block anybody's
 // small messages before that memory is completely full.
 bool BoundBuffers() {
-  const std::pair<const char*, std::string> settings[] = {
-      {"tcp_rmem", absl::StrCat("4096 131072 ", kStreamBufferBytes)},
-      {"tcp_wmem", absl::StrCat("4096 16384 ", kStreamBufferBytes)},
-      {"udp_rmem_min", "212992"}};
   bool all = true;
-  for (const auto& [name, value] : settings) {
-    const Fd file(open(absl::StrCat("/proc/sys/net/ipv4/", name).c_str(), O_WRONLY | O_CLOEXEC));
-    all = file.valid() && write(file.get(), value.data(), value.size()) == std::ssize(value) && all;
+  for (const auto& [name, value] :
+       {std::pair("tcp_rmem", absl::StrCat("4096 131072 ", kStreamBufferBytes)),
+        std::pair("tcp_wmem", absl::StrCat("4096 16384 ", kStreamBufferBytes)),
+        std::pair("udp_rmem_min", std::string("212992"))}) {
+    all = WriteKernelFile(absl::StrCat("/proc/sys/net/ipv4/", name), value) && all;
   }
   return all;
-}
-
-// For the same network, where the kernel has this setting per network (Linux 6.8): limits the
-// packet filters of a socket, which the kernel compiles into memory that all programs share.
-void BoundFilters() {
-  const Fd file(open("/proc/sys/net/core/optmem_max", O_WRONLY | O_CLOEXEC));
-  if (file.valid()) (void)!write(file.get(), "4096", 4);
 }
 
 Fd OpenOwn(const char* name) {
@@ -101,6 +97,69 @@ std::string ReadAnew(const Fd& file) {
     if (n > 0) text.append(buffer, static_cast<size_t>(n));
   }
   return text;
+}
+
+constexpr uint32_t kAllStates = ~0U;
+
+struct Request {
+  nlmsghdr header = {};
+  inet_diag_req_v2 about = {};
+};
+
+// Requests all sockets of a family and protocol.
+bool Ask(const Fd& diagnosis, int family, int protocol) {
+  Request request;
+  request.header.nlmsg_len = sizeof(request);
+  request.header.nlmsg_type = SOCK_DIAG_BY_FAMILY;
+  request.header.nlmsg_flags = NLM_F_REQUEST | NLM_F_DUMP;
+  request.about.sdiag_family = static_cast<uint8_t>(family);
+  request.about.sdiag_protocol = static_cast<uint8_t>(protocol);
+  request.about.idiag_ext = 1 << (INET_DIAG_SKMEMINFO - 1);
+  request.about.idiag_states = kAllStates;
+  return send(diagnosis.get(), &request, sizeof(request), 0) == sizeof(request);
+}
+
+// The bytes of one socket in an answer.
+int64_t BytesOf(const nlmsghdr* header) {
+  auto* about = static_cast<inet_diag_msg*>(NLMSG_DATA(header));
+  int length = static_cast<int>(header->nlmsg_len) - static_cast<int>(NLMSG_LENGTH(sizeof(*about)));
+  for (auto* entry = reinterpret_cast<rtattr*>(about + 1); RTA_OK(entry, length);
+       entry = RTA_NEXT(entry, length)) {
+    uint32_t held[SK_MEMINFO_VARS] = {};
+    if (entry->rta_type != INET_DIAG_SKMEMINFO) continue;
+    std::memcpy(held, RTA_DATA(entry), std::min<size_t>(sizeof(held), RTA_PAYLOAD(entry)));
+    return int64_t{held[SK_MEMINFO_RMEM_ALLOC]} + held[SK_MEMINFO_FWD_ALLOC] +
+           std::max(held[SK_MEMINFO_WMEM_QUEUED], held[SK_MEMINFO_WMEM_ALLOC]) +
+           held[SK_MEMINFO_OPTMEM] + held[SK_MEMINFO_BACKLOG];
+  }
+  return 0;
+}
+
+// Reads the answer to its end, or until the kernel sends no more.
+int64_t SumOfAnswer(const Fd& diagnosis) {
+  alignas(nlmsghdr) std::byte buffer[32768];
+  int64_t sum = 0;
+  while (true) {
+    const ssize_t received = recv(diagnosis.get(), buffer, sizeof(buffer), 0);
+    if (received <= 0) return sum;
+    auto length = static_cast<uint32_t>(received);
+    for (auto* header = reinterpret_cast<nlmsghdr*>(buffer); NLMSG_OK(header, length);
+         header = NLMSG_NEXT(header, length)) {
+      if (header->nlmsg_type == NLMSG_DONE || header->nlmsg_type == NLMSG_ERROR) return sum;
+      if (header->nlmsg_type == SOCK_DIAG_BY_FAMILY) sum += BytesOf(header);
+    }
+  }
+}
+
+// A descriptor for querying the calling thread's network by sock_diag(7), usable from other
+// networks too; invalid if the kernel lacks it.
+Fd OpenSocketDiagnosis() {
+  Fd diagnosis(socket(AF_NETLINK, SOCK_DGRAM | SOCK_CLOEXEC, NETLINK_SOCK_DIAG));
+  const timeval patience = {1, 0};
+  if (diagnosis.valid()) {
+    setsockopt(diagnosis.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
+  }
+  return diagnosis;
 }
 
 std::vector<absl::string_view> Words(absl::string_view line) {
@@ -156,7 +215,9 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
       refused = "loopback";
     } else {
       network.bounded_ = BoundBuffers();
-      BoundFilters();
+      // Where the kernel has this setting per network (Linux 6.8), limits the packet filters of a
+      // socket, which the kernel compiles into memory that all programs share.
+      WriteKernelFile("/proc/sys/net/core/optmem_max", "4096");
       network.namespace_ = OpenOwn("ns/net");
       network.sockets_ = OpenOwn("net/sockstat");
       network.sockets_six_ = OpenOwn("net/sockstat6");
@@ -169,7 +230,7 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
       }
     }
   }).join();
-  std::istringstream pages(ReadFile("/proc/sys/net/ipv4/udp_mem").value_or(""));
+  std::istringstream pages(ReadKernelFile("/proc/sys/net/ipv4/udp_mem"));
   int64_t least = 0;
   if (!(pages >> least >> network.full_pages_)) network.full_pages_ = 0;
   if (refused == nullptr) return network;
@@ -187,7 +248,15 @@ NetworkUse BusNetwork::Sample() const {
           full_pages_ > 0 && SocketStatistic(four, "UDP:", "mem") > full_pages_};
 }
 
-int64_t BusNetwork::socket_bytes() const { return SocketBytes(diagnosis_); }
+int64_t BusNetwork::socket_bytes() const {
+  int64_t sum = 0;
+  for (const int family : {AF_INET, AF_INET6}) {
+    for (const int protocol : {IPPROTO_UDP, IPPROTO_TCP}) {
+      if (diagnosis_.valid() && Ask(diagnosis_, family, protocol)) sum += SumOfAnswer(diagnosis_);
+    }
+  }
+  return sum;
+}
 
 int64_t BusNetwork::dropped() const {
   return CounterBelow(ReadAnew(counters_), "Udp:", "MemErrors");

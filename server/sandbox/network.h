@@ -38,7 +38,9 @@ class BusNetwork {
   // Takes a few microseconds.
   NetworkUse Sample() const;
 
-  // Kernel memory held by its UDP and TCP sockets, in bytes; see SocketBytes().
+  // Kernel memory held by its UDP and TCP sockets, in bytes, by the kernel's own count, in which
+  // memory shared by several sockets counts for each; 0 if unknown. Takes milliseconds on a host
+  // with large tables.
   int64_t socket_bytes() const;
 
   // Datagrams that the kernel dropped in it because the host's UDP sockets had reached their shared
@@ -54,7 +56,7 @@ class BusNetwork {
   Fd sockets_;      // the namespace's /proc/net/sockstat
   Fd sockets_six_;  // ... and sockstat6; invalid without IPv6
   Fd counters_;     // ... and snmp
-  Fd diagnosis_;
+  Fd diagnosis_;    // of sock_diag(7); invalid if the kernel lacks it
   bool bounded_ = false;
   int64_t full_pages_ = 0;  // of the host's UDP sockets; 0: unknown
 };

@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <map>
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
@@ -16,10 +14,10 @@
 #include "protocol/policy/channels.h"
 #include "protocol/base/pinned_maths.h"
 #include "server/base/paths.h"
-#include "server/sandbox/adapter_command.h"
 #include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/kernel_files.h"
-#include "server/sandbox/users.h"
+#include "server/sandbox/policy_command.h"
+#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 namespace {
@@ -81,67 +79,6 @@ void AddSanitizerOptions(SandboxSpec& spec) {
   if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
 }
 
-// The libraries that runtimes bring for their modules (server/runtime/README.md).
-std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes) {
-  std::vector<std::string> folders;
-  for (const std::string& runtime : runtimes) {
-    const std::string folder = runtime + "/debian-lib";
-    if (access(folder.c_str(), F_OK) == 0) folders.push_back(folder);
-  }
-  return folders;
-}
-
-// "NAME=value". What a submission sets comes before what its runtimes need.
-std::vector<std::string> PolicyEnvironment(const LeaseOrder& order) {
-  std::map<std::string, std::string> environment = order.environment;
-  const auto join = [&](const char* name, const std::vector<std::string>& folders) {
-    std::string& value = environment[name];
-    absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
-  };
-  if (environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
-    join("PYTHONPATH", order.runtimes);
-  }
-  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
-  if (!libraries.empty()) join("LD_LIBRARY_PATH", libraries);
-  std::vector<std::string> variables;
-  for (const auto& [name, value] : environment) {
-    variables.push_back(absl::StrCat(name, "=", value));
-  }
-  return variables;
-}
-
-// The bridge, which starts the policy. The policy's variables are set through it, so that none of
-// them affects a program that is not the participant's.
-void AddBridgeCommand(const LeaseOrder& order, const PolicySandboxConfig& config,
-                      const std::string& bridge, SandboxSpec& spec) {
-  const Budgets& budgets = order.track.budgets;
-  const bool image = order.image.has_value();
-  spec.command = image ? LoaderCommand(bridge, bridge) : std::vector<std::string>{bridge};
-  const auto add = [&](const std::string& option, std::string value) {
-    spec.command.insert(spec.command.end(), {option, std::move(value)});
-  };
-  add("--stray", std::to_string(budgets.stray_messages));
-  add("--wrong", std::to_string(budgets.wrong_answers));
-  if (const auto farewell = static_cast<int64_t>(std::lround(config.farewell_s * 1000));
-      farewell > 0) {
-    add("--farewell", std::to_string(farewell));
-  }
-  spec.working_dir = image ? "/" : "/policy";
-  const std::vector<std::string> variables =
-      image ? AgentEnvironment(order) : PolicyEnvironment(order);
-  std::vector<std::string> policy = order.command;
-  if (order.adapter.empty()) {
-    // An image's folder may be missing, which is not the sandbox' fault.
-    if (image) add("--cwd", order.image->working_dir);
-    for (const std::string& variable : variables) add("--env", variable);
-  } else {
-    for (const std::string& variable : AdapterEnvironment(order)) add("--env", variable);
-    policy = AdapterCommand(order, variables);
-  }
-  spec.command.emplace_back("--");
-  spec.command.insert(spec.command.end(), policy.begin(), policy.end());
-}
-
 // An order whose policy only says why the artefact can't be started, and ends. So it fails as any
 // policy that ends before it says hello: what only a submission can cause is no fault of the grader.
 LeaseOrder OrderThatSays(const LeaseOrder& order, absl::string_view why) {
@@ -151,23 +88,6 @@ LeaseOrder OrderThatSays(const LeaseOrder& order, absl::string_view why) {
   says.environment.clear();
   says.command = {"/bin/sh", "-c", "printf '%s\\n' \"$0\" >&2; exit 126", std::string(why)};
   return says;
-}
-
-// Why the kernel would not start the command; "": nothing. Uploads have smaller bounds, artefacts of an
-// import may not.
-std::string TooLong(const std::vector<std::string>& command) {
-  constexpr size_t kMostOfOne = 128 << 10;  // MAX_ARG_STRLEN of execve(2)
-  constexpr size_t kMost = 1 << 20;         // leaves room for the sandbox' own
-  size_t all = 0;
-  for (const std::string& word : command) {
-    if (word.size() >= kMostOfOne) {
-      return absl::StrCat("an argument or variable of the policy has ", word.size(), " bytes; at most ",
-                          kMostOfOne - 1, " can be passed to a program");
-    }
-    all += word.size() + 1;
-  }
-  if (all <= kMost) return "";
-  return absl::StrCat("the policy's arguments and variables have ", all, " bytes; at most ", kMost, " are passed");
 }
 
 }  // namespace
@@ -321,7 +241,8 @@ absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
     spec.environment.emplace_back("PYTHONPATH", absl::StrJoin(order.runtimes, ":"));
   }
   AddSanitizerOptions(spec);
-  AddBridgeCommand(order, config, bridge, spec);
+  spec.command = BridgeCommand(order, config, bridge);
+  spec.working_dir = order.image.has_value() ? "/" : "/policy";
   if (const std::string why = TooLong(spec.command); !why.empty()) {
     return MakePolicySandbox(OrderThatSays(order, why), config, bin_dir, stage, etc, scratch, group);
   }

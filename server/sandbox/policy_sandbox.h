@@ -1,7 +1,6 @@
 // Builds the two kinds of sandboxes of a lease. Nothing else does.
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 

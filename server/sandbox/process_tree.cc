@@ -1,7 +1,6 @@
 #include "server/sandbox/process_tree.h"
 
 #include <dirent.h>
-#include <fcntl.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -82,19 +81,6 @@ std::optional<int64_t> OwnNs(pid_t pid, int64_t otherwise) {
   return time.tv_sec * int64_t{1000000000} + time.tv_nsec;
 }
 
-// The numeric names in a /proc folder.
-std::vector<pid_t> Numbers(const std::string& folder) {
-  std::vector<pid_t> numbers;
-  DIR* entries = opendir(folder.c_str());
-  if (entries == nullptr) return numbers;
-  while (const dirent* entry = readdir(entries)) {
-    const auto number = static_cast<pid_t>(std::atol(entry->d_name));
-    if (number > 0) numbers.push_back(number);
-  }
-  closedir(entries);
-  return numbers;
-}
-
 // A runnable thread may be waiting for a processor; the share of its time that it has spent running
 // tells how likely it is on one now. For a thread in `folder`.
 double OnProcessor(const std::string& folder, char state) {
@@ -110,7 +96,7 @@ double ThreadsOnProcessors(pid_t pid, const ProcessTimes& times, bool each) {
   const std::string folder = absl::StrCat("/proc/", pid);
   if (times.threads <= 1 || !each) return OnProcessor(folder, times.state);
   double running = 0;
-  for (const pid_t thread : Numbers(folder + "/task")) {
+  for (const pid_t thread : NumbersIn(folder + "/task")) {
     const std::string of = absl::StrCat(folder, "/task/", thread);
     if (const auto seen = ReadStat(of + "/stat"); seen.has_value()) {
       running += OnProcessor(of, seen->state);
@@ -119,7 +105,30 @@ double ThreadsOnProcessors(pid_t pid, const ProcessTimes& times, bool each) {
   return running;
 }
 
+bool AnyThreadIs(std::string_view states, const std::vector<pid_t>& processes) {
+  for (const pid_t pid : processes) {
+    const std::string folder = absl::StrCat("/proc/", pid, "/task");
+    for (const pid_t thread : NumbersIn(folder)) {
+      const auto seen = ReadStat(absl::StrCat(folder, "/", thread, "/stat"));
+      if (seen.has_value() && states.find(seen->state) != states.npos) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
+
+std::vector<pid_t> NumbersIn(const std::string& folder) {
+  std::vector<pid_t> numbers;
+  DIR* entries = opendir(folder.c_str());
+  if (entries == nullptr) return numbers;
+  while (const dirent* entry = readdir(entries)) {
+    const auto number = static_cast<pid_t>(std::atol(entry->d_name));
+    if (number > 0) numbers.push_back(number);
+  }
+  closedir(entries);
+  return numbers;
+}
 
 void CpuLedger::AddSample(const std::map<ProcessKey, ProcessSeen>& seen,
                           const std::set<pid_t>& leaving, absl::Duration now, bool by_chance) {
@@ -187,7 +196,7 @@ void CpuLedger::AddSample(const std::map<ProcessKey, ProcessSeen>& seen,
 int64_t ProcessTree::CpuNs(bool by_chance) {
   // First list the processes, then read children's times, then each one's own: a process that is
   // alive at the end is in no parent's time, and one that was missing at first is in it already.
-  const std::vector<pid_t> listed = Numbers("/proc");
+  const std::vector<pid_t> listed = NumbersIn("/proc");
   std::map<pid_t, ProcessTimes> processes;
   std::multimap<pid_t, pid_t> children;
   std::set<pid_t> leaving;
@@ -233,21 +242,6 @@ std::vector<pid_t> ProcessTree::members() const {
   for (const auto& [key, seen] : ledger_.known()) members.push_back(key.first);
   return members;
 }
-
-namespace {
-
-bool AnyThreadIs(std::string_view states, const std::vector<pid_t>& processes) {
-  for (const pid_t pid : processes) {
-    const std::string folder = absl::StrCat("/proc/", pid, "/task");
-    for (const pid_t thread : Numbers(folder)) {
-      const auto seen = ReadStat(absl::StrCat(folder, "/", thread, "/stat"));
-      if (seen.has_value() && states.find(seen->state) != states.npos) return true;
-    }
-  }
-  return false;
-}
-
-}  // namespace
 
 bool AnyRuns(const std::vector<pid_t>& processes) { return AnyThreadIs("R", processes); }
 

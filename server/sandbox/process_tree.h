@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <map>
 #include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -77,6 +78,9 @@ class ProcessTree {
   const pid_t root_;
   CpuLedger ledger_;
 };
+
+// The numeric names in a folder of /proc, such as the processes of this host. Cheap.
+std::vector<pid_t> NumbersIn(const std::string& folder);
 
 // True if any thread of the processes runs or waits for a processor.
 bool AnyRuns(const std::vector<pid_t>& processes);

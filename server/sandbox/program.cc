@@ -5,8 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <climits>
 #include <deque>
 #include <filesystem>
 #include <optional>
@@ -136,13 +134,9 @@ class SandboxView {
   static mode_t ModeOf(const Fd& fd, std::string& target) {
     struct stat info = {};
     if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return 0;
-    if (S_ISLNK(info.st_mode)) {
-      target.resize(PATH_MAX);
-      const ssize_t size = ::readlinkat(fd.get(), "", target.data(), target.size());
-      if (size <= 0) return 0;
-      target.resize(static_cast<size_t>(size));
-    }
-    return info.st_mode;
+    if (!S_ISLNK(info.st_mode)) return info.st_mode;
+    target = TargetOf(fd.get());
+    return target.empty() ? 0 : info.st_mode;
   }
 
   const int artefact_;

@@ -13,9 +13,7 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <climits>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <thread>
 
@@ -33,47 +31,25 @@ constexpr int kStatusFd = 20;
 constexpr int kFilterFd = 21;
 constexpr int kGateFd = 22;
 
-std::string_view KindName(SandboxMount::Kind kind) {
-  switch (kind) {
-    case SandboxMount::Kind::kReadOnly: return "read-only";
-    case SandboxMount::Kind::kWritable: return "writable";
-    case SandboxMount::Kind::kSymlink: return "symlink";
-    case SandboxMount::Kind::kProc: return "proc";
-    case SandboxMount::Kind::kDev: return "dev";
-    case SandboxMount::Kind::kDevice: return "device";
-    case SandboxMount::Kind::kTmpfs: return "tmpfs";
-    case SandboxMount::Kind::kSealed: return "sealed";
-  }
-  return "";
-}
+// A kind of mount: its name for people, and bubblewrap's option, which takes the source if there is
+// one, and the target.
+struct KindWords {
+  SandboxMount::Kind kind;
+  const char* name;
+  const char* option;
+  bool has_source;
+};
+constexpr KindWords kKinds[] = {{SandboxMount::Kind::kReadOnly, "read-only", "--ro-bind", true},
+                                {SandboxMount::Kind::kWritable, "writable", "--bind", true},
+                                {SandboxMount::Kind::kSymlink, "symlink", "--symlink", true},
+                                {SandboxMount::Kind::kProc, "proc", "--proc", false},
+                                {SandboxMount::Kind::kDev, "dev", "--dev", false},
+                                {SandboxMount::Kind::kDevice, "device", "--dev-bind", true},
+                                {SandboxMount::Kind::kTmpfs, "tmpfs", "--tmpfs", false},
+                                {SandboxMount::Kind::kSealed, "sealed", "--remount-ro", false}};
 
-void AppendMount(const SandboxMount& mount, std::vector<std::string>& arguments) {
-  switch (mount.kind) {
-    case SandboxMount::Kind::kReadOnly:
-      arguments.insert(arguments.end(), {"--ro-bind", mount.source, mount.target});
-      break;
-    case SandboxMount::Kind::kWritable:
-      arguments.insert(arguments.end(), {"--bind", mount.source, mount.target});
-      break;
-    case SandboxMount::Kind::kSymlink:
-      arguments.insert(arguments.end(), {"--symlink", mount.source, mount.target});
-      break;
-    case SandboxMount::Kind::kProc:
-      arguments.insert(arguments.end(), {"--proc", mount.target});
-      break;
-    case SandboxMount::Kind::kDev:
-      arguments.insert(arguments.end(), {"--dev", mount.target});
-      break;
-    case SandboxMount::Kind::kDevice:
-      arguments.insert(arguments.end(), {"--dev-bind", mount.source, mount.target});
-      break;
-    case SandboxMount::Kind::kTmpfs:
-      arguments.insert(arguments.end(), {"--tmpfs", mount.target});
-      break;
-    case SandboxMount::Kind::kSealed:
-      arguments.insert(arguments.end(), {"--remount-ro", mount.target});
-      break;
-  }
+const KindWords& WordsOf(SandboxMount::Kind kind) {
+  return *std::ranges::find(kKinds, kind, &KindWords::kind);
 }
 
 std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
@@ -88,7 +64,12 @@ std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
   // A sandbox with the bus is started in a BusNetwork.
   if (!spec.bus) arguments.push_back("--unshare-net");
   if (filter) arguments.insert(arguments.end(), {"--seccomp", std::to_string(kFilterFd)});
-  for (const SandboxMount& mount : spec.mounts) AppendMount(mount, arguments);
+  for (const SandboxMount& mount : spec.mounts) {
+    const KindWords& words = WordsOf(mount.kind);
+    arguments.emplace_back(words.option);
+    if (words.has_source) arguments.push_back(mount.source);
+    arguments.push_back(mount.target);
+  }
   arguments.insert(arguments.end(), {"--chdir", spec.working_dir, "--clearenv"});
   for (const auto& [name, value] : spec.environment) {
     arguments.insert(arguments.end(), {"--setenv", name, value});
@@ -205,9 +186,8 @@ nlohmann::json SandboxSpecToJson(const SandboxSpec& spec) {
                          {"environment", nlohmann::json::object()},
                          {"limits", nlohmann::json::object()}};
   for (const SandboxMount& mount : spec.mounts) {
-    json["mounts"].push_back({{"kind", std::string(KindName(mount.kind))},
-                              {"source", mount.source},
-                              {"target", mount.target}});
+    json["mounts"].push_back(
+        {{"kind", WordsOf(mount.kind).name}, {"source", mount.source}, {"target", mount.target}});
   }
   for (const auto& [name, value] : spec.environment) json["environment"][name] = value;
   for (const SandboxLimit& limit : spec.limits) json["limits"][limit.name] = limit.value;
@@ -247,9 +227,7 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
   return sandbox;
 }
 
-void Sandbox::Release() {
-  gate_.reset();  // its reader sees end of file
-}
+void Sandbox::Release() { gate_.reset(); }  // its reader sees end of file
 
 void Sandbox::ReadStatus() {
   char buffer[1024];
@@ -311,7 +289,7 @@ bool Sandbox::Kill(absl::Duration timeout) {
   if (!Ended()) {
     // When process 1 of its pid namespace dies, so does everything in it; bubblewrap then exits by
     // itself.
-    if (first_.valid()) syscall(SYS_pidfd_send_signal, first_.get(), SIGKILL, nullptr, 0);
+    KillNow();
     if (!first_.valid() || !Wait(absl::Milliseconds(300))) {
       kill(pid_, SIGKILL);
       if (!Wait(deadline.left())) return false;

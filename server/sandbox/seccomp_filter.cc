@@ -36,7 +36,6 @@ constexpr uint64_t kNamespaceFlags = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUT
                                      CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
 // The bits of a socket's type without its flags.
 constexpr uint64_t kSocketTypeMask = 0xf;
-// The kernel reads only the low half of these arguments.
 constexpr uint64_t kLowHalf = 0xffffffff;
 // set_mempolicy_home_node, the last system call that was considered for the lists (Linux 6.1).
 // Numbers from here on are the same on all architectures.
@@ -56,6 +55,23 @@ constexpr uint64_t kPrSchedCore = 62;
 constexpr uint64_t kPrSetMemoryMerge = 67;
 constexpr uint64_t kSoReserveMem = 73;
 
+// Whether the low half of argument `number`, which is all that the kernel reads of it, is `value`.
+scmp_arg_cmp Is(unsigned number, uint64_t value) {
+  return {number, SCMP_CMP_MASKED_EQ, kLowHalf, value};
+}
+// Whether it has all of these bits.
+scmp_arg_cmp Has(unsigned number, uint64_t bits) {
+  return {number, SCMP_CMP_MASKED_EQ, bits, bits};
+}
+
+// Answers a call whose arguments are like this with an error number; 0: it succeeds and does
+// nothing.
+template <typename... Conditions>
+int Answer(scmp_filter_ctx filter, int error, int call, Conditions... conditions) {
+  return seccomp_rule_add(filter, SCMP_ACT_ERRNO(static_cast<uint16_t>(error)), call,
+                          sizeof...(conditions), conditions...);
+}
+
 absl::Status DenyByName(scmp_filter_ctx filter, const std::vector<std::string>& names, int error) {
   for (const std::string& name : names) {
     const int number = seccomp_syscall_resolve_name(name.c_str());
@@ -63,18 +79,12 @@ absl::Status DenyByName(scmp_filter_ctx filter, const std::vector<std::string>& 
       return absl::InvalidArgumentError(
           absl::StrCat("policy.json: \"", name, "\" is no system call; see syscalls(2)"));
     }
-    const int result =
-        seccomp_rule_add(filter, SCMP_ACT_ERRNO(static_cast<uint16_t>(error)), number, 0);
-    if (result != 0) {
+    if (const int result = Answer(filter, error, number); result != 0) {
       return absl::InternalError(
           absl::StrCat("the system call filter refuses ", name, ": ", strerror(-result)));
     }
   }
   return absl::OkStatus();
-}
-
-int DenyIf(scmp_filter_ctx filter, int call, scmp_arg_cmp condition) {
-  return seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), call, 1, condition);
 }
 
 // Denies sockets of families, types and protocols that are not listed, with one rule for each gap
@@ -84,17 +94,17 @@ int DenySockets(scmp_filter_ctx filter, const std::vector<int>& families) {
   for (const int call : {SCMP_SYS(socket), SCMP_SYS(socketpair)}) {
     for (uint64_t family = 0; family < AF_MAX; ++family) {
       if (std::find(families.begin(), families.end(), family) != families.end()) continue;
-      result |= DenyIf(filter, call, SCMP_A0(SCMP_CMP_MASKED_EQ, kLowHalf, family));
+      result |= Answer(filter, EPERM, call, Is(0, family));
     }
     for (uint64_t type = 0; type <= kSocketTypeMask; ++type) {
       if (type == SOCK_STREAM || type == SOCK_DGRAM || type == SOCK_SEQPACKET) continue;
-      result |= DenyIf(filter, call, SCMP_A1(SCMP_CMP_MASKED_EQ, kSocketTypeMask, type));
+      result |= Answer(filter, EPERM, call, SCMP_A1(SCMP_CMP_MASKED_EQ, kSocketTypeMask, type));
     }
     for (uint64_t protocol = 1; protocol < IPPROTO_UDP; ++protocol) {
       if (protocol == IPPROTO_TCP) continue;
-      result |= DenyIf(filter, call, SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, protocol));
+      result |= Answer(filter, EPERM, call, Is(2, protocol));
     }
-    result |= DenyIf(filter, call, SCMP_A2(SCMP_CMP_GT, IPPROTO_UDP));
+    result |= Answer(filter, EPERM, call, SCMP_A2(SCMP_CMP_GT, IPPROTO_UDP));
   }
   return result;
 }
@@ -108,21 +118,17 @@ int DenySockets(scmp_filter_ctx filter, const std::vector<int>& families) {
 int PretendTo(scmp_filter_ctx filter) {
   int result = 0;
   for (const int call : {SCMP_SYS(fadvise64), SCMP_SYS(readahead)}) {
-    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), call, 0);
+    result |= Answer(filter, 0, call);
   }
   for (const uint64_t advice : {MADV_COLD, MADV_PAGEOUT, MADV_MERGEABLE}) {
-    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(madvise), 1,
-                               SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, advice));
+    result |= Answer(filter, 0, SCMP_SYS(madvise), Is(2, advice));
   }
   for (const uint64_t command : {F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW}) {
-    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(fcntl), 1,
-                               SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, command));
+    result |= Answer(filter, 0, SCMP_SYS(fcntl), Is(1, command));
   }
-  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(mbind), 0);
+  result |= Answer(filter, 0, SCMP_SYS(mbind));
   for (const uint64_t option : {SO_RCVBUF, SO_SNDBUF}) {
-    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(setsockopt), 2,
-                               SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, SOL_SOCKET),
-                               SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, option));
+    result |= Answer(filter, 0, SCMP_SYS(setsockopt), Is(1, SOL_SOCKET), Is(2, option));
   }
   return result;
 }
@@ -133,9 +139,11 @@ int DenyPersonalities(scmp_filter_ctx filter) {
   constexpr uint64_t kTop = 0x80000000;
   int result = 0;
   for (uint64_t bit = 1; bit < kTop; bit <<= 1) {
-    result |= DenyIf(filter, SCMP_SYS(personality), SCMP_A0(SCMP_CMP_MASKED_EQ, kTop | bit, kTop));
+    result |=
+        Answer(filter, EPERM, SCMP_SYS(personality), SCMP_A0(SCMP_CMP_MASKED_EQ, kTop | bit, kTop));
     if (bit == PER_LINUX32 || bit == ADDR_NO_RANDOMIZE) continue;
-    result |= DenyIf(filter, SCMP_SYS(personality), SCMP_A0(SCMP_CMP_MASKED_EQ, kTop | bit, bit));
+    result |=
+        Answer(filter, EPERM, SCMP_SYS(personality), SCMP_A0(SCMP_CMP_MASKED_EQ, kTop | bit, bit));
   }
   return result;
 }
@@ -145,31 +153,27 @@ int DenyByArgument(scmp_filter_ctx filter) {
   int result = 0;
   for (uint64_t bit = 1; bit <= kNamespaceFlags; bit <<= 1) {
     if ((kNamespaceFlags & bit) == 0) continue;
-    result |= DenyIf(filter, SCMP_SYS(clone), SCMP_A0(SCMP_CMP_MASKED_EQ, bit, bit));
+    result |= Answer(filter, EPERM, SCMP_SYS(clone), Has(0, bit));
   }
   for (const uint64_t request : {TIOCSTI, TIOCLINUX}) {
-    result |= DenyIf(filter, SCMP_SYS(ioctl), SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, request));
+    result |= Answer(filter, EPERM, SCMP_SYS(ioctl), Is(1, request));
   }
   // All of these reveal other users of a file that two sandboxes see, such as those below /usr:
   // notifications, leases and locks, and hints that older kernels let anybody write into a file's
   // inode, where they stay.
   for (const uint64_t command : {F_NOTIFY, F_SETLEASE, F_GETLK, F_OFD_GETLK, F_GET_RW_HINT,
                                  F_SET_RW_HINT, F_GET_FILE_RW_HINT, F_SET_FILE_RW_HINT}) {
-    result |= DenyIf(filter, SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, command));
+    result |= Answer(filter, EPERM, SCMP_SYS(fcntl), Is(1, command));
   }
   for (const uint64_t option : {kPrSchedCore, kPrSetMemoryMerge}) {
-    result |= DenyIf(filter, SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_MASKED_EQ, kLowHalf, option));
+    result |= Answer(filter, EPERM, SCMP_SYS(prctl), Is(0, option));
   }
   // Huge pages that the host has reserved are memory that no budget counts: act as if there were
   // none. Those that the kernel makes by itself are ordinary memory.
-  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOMEM), SCMP_SYS(mmap), 1,
-                             SCMP_A3(SCMP_CMP_MASKED_EQ, MAP_HUGETLB, MAP_HUGETLB));
-  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOMEM), SCMP_SYS(memfd_create), 1,
-                             SCMP_A1(SCMP_CMP_MASKED_EQ, MFD_HUGETLB, MFD_HUGETLB));
+  result |= Answer(filter, ENOMEM, SCMP_SYS(mmap), Has(3, MAP_HUGETLB));
+  result |= Answer(filter, ENOMEM, SCMP_SYS(memfd_create), Has(1, MFD_HUGETLB));
   // Reserves memory for a whole pool.
-  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(setsockopt), 2,
-                             SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, SOL_SOCKET),
-                             SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, kSoReserveMem));
+  result |= Answer(filter, EPERM, SCMP_SYS(setsockopt), Is(1, SOL_SOCKET), Is(2, kSoReserveMem));
   return result | DenyPersonalities(filter);
 }
 

@@ -7,7 +7,6 @@
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
-#include <functional>
 #include <optional>
 #include <sstream>
 #include <string_view>
@@ -18,7 +17,7 @@
 
 #include "protocol/base/file.h"
 #include "server/base/output_tail.h"
-#include "server/sandbox/users.h"
+#include "server/sandbox/process_tree.h"
 
 namespace myograde::server {
 namespace {
@@ -67,32 +66,20 @@ StatusFacts StatusOf(const std::string& path) {
   return facts;
 }
 
-// Calls a function for each numeric name in a /proc folder.
-void ForEachNumber(const std::string& folder, const std::function<void(const std::string&)>& use) {
-  std::error_code error;
-  for (auto it = fs::directory_iterator(folder, error); it != fs::directory_iterator();
-       it.increment(error)) {
-    const std::string name = it->path().filename();
-    if (name.find_first_not_of("0123456789") == std::string::npos) use(name);
-  }
-}
-
 // nullopt if the process is dead. A process whose first thread has ended looks dead, but lives as
 // long as another thread does: a thread that can't be killed yet is usually not the first.
 std::optional<StatusFacts> Living(const std::string& path) {
   StatusFacts facts = StatusOf(path);
   if (!facts.dead()) return facts;
   if (facts.threads < 2) return std::nullopt;
-  std::optional<StatusFacts> living;
-  ForEachNumber(path + "/task", [&](const std::string& thread) {
-    if (living.has_value()) return;
+  for (const pid_t thread : NumbersIn(path + "/task")) {
     StatusFacts other = StatusOf(absl::StrCat(path, "/task/", thread));
-    if (!other.dead()) living = std::move(other);
-  });
-  return living;
+    if (!other.dead()) return other;
+  }
+  return std::nullopt;
 }
 
-void Append(const std::string& pid, const StatusFacts& facts, std::string& words) {
+void Append(pid_t pid, const StatusFacts& facts, std::string& words) {
   absl::StrAppend(&words, words.empty() ? "" : ", ", pid, " (", PrintableUtf8(facts.name),
                   ", state ", facts.state, ")");
 }
@@ -177,7 +164,7 @@ class MarkSearch {
     if (MountNamespaceOf("/proc/self", own) == 0) known_[own] = std::nullopt;
   }
 
-  std::optional<int> SlotOf(const std::string& pid) {
+  std::optional<int> SlotOf(pid_t pid) {
     const std::string path = absl::StrCat("/proc/", pid);
     std::string space;
     const int error = MountNamespaceOf(path, space);
@@ -185,14 +172,12 @@ class MarkSearch {
     if (error != ENOENT) return std::nullopt;  // another user's
     // Its first thread has ended; the others tell more. A thread that has left its namespaces too,
     // while exiting, has already released its memory and belongs to no slot.
-    std::optional<int> slot;
-    ForEachNumber(path + "/task", [&](const std::string& thread) {
-      if (slot.has_value() || thread == pid) return;
+    for (const pid_t thread : NumbersIn(path + "/task")) {
       const std::string task = absl::StrCat(path, "/task/", thread);
-      std::string other;
-      if (MountNamespaceOf(task, other) == 0) slot = SlotOfNamespace(other, task);
-    });
-    return slot;
+      if (thread == pid || MountNamespaceOf(task, space) != 0) continue;
+      if (const std::optional<int> slot = SlotOfNamespace(space, task)) return slot;
+    }
+    return std::nullopt;
   }
 
  private:
@@ -232,14 +217,13 @@ std::map<int, std::string> SlotProcesses::Find(int first, int count) const {
 
 std::map<int, std::string> SlotProcesses::FindUsers(int first, int count) const {
   std::map<int, std::string> found;
-  ForEachNumber("/proc", [&](const std::string& pid) {
+  for (const pid_t pid : NumbersIn("/proc")) {
     const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
-    if (!facts.has_value()) return;
+    if (!facts.has_value()) continue;
     int64_t slot = facts->user - uid_base_;
     if (slot >= kSimUsers) slot -= kSimUsers;
-    if (slot < first || slot >= first + count) return;
-    Append(pid, *facts, found[static_cast<int>(slot)]);
-  });
+    if (slot >= first && slot < first + count) Append(pid, *facts, found[static_cast<int>(slot)]);
+  }
   return found;
 }
 
@@ -253,12 +237,12 @@ std::map<int, std::string> SlotProcesses::FindMarks(int first, int count) const 
     marks[{place->first, absl::StrCat(place->second, "/", slot)}] = slot;
   }
   MarkSearch search(std::move(marks));
-  ForEachNumber("/proc", [&](const std::string& pid) {
+  for (const pid_t pid : NumbersIn("/proc")) {
     const std::optional<int> slot = search.SlotOf(pid);
-    if (!slot.has_value()) return;
+    if (!slot.has_value()) continue;
     const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
     if (facts.has_value()) Append(pid, *facts, found[*slot]);
-  });
+  }
   return found;
 }
 

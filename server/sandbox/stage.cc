@@ -17,6 +17,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
+#include "server/sandbox/kernel_files.h"
 
 namespace myograde::server {
 namespace {
@@ -30,12 +31,6 @@ constexpr int64_t kOwnFiles = 3;
 absl::Status Errno(std::string_view what) {
   return absl::FailedPreconditionError(
       absl::StrCat(std::string(what), ": ", std::strerror(errno)));
-}
-
-bool WriteFile(const char* path, const std::string& text) {
-  Fd file(open(path, O_WRONLY | O_CLOEXEC));
-  return file.valid() &&
-         write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
 // A device that every sandbox has, with its numbers from Linux's devices.txt.
@@ -84,9 +79,9 @@ absl::Status EnterNamespaces() {
       return Errno(
           "this host lets ordinary users make no user namespace (`myograde doctor` says more)");
     }
-    if (!WriteFile("/proc/self/setgroups", "deny") ||
-        !WriteFile("/proc/self/uid_map", absl::StrCat(uid, " ", uid, " 1")) ||
-        !WriteFile("/proc/self/gid_map", absl::StrCat(gid, " ", gid, " 1"))) {
+    if (!WriteKernelFile("/proc/self/setgroups", "deny") ||
+        !WriteKernelFile("/proc/self/uid_map", absl::StrCat(uid, " ", uid, " 1")) ||
+        !WriteKernelFile("/proc/self/gid_map", absl::StrCat(gid, " ", gid, " 1"))) {
       return Errno("can't map the user into a user namespace");
     }
   }

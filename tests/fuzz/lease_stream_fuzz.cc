@@ -1,7 +1,6 @@
 // What a node sends the daemon's host, in pieces as they come, and the order that the host sends it:
 // messages are whole and within their limits, and an accepted order is written and read again to the
 // same text.
-#include "server/executor/slurm/cluster_order.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "tests/fuzz/fuzz.h"
 

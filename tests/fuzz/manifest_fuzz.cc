@@ -1,7 +1,9 @@
 // policy.json of a submission, in a folder with a program, links and data.
+#include <fcntl.h>
 #include <sys/stat.h>
 
-#include "server/artefact/artefact.h"
+#include "protocol/base/fd.h"
+#include "server/artefact/submitted_manifest.h"
 #include "server/sandbox/program.h"
 #include "tests/fuzz/fuzz.h"
 
@@ -32,13 +34,15 @@ const fuzz::Folder& Submission() {
 
 MYOGRADE_FUZZ_TARGET(manifest)(const uint8_t* data, size_t size) {
   fuzz::WriteFile(Submission() / "policy.json", {reinterpret_cast<const char*>(data), size});
-  const auto manifest = server::ReadManifest(Submission().path().string());
-  if (!manifest.ok()) {
-    Require(absl::IsInvalidArgument(manifest.status()), "a bad manifest is the participant's");
-    Require(manifest.status().message().find('\n') == absl::string_view::npos,
+  const Fd folder(::open(Submission().path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  const auto submitted = server::ReadSubmittedManifest(folder.get());
+  if (!submitted.ok()) {
+    Require(absl::IsInvalidArgument(submitted.status()), "a bad manifest is the participant's");
+    Require(submitted.status().message().find('\n') == absl::string_view::npos,
             "a refusal is one line");
     return 0;
   }
+  const server::ArtefactManifest* manifest = &submitted->manifest;
   Require(!manifest->name.empty() && manifest->name.size() <= 64, "a name has 1 to 64 bytes");
   Require(!manifest->command.empty(), "there is a command");
   for (const std::string& word : manifest->command) {

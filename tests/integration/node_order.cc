@@ -17,7 +17,7 @@
 #include "protocol/base/file.h"
 #include "server/artefact/artefact.h"
 #include "server/base/paths.h"
-#include "server/executor/slurm/cluster_order.h"
+#include "server/executor/slurm/lease_stream.h"
 #include "server/proof/grader_build.h"
 
 namespace myograde::server {
@@ -40,11 +40,12 @@ int Main(char** words) {
   const std::string work = words[6];
   Must(PackArtefact(words[1], work + "/upload", {}).status());
   ClusterOrder order;
-  order.artefact = Must(UnpackArtefact(work + "/upload", work + "/policy", {})).digest;
+  const Artefact artefact = Must(UnpackArtefact(work + "/upload", work + "/policy", {}));
+  order.artefact = artefact.digest;
   order.uid_base = std::atol(words[5]);
   LeaseOrder& lease = order.order;
   lease.lease = "7";
-  lease.command = Must(ReadManifest(work + "/policy")).command;
+  lease.command = artefact.manifest.command;
   lease.track = Must(LoadTrackConfig(ConfigDir() + "/tracks", words[2], ""));
   for (int64_t i = 0; i < std::atol(words[3]); ++i) {
     lease.episodes.push_back({i, 7000 + static_cast<uint64_t>(i), 1 + static_cast<uint64_t>(i)});

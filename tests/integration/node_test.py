@@ -211,6 +211,22 @@ class Node(unittest.TestCase):
         self.assertEqual(lease.play(), 0, lease.said)
         self.assertEqual(records(lease.lines), self.alone(lease))
 
+    def test_a_runner_that_prints_no_record_is_a_fault_of_the_graders(self):
+        self.assertEqual(self.lease("scripted", episodes=1).play(), 0)  # the node proves itself
+        programs = self.root / "programs"
+        programs.mkdir()
+        for program in BIN.iterdir():
+            (programs / program.name).symlink_to(program)
+        runner = programs / "myograde-runner"
+        runner.unlink()
+        runner.write_text("#!/bin/sh\necho nonsense\nexec sleep 1000\n")
+        runner.chmod(0o755)
+        lease = self.lease("scripted", MYOGRADE_BIN_DIR=str(programs))
+        self.assertEqual(lease.play(), 0, lease.said)
+        self.assertEqual(lease.nodes[-1]["lost"], "")
+        self.assertEqual(lease.end["record"], "")
+        self.assertIn("printed what is no record", lease.end["said"])
+
     def test_two_leases_share_a_node_and_each_ends_with_its_srun(self):
         leases = [self.lease("sleeps") for _ in range(2)]
         for lease in leases:

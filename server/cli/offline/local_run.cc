@@ -15,7 +15,7 @@
 #include "server/grading/lease_use.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
-#include "server/sandbox/users.h"
+#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 namespace {

@@ -16,7 +16,7 @@
 #include "server/cli/terminal/progress.h"
 #include "server/config/server_config.h"
 #include "server/proof/unpack_log.h"
-#include "server/sandbox/users.h"
+#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 namespace {

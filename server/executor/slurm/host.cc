@@ -11,12 +11,10 @@
 #include <utility>
 #include <vector>
 
-#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
-#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
@@ -24,9 +22,7 @@
 #include "server/base/child_process.h"
 #include "server/base/harmless.h"
 #include "server/base/output_tail.h"
-#include "server/base/program_run.h"
 #include "server/config/slurm_config.h"
-#include "server/executor/slurm/cluster_order.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
@@ -48,7 +44,6 @@ constexpr absl::Duration kLeave = absl::Minutes(1);
 // For Slurm to know how a job ended.
 constexpr absl::Duration kVerdict = absl::Seconds(20);
 constexpr absl::Duration kCommand = absl::Seconds(10);
-constexpr size_t kMostAnswer = 64u << 20;
 
 std::string SecondsOf(absl::Duration time) {
   return absl::StrCat(absl::ToInt64Seconds(time), " s");
@@ -249,17 +244,10 @@ class FollowedLease {
 
   // The lease's job, as Slurm shows it. NotFoundError: it shows none.
   absl::StatusOr<SlurmJob> Job() const {
-    ASSIGN_OR_RETURN(const ProgramEnd end, RunProgram({.program = order_.squeue.front(),
-                                                       .words = {order_.squeue.begin() + 1,
-                                                                 order_.squeue.end()},
-                                                       .most_output = kMostAnswer,
-                                                       .deadline = kCommand,
-                                                       .nice = 0,
-                                                       .environment = SlurmEnvironment()}));
-    if (end.exit_status != 0) {
-      return absl::UnavailableError(absl::StrCat("squeue: ", WithoutName(end.LastError(), "squeue")));
-    }
-    ASSIGN_OR_RETURN(const std::vector<SlurmJob> jobs, ParseQueue(end.output));
+    ASSIGN_OR_RETURN(const std::string answer,
+                     RunSlurm(order_.squeue.front(),
+                              {order_.squeue.begin() + 1, order_.squeue.end()}, kCommand));
+    ASSIGN_OR_RETURN(const std::vector<SlurmJob> jobs, ParseQueue(answer));
     // The newest: those of earlier tries, which Slurm refused, may still be shown.
     const SlurmJob* newest = nullptr;
     for (const SlurmJob& job : jobs) {

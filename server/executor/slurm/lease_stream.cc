@@ -6,18 +6,24 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
 
+using Json = nlohmann::json;
+
 constexpr size_t kLongestHead = 32;
+constexpr char kWhere[] = "a cluster's order";
 
 absl::Status Broken(absl::string_view what) {
   return absl::DataLossError(absl::StrCat("the other end of the lease sent ", what));
@@ -79,6 +85,53 @@ absl::Status LeaseStream::Send(std::string_view kind, std::string_view bytes) {
   RETURN_IF_ERROR(WriteAll(out_, absl::StrCat(std::string(kind), " ", bytes.size(), "\n")));
   RETURN_IF_ERROR(WriteAll(out_, bytes));
   return WriteAll(out_, "\n");
+}
+
+std::string ClusterOrderToText(const ClusterOrder& order) {
+  Json runtimes = Json::array();
+  for (const auto& [name, digest] : order.runtimes) {
+    runtimes.push_back({{"name", name}, {"digest", digest}});
+  }
+  return Json({{"order", LeaseOrderToJson(order.order)},
+               {"artefact", order.artefact},
+               {"runtimes", std::move(runtimes)},
+               {"grader", order.grader},
+               {"uid_base", order.uid_base},
+               {"prove_again", order.prove_again},
+               {"comment", order.comment},
+               {"srun", order.srun},
+               {"squeue", order.squeue},
+               {"queue_wait_s", absl::ToDoubleSeconds(order.queue_wait)}})
+      .dump();
+}
+
+absl::StatusOr<ClusterOrder> ClusterOrderFromText(std::string_view text) {
+  ASSIGN_OR_RETURN(const Json json, ParseJson(text, kWhere));
+  ConfigReader reader(json, kWhere);
+  ClusterOrder order;
+  const Json& lease = reader.Object("order");
+  order.artefact = reader.String("artefact");
+  for (const Json& entry : reader.Array("runtimes")) {
+    ConfigReader runtime(entry, absl::StrCat(kWhere, ": runtimes"));
+    order.runtimes.emplace_back(runtime.String("name"), runtime.String("digest"));
+    RETURN_IF_ERROR(runtime.Finish());
+  }
+  order.grader = reader.String("grader");
+  order.uid_base = reader.Integer("uid_base", -1, INT32_MAX);
+  order.prove_again = reader.Strings("prove_again");
+  order.comment = reader.String("comment");
+  order.srun = reader.Strings("srun");
+  order.squeue = reader.Strings("squeue");
+  order.queue_wait = absl::Seconds(reader.Number("queue_wait_s", {0, 1e9}));
+  RETURN_IF_ERROR(reader.Finish());
+  ASSIGN_OR_RETURN(order.order, LeaseOrderFromJson(lease, absl::StrCat(kWhere, ": order")));
+  if (order.runtimes.size() != order.order.runtimes.size()) {
+    return absl::InvalidArgumentError(absl::StrCat(kWhere, ": runtimes: not those of its lease"));
+  }
+  if (!IsSha256Hex(order.artefact)) {
+    return absl::InvalidArgumentError(absl::StrCat(kWhere, ": artefact: is no digest"));
+  }
+  return order;
 }
 
 }  // namespace myograde::server

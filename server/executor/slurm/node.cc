@@ -21,12 +21,10 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/harmless.h"
 #include "server/base/output_tail.h"
-#include "server/executor/slurm/cluster_order.h"
-#include "server/executor/slurm/energy.h"
 #include "server/executor/slurm/lease_stream.h"
-#include "server/executor/slurm/node_artefacts.h"
 #include "server/executor/slurm/node_proof.h"
-#include "server/executor/slurm/node_slot.h"
+#include "server/executor/slurm/node_dir.h"
+#include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
 #include "server/runner/runner_process.h"
 #include "server/runtime/runtimes.h"
@@ -47,19 +45,20 @@ std::string JobOfThis() {
              ? "" : job;
 }
 
-absl::Status CheckRuntime(const ClusterRuntime& wanted, const std::string& path) {
+absl::Status CheckRuntimeHere(const std::string& name, const std::string& digest,
+                              const std::string& path) {
   const auto missing = [&](const std::string& why) {
-    return absl::NotFoundError(absl::StrCat("the runtime ", wanted.name, " is not at ", path,
+    return absl::NotFoundError(absl::StrCat("the runtime ", name, " is not at ", path,
                                             " on this node", why, "; copy the daemon's there"));
   };
   std::error_code error;
-  if (wanted.digest.empty()) {
+  if (digest.empty()) {
     return std::filesystem::is_directory(path, error) ? absl::OkStatus() : missing("");
   }
   const absl::StatusOr<Runtime> runtime = ReadRuntime(path);
   if (!runtime.ok()) return missing(absl::StrCat(": ", runtime.status().message()));
-  if (runtime->digest == wanted.digest) return absl::OkStatus();
-  return missing(absl::StrCat(" with digest ", wanted.digest, " but ", runtime->digest));
+  if (runtime->digest == digest) return absl::OkStatus();
+  return missing(absl::StrCat(" with digest ", digest, " but ", runtime->digest));
 }
 
 class NodeLease {
@@ -82,11 +81,12 @@ class NodeLease {
     }
     ASSIGN_OR_RETURN(const std::unique_ptr<RunnerProcess> runner,
                      RunnerProcess::Start(order_.order));
-    RETURN_IF_ERROR(Attend(*runner));
+    const absl::Status attended = Attend(*runner);
+    if (fault_.empty()) RETURN_IF_ERROR(attended);
     me_.cpu_s = std::max(runner->site().cpu_s, policy_cpu_s_);
     me_.energy_j = EnergyOfJob();
     RETURN_IF_ERROR(Tell());
-    return SendEnd(runner->wait_status(), runner->stderr_tail());
+    return SendEnd(runner->wait_status(), absl::StrCat(runner->stderr_tail(), fault_));
   }
 
   void CleanUp() const {
@@ -121,7 +121,8 @@ class NodeLease {
     RETURN_IF_ERROR(Tell());
     LeaseOrder& lease = order_.order;
     for (size_t i = 0; i < order_.runtimes.size(); ++i) {
-      RETURN_IF_ERROR(CheckRuntime(order_.runtimes[i], lease.runtimes[i]));
+      const auto& [name, digest] = order_.runtimes[i];
+      RETURN_IF_ERROR(CheckRuntimeHere(name, digest, lease.runtimes[i]));
     }
     ASSIGN_OR_RETURN(NodeSlot slot, NodeSlot::Take(options_.node_dir, order_.uid_base));
     slot_.emplace(std::move(slot));
@@ -182,9 +183,16 @@ class NodeLease {
   }
 
   absl::Status PassOn(RunnerProcess& runner, bool drop) {
-    ASSIGN_OR_RETURN(const std::vector<LeaseRecord> records, runner.Read());
+    const absl::StatusOr<std::vector<LeaseRecord>> records = runner.Read();
     if (drop) return absl::OkStatus();
-    for (const LeaseRecord& record : records) {
+    if (absl::IsDataLoss(records.status())) {
+      // A fault of the grader's, as on the daemon's host: nothing that it printed is its last
+      // record.
+      fault_ = absl::StrCat("\n", records.status().message(), "\n");
+      last_record_.clear();
+    }
+    RETURN_IF_ERROR(records.status());
+    for (const LeaseRecord& record : *records) {
       if (const auto* end = std::get_if<LeaseEndRecord>(&record)) {
         policy_cpu_s_ = end->policy_cpu_s;
         last_record_ = LeaseRecordToLine(record);
@@ -212,6 +220,7 @@ class NodeLease {
   std::optional<HeldArtefact> artefact_;
   double policy_cpu_s_ = 0;
   std::string last_record_;  // of the runner; "": it has not printed it
+  std::string fault_;        // of the runner, which printed what is no record; "": none
 };
 
 }  // namespace

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "server/executor/node_view.h"
+#include "server/executor/executor.h"
 
 namespace myograde::server {
 

@@ -1,14 +1,12 @@
 #include "server/executor/slurm/node_proof.h"
 
 #include <sys/file.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
 #include <set>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -23,11 +21,11 @@
 #include "server/base/host_name.h"
 #include "server/base/output_tail.h"
 #include "server/base/paths.h"
-#include "server/executor/slurm/node_slot.h"
+#include "server/executor/slurm/node_dir.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/sandbox/doctor.h"
-#include "server/sandbox/users.h"
+#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 namespace {

@@ -18,9 +18,8 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/output_tail.h"
-#include "server/base/program_run.h"
 #include "server/base/random_bytes.h"
-#include "server/executor/slurm/cluster_order.h"
+#include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/runner_process.h"
 
@@ -29,7 +28,6 @@ namespace {
 
 constexpr size_t kCommentBytes = 8;
 constexpr absl::Duration kCommand = absl::Seconds(30);
-constexpr size_t kMostAnswer = 64u << 20;
 // Between two looks at the queue and at the nodes: while something is wrong, and otherwise.
 constexpr auto kWatchAgain = std::chrono::seconds(5);
 constexpr auto kWatchEvery = std::chrono::minutes(1);
@@ -170,7 +168,7 @@ absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
   sent.order = order;
   sent.order.log_bytes = options_.log_bytes;
   sent.artefact = subject.artefact;
-  for (const auto& [name, digest] : subject.runtimes) sent.runtimes.push_back({name, digest});
+  sent.runtimes = subject.runtimes;
   sent.grader = CanonicalJson(options_.grader({order.adapter}));
   sent.uid_base = options_.uid_base;
   sent.queue_wait = config.queue_wait;
@@ -194,15 +192,12 @@ absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
       sent.srun.push_back("--exclude=" + absl::StrJoin(drained, ","));
     }
   }
-  for (const std::string& word :
-       {"--job-name=" + job_name_, "--comment=" + sent.comment, std::string("--export=NONE"),
-        std::string("--chdir=/"), std::string("--mpi=none"), std::string("--input=all"),
-        std::string("--output=all"), std::string("--error=all"),
-        OrElse(config.bin_dir, options_.bin_dir) + "/myograde-node", std::string("--play"),
-        std::string("--cache"), OrElse(config.cache_dir, options_.cache_dir),
-        std::string("--configs"), options_.configs_dir}) {
-    sent.srun.push_back(word);
-  }
+  sent.srun.insert(
+      sent.srun.end(),
+      {"--job-name=" + job_name_, "--comment=" + sent.comment, "--export=NONE", "--chdir=/",
+       "--mpi=none", "--input=all", "--output=all", "--error=all",
+       OrElse(config.bin_dir, options_.bin_dir) + "/myograde-node", "--play", "--cache",
+       OrElse(config.cache_dir, options_.cache_dir), "--configs", options_.configs_dir});
   if (!config.node_dir.empty()) {
     sent.srun.insert(sent.srun.end(), {"--node-dir", config.node_dir});
   }
@@ -212,19 +207,10 @@ absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
 absl::StatusOr<std::string> SlurmExecutor::Ask(const std::string& name,
                                                std::vector<std::string> words) const {
   ASSIGN_OR_RETURN(const std::string path, SlurmCommand(options_.config, name));
-  ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
-                                               .words = std::move(words),
-                                               .most_output = kMostAnswer,
-                                               .deadline = kCommand,
-                                               .nice = 0,
-                                               .environment = SlurmEnvironment()},
-                                              [this] {
-                                                const MutexLock lock(mutex_);
-                                                return stopping_;
-                                              }));
-  if (end.exit_status == 0) return std::move(end.output);
-  const std::string said = WithoutName(end.LastError(), name);
-  return absl::UnavailableError(absl::StrCat(name, ": ", said.empty() ? end.HowItEnded() : said));
+  return RunSlurm(path, std::move(words), kCommand, [this] {
+    const MutexLock lock(mutex_);
+    return stopping_;
+  });
 }
 
 // The nodes of the partition that Slurm gives jobs.

@@ -4,13 +4,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <utility>
 
 #include <absl/strings/ascii.h>
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
+#include "server/base/program_run.h"
 
 namespace myograde::server {
 namespace {
@@ -21,6 +25,7 @@ constexpr int64_t kGraderMiB = 1024;
 // For a node to prove itself, fetch and unpack, beside the lease's own time.
 constexpr absl::Duration kAround = absl::Minutes(10);
 constexpr size_t kLongestLine = 200;
+constexpr size_t kMostAnswer = 64u << 20;
 
 // States of jobs that are over. One that a later version adds counts as not over, and is asked for
 // again.
@@ -101,6 +106,22 @@ std::string WithoutName(std::string_view line, std::string_view name) {
   return std::string(line);
 }
 
+absl::StatusOr<std::string> RunSlurm(const std::string& path, std::vector<std::string> words,
+                                     absl::Duration deadline,
+                                     const std::function<bool()>& stopped) {
+  ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
+                                               .words = std::move(words),
+                                               .most_output = kMostAnswer,
+                                               .deadline = deadline,
+                                               .nice = 0,
+                                               .environment = SlurmEnvironment()},
+                                              stopped));
+  if (end.exit_status == 0) return std::move(end.output);
+  const std::string name = path.substr(path.rfind('/') + 1);
+  const std::string said = WithoutName(end.LastError(), name);
+  return absl::UnavailableError(absl::StrCat(name, ": ", said.empty() ? end.HowItEnded() : said));
+}
+
 bool SlurmJob::over() const { return EndOf(state) != nullptr; }
 
 std::string SlurmJob::HowItEnded() const {
@@ -134,6 +155,34 @@ absl::StatusOr<std::vector<SlurmJob>> ParseQueue(std::string_view text) {
                     .reason = std::string(absl::StripAsciiWhitespace(parts[4]))});
   }
   return jobs;
+}
+
+std::optional<double> ParseEnergy(std::string_view answer) {
+  double total = 0;
+  for (absl::string_view line :
+       absl::StrSplit(absl::string_view(answer.data(), answer.size()), '\n')) {
+    line = line.substr(0, line.find('|'));
+    if (double joules = 0; absl::SimpleAtod(line, &joules) && std::isfinite(joules) && joules > 0) {
+      total += joules;
+    }
+  }
+  // 2^63 and the like are Slurm's ways to say that it does not know.
+  if (total <= 0 || total > 1e15) return std::nullopt;
+  return total;
+}
+
+std::optional<double> EnergyOfJob(absl::Duration most) {
+  const char* job = std::getenv("SLURM_JOB_ID");
+  if (job == nullptr || *job == '\0') return std::nullopt;
+  const absl::StatusOr<std::string> program = FindProgram("sstat");
+  if (!program.ok()) return std::nullopt;
+  const absl::StatusOr<std::string> answer =
+      RunSlurm(*program,
+               {"--noheader", "--parsable2", "--format=ConsumedEnergyRaw",
+                absl::StrCat("--jobs=", job, ".0")},
+               most);
+  if (!answer.ok()) return std::nullopt;
+  return ParseEnergy(*answer);
 }
 
 }  // namespace myograde::server

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -35,6 +37,13 @@ absl::StatusOr<std::string> SlurmCommand(const SlurmConfig& config, const std::s
 // A line that one of Slurm's commands said, without "NAME: error: " before it.
 std::string WithoutName(std::string_view line, std::string_view name);
 
+// What the command at `path` prints, with nothing of this process' environment but what
+// SlurmEnvironment leaves. UnavailableError: it failed, and what it said; else errors of
+// RunProgram.
+absl::StatusOr<std::string> RunSlurm(
+    const std::string& path, std::vector<std::string> words, absl::Duration deadline,
+    const std::function<bool()>& stopped = [] { return false; });
+
 // A job of a store's, as squeue shows it.
 struct SlurmJob {
   std::string id = {};
@@ -55,5 +64,13 @@ struct SlurmJob {
 // InternalError: a line is of another form, and which.
 std::vector<std::string> QueueWords(const std::string& job_name);
 absl::StatusOr<std::vector<SlurmJob>> ParseQueue(std::string_view text);
+
+// Asks Slurm's sstat for the energy that the running job's step has used so far, in joules.
+// nullopt: this is no job (SLURM_JOB_ID), or the cluster does not measure it or does not answer
+// within `most`.
+std::optional<double> EnergyOfJob(absl::Duration most = absl::Seconds(5));
+
+// Of sstat's answer. 0 stands for what is not measured.
+std::optional<double> ParseEnergy(std::string_view answer);
 
 }  // namespace myograde::server

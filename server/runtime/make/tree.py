@@ -30,7 +30,7 @@ def entries(root: pathlib.Path) -> list[pathlib.Path]:
 
 def listing(root: pathlib.Path) -> tuple[str, int, int]:
     """The digest of all below `root` but its description, its bytes and its number of entries, as
-    server/runtime/tree.h has them."""
+    server/runtime/runtimes.h has them."""
     digest = hashlib.sha256(b"myograde artefact 1\n")
     size = count = 0
     for path in entries(root):

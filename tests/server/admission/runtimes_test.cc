@@ -9,7 +9,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/runtime/tree.h"
 
 namespace myograde::server {
 namespace {

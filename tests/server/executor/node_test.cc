@@ -6,9 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
-#include "server/executor/slurm/energy.h"
-#include "server/executor/slurm/node_artefacts.h"
-#include "server/executor/slurm/node_slot.h"
+#include "server/executor/slurm/srun.h"
+#include "server/executor/slurm/node_dir.h"
 #include "tests/server/artefact/archives.h"
 
 namespace myograde::server {

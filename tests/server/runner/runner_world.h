@@ -33,7 +33,7 @@
 #include "protocol/base/clock.h"
 #include "server/runner/runner_process.h"
 #include "server/sandbox/control_group.h"
-#include "server/sandbox/users.h"
+#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 

@@ -16,7 +16,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/sandbox/delegated_group.h"
+#include "server/sandbox/cgroup_host.h"
 
 namespace myograde::server {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/sandbox/doctor_messages.h"
+#include "server/sandbox/doctor_host.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -18,7 +18,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/sandbox/doctor_limits.h"
+#include "server/sandbox/doctor_host.h"
 
 namespace myograde::server {
 namespace {

@@ -1,10 +1,12 @@
-#include "server/artefact/unpack_image.h"
+#include "server/artefact/image_submission.h"
 
+#include <archive_entry.h>
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
-#include <cerrno>
+#include <array>
+#include <map>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -12,12 +14,14 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
+#include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/image_archive.h"
+#include "server/artefact/image_config.h"
 #include "server/artefact/image_tree.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/saved_name.h"
 #include "server/artefact/submitted_manifest.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -32,10 +36,9 @@ int64_t StreamLimit(const ArtefactLimits& limits) {
   return limits.bytes + 2 * limits.files * kHeaderBytes + kPaddingBytes;
 }
 
-absl::Status About(std::string_view what, const absl::Status& status) {
+absl::Status About(absl::string_view what, const absl::Status& status) {
   if (!absl::IsInvalidArgument(status)) return status;
-  return absl::InvalidArgumentError(
-      absl::StrCat(absl::string_view(what.data(), what.size()), ": ", status.message()));
+  return absl::InvalidArgumentError(absl::StrCat(what, ": ", status.message()));
 }
 
 // The archive itself, decompressed into a file of `folder` that has no name, if it is compressed:
@@ -46,7 +49,7 @@ absl::StatusOr<Fd> Decompressed(int file, int folder, int64_t limit) {
     return HostError("can't make a file for the decompressed image");
   }
   FileStream bytes(file);
-  DecompressedStream stream(bytes);
+  EntryStream stream(bytes);
   CheckedStream counted(stream, "it", limit);
   for (;;) {
     const absl::StatusOr<std::string_view> piece = counted.Next();
@@ -73,14 +76,13 @@ absl::Status CheckLayer(const CheckedStream& packed, const CheckedStream& tar,
   return absl::OkStatus();
 }
 
-// Adds one layer, which is decompressed and hashed on its way.
-// `place`: "2 of 5".
+// Adds one layer, which is decompressed and hashed on its way. `place`: "2 of 5".
 absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer,
                       const std::string& place, int64_t& left, ImageTree& tree) {
   const std::unique_ptr<MemberStream> member = archive.Open(layer.member);
   int64_t packed_left = archive.SizeOf(layer.member);
   CheckedStream packed(*member, "it", packed_left);
-  DecompressedStream decompressed(packed);
+  EntryStream decompressed(packed);
   CheckedStream tar(decompressed, "it", left);
   StreamArchive entries(tar, StreamArchive::Form::kTar);
   absl::Status status = entries.Open();
@@ -94,40 +96,22 @@ absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer,
 // Writes the policy.json of the artefact and adds it to the listing.
 absl::Status WriteManifest(int folder, const std::string& text, Listing& listing) {
   ASSIGN_OR_RETURN(Entry* const entry, listing.Add("policy.json", EntryType::kFile));
-  const auto size = static_cast<int64_t>(text.size());
-  RETURN_IF_ERROR(listing.AddBytes("policy.json", size));
-  entry->size = size;
-  entry->sha256 = Sha256Hex(text);
-  const Fd file(::openat(folder, "policy.json",
-                         O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  const timespec times[] = {{0, 0}, {0, 0}};
-  if (!file.valid() || !WriteAll(file.get(), text).ok() || ::futimens(file.get(), times) != 0 ||
-      ::fchmod(file.get(), 0644) != 0) {
-    return HostError("can't write policy.json");
-  }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<Fd> MakeTreeFolder(int folder) {
-  if (::mkdirat(folder, kImageFolder, 0755) != 0 ||
-      ::fchmodat(folder, kImageFolder, 0755, 0) != 0) {
-    return HostError("can't make the image's folder");
-  }
-  Fd opened(::openat(folder, kImageFolder, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
-  if (!opened.valid()) return HostError("can't open the image's folder");
-  return opened;
+  RETURN_IF_ERROR(listing.AddBytes("policy.json", std::ssize(text)));
+  std::string_view left = text;
+  return MakeFileBeneath(folder, "policy.json", *entry,
+                         [&] { return std::exchange(left, std::string_view()); });
 }
 
 absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent content, int folder,
-                                     nlohmann::json manifest, const ArtefactLimits& limits,
-                                     const std::function<void()>& read) {
-  ASSIGN_OR_RETURN(const Fd root, MakeTreeFolder(folder));
+                                     nlohmann::json manifest, const ArtefactLimits& limits) {
+  RETURN_IF_ERROR(MakeFolderBeneath(folder, kImageFolder));
+  const Fd root = OpenBeneath(folder, kImageFolder, O_RDONLY | O_DIRECTORY);
+  if (!root.valid()) return HostError("can't open the image's folder");
   ImageTree tree(root.get(), limits);
   int64_t left = StreamLimit(limits);
   for (size_t i = 0; i < content.layers.size(); ++i) {
     const std::string place = absl::StrCat(i + 1, " of ", content.layers.size());
     RETURN_IF_ERROR(AddLayer(archive, content.layers[i], place, left, tree));
-    read();
   }
   PolicyImage& image = content.config.image;
   RETURN_IF_ERROR(tree.Finish(content.config.user, image));
@@ -144,28 +128,91 @@ absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent c
   parsed.image = image;
   manifest["image"] = PolicyImageToJson(image);
   Listing listing(limits);
-  absl::Status listed = tree.ListIn(listing);
-  if (listed.ok()) listed = WriteManifest(folder, CanonicalJson(manifest) + "\n", listing);
-  if (!listed.ok()) return listed;
+  RETURN_IF_ERROR(tree.ListIn(listing));
+  RETURN_IF_ERROR(WriteManifest(folder, CanonicalJson(manifest) + "\n", listing));
   return Artefact{.digest = listing.Digest(),
                   .manifest = std::move(parsed),
                   .bytes = listing.bytes(),
                   .files = static_cast<int64_t>(listing.entries().size())};
 }
 
+constexpr std::array kNaming = {"index.json", "manifest.json", "oci-layout"};
+
+// Ends after a number of bytes, so that a small file that unpacks to a huge one takes no time.
+class CutStream : public ByteStream {
+ public:
+  CutStream(ByteStream& from, int64_t left) : from_(from), left_(left) {}
+  absl::StatusOr<std::string_view> Next() override {
+    if (left_ <= 0) return std::string_view();
+    absl::StatusOr<std::string_view> piece = from_.Next();
+    if (piece.ok()) left_ -= static_cast<int64_t>(piece->size());
+    return piece;
+  }
+
+ private:
+  ByteStream& from_;
+  int64_t left_;
+};
+
+// The text of an entry; "" if it is too long or can't be read.
+std::string TextOfEntry(StreamArchive& archive) {
+  std::string text;
+  for (;;) {
+    const absl::StatusOr<std::string_view> piece = archive.NextData();
+    if (!piece.ok() || std::ssize(text) > kMaxImageJson) return "";
+    if (piece->empty()) return text;
+    text += *piece;
+  }
+}
+
+nlohmann::json ParsedOrNull(const std::string& text) {
+  nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return json.is_discarded() ? nlohmann::json() : json;
+}
+
+// The tag by the members that name an image; which one counts is as in ImageArchive::Read.
+std::string TagIn(ByteStream& bytes) {
+  StreamArchive archive(bytes, StreamArchive::Form::kTar);
+  std::map<std::string, std::string> texts;
+  if (!archive.Open().ok()) return "";
+  archive_entry* entry = nullptr;
+  while (texts.size() < kNaming.size()) {
+    const absl::StatusOr<bool> found = archive.NextEntry(&entry);
+    if (!found.ok() || !*found) break;
+    const char* raw = archive_entry_pathname(entry);
+    const std::string name = raw == nullptr ? "" : PlainMemberName(raw);
+    for (const char* known : kNaming) {
+      if (name == known) texts.emplace(name, TextOfEntry(archive));
+    }
+  }
+  if (texts.contains("oci-layout") && texts.contains("index.json")) {
+    return TagOfIndex(ParsedOrNull(texts["index.json"]));
+  }
+  return TagOfDockerManifest(ParsedOrNull(texts["manifest.json"]));
+}
+
+// An image's archive that may have had to be decompressed.
+struct OpenedImage {
+  Fd plain;
+  ImageArchive archive;
+};
+
+absl::StatusOr<OpenedImage> OpenImage(int file, int folder, const ArtefactLimits& limits) {
+  Fd plain;
+  if (IsCompressed(file)) {
+    ASSIGN_OR_RETURN(plain, Decompressed(file, folder, StreamLimit(limits)));
+  }
+  absl::StatusOr<ImageArchive> archive = ImageArchive::Index(plain.valid() ? plain.get() : file);
+  if (!archive.ok()) return About("the image", archive.status());
+  return OpenedImage{std::move(plain), *std::move(archive)};
+}
+
 }  // namespace
 
 bool IsImageArchive(int file, int folder, const ArtefactLimits& limits) {
   if (!ImageArchive::MayBe(file)) return false;
-  Fd plain;
-  if (IsCompressed(file)) {
-    absl::StatusOr<Fd> made = Decompressed(file, folder, StreamLimit(limits));
-    if (!made.ok()) return false;
-    plain = *std::move(made);
-  }
-  const absl::StatusOr<ImageArchive> archive =
-      ImageArchive::Index(plain.valid() ? plain.get() : file);
-  return archive.ok() && archive->IsImage();
+  const absl::StatusOr<OpenedImage> image = OpenImage(file, folder, limits);
+  return image.ok() && image->archive.IsImage();
 }
 
 bool MayBeImageArchive(int file) {
@@ -175,22 +222,51 @@ bool MayBeImageArchive(int file) {
 }
 
 absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manifest,
-                                     const ArtefactLimits& limits,
-                                     const std::function<void()>& read) {
-  Fd plain;
-  if (IsCompressed(file)) {
-    ASSIGN_OR_RETURN(plain, Decompressed(file, folder, StreamLimit(limits)));
-  }
-  const absl::StatusOr<ImageArchive> archive =
-      ImageArchive::Index(plain.valid() ? plain.get() : file);
-  if (!archive.ok()) return About("the image", archive.status());
-  if (!archive->IsImage()) {
+                                     const ArtefactLimits& limits) {
+  ASSIGN_OR_RETURN(const OpenedImage image, OpenImage(file, folder, limits));
+  if (!image.archive.IsImage()) {
     return absl::InvalidArgumentError(
         "the image is not in a form that is accepted: write it with podman save, docker save or "
         "buildah push IMAGE oci-archive:FILE.tar");
   }
-  ASSIGN_OR_RETURN(ImageContent content, archive->Read());
-  return FromContent(*archive, std::move(content), folder, std::move(manifest), limits, read);
+  ASSIGN_OR_RETURN(ImageContent content, image.archive.Read());
+  return FromContent(image.archive, std::move(content), folder, std::move(manifest), limits);
+}
+
+std::string PolicyNameOf(const std::string& file) {
+  constexpr size_t kMaxBytes = 64;
+  std::string name;
+  for (size_t at = 0; at < file.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(file, at);
+    if (name.size() + at - begin > kMaxBytes) break;
+    if (c != kBroken && !IsHarmful(c) && (c != ' ' || !name.empty())) {
+      name.append(file, begin, at - begin);
+    }
+  }
+  name.erase(name.find_last_not_of(' ') + 1);
+  return name.empty() ? "policy" : name;
+}
+
+std::string NameOfTag(const std::string& tag) {
+  std::string name = tag.substr(tag.rfind('/') + 1);
+  if (name.ends_with(":latest")) name.resize(name.size() - 7);
+  return name.empty() ? "image" : PolicyNameOf(name);
+}
+
+std::string SavedName(int file, const std::string& otherwise, const ArtefactLimits& limits) {
+  const Utf8Names utf8_names;
+  FileStream bytes(file);
+  std::string tag;
+  if (IsCompressed(file)) {
+    EntryStream plain(bytes);
+    // The archive has the layers with their headers, and JSON.
+    CutStream cut(plain, 2 * limits.bytes + kMaxImageJson);
+    tag = TagIn(cut);
+  } else {
+    tag = TagIn(bytes);
+  }
+  return tag.empty() ? PolicyNameOf(otherwise) : NameOfTag(tag);
 }
 
 }  // namespace myograde::server

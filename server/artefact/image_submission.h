@@ -1,10 +1,8 @@
-// Turns the archive of a container image into an artefact.
+// A container image as a submission: whether a file is one, what it is called, and what it becomes.
 #pragma once
 
-#include <functional>
 #include <string>
 
-#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
@@ -22,9 +20,20 @@ bool MayBeImageArchive(int file);
 // Unpacks the image `file` into the empty `folder`, as image/ and a policy.json that holds all of
 // its config that matters. `manifest`: the submission's own policy.json, an object; a name and a
 // command that it lacks are the image's. Checks all digests and sizes that the image states.
-// `read` is called now and then. Errors as of UnpackOpened.
+// Errors as of UnpackOpened.
 absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manifest,
-                                     const ArtefactLimits& limits,
-                                     const std::function<void()>& read);
+                                     const ArtefactLimits& limits);
+
+// The part of a file's name that is allowed in a policy's name.
+std::string PolicyNameOf(const std::string& file);
+
+// The name of a policy that was saved by this tag: "registry/name:latest" is "name". `tag` is not
+// "".
+std::string NameOfTag(const std::string& tag);
+
+// The name that the image `file`, an archive, compressed at most once, was saved by, as a policy's;
+// that of `otherwise` if it tells none. Reads the archive up to where it does, and no more than an
+// image within `limits` can have.
+std::string SavedName(int file, const std::string& otherwise, const ArtefactLimits& limits);
 
 }  // namespace myograde::server
