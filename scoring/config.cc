@@ -31,8 +31,8 @@ TimeSource ReadTime(ConfigReader& reader) {
                                                                    : TimeSource::kReported;
 }
 
-TeamRule ReadTeam(ConfigReader& reader) {
-  const std::string team = reader.Choice("team", {"best", "last", "chosen"});
+TeamRule ReadTeam(ConfigReader& reader, const char* key) {
+  const std::string team = reader.Choice(key, {"best", "last", "chosen"});
   if (team == "last") return TeamRule::kLast;
   return team == "chosen" ? TeamRule::kChosen : TeamRule::kBest;
 }

@@ -8,7 +8,7 @@
 namespace myograde::scoring {
 
 TimeSource ReadTime(ConfigReader& reader);  // "time"
-TeamRule ReadTeam(ConfigReader& reader);    // "team"
+TeamRule ReadTeam(ConfigReader& reader, const char* key = "team");
 
 // Reads "boards" of a track whose only board has tiers, and with it finishes `reader`, from which
 // all else has been read. `time` and `effort` are the places of the numbers that the board ranks by.

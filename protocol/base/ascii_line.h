@@ -8,8 +8,9 @@
 
 namespace myograde {
 
-// A message for a terminal, as one line: whatever is not printable ASCII becomes '?', as names of files
-// in it may hold what a terminal obeys. server/base/harmless.h leaves other letters as they are.
+// A message for a terminal, as one line: whatever is not printable ASCII becomes '?', as names of
+// files in it may hold what a terminal obeys. server/base/plain_text.h leaves other letters as they
+// are.
 inline std::string AsciiLine(std::string line) {
   std::replace_if(
       line.begin(), line.end(),

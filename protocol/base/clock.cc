@@ -1,6 +1,8 @@
 #include "protocol/base/clock.h"
 
 #include <chrono>
+#include <condition_variable>
+#include <mutex>
 
 #include <absl/time/clock.h>
 
@@ -21,6 +23,14 @@ const Clock& SystemClock() {
   // Never destroyed, as threads that end with the process may still use it.
   static const HostClock& clock = *new HostClock;
   return clock;
+}
+
+bool WaitForStop(const std::stop_token& stop, absl::Duration at_most) {
+  std::mutex mutex;
+  std::condition_variable_any stopped;  // by the token alone
+  std::unique_lock lock(mutex);
+  stopped.wait_for(lock, stop, absl::ToChronoNanoseconds(at_most), [] { return false; });
+  return stop.stop_requested();
 }
 
 }  // namespace myograde

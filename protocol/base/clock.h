@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <stop_token>
 
 #include <absl/time/time.h>
 
@@ -38,6 +39,10 @@ class Deadline {
   const Clock* clock_;
   absl::Duration at_;
 };
+
+// Waits for a stop of this thread (std::jthread) to be requested, for a finite time at most; true
+// if it was.
+bool WaitForStop(const std::stop_token& stop, absl::Duration at_most);
 
 // A clock that moves only when told to. Not thread-safe.
 class ManualClock : public Clock {

@@ -11,7 +11,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/base/counted.h"
-#include "server/challenge/find_phase.h"
+#include "server/challenge/phases.h"
 #include "server/engine/stored.h"
 #include "server/proof/grader_build.h"
 

@@ -8,8 +8,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/engine/standings.h"
-#include "server/grading/stored_track.h"
+#include "server/engine/stored.h"
+#include "server/grading/tracks.h"
 
 namespace myograde::server {
 namespace {

@@ -8,7 +8,7 @@
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/views.h"
-#include "server/grading/board_builds.h"
+#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {

@@ -22,7 +22,7 @@
 #include "server/api/statistics_view.h"
 #include "server/api/http_server.h"
 #include "server/api/views.h"
-#include "server/engine/standings.h"
+#include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
 
 namespace myograde::server {

@@ -11,7 +11,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/grading/episode_order.h"
+#include "server/grading/leaderboard.h"
 
 namespace myograde::server {
 namespace {

@@ -20,7 +20,6 @@
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
-#include "server/grading/lease_use.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"

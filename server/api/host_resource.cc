@@ -15,7 +15,7 @@
 #include "server/api/requests.h"
 #include "server/api/http_server.h"
 #include "server/api/views.h"
-#include "server/base/host_name.h"
+#include "server/base/this_host.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/migration.h"

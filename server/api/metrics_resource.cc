@@ -112,10 +112,12 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
 
 // Its jobs and nodes.
 void AddClusterMetrics(const ApiContext& context, Families& families) {
-  const LiveJobs live = context.engine.Jobs();
+  const std::map<int64_t, LiveLease> leases = context.engine.Running();
+  const auto begun = std::count_if(leases.begin(), leases.end(),
+                                   [](const auto& lease) { return lease.second.begun; });
   MetricFamily jobs = GaugeFamily("myograde_jobs", "Jobs of leases on the cluster, by state");
-  AddValue(jobs, "state", "queued", static_cast<double>(live.queued));
-  AddValue(jobs, "state", "running", static_cast<double>(live.running));
+  AddValue(jobs, "state", "queued", static_cast<double>(std::ssize(leases) - begun));
+  AddValue(jobs, "state", "running", static_cast<double>(begun));
   families.push_back(std::move(jobs));
   std::map<std::string, int64_t> states = {{"new", 0}, {"proved", 0}, {"drained", 0}};
   for (const NodeView& node : context.engine.Nodes()) ++states[node.state];

@@ -12,7 +12,7 @@
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/views.h"
-#include "server/base/host_name.h"
+#include "server/base/this_host.h"
 
 namespace myograde::server {
 namespace {
@@ -162,7 +162,7 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   json["history"] = std::move(history);
   std::set<int64_t> ids;
   for (const LeaseRow& lease : leases) ids.insert(lease.id);
-  const std::map<int64_t, LiveLease> running = context.engine.RunningAmong(ids);
+  const std::map<int64_t, LiveLease> running = context.engine.Running(&ids);
   json["leases"] = Json::array();
   for (const LeaseRow& lease : leases) {
     const auto live = running.find(lease.id);

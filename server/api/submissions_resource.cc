@@ -170,9 +170,12 @@ ApiResult CancelSubmission(const ApiContext& context, const Request& request, co
     sight = SightOfPhase(reader, context, row.phase);
     return sight.status();
   }));
-  ASSIGN_OR_RETURN(const CancelReport report,
-                   context.engine.Cancel(id, /*reruns=*/CallerIsOrganiser(), /*charge=*/!sight->progress, reason,
-                                          CallerKey(), context.config.http.request));
+  ASSIGN_OR_RETURN(const CancelReport report, context.engine.Cancel({.submission = id,
+                                                                     .reruns = CallerIsOrganiser(),
+                                                                     .charge = !sight->progress,
+                                                                     .why = reason,
+                                                                     .who = CallerKey()},
+                                                                    context.config.http.request));
   NoteAct(absl::StrCat("submission ", id), reason);
   ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(context, id));
   std::string charged;

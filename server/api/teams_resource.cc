@@ -16,7 +16,7 @@
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/base/names.h"
-#include "server/base/person.h"
+#include "server/base/peer_key.h"
 #include "server/store/quota.h"
 
 namespace myograde::server {

@@ -1,5 +1,8 @@
 #include "server/base/child_process.h"
 
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -10,7 +13,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <string_view>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -18,7 +20,10 @@
 #include <absl/strings/strip.h>
 #include <absl/time/time.h>
 
+#include "protocol/base/clock.h"
+#include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/paths.h"
 
 namespace myograde::server {
 namespace {
@@ -26,6 +31,35 @@ namespace {
 constexpr int kMostReads = 16;
 constexpr absl::Duration kBurial = absl::Seconds(10);
 constexpr char kUsualPath[] = "/usr/local/bin:/usr/bin:/bin";
+constexpr int kPollMilliseconds = 100;
+
+absl::StatusOr<Fd> InputFile(const std::string& text) {
+  Fd file(memfd_create("myograde-input", MFD_CLOEXEC));
+  if (!file.valid() || !WriteAll(file.get(), text).ok() || lseek(file.get(), 0, SEEK_SET) != 0) {
+    return absl::InternalError(absl::StrCat("can't make a memory file: ", std::strerror(errno)));
+  }
+  // Above the standard streams, so that none is overwritten before it has been moved there.
+  Fd high(fcntl(file.get(), F_DUPFD_CLOEXEC, 3));
+  return high;
+}
+
+// Takes what is there, and closes `fd` at the end of the stream.
+void Drain(Fd& fd, std::string& out) {
+  char buffer[64 << 10];
+  const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
+  if (n > 0) out.append(buffer, static_cast<size_t>(n));
+  if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) fd.reset();
+}
+
+absl::StatusOr<std::string> ProgramPath(const std::string& program) {
+  std::string path = program;
+  if (program.find('/') == std::string::npos) {
+    ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
+    path = absl::StrCat(bin_dir, "/", program);
+  }
+  if (access(path.c_str(), X_OK) == 0) return path;
+  return absl::InternalError(absl::StrCat("no program ", path, " (", std::strerror(errno), ")"));
+}
 
 }  // namespace
 
@@ -106,6 +140,55 @@ absl::StatusOr<std::string> FindProgram(const std::string& name) {
     if (::access(file.c_str(), X_OK) == 0) return file;
   }
   return absl::NotFoundError(name + " is not installed");
+}
+
+std::string ProgramEnd::HowItEnded() const {
+  return exit_status > 128 ? absl::StrCat("was killed by signal ", exit_status - 128)
+                           : absl::StrCat("exited with status ", exit_status);
+}
+
+std::string ProgramEnd::LastError() const { return LastLineOf(errors); }
+
+std::string WhyItFailed(const absl::StatusOr<ProgramEnd>& end) {
+  if (!end.ok()) return std::string(end.status().message());
+  const std::string last = end->LastError();
+  return last.empty() ? end->HowItEnded() : last;
+}
+
+absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
+                                      const std::function<bool()>& stopped) {
+  ASSIGN_OR_RETURN(const std::string path, ProgramPath(order.program));
+  ASSIGN_OR_RETURN(Fd in, InputFile(order.input));
+  ASSIGN_OR_RETURN(Pipe out, MakeOutputPipe());
+  std::vector<std::string> words = {path};
+  words.insert(words.end(), order.words.begin(), order.words.end());
+  ASSIGN_OR_RETURN(ChildProcess child, ChildProcess::Start({.program = path,
+                                                            .words = words,
+                                                            .in = in.get(),
+                                                            .out = out.write.get(),
+                                                            .nice = order.nice,
+                                                            .environment = order.environment}));
+  out.write.reset();
+  ProgramEnd end;
+  const Deadline deadline(order.deadline);
+  while (!child.Look() || out.read.valid() || child.err_fd() >= 0) {
+    pollfd entries[] = {{out.read.get(), POLLIN, 0}, {child.err_fd(), POLLIN, 0}};
+    poll(entries, std::size(entries), kPollMilliseconds);
+    if (entries[0].revents != 0) Drain(out.read, end.output);
+    if (end.output.size() > order.most_output) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat(order.program, " printed more than ", order.most_output, " bytes"));
+    }
+    if (stopped()) return absl::CancelledError(absl::StrCat(order.program, " was stopped"));
+    if (deadline.over()) {
+      return absl::DeadlineExceededError(absl::StrCat(order.program, " was not done after ",
+                                                      absl::FormatDuration(order.deadline)));
+    }
+  }
+  const int status = child.wait_status();
+  end.exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  end.errors = child.said();
+  return end;
 }
 
 }  // namespace myograde::server

@@ -8,7 +8,6 @@
 #include <unicode/uvernum.h>
 
 #include <cstdlib>
-#include <memory>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
@@ -29,27 +28,6 @@ void Need(UErrorCode error) {
   if (U_FAILURE(error)) std::abort();
 }
 
-const icu::Normalizer2& Compatible() {
-  UErrorCode error = U_ZERO_ERROR;
-  const icu::Normalizer2* normalizer = icu::Normalizer2::getNFKCInstance(error);
-  Need(error);
-  return *normalizer;
-}
-
-const icu::Normalizer2& Decomposed() {
-  UErrorCode error = U_ZERO_ERROR;
-  const icu::Normalizer2* normalizer = icu::Normalizer2::getNFDInstance(error);
-  Need(error);
-  return *normalizer;
-}
-
-const icu::Normalizer2& CaseFolded() {
-  UErrorCode error = U_ZERO_ERROR;
-  const icu::Normalizer2* normalizer = icu::Normalizer2::getNFKCCasefoldInstance(error);
-  Need(error);
-  return *normalizer;
-}
-
 // Immutable, so any thread may use it.
 const USpoofChecker* Spoof() {
   static const USpoofChecker* const checker = [] {
@@ -62,16 +40,24 @@ const USpoofChecker* Spoof() {
   return checker;
 }
 
-icu::UnicodeString Normal(const icu::Normalizer2& normalizer, const icu::UnicodeString& text) {
+// A form of normalisation, by its getter of Normalizer2.
+using Form = const icu::Normalizer2* (*)(UErrorCode&);
+constexpr Form kCompatible = icu::Normalizer2::getNFKCInstance;
+constexpr Form kDecomposed = icu::Normalizer2::getNFDInstance;
+constexpr Form kCaseFolded = icu::Normalizer2::getNFKCCasefoldInstance;
+
+icu::UnicodeString Normal(Form form, const icu::UnicodeString& text) {
   UErrorCode error = U_ZERO_ERROR;
-  icu::UnicodeString normal = normalizer.normalize(text, error);
+  const icu::Normalizer2* normalizer = form(error);
+  Need(error);
+  icu::UnicodeString normal = normalizer->normalize(text, error);
   Need(error);
   return normal;
 }
 
 // Decomposed first, as the iota below Greek letters becomes one beside them.
 icu::UnicodeString Folded(const icu::UnicodeString& text) {
-  return Normal(CaseFolded(), Normal(Decomposed(), text));
+  return Normal(kCaseFolded, Normal(kDecomposed, text));
 }
 
 icu::UnicodeString Skeleton(const icu::UnicodeString& text) {
@@ -173,7 +159,7 @@ absl::Status CheckShape(const icu::UnicodeString& text, std::string_view what) {
     }
   }
   // Decomposed, as nobody can see whether a mark is part of a letter or follows it.
-  const icu::UnicodeString apart = Normal(Decomposed(), text);
+  const icu::UnicodeString apart = Normal(kDecomposed, text);
   UChar32 before = ' ';
   int marks = 0;
   for (int32_t i = 0; i < apart.length(); i = apart.moveIndex32(i, 1)) {
@@ -215,13 +201,11 @@ absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view wh
     return absl::InvalidArgumentError(
         absl::StrCat(std::string(what), " ", std::string(why), std::string(rule)));
   };
-  for (size_t at = 0; at < name.size();) {
-    if (TakeCodePoint(name, at) == kBroken) return bad("is not UTF-8");
-  }
+  if (!IsUtf8(name)) return bad("is not UTF-8");
   if (name.size() > kMaxNameBytes) return bad("is too long");
   const icu::UnicodeString raw = FromUtf8(name);
   RETURN_IF_ERROR(CheckEach(raw, what));
-  icu::UnicodeString text = Normal(Compatible(), raw);
+  icu::UnicodeString text = Normal(kCompatible, raw);
   RETURN_IF_ERROR(CheckEach(text, what));
   JoinSpaces(text);
   std::string clean = ToUtf8(text);
@@ -233,7 +217,7 @@ absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view wh
 }
 
 std::set<std::string> LooksOf(std::string_view name) {
-  icu::UnicodeString text = Normal(Compatible(), FromUtf8(name));
+  icu::UnicodeString text = Normal(kCompatible, FromUtf8(name));
   // "MIX" and "mix" are alike as they are the same in lower case, "AIpha" and "Alpha" as they are
   // drawn the same: neither order of the two steps finds both.
   icu::UnicodeString first = Skeleton(Folded(text));

@@ -11,6 +11,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/status_macros.h"
+
 namespace myograde::server {
 namespace {
 
@@ -23,10 +25,10 @@ constexpr char kSystemCache[] = "/var/cache/myograde";
 std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
   if (::geteuid() == 0) return of_root;
   // The XDG specification says to ignore relative paths.
-  const char* folder = std::getenv(variable);
-  if (folder != nullptr && *folder == '/') return absl::StrCat(folder, "/myograde");
-  const char* home = std::getenv("HOME");
-  if (home == nullptr || *home != '/') {
+  const std::string folder = EnvironmentVariable(variable);
+  if (folder.starts_with('/')) return folder + "/myograde";
+  std::string home = EnvironmentVariable("HOME");
+  if (!home.starts_with('/')) {
     // As for a job of a cluster, which has no environment.
     const passwd* self = ::getpwuid(::geteuid());
     home = self != nullptr ? self->pw_dir : "";
@@ -48,6 +50,11 @@ absl::StatusOr<std::string> OwnDir() {
 
 }  // namespace
 
+std::string EnvironmentVariable(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
 std::string UsualDataDir() {
   return UsualDir("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
 }
@@ -64,13 +71,10 @@ std::string CacheDirOf(const std::string& own, const std::string& system) {
 }
 
 absl::StatusOr<std::string> BinDir() {
-  if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {
-    return std::string(dir);
-  }
-  absl::StatusOr<std::string> own_dir = OwnDir();
-  if (!own_dir.ok()) return own_dir;
-  const std::string apart = fs::path(*own_dir).parent_path() / kPrograms;
-  return ::access((apart + "/myograde-runner").c_str(), X_OK) == 0 ? apart : *own_dir;
+  if (std::string dir = EnvironmentVariable("MYOGRADE_BIN_DIR"); !dir.empty()) return dir;
+  ASSIGN_OR_RETURN(const std::string own_dir, OwnDir());
+  const std::string apart = fs::path(own_dir).parent_path() / kPrograms;
+  return ::access((apart + "/myograde-runner").c_str(), X_OK) == 0 ? apart : own_dir;
 }
 
 std::string ShareDir(const std::string& bin_dir) {
@@ -96,9 +100,7 @@ std::string ShareDir() {
 }
 
 std::string DocsDir() {
-  if (const char* dir = std::getenv("MYOGRADE_DOCS_DIR"); dir != nullptr && *dir != '\0') {
-    return dir;
-  }
+  if (std::string dir = EnvironmentVariable("MYOGRADE_DOCS_DIR"); !dir.empty()) return dir;
   const absl::StatusOr<std::string> bin_dir = BinDir();
   if (!bin_dir.ok()) return "";
   const std::string installed = ShareDir(*bin_dir) + "/docs";
@@ -108,9 +110,7 @@ std::string DocsDir() {
 }
 
 std::string ConfigDir() {
-  if (const char* dir = std::getenv("MYOGRADE_CONFIG_DIR"); dir != nullptr && *dir != '\0') {
-    return dir;
-  }
+  if (std::string dir = EnvironmentVariable("MYOGRADE_CONFIG_DIR"); !dir.empty()) return dir;
   return ShareDir() + "/configs";
 }
 

@@ -7,6 +7,9 @@
 
 namespace myograde::server {
 
+// A variable of the environment; "" if it is not set.
+std::string EnvironmentVariable(const char* name);
+
 // The folder of the project's programs: MYOGRADE_BIN_DIR if set, else libexec/myograde beside the
 // folder of the running program if the programs are there (a package keeps those there that people
 // don't call themselves), else the folder of the running program.

@@ -1,4 +1,5 @@
-// Participants' text that others see: names of teams and policies, reasons.
+// Participants' text that others see: names of teams and policies, reasons, and foreign text on a
+// terminal.
 #pragma once
 
 #include <cstddef>
@@ -23,5 +24,11 @@ bool IsUtf8(std::string_view text);
 
 // 1 to `max` bytes of valid UTF-8 without harmful code points, and no space at either end.
 bool IsPlainText(std::string_view text, size_t max);
+
+// `text` for a terminal, as one line: what a terminal would obey, and what would turn or hide the
+// words around it, becomes '?', as do line ends and invalid bytes. Tabs stay if `tabs`. Whatever a
+// program prints that somebody else chose (names of files, a policy's strings, answers of a server)
+// goes through here.
+std::string Harmless(std::string_view text, bool tabs = false);
 
 }  // namespace myograde::server

@@ -7,10 +7,11 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
+
+#include "server/base/paths.h"
 
 namespace myograde::server {
 namespace {
@@ -18,8 +19,7 @@ namespace {
 constexpr int kFirstSocket = 3;
 
 std::string TakeVariable(const char* name) {
-  const char* value = std::getenv(name);
-  std::string text = value == nullptr ? "" : value;
+  std::string text = EnvironmentVariable(name);
   unsetenv(name);
   return text;
 }

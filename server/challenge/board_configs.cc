@@ -1,7 +1,6 @@
 #include "server/challenge/board_configs.h"
 
 #include <map>
-#include <optional>
 #include <set>
 #include <utility>
 
@@ -9,7 +8,6 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/grading/stored_track.h"
 
 namespace myograde::server {
 namespace {

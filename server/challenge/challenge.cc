@@ -10,22 +10,16 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "scoring/config.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
 
-using scoring::TeamRule;
-
 constexpr int64_t kForm = 1;
-constexpr int64_t kMostOfAQuota = kMostUnits;
 constexpr size_t kMaxTeams = 10'000;
 constexpr size_t kMaxTeamBytes = 64;
-constexpr std::array<std::pair<TeamRule, const char*>, 3> kTeamRules = {{
-    {TeamRule::kBest, "best"},
-    {TeamRule::kLast, "last"},
-    {TeamRule::kChosen, "chosen"},
-}};
+constexpr std::array kTeamRules = {"best", "last", "chosen"};
 
 // A phase's own keys fit a server with these; whether they fit the server that has them is checked
 // when it starts.
@@ -86,7 +80,7 @@ absl::Status ReadQuotaOfPhase(const nlohmann::json& json, const std::string& whe
                               PhaseQuota& quota) {
   ConfigReader reader(json, where);
   const auto read = [&](const char* key, std::optional<int64_t>& units) {
-    if (reader.Has(key)) units = reader.Integer(key, 1, kMostOfAQuota);
+    if (reader.Has(key)) units = reader.Integer(key, 1, kMostUnits);
   };
   read("official_per_day", quota.official_per_day);
   read("official_total", quota.official_total);
@@ -116,15 +110,6 @@ absl::Status ReadShown(const nlohmann::json& json, const std::string& where, Vis
   return reader.Finish();
 }
 
-std::optional<TeamRule> ReadEntry(ConfigReader& reader) {
-  if (!reader.Has("entry")) return std::nullopt;
-  const std::string entry = reader.Choice("entry", {"best", "last", "chosen"});
-  for (const auto& [rule, name] : kTeamRules) {
-    if (entry == name) return rule;
-  }
-  return std::nullopt;
-}
-
 // The names are not looked up, as a team may be created later.
 std::vector<std::string> ReadTeams(ConfigReader& reader) {
   if (!reader.Has("teams")) return {};
@@ -150,7 +135,7 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   phase.opens = ReadTime(reader, "opens_at", phase.opens);
   phase.closes = ReadTime(reader, "closes_at", phase.closes);
   phase.freezes = ReadTime(reader, "freeze_at", phase.freezes);
-  phase.entry = ReadEntry(reader);
+  if (reader.Has("entry")) phase.entry = scoring::ReadTeam(reader, "entry");
   phase.teams = ReadTeams(reader);
   const nlohmann::json& quota = reader.Has("quota") ? reader.Object("quota") : kNone;
   const nlohmann::json& shown = reader.Has("show") ? reader.Object("show") : kNone;
@@ -216,14 +201,6 @@ ChallengeConfig ReadChallenge(const nlohmann::json& json, const std::string& nam
   return challenge;
 }
 
-absl::StatusOr<ChallengeConfig> ParseChallenge(const nlohmann::json& json, const std::string& name,
-                                               const std::string& where) {
-  std::vector<std::string> mistakes;
-  ChallengeConfig challenge = ReadChallenge(json, name, where, mistakes);
-  if (!mistakes.empty()) return MistakesToStatus(mistakes);
-  return challenge;
-}
-
 absl::Status MistakesToStatus(const std::vector<std::string>& mistakes) {
   if (mistakes.size() == 1) return absl::InvalidArgumentError(mistakes.front());
   return absl::InvalidArgumentError(absl::StrCat(
@@ -259,8 +236,8 @@ absl::StatusOr<scoring::StatisticsConfig> PhaseStatistics(const PhaseConfig& pha
       phase.statistics, absl::StrCat("phase \"", phase.name, "\": statistics"), usual);
 }
 
-std::string_view TeamRuleName(TeamRule rule) {
-  return kTeamRules[static_cast<size_t>(rule)].second;
+std::string_view TeamRuleName(scoring::TeamRule rule) {
+  return kTeamRules[static_cast<size_t>(rule)];
 }
 
 std::string UtcText(absl::Time time) {

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -70,10 +69,6 @@ inline constexpr size_t kMaxTitleBytes = 200;
 // added to `mistakes`. A phase with a mistake is left out.
 ChallengeConfig ReadChallenge(const nlohmann::json& json, const std::string& name,
                               const std::string& where, std::vector<std::string>& mistakes);
-
-// The same, for callers that need one without a mistake. InvalidArgumentError is the first one.
-absl::StatusOr<ChallengeConfig> ParseChallenge(const nlohmann::json& json, const std::string& name,
-                                               const std::string& where);
 
 // Reads every challenge of a folder, by name; none if there is no such folder. Mistakes include files
 // that can't be read and names that no challenge may have.

@@ -1,5 +1,4 @@
 // What is wrong with the challenges of a server, before anything opens.
-#include <algorithm>
 #include <set>
 
 #include <absl/strings/str_cat.h>

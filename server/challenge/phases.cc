@@ -79,9 +79,8 @@ absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track
     keys["policy_seed_secret"] = std::move(secrets.policy_seed_secret);
     keys["seed_salt"] = std::move(secrets.seed_salt);
   }
-  absl::StatusOr<TrackConfig> config = WithPhase(track.config, keys);
-  if (!config.ok()) return config.status();
-  return MakeTrack(*std::move(config));
+  ASSIGN_OR_RETURN(TrackConfig config, WithPhase(track.config, keys));
+  return MakeTrack(std::move(config));
 }
 
 absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, const Tracks& tracks,
@@ -91,15 +90,14 @@ absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, con
   phases.challenges_ = std::move(challenges);
   for (const ChallengeConfig& challenge : phases.challenges_) {
     for (const PhaseConfig& config : challenge.phases) {
-      absl::StatusOr<TrackPtr> track = tracks.Find(config.track, config.profile);
-      if (!track.ok()) return track.status();
+      ASSIGN_OR_RETURN(const TrackPtr track, tracks.Find(config.track, config.profile));
       absl::StatusOr<std::string> secret = "";
       if (config.committed != 0) secret = secret_of(config);
       if (!secret.ok()) {
         phases.unusable_.emplace(config.name, secret.status());
         continue;
       }
-      ASSIGN_OR_RETURN(TrackPtr own, PhaseTrack(config, **track, *secret));
+      ASSIGN_OR_RETURN(TrackPtr own, PhaseTrack(config, *track, *secret));
       entries.push_back(std::make_shared<const Phase>(
           Phase{config, std::move(own),
                 secret->empty() ? "" : Sha256Hex(absl::BytesToHexString(*secret))}));
@@ -111,17 +109,6 @@ absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, con
   const MutexLock lock(phases.played_->mutex);
   phases.played_->entries = std::move(entries);
   return phases;
-}
-
-absl::StatusOr<Phases> Phases::Load(const std::string& dir, const Tracks& tracks,
-                                    const SecretOfPhase& secret_of) {
-  std::vector<std::string> mistakes;
-  std::vector<ChallengeConfig> challenges = ReadChallenges(dir, mistakes);
-  if (mistakes.empty()) {
-    mistakes = CheckChallenges(challenges, tracks, absl::InfinitePast()).mistakes;
-  }
-  if (!mistakes.empty()) return MistakesToStatus(mistakes);
-  return Make(std::move(challenges), tracks, secret_of);
 }
 
 absl::StatusOr<PhasePtr> Phases::Find(const std::string& name) const {
@@ -252,6 +239,66 @@ absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now) {
               : absl::StrCat("phase \"", phase.name, "\" closed at ", UtcText(phase.closes),
                              " and takes nothing any more")),
       "phase_closed");
+}
+
+namespace {
+
+bool Fits(const PhaseConfig& phase, const PhaseQuery& query) {
+  return phase.track == query.track && (query.profile.empty() || phase.profile == query.profile);
+}
+
+// None of the phases that fit is open.
+absl::Status NoneOpen(const std::vector<PhasePtr>& fitting, const PhaseQuery& query,
+                      absl::Time now) {
+  std::string what = absl::StrCat(
+      "no phase of track \"", query.track, "\"",
+      query.profile.empty() ? "" : absl::StrCat(" in the profile \"", query.profile, "\""),
+      " is open");
+  // They are in order of opening.
+  const auto next = std::find_if(fitting.begin(), fitting.end(),
+                                 [&](const PhasePtr& phase) { return now < phase->config.opens; });
+  if (next != fitting.end()) {
+    absl::StrAppend(&what, "; \"", (*next)->config.name, "\" opens at ",
+                    UtcText((*next)->config.opens));
+  } else {
+    absl::StrAppend(&what, ", and none opens later");
+  }
+  absl::StrAppend(&what, "; give \"episodes\" to practise");
+  return WithErrorCode(absl::FailedPreconditionError(what), "phase_closed");
+}
+
+}  // namespace
+
+bool HasPhases(const Phases& phases, const std::string& track) {
+  const auto& challenges = phases.challenges();
+  return std::any_of(challenges.begin(), challenges.end(), [&](const ChallengeConfig& challenge) {
+    return std::any_of(challenge.phases.begin(), challenge.phases.end(),
+                       [&](const PhaseConfig& phase) { return phase.track == track; });
+  });
+}
+
+absl::StatusOr<PhasePtr> FindPhase(const Phases& phases, const PhaseQuery& query, absl::Time now) {
+  if (!query.phase.empty()) {
+    absl::StatusOr<PhasePtr> phase = phases.Find(query.phase);
+    if (!phase.ok() || Fits((*phase)->config, query)) return phase;
+    return absl::InvalidArgumentError(absl::StrCat("phase \"", query.phase, "\" is of track \"",
+                                                   (*phase)->config.track, "\" in the profile \"",
+                                                   (*phase)->config.profile, "\"; submit to that"));
+  }
+  std::vector<PhasePtr> fitting;
+  std::vector<PhasePtr> open;
+  for (const PhasePtr& phase : phases.entries()) {
+    if (!Fits(phase->config, query)) continue;
+    fitting.push_back(phase);
+    if (CheckOpen(phase->config, now).ok()) open.push_back(phase);
+  }
+  if (open.size() == 1) return open.front();
+  if (open.empty()) return NoneOpen(fitting, query, now);
+  return absl::InvalidArgumentError(absl::StrCat(
+      "track \"", query.track, "\" has ", open.size(), " open phases; name one as \"phase\": ",
+      absl::StrJoin(open, ", ", [](std::string* out, const PhasePtr& phase) {
+        out->append(phase->config.name);
+      })));
 }
 
 }  // namespace myograde::server

@@ -43,9 +43,6 @@ class Phases {
   // but Find gives that error; any other error is returned.
   static absl::StatusOr<Phases> Make(std::vector<ChallengeConfig> challenges, const Tracks& tracks,
                                      const SecretOfPhase& secret_of);
-  // Reads, checks and makes those of a folder. InvalidArgumentError: a mistake.
-  static absl::StatusOr<Phases> Load(const std::string& dir, const Tracks& tracks,
-                                     const SecretOfPhase& secret_of);
 
   // NotFoundError with the code "unknown_phase" (ErrorCodeOf of store/quota.h) lists those that
   // there are.
@@ -105,5 +102,22 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
 // Whether the calendar lets a submission in. FailedPreconditionError with the code "phase_closed"
 // says when the phase opens, or closed.
 absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now);
+
+// Which phase a ranked submission belongs to: what a participant asks for; "" is anything.
+struct PhaseQuery {
+  std::string phase;
+  std::string track;  // required
+  std::string profile;
+};
+
+// Whether ranked submissions to a track need a phase.
+bool HasPhases(const Phases& phases, const std::string& track);
+
+// The phase of the query's name, whatever its state; without a name, the only one of the track that
+// is open by the calendar.
+//   NotFoundError            code "unknown_phase"; or as Phases::Find
+//   InvalidArgumentError     it is of another track or profile, or several are open
+//   FailedPreconditionError  code "phase_closed": none is open; says which one opens next
+absl::StatusOr<PhasePtr> FindPhase(const Phases& phases, const PhaseQuery& query, absl::Time now);
 
 }  // namespace myograde::server

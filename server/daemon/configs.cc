@@ -12,7 +12,7 @@
 #include "server/access/token_text.h"
 #include "server/api/tcp_listener.h"
 #include "server/base/paths.h"
-#include "server/base/private_file.h"
+#include "server/base/secret.h"
 #include "server/config/server_config.h"
 #include "server/daemon/daemon.h"
 #include "server/sandbox/sandbox_config.h"
@@ -25,14 +25,9 @@ namespace fs = std::filesystem;
 constexpr size_t kMinMetricsToken = 16;
 constexpr size_t kMaxMetricsToken = 256;
 
-std::string FromEnvironment(const char* name) {
-  const char* value = getenv(name);
-  return value == nullptr ? "" : value;
-}
-
 // The option, else the environment variable, else the default folder.
 void Fill(std::string& option, const char* variable, const std::function<std::string()>& usual) {
-  if (option.empty()) option = FromEnvironment(variable);
+  if (option.empty()) option = EnvironmentVariable(variable);
   if (option.empty()) option = usual();
   option = fs::absolute(option).lexically_normal();
   if (option.size() > 1 && option.ends_with('/')) option.pop_back();
@@ -81,8 +76,7 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   if (server.listen.has_value()) {
     RETURN_IF_ERROR(CheckCertificate(*server.listen));
   }
-  absl::StatusOr<std::vector<Webhook>> webhooks = LoadWebhooks(server.webhooks);
-  if (!webhooks.ok()) return webhooks.status();
+  ASSIGN_OR_RETURN(std::vector<Webhook> webhooks, LoadWebhooks(server.webhooks));
   ASSIGN_OR_RETURN(std::string metrics_token, LoadMetricsToken(server.metrics_token_file));
   ASSIGN_OR_RETURN(Tracks tracks, Tracks::Load(options.configs_dir + "/tracks"));
   // The runners read it; better to report a mistake once now than in every lease.
@@ -96,7 +90,7 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   AddStatisticsMistakes(challenges, server.statistics, mistakes);
   if (!mistakes.empty()) return MistakesToStatus(mistakes);
   return DaemonConfigs{std::move(server), std::move(tracks), std::move(challenges),
-                       *std::move(webhooks), std::move(metrics_token)};
+                       std::move(webhooks), std::move(metrics_token)};
 }
 
 }  // namespace myograde::server

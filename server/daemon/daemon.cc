@@ -1,7 +1,6 @@
 #include "server/daemon/daemon.h"
 
 #include <malloc.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,27 +18,24 @@
 #include "protocol/base/status_macros.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
-#include "server/artefact/adapters.h"
 #include "server/base/service_manager.h"
 #include "server/base/paths.h"
 #include "server/challenge/phases.h"
-#include "server/daemon/log.h"
 #include "server/daemon/start.h"
 #include "server/engine/engine.h"
 #include "server/engine/rejudges.h"
 #include "server/engine/retention.h"
-#include "server/engine/standings.h"
+#include "server/engine/stored.h"
 #include "server/metrics/metrics.h"
 #include "server/pictures/picture_source.h"
 #include "server/pictures/pictures.h"
-#include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
 #include "server/runtime/runtimes.h"
-#include "server/sandbox/control_group.h"
 #include "server/sandbox/cgroup_host.h"
-#include "server/sandbox/stage.h"
+#include "server/sandbox/control_group.h"
 #include "server/sandbox/slot_processes.h"
+#include "server/sandbox/stage.h"
 #include "server/store/data_folder.h"
 #include "server/webhook/sender.h"
 
@@ -189,12 +185,7 @@ absl::Status Daemon::TakeFolder() {
   std::error_code unmade;  // what is not there can't be locked
   fs::create_directories(options_.data_dir, unmade);
   ASSIGN_OR_RETURN(lock_, DataLock::Take(options_.data_dir));
-  RETURN_IF_ERROR(MakeFolders(options_.data_dir));
-  StartLog(config_.log_level, config_.log_format);
-  CheckSandboxes(config_);
-  ControlGroup::RemoveStale();
-  RemoveUnfinished(options_.data_dir);
-  return absl::OkStatus();
+  return PrepareFolder(options_.data_dir, config_);
 }
 
 absl::Status Daemon::OpenStore() {
@@ -209,9 +200,7 @@ absl::Status Daemon::OpenStore() {
   readers_.SetObserver([this](absl::Duration took) { metrics_->ObserveStoreRead(took); });
   readers_.SetCorruptObserver(
       [this](const absl::Status& status) { store_->Distrust(std::string(status.message())); });
-  ASSIGN_OR_RETURN(phases_, MakePhases(configs_, *store_));
-  RETURN_IF_ERROR(TakeConfigsInForce(*store_, readers_, configs_.tracks, *phases_));
-  RETURN_IF_ERROR(LogPhases(*phases_, readers_, clock_.Now()));
+  ASSIGN_OR_RETURN(phases_, TakePhases(configs_, *store_, readers_, clock_.Now()));
   ASSIGN_OR_RETURN(const std::vector<Damage> damaged, FillStandings(*store_, readers_));
   for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
   return absl::OkStatus();
@@ -244,13 +233,13 @@ absl::Status Daemon::AddServices() {
         WhyUnreferenced(references, entry.profiles.at(entry.default_profile)->config.kind->name);
     if (!why.empty()) spdlog::warn("the track {} is for practice only: {}", name, why);
   }
+  const auto reference = [this](std::string_view kind, absl::Duration timeout) {
+    return reference_->Result(kind, timeout);
+  };
   admission_.emplace(AdmissionOptions{.config = config_,
                                       .data_dir = options_.data_dir,
                                       .cache_dir = options_.cache_dir,
-                                      .reference =
-                                          [this](std::string_view kind, absl::Duration timeout) {
-                                            return reference_->Result(kind, timeout);
-                                          }},
+                                      .reference = reference},
                      configs_.tracks, *phases_, *engine_, readers_, clock_);
   const auto change = [this](std::function<absl::Status(Writer&)> act) {
     return engine_->Change(std::move(act), config_.http.request);
@@ -274,21 +263,20 @@ void Daemon::StartPictures() {
   const MakerOptions makers = {.work_dir = options_.data_dir + "/work/pictures",
                                .cache_dir = options_.cache_dir,
                                .uid = geteuid() == 0 ? config_.uid_base + kPictureUsers : -1};
-  pictures_.emplace(PicturesOptions{
-      .folder = options_.data_dir + "/pictures",
-      .build = [this] { return PictureBuild(options_.cache_dir); },
-      .most_bytes = config_.retention.picture_bytes,
-      .make =
-          [this, makers](const PictureKey& key, const Stopped& stopped) {
-            return MakeFile(readers_, options_.data_dir, makers, key, stopped);
-          },
-      .grading =
-          [this] {
-            const LiveHealth health = engine_->Health();
-            return health.running > 0 || health.pending > 0;
-          },
-      .quiet = config_.pictures_ahead,
-      .suggestions = [this] { return ended_->Pictures(); }});
+  const auto make = [this, makers](const PictureKey& key, const Stopped& stopped) {
+    return MakeFile(readers_, options_.data_dir, makers, key, stopped);
+  };
+  const auto grading = [this] {
+    const LiveHealth health = engine_->Health();
+    return health.running > 0 || health.pending > 0;
+  };
+  pictures_.emplace(PicturesOptions{.folder = options_.data_dir + "/pictures",
+                                    .build = [this] { return PictureBuild(options_.cache_dir); },
+                                    .most_bytes = config_.retention.picture_bytes,
+                                    .make = make,
+                                    .grading = grading,
+                                    .quiet = config_.pictures_ahead,
+                                    .suggestions = [this] { return ended_->Pictures(); }});
 }
 
 ApiContext Daemon::Context() {
@@ -344,12 +332,7 @@ absl::Status Daemon::Run() {
   retention_.emplace(config_.retention, config_.artefacts.disk_reserve, options_.data_dir, *engine_, readers_,
                      clock_, trusted);
   rejudger_.emplace(RejudgerOptions{.data_dir = options_.data_dir,
-                                    .grader =
-                                        [this] {
-                                          return WithRuntimes(
-                                              GraderBuild(options_.cache_dir, AdapterNames()),
-                                              RuntimeDigests(Runtimes(config_.runtimes, config_.runtimes_dir)));
-                                        }},
+                                    .grader = [this] { return engine_->HostBuild(); }},
                     *engine_, readers_);
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options_.socket,
                config_.scheduler.slots, configs_.tracks.entries().size(), phases_->entries().size());

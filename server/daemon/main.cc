@@ -6,17 +6,24 @@
 #include <absl/time/clock.h>
 
 #include "server/artefact/unpack_process.h"
-#include "server/base/harmless.h"
 #include "server/base/log_line.h"
+#include "server/base/plain_text.h"
 #include "server/daemon/daemon.h"
 
-int main(int argc, char** argv) {
+namespace myograde::server {
+namespace {
+
+void TellError(const std::string& error) {
+  std::cerr << "myograded: error: " << Harmless(error) << "\n";
+}
+
+int Main(int argc, char** argv) {
   // The project's exit statuses: 2 wrong use, 4 trouble with the grader or its host.
   constexpr int kWrongUse = 2;
   constexpr int kTrouble = 4;
   // The daemon starts copies of itself that unpack one upload each.
-  if (int status = 0; myograde::server::RunUnpackProcess(argc, argv, status)) return status;
-  myograde::server::DaemonOptions options;
+  if (int status = 0; RunUnpackProcess(argc, argv, status)) return status;
+  DaemonOptions options;
   CLI::App app{"The MyoGrade daemon: takes submissions, plays and ranks them.\n"
                "Example: myograded --data ~/myograde-data"};
   app.add_option("--data", options.data_dir,
@@ -39,32 +46,36 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& asked) {  // --help, --version
     return app.exit(asked);
   } catch (const CLI::ParseError& mistake) {
-    std::cerr << "myograded: error: " << myograde::server::Harmless(mistake.what()) << "; see \"myograded --help\"\n";
+    TellError(std::string(mistake.what()) + "; see \"myograded --help\"");
     return kWrongUse;
   }
-  options = myograde::server::WithDefaults(options);
+  options = WithDefaults(options);
   if (adopt) {
-    const absl::StatusOr<std::string> done = myograde::server::AdoptData(options.data_dir);
+    const absl::StatusOr<std::string> done = AdoptData(options.data_dir);
     if (done.ok()) {
-      std::cout << myograde::server::Harmless(*done) << "\n";
+      std::cout << Harmless(*done) << "\n";
       return 0;
     }
-    std::cerr << "myograded: error: " << myograde::server::Harmless(std::string(done.status().message())) << "\n";
+    TellError(std::string(done.status().message()));
     return kTrouble;
   }
-  absl::StatusOr<myograde::server::DaemonConfigs> configs =
-      myograde::server::LoadConfigs(options);
+  absl::StatusOr<DaemonConfigs> configs = LoadConfigs(options);
   if (!configs.ok()) {
-    std::cerr << "myograded: error: " << myograde::server::Harmless(std::string(configs.status().message())) << "\n";
+    TellError(std::string(configs.status().message()));
     return kWrongUse;
   }
-  const absl::Status status = myograde::server::RunDaemon(options, *std::move(configs));
+  const LogFormat format = configs->server.log_format;
+  const absl::Status status = RunDaemon(options, *std::move(configs));
   if (status.ok()) return 0;
-  if (configs->server.log_format == myograde::server::LogFormat::kJson) {
-    std::cerr << myograde::server::LogLine(myograde::server::LogFormat::kJson, absl::Now(),
-                                           "critical", std::string(status.message()));
+  if (format == LogFormat::kJson) {
+    std::cerr << LogLine(format, absl::Now(), "critical", std::string(status.message()));
   } else {
-    std::cerr << "myograded: error: " << myograde::server::Harmless(std::string(status.message())) << "\n";
+    TellError(std::string(status.message()));
   }
   return kTrouble;
 }
+
+}  // namespace
+}  // namespace myograde::server
+
+int main(int argc, char** argv) { return myograde::server::Main(argc, argv); }

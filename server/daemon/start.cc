@@ -7,23 +7,24 @@
 #include <filesystem>
 #include <optional>
 #include <set>
-#include <string>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
+#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
-#include "server/base/packet_filter.h"
+#include "server/base/log_line.h"
 #include "server/base/paths.h"
+#include "server/base/this_host.h"
 #include "server/challenge/board_configs.h"
 #include "server/executor/executor.h"
 #include "server/executor/slurm/slurm_executor.h"
 #include "server/proof/grader_build.h"
 #include "server/sandbox/cgroup_host.h"
+#include "server/sandbox/control_group.h"
 #include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/stage.h"
 #include "server/webhook/sender.h"
@@ -52,8 +53,34 @@ void RemoveDrafts(const std::string& folder) {
   }
 }
 
-}  // namespace
+// The logger is synchronous, so this runs on the thread whose fields count.
+class LineFormatter : public spdlog::formatter {
+ public:
+  explicit LineFormatter(LogFormat format) : format_(format) {}
 
+  void format(const spdlog::details::log_msg& message, spdlog::memory_buf_t& to) override {
+    const spdlog::string_view_t level = spdlog::level::to_string_view(message.level);
+    const std::string line =
+        LogLine(format_, absl::FromChrono(message.time), {level.data(), level.size()},
+                {message.payload.data(), message.payload.size()}, CurrentLogFields());
+    to.append(line.data(), line.data() + line.size());
+  }
+  std::unique_ptr<spdlog::formatter> clone() const override {
+    return std::make_unique<LineFormatter>(format_);
+  }
+
+ private:
+  const LogFormat format_;
+};
+
+void StartLog(const std::string& level, LogFormat format) {
+  auto log = spdlog::stderr_logger_mt("myograded");
+  log->set_formatter(std::make_unique<LineFormatter>(format));
+  log->set_level(spdlog::level::from_str(level));
+  spdlog::set_default_logger(std::move(log));
+}
+
+// The data folder holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
   for (const char* part : {"", "/artefacts", "/logs", "/pictures", "/selftest", "/slots", "/spool", "/work"}) {
@@ -72,12 +99,7 @@ absl::Status MakeFolders(const std::string& data) {
   return absl::OkStatus();
 }
 
-void RemoveUnfinished(const std::string& data) {
-  Empty(data + "/work");
-  Empty(data + "/spool");
-  RemoveDrafts(data + "/logs");
-}
-
+// Makes room for the sandboxes' control groups, and logs what an ordinary user lacks for sandboxes.
 void CheckSandboxes(const ServerConfig& config) {
   if (config.on_cluster) return;
   if (const absl::Status status = DivideDelegatedGroup(); !status.ok()) {
@@ -90,6 +112,8 @@ void CheckSandboxes(const ServerConfig& config) {
       "sysctl, or run the daemon as root",
       geteuid());
 }
+
+}  // namespace
 
 absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
   const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
@@ -106,11 +130,22 @@ absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
       "the three"));
 }
 
+absl::Status PrepareFolder(const std::string& data, const ServerConfig& config) {
+  RETURN_IF_ERROR(MakeFolders(data));
+  StartLog(config.log_level, config.log_format);
+  CheckSandboxes(config);
+  ControlGroup::RemoveStale();
+  Empty(data + "/work");
+  Empty(data + "/spool");
+  RemoveDrafts(data + "/logs");
+  return absl::OkStatus();
+}
+
 void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
   std::error_code error;
   const std::string artefacts = data_dir + "/artefacts";
-  const bool there = std::filesystem::exists(path, error) && std::filesystem::file_size(path, error) > 0;
-  if (there || std::filesystem::is_empty(artefacts, error)) return;
+  const bool there = fs::exists(path, error) && fs::file_size(path, error) > 0;
+  if (there || fs::is_empty(artefacts, error)) return;
   spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
                 "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
 }
@@ -139,12 +174,14 @@ absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, boo
   return found;
 }
 
+namespace {
+
 absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
   const auto secret_of = [&](const PhaseConfig& phase) {
-    absl::StatusOr<std::string> secret = absl::InternalError("");
-    const absl::Status written = store.Write([&](Writer& writer) {
-      secret = writer.PhaseSecret(phase.name, phase.challenge);
-      return secret.status();
+    std::string secret;
+    const absl::Status written = store.Write([&](Writer& writer) -> absl::Status {
+      ASSIGN_OR_RETURN(secret, writer.PhaseSecret(phase.name, phase.challenge));
+      return absl::OkStatus();
     });
     return written.ok() ? secret : absl::StatusOr<std::string>(written);
   };
@@ -166,6 +203,47 @@ absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& track
     }
     return absl::OkStatus();
   });
+}
+
+absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now) {
+  for (const auto& [name, why] : phases.unusable()) {
+    spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
+  }
+  return readers.Read([&](Reader& reader) {
+    std::vector<ChallengeConfig> usable = phases.challenges();
+    for (ChallengeConfig& challenge : usable) {
+      std::erase_if(challenge.phases, [&](const PhaseConfig& phase) {
+        return phases.unusable().contains(phase.name);
+      });
+    }
+    const auto contradicted = CheckAgainstStore(usable, reader, now);
+    for (const std::string& sentence : contradicted.value_or(std::vector<std::string>())) {
+      spdlog::error("{}", sentence);
+    }
+    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
+    if (!uses.ok()) {
+      spdlog::error("{}", std::string(uses.status().message()));
+      return absl::OkStatus();
+    }
+    for (const PhaseUse& use : *uses) {
+      if (phases.ConfigOf(use.phase) != nullptr) continue;
+      spdlog::info(
+          "phase \"{}\" has {} submissions and no file: it is closed, and its board is "
+          "shown in full",
+          use.phase, use.submissions);
+    }
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace
+
+absl::StatusOr<Phases> TakePhases(DaemonConfigs& configs, Store& store, ReaderPool& readers,
+                                  absl::Time now) {
+  ASSIGN_OR_RETURN(Phases phases, MakePhases(configs, store));
+  RETURN_IF_ERROR(TakeConfigsInForce(store, readers, configs.tracks, phases));
+  RETURN_IF_ERROR(LogPhases(phases, readers, now));
+  return phases;
 }
 
 absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
@@ -202,47 +280,14 @@ void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed) {
       absl::StrJoin(wanted, ", "));
 }
 
-absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now) {
-  for (const auto& [name, why] : phases.unusable()) {
-    spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
-  }
-  return readers.Read([&](Reader& reader) {
-    std::vector<ChallengeConfig> usable = phases.challenges();
-    for (ChallengeConfig& challenge : usable) {
-      std::erase_if(challenge.phases, [&](const PhaseConfig& phase) {
-        return phases.unusable().contains(phase.name);
-      });
-    }
-    const auto contradicted = CheckAgainstStore(usable, reader, now);
-    for (const std::string& sentence : contradicted.value_or(std::vector<std::string>())) {
-      spdlog::error("{}", sentence);
-    }
-    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
-    if (!uses.ok()) {
-      spdlog::error("{}", std::string(uses.status().message()));
-      return absl::OkStatus();
-    }
-    for (const PhaseUse& use : *uses) {
-      if (phases.ConfigOf(use.phase) != nullptr) continue;
-      spdlog::info("phase \"{}\" has {} submissions and no file: it is closed, and its board is "
-                   "shown in full", use.phase, use.submissions);
-    }
-    return absl::OkStatus();
-  });
-}
-
 absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
                          RecordLog& record) {
-  bool any = false;
-  absl::Status status = readers.Read([&](Reader& reader) {
-    any = reader.RecordSize() > 0;
-    return absl::OkStatus();
-  });
-  if (const auto key = receipts_key.Get(); status.ok() && any && key.ok()) {
-    status = store.Write(
-        [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
+  ASSIGN_OR_RETURN(const int64_t entries,
+                   readers.Read<int64_t>([](Reader& reader) { return reader.RecordSize(); }));
+  if (const auto key = receipts_key.Get(); entries > 0 && key.ok()) {
+    RETURN_IF_ERROR(
+        store.Write([pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); }));
   }
-  if (!status.ok()) return status;
   return readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const std::vector<Damage> damaged, record.Damaged(reader));
     for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));

@@ -21,14 +21,11 @@
 
 namespace myograde::server {
 
-// The data folder is private to the daemon: it holds the secret and everybody's submissions.
-absl::Status MakeFolders(const std::string& data);
-// Removes what an earlier daemon that died was working on.
-void RemoveUnfinished(const std::string& data);
 // Raises the limit to the number of descriptors that the config may use.
 absl::Status RaiseDescriptorLimit(const ServerConfig& config);
-// Makes room for the sandboxes' control groups, and logs what an ordinary user lacks for sandboxes.
-void CheckSandboxes(const ServerConfig& config);
+// Makes the folders below `data`, which are private to the daemon, starts the log, and removes what
+// an earlier daemon that died was working on.
+absl::Status PrepareFolder(const std::string& data, const ServerConfig& config);
 // Whoever lost the store should hear of it before the next submission gets number 1.
 void WarnOfLostStore(const std::string& data_dir, const std::string& path);
 
@@ -41,17 +38,14 @@ struct HomeFound {
 };
 absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt);
 
-// The secret of a phase is drawn when a daemon first loads it.
-absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store);
-
-// The configs that boards have by the store, where that is not what the files say.
-absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks, Phases& phases);
+// The phases of the configs; a phase's secret is drawn when a daemon first loads it. Phases and
+// tracks get the configs that boards have by the store, where that is not what the files say. Logs
+// what an organiser may have changed without meaning to.
+absl::StatusOr<Phases> TakePhases(DaemonConfigs& configs, Store& store, ReaderPool& readers,
+                                  absl::Time now);
 
 // What waits for webhooks that are no more is given up.
 absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store);
-
-// Logs what an organiser may have changed without meaning to.
-absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now);
 
 // Adds the key that signs to the public record, and logs where the record was changed. A record
 // without entries stays so, as an import needs an empty store.

@@ -2,8 +2,6 @@
 
 #include <sys/eventfd.h>
 
-#include <absl/strings/str_cat.h>
-
 namespace myograde::server {
 namespace {
 
@@ -21,12 +19,7 @@ void CommandQueue::Wake() {
   [[maybe_unused]] const ssize_t n = write(wake_.get(), &one, sizeof(one));
 }
 
-absl::Status CommandQueue::Call(std::function<absl::Status()> command, absl::Duration timeout) {
-  return CallLater([command = std::move(command)](const Answer& answer) { answer(command()); },
-                   timeout);
-}
-
-absl::Status CommandQueue::CallLater(std::function<void(Answer)> command, absl::Duration timeout) {
+absl::Status CommandQueue::Call(std::function<void(Answer)> command, absl::Duration timeout) {
   std::future<absl::Status> answer;
   {
     const MutexLock lock(mutex_);

@@ -23,16 +23,13 @@ class CommandQueue {
   // Readable while commands are queued.
   int wake_fd() const { return wake_.get(); }
 
-  // Runs `command` on the loop's thread and waits for its status. ResourceExhaustedError: the queue
-  // is full. CancelledError: the daemon is stopping. DeadlineExceededError: no answer in time; the
-  // command may still run, so it must own everything that it touches.
-  absl::Status Call(std::function<absl::Status()> command, absl::Duration timeout);
-
   // Reports a command's status. Call it exactly once, at any later time, on the loop's thread.
   using Answer = std::function<void(absl::Status)>;
-  // Like Call, for a command that completes asynchronously: the caller waits until its Answer is
-  // called.
-  absl::Status CallLater(std::function<void(Answer)> command, absl::Duration timeout);
+  // Runs `command` on the loop's thread and waits until its Answer is called.
+  // ResourceExhaustedError: the queue is full. CancelledError: the daemon is stopping.
+  // DeadlineExceededError: no answer in time; the command may still run, so it must own everything
+  // that it touches.
+  absl::Status Call(std::function<void(Answer)> command, absl::Duration timeout);
 
   // Loop thread only: runs the queued commands and returns how many there were.
   int RunAll();

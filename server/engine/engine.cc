@@ -24,8 +24,6 @@ Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor&
       commands_(kMaxCommands),
       core_(std::move(options), disk, readers, executor, clock) {}
 
-Engine::~Engine() = default;
-
 void Engine::Stop() {
   stop_ = true;
   commands_.Wake();

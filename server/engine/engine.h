@@ -7,6 +7,8 @@
 #include <memory>
 #include <string>
 
+#include <nlohmann/json.hpp>
+
 #include "protocol/base/status_macros.h"
 #include "server/engine/command_queue.h"
 #include "server/engine/engine_core.h"
@@ -22,7 +24,6 @@ class Engine {
   // Everything but `options` must outlive the engine.
   Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
          const Clock& clock);
-  ~Engine();
 
   // See EngineCore::Recover. Call before Run().
   absl::Status Recover() { return core_.Recover(); }
@@ -60,12 +61,11 @@ class Engine {
   // For a change that renames or merges teams, or adds members: gives whether there was any.
   absl::StatusOr<bool> ChangeTeams(std::function<absl::StatusOr<bool>(Writer&)> change,
                                    absl::Duration timeout);
-  // Ends the submission's original evaluation and, if `reruns`, its re-runs. `charge`: also an evaluation
-  // whose first episode has not ended, if a lease of it has begun. FailedPreconditionError: there is
-  // nothing of it to end.
-  absl::StatusOr<CancelReport> Cancel(int64_t submission, bool reruns, bool charge,
-                                      const std::string& why, const std::string& who,
-                                      absl::Duration timeout);
+  // See EngineCore::Cancel.
+  absl::StatusOr<CancelReport> Cancel(const CancelOrder& order, absl::Duration timeout);
+
+  // What this host grades with: GraderBuild with its adapters and runtimes.
+  nlohmann::json HostBuild() const;
 
   // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
   // on the loop's thread, in the act's transaction: its error undoes the whole.
@@ -91,11 +91,9 @@ class Engine {
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const {
     return core_.QueueOf(teams);
   }
-  std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
-  std::map<int64_t, LiveLease> RunningAmong(const std::set<int64_t>& leases) const {
-    return core_.RunningAmong(leases);
+  std::map<int64_t, LiveLease> Running(const std::set<int64_t>* among = nullptr) const {
+    return core_.Running(among);
   }
-  LiveJobs Jobs() const { return core_.Jobs(); }
   LiveHealth Health() const { return core_.Health(); }
   Metrics& metrics() const { return core_.metrics(); }
   std::vector<NodeView> Nodes() const { return core_.executor().Nodes(); }

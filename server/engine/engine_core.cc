@@ -11,7 +11,6 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/base/log_line.h"
 
 namespace myograde::server {
 namespace {
@@ -33,8 +32,6 @@ EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
       owner_(absl::StrCat("daemon ", getpid())),
       scheduler_(options_.config.scheduler),
       host_(options_.config.host) {}
-
-EngineCore::~EngineCore() = default;
 
 absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   WatchStore();
@@ -263,15 +260,9 @@ void EngineCore::BeginShutdown() {
     ending.kill_at = clock_.Monotonic() + Runner::kCleanUpGrace;
     ending.runner->AskToEnd();
   }
-  std::vector<int64_t> leases;
-  for (const auto& [lease, run] : running_) {
-    leases.push_back(lease);
-    AddToJournal(run.context->evaluation,
-          [id = lease, attempt = run.attempt, who = owner_](Writer& writer) {
-      return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
-    });
-  }
-  for (const int64_t lease : leases) {
+  while (!running_.empty()) {
+    const auto& [lease, run] = *running_.begin();
+    WriteReturn(run, /*fault=*/false, "the daemon stopped");
     metrics().CountReturn("stop");
     ReclaimAs(lease, RunEnd::kReturned);
   }

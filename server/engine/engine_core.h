@@ -70,20 +70,14 @@ struct LiveLease {
   int64_t submission = 0;
   int slot = 0;
   pid_t process = 0;  // the runner's; 0 on another host
-  std::string node;   // "": this host, or not known yet
-  std::string job;    // the cluster's name for it; "": none
+  std::string node = {};  // "": this host, or not known yet
+  std::string job = {};   // the cluster's name for it; "": none
   bool begun = true;  // false: it waits there for a processor
   double cpu_s = 0;   // 0: not known (yet)
   int64_t episode = 0;
   int64_t step = 0;
-  absl::Duration running;
-  absl::Duration silent;   // since the runner last wrote
-};
-
-// Leases by whether they have a processor.
-struct LiveJobs {
-  int64_t queued = 0;
-  int64_t running = 0;
+  absl::Duration running = {};
+  absl::Duration silent = {};  // since the runner last wrote
 };
 
 struct LiveHealth {
@@ -115,6 +109,16 @@ struct QueueOutlook {
   std::optional<absl::Duration> end;      // from now: an estimate from recent lease durations
 };
 
+// What is to be ended of a submission that is cancelled.
+struct CancelOrder {
+  int64_t submission = 0;
+  bool reruns = false;  // its re-runs too, and not its original evaluation alone
+  // Also an evaluation whose first episode has not ended is charged, if a lease of it has begun.
+  bool charge = false;
+  std::string why;
+  std::string who;
+};
+
 // The result of a cancel.
 struct CancelReport {
   int killed = 0;          // running leases
@@ -129,7 +133,6 @@ class EngineCore {
   // Everything but `options` must outlive it.
   EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
              const Clock& clock);
-  ~EngineCore();
 
   // Resumes the store's unfinished work: interrupted leases are queued again, and evaluations whose
   // leases have all ended are settled.
@@ -167,45 +170,28 @@ class EngineCore {
   // After teams were renamed or merged: those in the queue follow. What can't be read now keeps its
   // place until the next start.
   void FollowTeams();
-  // Ends what is unfinished of the submission at once: its original evaluation and, if `reruns`, its
-  // re-runs. Answers when their runners are dead, or after a second. `charge`: as Engine::Cancel.
-  // FailedPreconditionError if there is none.
-  void Cancel(int64_t submission, bool reruns, bool charge, const std::string& why, const std::string& who,
-              CancelAnswer answer);
+  // Ends what is unfinished of the submission at once. Answers when the runners are dead, or after
+  // a second. FailedPreconditionError if there is nothing to end.
+  void Cancel(const CancelOrder& order, CancelAnswer answer);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const;
   // As of Scheduler::QueueOf.
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
-  std::map<int64_t, LiveLease> Running() const;  // by lease
-  // The same of these leases alone: its cost doesn't grow with all that run.
-  std::map<int64_t, LiveLease> RunningAmong(const std::set<int64_t>& leases) const;
-  LiveJobs Jobs() const;
+  // By lease; of these leases alone if there is a set, so that its cost doesn't grow with all that
+  // run.
+  std::map<int64_t, LiveLease> Running(const std::set<int64_t>* among = nullptr) const;
   LiveHealth Health() const;
   Metrics& metrics() const { return *options_.metrics; }
   Executor& executor() const { return executor_; }
 
  private:
   // What playing a lease needs; shared by the leases of an evaluation.
-  struct Context {
-    int64_t evaluation = 0;
-    int64_t submission = 0;
-    std::string track_name;
-    std::string team;
+  struct Context : StoredEvaluation {  // as of Enqueue(), but for the leases
     std::string party;  // who submitted it; "" for the organiser, who submits on behalf of others
-    Priority priority = Priority::kRanked;
-    std::string artefact;
-    std::vector<std::string> command;
     // Those that it is to be played with, as it began: name and digest ("": not known).
     std::vector<std::pair<std::string, std::string>> runtimes;
-    std::map<std::string, std::string> environment;
-    std::string adapter;  // "": none
-    bool extra_observations = false;
-    std::optional<PolicyImage> image;
-    TrackPtr track;
-    SeedsPtr seeds;
-    std::map<int64_t, std::pair<int64_t, int64_t>> leases;  // id to first and last episode
-    EvaluationRow row;  // as of Enqueue()
+    std::map<int64_t, std::pair<int64_t, int64_t>> blocks;  // lease to first and last episode
   };
   using ContextPtr = std::shared_ptr<const Context>;
   struct LeaseRun {
@@ -239,19 +225,13 @@ class EngineCore {
     CancelAnswer answer;
   };
   struct Live {
-    int64_t evaluation = 0;
-    int64_t submission = 0;
-    int slot = 0;
-    pid_t process = 0;
-    RunnerSite site;
-    bool begun = true;
-    int64_t episode = 0;
-    int64_t step = 0;
+    LiveLease lease;  // but for its times, which follow from these
     absl::Duration since;
     absl::Duration heard;
-  };
 
-  static LiveLease Shown(const Live& live, absl::Duration now);
+    LiveLease At(absl::Duration now) const;
+    void SetSite(const RunnerSite& site);
+  };
 
   // An event of one evaluation that is still to be written.
   struct Entry {
@@ -279,13 +259,8 @@ class EngineCore {
   void WriteTogether(const std::vector<Request>& requests, std::vector<absl::Status>& statuses);
 
   // Evaluations.
-  struct Loaded {
-    ContextPtr context;
-    std::vector<LeaseRow> open;  // leases that have not ended
-  };
-  absl::StatusOr<Loaded> Load(int64_t evaluation);
   absl::Status EnqueueDeferred();
-  ContextPtr ContextOf(const StoredEvaluation& stored) const;
+  ContextPtr ContextOf(StoredEvaluation stored) const;
   // Ends it as grader_error, whatever else the engine knows about it.
   void GiveUpUnreadable(int64_t evaluation, const std::string& why);
   std::set<int64_t> Forget(int64_t evaluation);
@@ -301,6 +276,8 @@ class EngineCore {
   absl::StatusOr<LeaseOrder> OrderFor(const LeaseRun& run) const;
   LeaseSubject SubjectOf(const LeaseRun& run, absl::Duration wall) const;
   static LogFields FieldsOf(const LeaseRun& run);
+  // Writes that the lease is to be played again.
+  void WriteReturn(const LeaseRun& run, bool fault, const std::string& why);
   void Listen(LeaseRun& run);
   // Of leases on other hosts.
   void AttendExecutor();
@@ -312,7 +289,6 @@ class EngineCore {
   void Account(const LeaseRun& run, RunEnd how);
   // Accounts for the attempt and reclaims the lease.
   void ReclaimAs(int64_t lease, RunEnd how);
-  void OnProgress(LeaseRun& run, const ProgressRecord& record);
   void OnEpisode(LeaseRun& run, const EpisodeFacts& facts);
   void ReclaimOverdue(absl::Duration now);
   void ReapRunners();
@@ -324,21 +300,21 @@ class EngineCore {
   std::string AfterRetries(const std::string& why) const;
   void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
   void FreeSlot(int slot);
-  void CloseSlots();
+  // Closes those of the slots that processes still live on; false: none.
+  bool CloseSlots(int first, int count);
   void ReopenSlots();
   // Moves the lease from running_ to stopping_runners_. Asks its runner to end if `ask`; otherwise
   // the runner may take as long as it needs.
   void Reclaim(int64_t lease, bool ask = true);
   void ReapStopping();
   void AnswerCancels();
-  absl::Status CancelEvaluations(int64_t submission, bool reruns, bool charge, const std::string& why,
-                                 const std::string& who, std::set<int64_t>& killed);
+  // Returns the running leases that were killed.
+  absl::StatusOr<std::set<int64_t>> CancelEvaluations(const CancelOrder& order);
 
   // The host.
   void PollSelfTest();
   void BeginSelfTest();
   void EndSelfTest(const std::string& fault);
-  void TellOfHost(HostHealth::State before, HostHealth::State now);
 
   absl::Duration TimeToNext(absl::Duration now) const;
 

@@ -41,11 +41,17 @@ nlohmann::json OutputJson(const LeaseEndRecord& end) {
 }  // namespace
 
 LogFields EngineCore::FieldsOf(const LeaseRun& run) {
-  return {.evaluation = run.context->evaluation,
-          .submission = run.context->submission,
+  return {.evaluation = run.context->evaluation.id,
+          .submission = run.context->submission.id,
           .lease = run.lease,
           .attempt = run.attempt,
-          .team = run.context->team};
+          .team = run.context->submission.team};
+}
+
+void EngineCore::WriteReturn(const LeaseRun& run, bool fault, const std::string& why) {
+  AddToJournal(run.context->evaluation.id,
+               [lease = run.lease, attempt = run.attempt, fault, why, who = owner_](
+                   Writer& writer) { return writer.ReturnLease(lease, attempt, fault, who, why); });
 }
 
 // Runners that ended by themselves, and those whose records show a fault.
@@ -119,24 +125,22 @@ void EngineCore::ReclaimOverdue(absl::Duration now) {
 }
 
 void EngineCore::FreeSlot(int slot) {
-  const std::map<int, std::string> left = executor_.ProcessesOf(slot, 1);
+  if (CloseSlots(slot, 1)) return;
   const MutexLock lock(mutex_);
-  if (left.empty()) return scheduler_.Free(slot);
-  scheduler_.Close(slot);
-  closed_slots_[slot] = left.at(slot);
-  spdlog::warn("slot {} is closed until {} is gone", slot, closed_slots_[slot]);
+  scheduler_.Free(slot);
 }
 
-// Processes that an earlier daemon's leases left behind, if its runners were killed before they
-// could reap them.
-void EngineCore::CloseSlots() {
-  const auto found = executor_.ProcessesOf(0, options_.config.scheduler.slots);
+// At the start: processes that an earlier daemon's leases left behind, if its runners were killed
+// before they could reap them.
+bool EngineCore::CloseSlots(int first, int count) {
+  const std::map<int, std::string> found = executor_.ProcessesOf(first, count);
   const MutexLock lock(mutex_);
   for (const auto& [slot, left] : found) {
     spdlog::warn("slot {} is closed until {} is gone", slot, left);
     scheduler_.Close(slot);
     closed_slots_[slot] = left;
   }
+  return !found.empty();
 }
 
 void EngineCore::ReopenSlots() {
@@ -168,9 +172,9 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
   }
   run.report.Conclude(run.runner->wait_status(), run.runner->stderr_tail());
   if (run.report.faulty()) return Fault(run, kReportFault, run.report.fault());
-  AddToJournal(run.context->evaluation, [lease = run.lease, attempt = run.attempt,
-                                  output = CanonicalJson(OutputJson(*run.report.end())),
-                                  who = owner_](Writer& writer) {
+  AddToJournal(run.context->evaluation.id, [lease = run.lease, attempt = run.attempt,
+                                            output = CanonicalJson(OutputJson(*run.report.end())),
+                                            who = owner_](Writer& writer) {
     return writer.FinishLease(lease, attempt, output, who);
   });
   Account(run, RunEnd::kDone);
@@ -178,7 +182,7 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   const absl::Duration took = now - live_.at(run.lease).since;
-  metrics().ObserveLease(run.context->track_name, took);
+  metrics().ObserveLease(run.context->submission.track, took);
   mean_lease_ = mean_lease_ == absl::ZeroDuration()
                     ? took
                     : mean_lease_ * (1 - kNewest) + took * kNewest;
@@ -208,10 +212,7 @@ void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why, 
     decision = scheduler_.Faulted(run.lease, run.attempt, now, permanent);
   }
   if (decision.kind == Decision::Kind::kRetry) {
-    AddToJournal(run.context->evaluation,
-          [lease = run.lease, attempt = run.attempt, why, who = owner_](Writer& writer) {
-      return writer.ReturnLease(lease, attempt, /*fault=*/true, who, why);
-    });
+    WriteReturn(run, /*fault=*/true, why);
   } else if (decision.kind == Decision::Kind::kGiveUp) {
     GiveUp(decision, run.lease, permanent ? why : AfterRetries(why));
   }
@@ -320,9 +321,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   });
 }
 
-absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, bool charge,
-                                           const std::string& why, const std::string& who,
-                                           std::set<int64_t>& killed) {
+absl::StatusOr<std::set<int64_t>> EngineCore::CancelEvaluations(const CancelOrder& order) {
   // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended is
   // about to get its result.
   RETURN_IF_ERROR(RequireWritable());
@@ -331,36 +330,36 @@ absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, bool
   RETURN_IF_ERROR(RequireWritable());
   // A job that waits for a node has shown nothing to anybody.
   const auto may_have_begun = [&](int64_t evaluation) {
-    return !executor_.remote() || std::any_of(running_.begin(), running_.end(), [&](const auto& run) {
-      return run.second.begun && run.second.context->evaluation == evaluation;
-    });
+    return !executor_.remote() ||
+           std::any_of(running_.begin(), running_.end(), [&](const auto& run) {
+             return run.second.begun && run.second.context->evaluation.id == evaluation;
+           });
   };
   std::vector<int64_t> open;
   RETURN_IF_ERROR(WriteNow([&](Writer& writer) -> absl::Status {
-    open = writer.OpenEvaluationsOf(submission, reruns);
+    open = writer.OpenEvaluationsOf(order.submission, order.reruns);
     for (const int64_t evaluation : open) {
-      if (charge && may_have_begun(evaluation)) writer.ChargeBegun(evaluation);
-      const absl::Status ended =
-          writer.EndWithLeases(evaluation, EvaluationState::kCancelled, why, who);
-      if (!ended.ok()) return ended;
+      if (order.charge && may_have_begun(evaluation)) writer.ChargeBegun(evaluation);
+      RETURN_IF_ERROR(
+          writer.EndWithLeases(evaluation, EvaluationState::kCancelled, order.why, order.who));
     }
     return absl::OkStatus();
   }));
   if (open.empty()) {
     return absl::FailedPreconditionError(
-        absl::StrCat("submission ", submission, " has ended; there is nothing to cancel",
-                     reruns ? "" : ", and only organisers can end its re-runs"));
+        absl::StrCat("submission ", order.submission, " has ended; there is nothing to cancel",
+                     order.reruns ? "" : ", and only organisers can end its re-runs"));
   }
+  std::set<int64_t> killed;
   for (const int64_t evaluation : open) killed.merge(Forget(evaluation));
-  return absl::OkStatus();
+  return killed;
 }
 
-void EngineCore::Cancel(int64_t submission, bool reruns, bool charge, const std::string& why,
-                        const std::string& who, CancelAnswer answer) {
-  CancelWait wait{{}, clock_.Monotonic(), std::move(answer)};
-  const absl::Status status = CancelEvaluations(submission, reruns, charge, why, who, wait.leases);
-  if (!status.ok()) return wait.answer(status);
-  cancels_.push_back(std::move(wait));
+void EngineCore::Cancel(const CancelOrder& order, CancelAnswer answer) {
+  const absl::Duration begin = clock_.Monotonic();
+  absl::StatusOr<std::set<int64_t>> killed = CancelEvaluations(order);
+  if (!killed.ok()) return answer(killed.status());
+  cancels_.push_back({*std::move(killed), begin, std::move(answer)});
   AnswerCancels();
 }
 

@@ -3,7 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
-#include "server/base/host_name.h"
+#include "server/base/this_host.h"
 #include "server/engine/engine_core.h"
 #include "server/metrics/disk_space.h"
 
@@ -37,8 +37,8 @@ void EngineCore::BeginSelfTest() {
                     absl::StrCat(options_.data_dir, "/work/selftest"), options_.cache_dir);
   order.slot = *slot;
   spdlog::info("self-test on slot {}", *slot);
-  test_ = SelfTest::Begin(executor_, order,
-                          clock_.Monotonic() + options_.config.self_test_deadline);
+  test_ = std::make_unique<SelfTest>(executor_, order,
+                                     clock_.Monotonic() + options_.config.self_test_deadline);
 }
 
 void EngineCore::EndSelfTest(const std::string& fault) {
@@ -61,17 +61,20 @@ void EngineCore::EndSelfTest(const std::string& fault) {
     if (runner != nullptr) executor_.CleanUp(order.work_dir);
     FreeSlot(static_cast<int>(order.slot));
   }
-  HostHealth::State before = HostHealth::State::kWell;
-  HostHealth::State now = HostHealth::State::kWell;
+  bool was_paused = false;
+  bool paused = false;
   {
     const MutexLock lock(mutex_);
-    before = host_.state();
+    was_paused = host_.state() == HostHealth::State::kPaused;
     host_.TestEnded(clock_.Monotonic(), fault);
-    now = host_.state();
+    paused = host_.state() == HostHealth::State::kPaused;
   }
   if (stopping_) return;
   metrics().CountSelfTest(fault.empty());
-  TellOfHost(before, now);
+  // The fault itself names files of this host, so it is only logged.
+  const std::string about = CanonicalJson({{"host", HostName()}});
+  if (paused) TellLater(kSelfTestFailedEvent, about);
+  if (paused != was_paused) TellLater(paused ? kHostPausedEvent : kHostResumedEvent, about);
 }
 
 // Below the reserve no lease begins. Those that run go on, and need little of it.
@@ -88,15 +91,6 @@ void EngineCore::LookAtDisk() {
 bool EngineCore::ShortOfRoom() const {
   const MutexLock lock(mutex_);
   return !disk_trouble_.empty();
-}
-
-// The fault itself names files of this host, so it is only logged.
-void EngineCore::TellOfHost(HostHealth::State before, HostHealth::State now) {
-  const bool paused = now == HostHealth::State::kPaused;
-  const std::string about = CanonicalJson({{"host", HostName()}});
-  if (paused) TellLater(kSelfTestFailedEvent, about);
-  if (paused == (before == HostHealth::State::kPaused)) return;
-  TellLater(paused ? kHostPausedEvent : kHostResumedEvent, about);
 }
 
 }  // namespace myograde::server

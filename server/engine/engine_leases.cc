@@ -14,8 +14,9 @@ namespace myograde::server {
 absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
   const Context& context = *run.context;
   // Artefacts that came with an import may name what this server does not have.
-  if (!context.adapter.empty() && FindAdapter(context.adapter) == nullptr) {
-    return absl::NotFoundError(absl::StrCat("there is no adapter \"", context.adapter, "\""));
+  const ArtefactRow& artefact = context.artefact;
+  if (!artefact.adapter.empty() && FindAdapter(artefact.adapter) == nullptr) {
+    return absl::NotFoundError(absl::StrCat("there is no adapter \"", artefact.adapter, "\""));
   }
   std::vector<std::string> runtimes;
   for (const auto& [name, digest] : context.runtimes) {
@@ -24,17 +25,17 @@ absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
     runtimes.push_back(runtime.folder);
   }
   const TrackConfig& track = context.track->config;
-  const Form1PolicySeeds form1 = {disk_.policy_secret(), context.artefact};
+  const Form1PolicySeeds form1 = {disk_.policy_secret(), artefact.hash};
   return MakeLeaseOrder(
       absl::StrCat(run.lease, "-", run.attempt), track,
       EpisodesOf(track, *context.seeds, form1, run.first, run.last),
-      {.artefact_dir = ArtefactFolder(options_.data_dir, context.artefact),
-       .command = context.command,
-       .environment = context.environment,
+      {.artefact_dir = ArtefactFolder(options_.data_dir, artefact.hash),
+       .command = artefact.command,
+       .environment = artefact.environment,
        .runtimes = std::move(runtimes),
-       .adapter = context.adapter,
-       .extra_observations = context.extra_observations,
-       .image = context.image},
+       .adapter = artefact.adapter,
+       .extra_observations = context.submission.extra_observations,
+       .image = artefact.image},
       {.slot = run.slot,
        .uid = -1,
        .pinned = PinsSlots(options_.config, options_.config.scheduler.slots, track),
@@ -45,10 +46,10 @@ absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
 
 LeaseSubject EngineCore::SubjectOf(const LeaseRun& run, absl::Duration wall) const {
   const Context& context = *run.context;
-  return {.evaluation = context.evaluation,
+  return {.evaluation = context.evaluation.id,
           .lease = run.lease,
           .attempt = run.attempt,
-          .artefact = context.artefact,
+          .artefact = context.artefact.hash,
           .runtimes = context.runtimes,
           .wall = wall};
 }
@@ -77,10 +78,7 @@ void EngineCore::GiveWay() {
     if (!lease.has_value()) return;
     spdlog::info("lease {} (evaluation {}) of a rejudge gives way to others", lease->lease,
                  lease->evaluation);
-    AddToJournal(lease->evaluation, [lease = *lease, who = owner_](Writer& writer) {
-      return writer.ReturnLease(lease.lease, lease.attempt, /*fault=*/false, who,
-                                "it gave way to submissions that wait");
-    });
+    WriteReturn(running_.at(lease->lease), /*fault=*/false, "it gave way to submissions that wait");
     metrics().CountReturn("gave way");
     ReclaimAs(lease->lease, RunEnd::kReturned);
   }
@@ -93,7 +91,7 @@ void EngineCore::StartLease(const Start& start) {
   run.attempt = start.attempt;
   run.slot = start.slot;
   run.work_dir = absl::StrCat(options_.data_dir, "/work/", run.lease, "-", run.attempt);
-  std::tie(run.first, run.last) = run.context->leases.at(start.lease);
+  std::tie(run.first, run.last) = run.context->blocks.at(start.lease);
   const int64_t deadline = absl::ToUnixMillis(clock_.Now() + start.lease_wall);
   AddToJournal(start.evaluation, [start, deadline, who = owner_](Writer& writer) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
@@ -122,8 +120,16 @@ void EngineCore::StartLease(const Start& start) {
                run.runner->pid());
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
-  live_[run.lease] = {start.evaluation, run.context->submission, run.slot, run.runner->pid(),
-                      run.runner->site(), run.begun, run.first, 0, now, now};
+  Live& live = live_[run.lease];
+  live = {.lease = {.evaluation = start.evaluation,
+                    .submission = run.context->submission.id,
+                    .slot = run.slot,
+                    .process = run.runner->pid(),
+                    .begun = run.begun,
+                    .episode = run.first},
+          .since = now,
+          .heard = now};
+  live.SetSite(run.runner->site());
   running_[run.lease] = std::move(run);
 }
 
@@ -134,30 +140,26 @@ void EngineCore::Listen(LeaseRun& run) {
   if (records->empty() || run.report.faulty()) return;
   const absl::Duration now = clock_.Monotonic();
   const LeaseReport::News news = run.report.Take(*records, now);
-  if (news.progress.has_value()) OnProgress(run, *news.progress);
   for (const EpisodeFacts& facts : news.episodes) OnEpisode(run, facts);
   const MutexLock lock(mutex_);
   scheduler_.Heartbeat(run.lease, run.attempt, now);
-  live_.at(run.lease).heard = now;
-}
-
-void EngineCore::OnProgress(LeaseRun& run, const ProgressRecord& record) {
-  const MutexLock lock(mutex_);
   Live& live = live_.at(run.lease);
-  live.episode = record.episode;
-  live.step = record.step;
+  live.heard = now;
+  if (!news.progress.has_value()) return;
+  live.lease.episode = news.progress->episode;
+  live.lease.step = news.progress->step;
 }
 
 void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   absl::StatusOr<EpisodeRow> row = JudgedRow(*run.context->track, facts);
   if (!row.ok()) return run.report.Fail(std::string(row.status().message()));
-  row->evaluation = run.context->evaluation;
+  row->evaluation = run.context->evaluation.id;
   row->lease = run.lease;
   row->attempt = run.attempt;
   const bool played = row->outcome == Outcome::kSuccess || row->outcome == Outcome::kFailure;
-  metrics().CountEpisode(run.context->track_name, OutcomeName(row->outcome),
+  metrics().CountEpisode(run.context->submission.track, OutcomeName(row->outcome),
                          /*participant_fault=*/!played);
-  AddToJournal(run.context->evaluation, [row = *std::move(row)](Writer& writer) -> absl::Status {
+  AddToJournal(run.context->evaluation.id, [row = *std::move(row)](Writer& writer) -> absl::Status {
     ASSIGN_OR_RETURN(Recorded recorded, writer.RecordEpisode(row));
     if (!recorded.differs.empty()) {
       const LogScope about({.evaluation = row.evaluation, .lease = row.lease,

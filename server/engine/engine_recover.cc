@@ -1,11 +1,9 @@
 // Loads evaluations from the store: new ones, and after a start those that an earlier daemon left
 // unfinished, in the same way.
 #include <absl/strings/numbers.h>
-#include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/engine/engine_core.h"
 #include "server/grading/results.h"
@@ -46,74 +44,48 @@ std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluati
 
 }  // namespace
 
-EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) const {
-  const auto context = std::make_shared<Context>();
-  context->evaluation = stored.evaluation.id;
-  context->submission = stored.submission.id;
-  context->track_name = stored.submission.track;
-  context->team = stored.submission.team;
+EngineCore::ContextPtr EngineCore::ContextOf(StoredEvaluation stored) const {
+  const auto context = std::make_shared<Context>(Context{std::move(stored), "", {}, {}});
   // An organiser submits on behalf of many people, so it counts for no party.
-  const std::string& who = stored.submission.accepted_by;
+  const std::string& who = context->submission.accepted_by;
   context->party = IsOrganiser(who) ? "" : who;
-  context->priority = PriorityOf(stored);
-  context->artefact = stored.artefact.hash;
-  context->command = stored.artefact.command;
-  context->environment = stored.artefact.environment;
-  context->adapter = stored.artefact.adapter;
-  context->extra_observations = stored.submission.extra_observations;
-  context->image = stored.artefact.image;
-  context->runtimes = RuntimesOf(stored, runtimes_);
-  context->track = stored.track;
-  context->seeds = stored.seeds;
-  for (const LeaseRow& lease : stored.leases) {
-    context->leases[lease.id] = {lease.first, lease.last};
+  context->runtimes = RuntimesOf(*context, runtimes_);
+  // Their rows change, and those that have ended are large.
+  for (const LeaseRow& lease : std::exchange(context->leases, {})) {
+    context->blocks[lease.id] = {lease.first, lease.last};
   }
-  context->row = stored.evaluation;
   return context;
 }
 
-absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
-  Loaded loaded;
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(StoredEvaluation stored, LoadEvaluation(reader, id, content_));
-    loaded.context = ContextOf(stored);
-    for (const LeaseRow& lease : stored.leases) {
-      if (!IsFinal(lease.state)) loaded.open.push_back(lease);
-    }
-    return absl::OkStatus();
-  }));
-  return loaded;
-}
-
 absl::Status EngineCore::Enqueue(int64_t id) {
-  absl::StatusOr<Loaded> loaded = Load(id);
-  if (MayPass(loaded.status())) {
-    spdlog::warn("evaluation {} is deferred: {}", id,
-                 std::string(loaded.status().message()));
+  absl::StatusOr<StoredEvaluation> stored = readers_.Read<StoredEvaluation>(
+      [&](Reader& reader) { return LoadEvaluation(reader, id, content_); });
+  if (MayPass(stored.status())) {
+    spdlog::warn("evaluation {} is deferred: {}", id, std::string(stored.status().message()));
     deferred_.insert(id);
     return absl::OkStatus();
   }
-  if (IsBrokenStore(loaded.status())) return loaded.status();
-  if (!loaded.ok()) {
-    GiveUpUnreadable(id, std::string(loaded.status().message()));
-    return absl::OkStatus();
-  }
-  const Context& context = *loaded->context;
-  contexts_[id] = loaded->context;
-  if (loaded->open.empty()) {
-    to_settle_.insert(id);
+  if (IsBrokenStore(stored.status())) return stored.status();
+  if (!stored.ok()) {
+    GiveUpUnreadable(id, std::string(stored.status().message()));
     return absl::OkStatus();
   }
   EvaluationSpec spec;
-  spec.id = id;
-  spec.team = context.team;
-  spec.party = context.party;
-  spec.priority = context.priority;
-  spec.lease_wall =
-      absl::Seconds(context.track->config.budgets.lease_wall_s) + options_.config.lease_grace;
-  for (const LeaseRow& lease : loaded->open) {
-    spec.leases.push_back({lease.id, lease.attempt, lease.faults});
+  for (const LeaseRow& lease : stored->leases) {
+    if (!IsFinal(lease.state)) spec.leases.push_back({lease.id, lease.attempt, lease.faults});
   }
+  const ContextPtr context = ContextOf(*std::move(stored));
+  contexts_[id] = context;
+  if (spec.leases.empty()) {
+    to_settle_.insert(id);
+    return absl::OkStatus();
+  }
+  spec.id = id;
+  spec.team = context->submission.team;
+  spec.party = context->party;
+  spec.priority = PriorityOf(*context);
+  spec.lease_wall =
+      absl::Seconds(context->track->config.budgets.lease_wall_s) + options_.config.lease_grace;
   const MutexLock lock(mutex_);
   scheduler_.Add(spec, clock_.Monotonic());
   return absl::OkStatus();
@@ -125,17 +97,19 @@ void EngineCore::FollowTeams() {
     const MutexLock lock(mutex_);
     teams = scheduler_.Teams();
   }
-  std::map<std::string, std::string> names;
-  const absl::Status status = readers_.Read([&](Reader& reader) {
-    for (const std::string& team : teams) names[team] = reader.TeamOf(team);
-    return absl::OkStatus();
+  using Names = std::map<std::string, std::string>;
+  const absl::StatusOr<Names> names = readers_.Read<Names>([&](Reader& reader) {
+    Names found;
+    for (const std::string& team : teams) found[team] = reader.TeamOf(team);
+    return found;
   });
-  if (!status.ok()) {
-    spdlog::warn("the queue keeps the former names of teams: {}", std::string(status.message()));
+  if (!names.ok()) {
+    spdlog::warn("the queue keeps the former names of teams: {}",
+                 std::string(names.status().message()));
     return;
   }
   const MutexLock lock(mutex_);
-  for (const auto& [team, name] : names) scheduler_.MoveTeam(team, name);
+  for (const auto& [team, name] : *names) scheduler_.MoveTeam(team, name);
 }
 
 absl::Status EngineCore::EnqueueDeferred() {
@@ -146,11 +120,11 @@ absl::Status EngineCore::EnqueueDeferred() {
 }
 
 absl::Status EngineCore::Recover() {
-  CloseSlots();
+  CloseSlots(0, options_.config.scheduler.slots);
   RETURN_IF_ERROR(RecallDrained());
   Listed<EvaluationRow> unfinished;
   std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
-  absl::Status status = readers_.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
     unfinished = reader.Unfinished();
     for (const EvaluationRow& evaluation : unfinished.rows) {
       const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(evaluation.id);
@@ -160,10 +134,9 @@ absl::Status EngineCore::Recover() {
       }
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   std::map<int64_t, absl::Status> refused;
-  status = disk_.Write([&](Writer& writer) {
+  RETURN_IF_ERROR(disk_.Write([&](Writer& writer) {
     refused.clear();
     for (const auto& [evaluation, open] : interrupted) {
       refused[evaluation] = writer.Part([&leases = open, this](Writer& part) {
@@ -176,8 +149,7 @@ absl::Status EngineCore::Recover() {
       });
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   for (const auto& [evaluation, why] : refused) {
     if (!why.ok()) GiveUpUnreadable(evaluation, std::string(why.message()));
   }
@@ -187,44 +159,38 @@ absl::Status EngineCore::Recover() {
   }
   for (const EvaluationRow& evaluation : unfinished.rows) {
     if (given_up_.contains(evaluation.id)) continue;
-    if (status = Enqueue(evaluation.id); !status.ok()) return status;
+    RETURN_IF_ERROR(Enqueue(evaluation.id));
   }
   if (!unfinished.rows.empty()) {
     spdlog::info("resumed {} unfinished evaluations, {} of them with interrupted leases",
                  unfinished.rows.size(), interrupted.size());
   }
-  return status;
+  return absl::OkStatus();
 }
 
 // The evaluation's leases have all ended: its rows decide whether it is done or failed.
 absl::Status EngineCore::Settle(int64_t evaluation) {
   const Context& context = *contexts_.at(evaluation);
-  std::vector<EpisodeRow> rows;
-  absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
-    absl::StatusOr<std::vector<EpisodeRow>> read =
-        WholeEpisodes(reader, context.row, *context.seeds);
-    if (read.ok()) rows = *std::move(read);
-    return read.status();
-  });
-  if (!status.ok()) return status;
+  using Rows = std::vector<EpisodeRow>;
+  ASSIGN_OR_RETURN(const Rows rows, readers_.Read<Rows>([&](Reader& reader) {
+    return WholeEpisodes(reader, context.evaluation, *context.seeds);
+  }));
   ASSIGN_OR_RETURN(const EvaluationResult result, ResultOf(*context.track, rows));
-  status = WriteNow([&](Writer& writer) {
+  RETURN_IF_ERROR(WriteNow([&](Writer& writer) {
     absl::Status written = writer.EndEvaluation(evaluation, result.state, result.reason,
                                                 result.results_hash, owner_);
-    if (result.state == EvaluationState::kDone && context.row.kind != EvaluationKind::kRerun) {
+    if (result.state == EvaluationState::kDone &&
+        context.evaluation.kind != EvaluationKind::kRerun) {
       written.Update(writer.SetStanding(evaluation, result.standing));
     }
     return written;
-  });
-  if (status.ok()) {
-    const LogScope scope({.evaluation = evaluation,
-                          .submission = context.submission,
-                          .team = context.team});
-    spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
-                 std::string(EvaluationStateName(result.state)), result.successes,
-                 result.episodes);
-  }
-  return status;
+  }));
+  const LogScope scope({.evaluation = evaluation,
+                        .submission = context.submission.id,
+                        .team = context.submission.team});
+  spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
+               std::string(EvaluationStateName(result.state)), result.successes, result.episodes);
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

@@ -1,5 +1,4 @@
 // Requests about rejudges (store/rejudges.h).
-#include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
@@ -48,15 +47,16 @@ absl::Status EnqueueAll(EngineCore& core, const Evaluations& evaluations) {
 
 }  // namespace
 
+nlohmann::json Engine::HostBuild() const {
+  return WithRuntimes(GraderBuild(cache_dir_, AdapterNames()), RuntimeDigests(runtimes_));
+}
+
 absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
                                                      const SignRejudge& sign,
                                                      const std::string& who,
                                                      absl::Duration timeout) {
   NewRejudge rejudge = asked;
-  if (rejudge.grader_json.empty()) {
-    rejudge.grader_json = CanonicalJson(
-        WithRuntimes(GraderBuild(cache_dir_, AdapterNames()), RuntimeDigests(runtimes_)));
-  }
+  if (rejudge.grader_json.empty()) rejudge.grader_json = CanonicalJson(HostBuild());
   RETURN_IF_ERROR(CheckNewRejudge(rejudge));
   RejudgePlan plan;
   ASSIGN_OR_RETURN(

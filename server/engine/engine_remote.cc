@@ -1,5 +1,4 @@
 // Leases on other hosts: they begin later than they start, can be lost, and are accounted for.
-#include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
@@ -46,11 +45,9 @@ void EngineCore::AttendExecutor() {
 // The nodes that were drained before this start.
 absl::Status EngineCore::RecallDrained() {
   if (!executor_.remote()) return absl::OkStatus();
-  Listed<DrainedNodeRow> drained;
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
-    drained = reader.DrainedNodes();
-    return absl::OkStatus();
-  }));
+  using Drained = Listed<DrainedNodeRow>;
+  ASSIGN_OR_RETURN(const Drained drained,
+                   readers_.Read<Drained>([](Reader& reader) { return reader.DrainedNodes(); }));
   for (const Damage& damage : drained.damaged) spdlog::error("{}", DamageText(damage));
   for (const DrainedNodeRow& row : drained.rows) {
     const absl::Status kept = executor_.Drain(row.node, row.why);
@@ -63,14 +60,14 @@ void EngineCore::FollowSite(LeaseRun& run) {
   const bool begins = !run.begun && run.runner->begun();
   const MutexLock lock(mutex_);
   Live& live = live_.at(run.lease);
-  live.site = run.runner->site();
+  live.SetSite(run.runner->site());
   if (!begins) return;
   const absl::Duration now = clock_.Monotonic();
-  run.begun = live.begun = true;
+  run.begun = live.lease.begun = true;
   run.began_at = absl::ToUnixMillis(clock_.Now());
   live.since = live.heard = now;
   scheduler_.Begun(run.lease, run.attempt, now);
-  spdlog::info("lease {} begins on node {}, job {}", run.lease, live.site.node, live.site.job);
+  spdlog::info("lease {} begins on node {}, job {}", run.lease, live.lease.node, live.lease.job);
 }
 
 // Nobody is at fault: the lease is played again.
@@ -88,12 +85,7 @@ void EngineCore::Return(LeaseRun& run, const char* kind, const std::string& why)
     decision = scheduler_.Returned(run.lease, run.attempt, clock_.Monotonic());
   }
   if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, AfterRetries(why));
-  if (decision.kind != Decision::Kind::kRetry) return;
-  AddToJournal(run.context->evaluation,
-               [lease = run.lease, attempt = run.attempt, fault = decision.fault, why,
-                who = owner_](Writer& writer) {
-    return writer.ReturnLease(lease, attempt, fault, who, why);
-  });
+  if (decision.kind == Decision::Kind::kRetry) WriteReturn(run, decision.fault, why);
 }
 
 // An attempt has ended, or nothing more of it counts. One that never had a runner used nothing.
@@ -109,8 +101,8 @@ void EngineCore::Account(const LeaseRun& run, RunEnd how) {
                            .cpu_s = site.cpu_s,
                            .energy_j = site.energy_j,
                            .how = how};
-  metrics().CountUse(run.context->track_name, site.cpu_s, site.energy_j.value_or(0));
-  AddToJournal(run.context->evaluation, [row](Writer& writer) {
+  metrics().CountUse(run.context->submission.track, site.cpu_s, site.energy_j.value_or(0));
+  AddToJournal(run.context->evaluation.id, [row](Writer& writer) {
     return Note(writer, [&](Writer& part) { return part.RecordLeaseRun(row); });
   });
 }

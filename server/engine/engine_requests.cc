@@ -1,5 +1,4 @@
 // Requests that change the store; concurrent requests are written together.
-#include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
 #include "server/engine/engine.h"
@@ -22,7 +21,7 @@ absl::Status Found(Writer& writer, const NewSubmission& submission) {
 
 absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
                             std::function<absl::Status()> effect) {
-  return commands_.CallLater(
+  return commands_.Call(
       [this, change = std::move(change), effect = std::move(effect)](CommandQueue::Answer answer) {
         core_.Ask({change, effect, std::move(answer)});
       },
@@ -83,24 +82,22 @@ absl::StatusOr<bool> Engine::ChangeTeams(std::function<absl::StatusOr<bool>(Writ
 absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
                                        bool organiser, const RerunLimits& limits,
                                        absl::Duration timeout) {
-  return Admit([this, rerun, who, organiser, limits](Writer& writer) {
-    return writer.Once(who, rerun.request_key, [&]() -> absl::StatusOr<Accepted> {
-      absl::Status allowed = HasArtefactFiles(data_dir_, rerun.artefact);
-      if (allowed.ok()) allowed = writer.CheckReruns(rerun.submission, who, organiser, limits);
-      if (!allowed.ok()) return allowed;
-      return writer.AddRerun(rerun, who);
-    });
-  }, timeout);
+  return Admit(
+      [this, rerun, who, organiser, limits](Writer& writer) {
+        return writer.Once(who, rerun.request_key, [&]() -> absl::StatusOr<Accepted> {
+          RETURN_IF_ERROR(HasArtefactFiles(data_dir_, rerun.artefact));
+          RETURN_IF_ERROR(writer.CheckReruns(rerun.submission, who, organiser, limits));
+          return writer.AddRerun(rerun, who);
+        });
+      },
+      timeout);
 }
 
-absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, bool reruns, bool charge,
-                                            const std::string& why, const std::string& who,
-                                            absl::Duration timeout) {
+absl::StatusOr<CancelReport> Engine::Cancel(const CancelOrder& order, absl::Duration timeout) {
   const auto report = std::make_shared<CancelReport>();
-  RETURN_IF_ERROR(commands_.CallLater(
-      [this, submission, reruns, charge, why, who, report](CommandQueue::Answer answer) {
-        core_.Cancel(submission, reruns, charge, why, who,
-                     [report, answer](absl::StatusOr<CancelReport> done) {
+  RETURN_IF_ERROR(commands_.Call(
+      [this, order, report](CommandQueue::Answer answer) {
+        core_.Cancel(order, [report, answer](absl::StatusOr<CancelReport> done) {
           if (done.ok()) *report = *done;
           answer(done.status());
         });

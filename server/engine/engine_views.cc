@@ -56,37 +56,33 @@ std::vector<int64_t> EngineCore::QueueOf(const std::set<std::string>* teams) con
   return scheduler_.QueueOf(teams);
 }
 
-LiveLease EngineCore::Shown(const Live& live, absl::Duration now) {
-  return {live.evaluation, live.submission, live.slot, live.process, live.site.node,
-          live.site.job, live.begun, live.site.cpu_s, live.episode, live.step,
-          now - live.since, now - live.heard};
+LiveLease EngineCore::Live::At(absl::Duration now) const {
+  LiveLease shown = lease;
+  shown.running = now - since;
+  shown.silent = now - heard;
+  return shown;
 }
 
-std::map<int64_t, LiveLease> EngineCore::Running() const {
+void EngineCore::Live::SetSite(const RunnerSite& site) {
+  lease.node = site.node;
+  lease.job = site.job;
+  lease.cpu_s = site.cpu_s;
+}
+
+std::map<int64_t, LiveLease> EngineCore::Running(const std::set<int64_t>* among) const {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   std::map<int64_t, LiveLease> leases;
-  for (const auto& [id, live] : live_) leases.emplace_hint(leases.end(), id, Shown(live, now));
-  return leases;
-}
-
-std::map<int64_t, LiveLease> EngineCore::RunningAmong(const std::set<int64_t>& among) const {
-  const MutexLock lock(mutex_);
-  const absl::Duration now = clock_.Monotonic();
-  std::map<int64_t, LiveLease> leases;
-  for (const int64_t id : among) {
+  if (among == nullptr) {
+    for (const auto& [id, live] : live_) leases.emplace_hint(leases.end(), id, live.At(now));
+    return leases;
+  }
+  for (const int64_t id : *among) {
     if (const auto live = live_.find(id); live != live_.end()) {
-      leases.emplace_hint(leases.end(), id, Shown(live->second, now));
+      leases.emplace_hint(leases.end(), id, live->second.At(now));
     }
   }
   return leases;
-}
-
-LiveJobs EngineCore::Jobs() const {
-  const MutexLock lock(mutex_);
-  LiveJobs jobs;
-  for (const auto& [id, live] : live_) ++(live.begun ? jobs.running : jobs.queued);
-  return jobs;
 }
 
 LiveHealth EngineCore::Health() const {

@@ -7,6 +7,7 @@
 
 #include <absl/status/status.h>
 
+#include "protocol/base/clock.h"
 #include "server/metrics/metrics.h"
 #include "server/store/store.h"
 
@@ -32,7 +33,14 @@ class StoreDisk : public Disk {
   // Both must outlive it. `metrics` may be nullptr.
   explicit StoreDisk(Store& store, Metrics* metrics = nullptr)
       : store_(store), metrics_(metrics) {}
-  absl::Status Write(const StoreChange& change) override;
+  absl::Status Write(const StoreChange& change) override {
+    const absl::Duration begin = SystemClock().Monotonic();
+    absl::Status status = store_.Write(change);
+    if (metrics_ != nullptr) {
+      metrics_->ObserveStoreWrite(SystemClock().Monotonic() - begin, !MayPass(status));
+    }
+    return status;
+  }
   absl::Status Check() const override { return store_.Check(); }
   const std::string& policy_secret() const override { return store_.policy_secret(); }
 

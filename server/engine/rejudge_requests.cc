@@ -6,7 +6,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/engine/stored.h"
@@ -154,18 +153,16 @@ absl::StatusOr<NewRejudgeItem> ItemToPlay(Reader& reader, const RejudgeCandidate
                                           int64_t rejudge, const std::string& grader_json,
                                           int64_t count, int64_t per_lease,
                                           const std::string& data_dir) {
-  const absl::StatusOr<SubmissionRow> submission = reader.Submission(candidate.submission);
-  if (!submission.ok()) return submission.status();
-  NewRejudgeItem item;
-  item.rejudge = rejudge;
-  item.submission = candidate.submission;
-  item.repetition = candidate.repetition;
-  item.source = candidate.source;
-  item.grader_json = grader_json;
-  item.blocks = BlocksOf(count, per_lease);
-  if (!HasArtefactFiles(data_dir, submission->artefact).ok()) {
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(candidate.submission));
+  NewRejudgeItem item = {.rejudge = rejudge,
+                         .submission = candidate.submission,
+                         .repetition = candidate.repetition,
+                         .source = candidate.source,
+                         .grader_json = grader_json,
+                         .blocks = BlocksOf(count, per_lease)};
+  if (!HasArtefactFiles(data_dir, submission.artefact).ok()) {
     item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
-                                   submission->artefact, " are not on this host any more");
+                                   submission.artefact, " are not on this host any more");
   }
   return item;
 }

@@ -1,10 +1,9 @@
 #include "server/engine/rejudges.h"
 
-#include <chrono>
-
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
@@ -25,22 +24,21 @@ absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
                                           std::string(why.message())));
 }
 
-}  // namespace
-
+// Computes an item from the facts of its source: pure but for reading. InternalError if the facts
+// can't be judged; a damaged row (store/damage.h).
 absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
                                      const RejudgeCandidate& candidate, const Track& track,
                                      const std::vector<uint64_t>& seeds) {
-  const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
-  if (!source.ok()) return source.status();
-  if (source->last >= std::ssize(seeds)) {
-    return absl::InternalError(absl::StrCat("evaluation ", source->id, " has more episodes than the "
+  ASSIGN_OR_RETURN(const EvaluationRow source, reader.Evaluation(candidate.source));
+  if (source.last >= std::ssize(seeds)) {
+    return absl::InternalError(absl::StrCat("evaluation ", source.id,
+                                            " has more episodes than the "
                                             "new config has seeds"));
   }
-  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, WholeEpisodes(reader, *source, seeds));
-  const absl::StatusOr<SubmissionRow> submission = reader.Submission(source->submission);
-  if (!submission.ok()) return submission.status();
-  ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, ConfigOf(*source, *submission)));
-  RETURN_IF_ERROR(CheckResults(reader, *source, rows, before.seed_salt));
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, WholeEpisodes(reader, source, seeds));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(source.submission));
+  ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, ConfigOf(source, submission)));
+  RETURN_IF_ERROR(CheckResults(reader, source, rows, before.seed_salt));
   JudgedItem item;
   item.rejudge = rejudge.id;
   item.submission = candidate.submission;
@@ -64,20 +62,16 @@ absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
   return item;
 }
 
+}  // namespace
+
 Rejudger::Rejudger(RejudgerOptions options, Engine& engine, ReaderPool& readers)
     : options_(std::move(options)),
       engine_(engine),
       readers_(readers),
-      thread_([this] { Loop(); }) {}
-
-Rejudger::~Rejudger() {
-  {
-    const MutexLock lock(mutex_);
-    stop_ = true;
-  }
-  wake_.NotifyAll();
-  thread_.join();
-}
+      thread_([this](std::stop_token stop) {
+        stop_ = std::move(stop);
+        Loop();
+      }) {}
 
 void Rejudger::Loop() {
   std::string trouble;
@@ -85,35 +79,16 @@ void Rejudger::Loop() {
     const std::string now = std::string(LookForWork().message());
     if (!now.empty() && now != trouble) spdlog::warn("rejudges can't go on yet: {}", now);
     trouble = now;
-  } while (!WaitForStop());
-}
-
-bool Rejudger::WaitForStop() {
-  const auto deadline =
-      std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(options_.every);
-  const MutexLock lock(mutex_);
-  while (!stop_ && wake_.WaitUntil(mutex_, deadline)) {
-  }
-  return stop_;
-}
-
-bool Rejudger::stopping() {
-  const MutexLock lock(mutex_);
-  return stop_;
+  } while (!WaitForStop(stop_, options_.every));
 }
 
 absl::Status Rejudger::LookForWork() {
-  int64_t newest = 0;
-  absl::Status status = readers_.Read([&](Reader& reader) {
-    newest = reader.RejudgeWork();
-    return absl::OkStatus();
-  });
-  if (!status.ok() || newest == seen_) return status;
+  ASSIGN_OR_RETURN(const int64_t newest,
+                   readers_.Read<int64_t>([](Reader& reader) { return reader.RejudgeWork(); }));
+  if (newest == seen_) return absl::OkStatus();
   ASSIGN_OR_RETURN(const std::vector<Work> open, OpenWork());
-  for (const Work& work : open) {
-    if (status = Carry(work); !status.ok()) return status;
-  }
-  if (!stopping()) seen_ = newest;
+  for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
+  if (!stop_.stop_requested()) seen_ = newest;
   return absl::OkStatus();
 }
 
@@ -145,14 +120,10 @@ absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(Reader& reader, RejudgeRow rejud
   work.missing = reader.MissingItems(work.rejudge);
   if (work.missing.empty()) return work;
   ASSIGN_OR_RETURN(work.track, content_.Track(reader, work.rejudge.to_config));
-  absl::StatusOr<SeedsPtr> seeds = content_.Seeds(reader, work.rejudge.seeds);
-  if (!seeds.ok()) return seeds.status();
-  work.seeds = *std::move(seeds);
-  const absl::StatusOr<std::string> from = reader.ConfigJson(work.rejudge.from_config);
-  const absl::StatusOr<std::string> to = reader.ConfigJson(work.rejudge.to_config);
-  if (!from.ok()) return from.status();
-  if (!to.ok()) return to.status();
-  work.same_facts = SameFacts(ParsedText(*from), ParsedText(*to));
+  ASSIGN_OR_RETURN(work.seeds, content_.Seeds(reader, work.rejudge.seeds));
+  ASSIGN_OR_RETURN(const std::string from, reader.ConfigJson(work.rejudge.from_config));
+  ASSIGN_OR_RETURN(const std::string to, reader.ConfigJson(work.rejudge.to_config));
+  work.same_facts = SameFacts(ParsedText(from), ParsedText(to));
   return work;
 }
 
@@ -160,13 +131,10 @@ absl::Status Rejudger::Carry(const Work& work) {
   const Json today = options_.grader();
   Batch batch;
   for (const RejudgeCandidate& candidate : work.missing) {
-    if (stopping()) return absl::OkStatus();
-    absl::Status status = readers_.Read([&](Reader& reader) {
-      return Add(reader, work, candidate, today, batch);
-    });
-    if (!status.ok()) return status;
-    if (batch.rows < kRowsAtOnce) continue;
-    if (status = Write(std::exchange(batch, {})); !status.ok()) return status;
+    if (stop_.stop_requested()) return absl::OkStatus();
+    RETURN_IF_ERROR(
+        readers_.Read([&](Reader& reader) { return Add(reader, work, candidate, today, batch); }));
+    if (batch.rows >= kRowsAtOnce) RETURN_IF_ERROR(Write(std::exchange(batch, {})));
   }
   return Write(std::move(batch));
 }

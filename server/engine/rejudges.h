@@ -6,15 +6,14 @@
 
 #include <functional>
 #include <string>
+#include <stop_token>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/base/mutex.h"
 #include "server/engine/engine.h"
 #include "server/engine/stored.h"
 
@@ -26,17 +25,10 @@ struct RejudgerOptions {
   absl::Duration every = absl::Milliseconds(250);  // between looks for something new
 };
 
-// Computes an item from the facts of its source: pure but for reading. InternalError if the facts
-// can't be judged; a damaged row (store/damage.h).
-absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
-                                     const RejudgeCandidate& candidate, const Track& track,
-                                     const std::vector<uint64_t>& seeds);
-
 class Rejudger {
  public:
   // Everything but `options` must outlive it. The engine's loop must run, as it writes the items.
   Rejudger(RejudgerOptions options, Engine& engine, ReaderPool& readers);
-  ~Rejudger();
 
  private:
   // What an open rejudge lacks, and what its items need.
@@ -55,8 +47,6 @@ class Rejudger {
   };
 
   void Loop();
-  bool WaitForStop();
-  bool stopping();
   // An error: something has to be tried again.
   absl::Status LookForWork();
   absl::StatusOr<std::vector<Work>> OpenWork();
@@ -72,10 +62,8 @@ class Rejudger {
   ReaderPool& readers_;
   StoredContent content_;
   int64_t seen_ = -1;  // Reader::RejudgeWork() before the last look that left nothing to do
-  Mutex mutex_;
-  Condition wake_;
-  bool stop_ ABSL_GUARDED_BY(mutex_) = false;
-  std::thread thread_;
+  std::stop_token stop_;  // of the thread alone
+  std::jthread thread_;
 };
 
 }  // namespace myograde::server

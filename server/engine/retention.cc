@@ -3,7 +3,6 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <tuple>
@@ -24,7 +23,7 @@ namespace fs = std::filesystem;
 constexpr absl::Duration kChange = absl::Seconds(30);
 constexpr absl::Duration kLatestFirstSweep = absl::Minutes(10);
 constexpr absl::Duration kDenialsKept = absl::Hours(24 * 30);
-constexpr std::chrono::seconds kDiskLook(2);
+constexpr absl::Duration kDiskLook = absl::Seconds(2);
 constexpr size_t kHashDigits = 64;
 // The row that names a log is written after its file.
 constexpr int64_t kFreshMs = 10 * 60 * 1000;
@@ -95,52 +94,40 @@ Retention::Retention(RetentionLimits limits, int64_t disk_reserve, std::string d
       readers_(readers),
       clock_(clock),
       time_(before, clock),
-      thread_([this] { Loop(); }) {}
-
-Retention::~Retention() {
-  {
-    const MutexLock lock(mutex_);
-    stop_ = true;
-  }
-  wake_.NotifyAll();
-  thread_.join();
-}
+      thread_([this](std::stop_token stop) {
+        stop_ = std::move(stop);
+        Loop();
+      }) {}
 
 void Retention::Loop() {
   NoteTime();
-  if (WaitForStop(std::min(limits_.every, kLatestFirstSweep))) return;
+  if (WaitForSweep(std::min(limits_.every, kLatestFirstSweep))) return;
   do {
     Sweep();
-  } while (!WaitForStop(limits_.every));
+  } while (!WaitForSweep(limits_.every));
 }
 
-bool Retention::WaitForStop(absl::Duration wait) {
-  const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(wait);
-  while (true) {
-    {
-      const MutexLock lock(mutex_);
-      const auto look = std::min(deadline, std::chrono::steady_clock::now() + kDiskLook);
-      while (!stop_ && wake_.WaitUntil(mutex_, look)) {
-      }
-      if (stop_ || std::chrono::steady_clock::now() >= deadline) return stop_;
-    }
+bool Retention::WaitForSweep(absl::Duration wait) {
+  const Deadline deadline(wait);
+  while (!WaitForStop(stop_, std::min(kDiskLook, deadline.left()))) {
+    if (deadline.over()) return false;
     MakeRoom();
   }
+  return true;
 }
 
 void Retention::MakeRoom() {
   const std::optional<DiskSpace> disk = DiskSpaceAt(data_dir_);
   if (!disk.has_value() || disk->free >= disk_reserve_) return;
   std::vector<KeptFile> logs = Logs();
-  const absl::Status status = readers_.Read([&](Reader& reader) {
-    const std::set<std::string> practice = reader.PracticeLogs();
-    std::erase_if(logs, [&](const KeptFile& log) { return !practice.contains(log.name); });
-    return absl::OkStatus();
-  });
-  if (!status.ok()) {
-    spdlog::warn("room for the disk's reserve: {}", std::string(status.message()));
+  using Hashes = std::set<std::string>;
+  const absl::StatusOr<Hashes> practice =
+      readers_.Read<Hashes>([](Reader& reader) { return reader.PracticeLogs(); });
+  if (!practice.ok()) {
+    spdlog::warn("room for the disk's reserve: {}", std::string(practice.status().message()));
     return;
   }
+  std::erase_if(logs, [&](const KeptFile& log) { return !practice->contains(log.name); });
   int64_t sum = 0;
   for (const KeptFile& log : logs) sum += log.bytes;
   // A little more, so that not every episode begins this again.
@@ -212,40 +199,40 @@ void Retention::Sweep() {
 }
 
 absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
+  using Uploads = std::vector<UploadRow>;
+  ASSIGN_OR_RETURN(const Uploads uploads,
+                   readers_.Read<Uploads>([](Reader& reader) { return reader.Uploads(); }));
   std::vector<Choice> choices;
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
-    for (const UploadRow& upload : reader.Uploads()) {
-      if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
-          choices.size() == kFewestAgedOut) {
-        break;
-      }
-      choices.push_back({{upload.hash, absl::StrCat(data_dir_, "/artefacts/", upload.hash),
-                          upload.bytes, upload.at, /*needed=*/false},
-                         absl::StrCat("was not submitted within ",
-                                      absl::FormatDuration(limits_.upload_age))});
+  for (const UploadRow& upload : uploads) {
+    if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
+        choices.size() == kFewestAgedOut) {
+      break;
     }
-    return absl::OkStatus();
-  }));
+    choices.push_back(
+        {{upload.hash, ArtefactFolder(data_dir_, upload.hash), upload.bytes, upload.at,
+          /*needed=*/false},
+         absl::StrCat("was not submitted within ", absl::FormatDuration(limits_.upload_age))});
+  }
   return choices;
 }
 
 absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
+  using Uses = std::vector<ArtefactUse>;
+  ASSIGN_OR_RETURN(const Uses uses,
+                   readers_.Read<Uses>([](Reader& reader) { return reader.ArtefactUses(); }));
   std::vector<KeptFile> files;
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
-    for (const ArtefactUse& use : reader.ArtefactUses()) {
-      KeptFile file{use.hash, ArtefactFolder(data_dir_, use.hash), use.bytes, use.last_use,
-                    use.needed};
-      std::error_code error;
-      if (!fs::exists(file.path, error)) continue;
-      file.last_use = std::max(file.last_use, ChangedAt(file.path));
-      // What it shares with others would be counted for each of them.
-      if (fs::exists(absl::StrCat(file.path, "/", kImageFolder), error)) {
-        file.bytes = DiskBytes(file.path);
-      }
-      files.push_back(std::move(file));
+  for (const ArtefactUse& use : uses) {
+    KeptFile file{use.hash, ArtefactFolder(data_dir_, use.hash), use.bytes, use.last_use,
+                  use.needed};
+    std::error_code error;
+    if (!fs::exists(file.path, error)) continue;
+    file.last_use = std::max(file.last_use, ChangedAt(file.path));
+    // What it shares with others would be counted for each of them.
+    if (fs::exists(absl::StrCat(file.path, "/", kImageFolder), error)) {
+      file.bytes = DiskBytes(file.path);
     }
-    return absl::OkStatus();
-  }));
+    files.push_back(std::move(file));
+  }
   return files;
 }
 
@@ -266,14 +253,13 @@ std::vector<KeptFile> Retention::Logs() {
 }
 
 absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
-    const std::set<std::string> needed = reader.NeededLogs();
-    const int64_t old = absl::ToUnixMillis(time_.Now()) - kFreshMs;
-    for (KeptFile& file : files) {
-      file.needed = needed.contains(file.name) || file.last_use > old;
-    }
-    return absl::OkStatus();
-  }));
+  using Hashes = std::set<std::string>;
+  ASSIGN_OR_RETURN(const Hashes needed,
+                   readers_.Read<Hashes>([](Reader& reader) { return reader.NeededLogs(); }));
+  const int64_t old = absl::ToUnixMillis(time_.Now()) - kFreshMs;
+  for (KeptFile& file : files) {
+    file.needed = needed.contains(file.name) || file.last_use > old;
+  }
   return files;
 }
 
@@ -282,10 +268,7 @@ absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile
 // written after all, the file comes back.
 void Retention::Remove(const std::string& kind, const std::vector<Choice>& choices) {
   for (const Choice& choice : choices) {
-    {
-      const MutexLock lock(mutex_);
-      if (stop_) return;
-    }
+    if (stop_.stop_requested()) return;
     const std::string& from = choice.file.path;
     const std::string to = absl::StrCat(data_dir_, "/spool/removed-", choice.file.name);
     const absl::StatusOr<bool> removed = engine_.Change<bool>(
@@ -306,10 +289,9 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     }
     std::error_code error;
     fs::remove_all(to, error);
-    if (*removed) {
-      engine_.metrics().CountRemoved(kind == kPracticeLogKind ? "log" : kind, choice.file.bytes);
-    }
-    if (*removed) spdlog::info("{} {} is removed: {}", kind, choice.file.name, choice.why);
+    if (!*removed) continue;
+    engine_.metrics().CountRemoved(kind == kPracticeLogKind ? "log" : kind, choice.file.bytes);
+    spdlog::info("{} {} is removed: {}", kind, choice.file.name, choice.why);
   }
 }
 

@@ -6,10 +6,10 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <stop_token>
 #include <thread>
 #include <vector>
 
-#include "protocol/base/mutex.h"
 #include "server/engine/engine.h"
 #include "server/config/server_config.h"
 #include "server/store/reader.h"
@@ -67,12 +67,11 @@ class Retention {
   // running or about to run.
   Retention(RetentionLimits limits, int64_t disk_reserve, std::string data_dir, Engine& engine,
             ReaderPool& readers, const Clock& clock, std::optional<absl::Time> before);
-  ~Retention();
 
  private:
   void Loop();
   // Waits until the next sweep is due, and makes room meanwhile. True: it is time to stop.
-  bool WaitForStop(absl::Duration wait);
+  bool WaitForSweep(absl::Duration wait);
   // One sweep: removes what is too old or too much. Errors are logged.
   void Sweep();
   // Changes the store; an error is logged as one of `what`.
@@ -97,10 +96,8 @@ class Retention {
   const Clock& clock_;
   const TrustedTime time_;
 
-  Mutex mutex_;
-  Condition wake_;
-  bool stop_ ABSL_GUARDED_BY(mutex_) = false;
-  std::thread thread_;
+  std::stop_token stop_;  // of the thread alone
+  std::jthread thread_;
 };
 
 }  // namespace myograde::server

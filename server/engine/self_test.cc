@@ -25,16 +25,14 @@ LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_d
                         {.work_dir = work_dir, .cache_dir = cache_dir, .log_dir = ""});
 }
 
-std::unique_ptr<SelfTest> SelfTest::Begin(Executor& executor, const LeaseOrder& order,
-                                          absl::Duration deadline) {
-  std::unique_ptr<SelfTest> test(new SelfTest(order, deadline));
+SelfTest::SelfTest(Executor& executor, const LeaseOrder& order, absl::Duration deadline)
+    : order_(order), deadline_(deadline), report_(order.episodes, {}, absl::ZeroDuration()) {
   absl::StatusOr<std::unique_ptr<Runner>> runner = executor.Start(order, {});
   if (runner.ok()) {
-    test->runner_ = *std::move(runner);
+    runner_ = *std::move(runner);
   } else {
-    test->report_.Fail(absl::StrCat("the runner did not start: ", runner.status().message()));
+    report_.Fail(absl::StrCat("the runner did not start: ", runner.status().message()));
   }
-  return test;
 }
 
 std::optional<std::string> SelfTest::Poll(absl::Duration now) {

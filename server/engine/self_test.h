@@ -7,7 +7,6 @@
 #include <optional>
 #include <string>
 
-#include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
 #include "protocol/lease/lease.h"
@@ -23,8 +22,7 @@ LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_d
 class SelfTest {
  public:
   // Starts the test; it fails if it has not ended by `deadline`.
-  static std::unique_ptr<SelfTest> Begin(Executor& executor, const LeaseOrder& order,
-                                         absl::Duration deadline);
+  SelfTest(Executor& executor, const LeaseOrder& order, absl::Duration deadline);
 
   // Reads the runner's output. nullopt: still running. Otherwise the verdict: "" if the host
   // passed, or what went wrong, in one sentence.
@@ -36,8 +34,6 @@ class SelfTest {
   absl::Duration deadline() const { return deadline_; }
 
  private:
-  SelfTest(const LeaseOrder& order, absl::Duration deadline)
-      : order_(order), deadline_(deadline), report_(order.episodes, {}, absl::ZeroDuration()) {}
   std::string Result();
 
   const LeaseOrder order_;

@@ -19,6 +19,15 @@ absl::Status Unreadable(const char* table, const std::string& key, const absl::S
   return DamagedRow({table, key, std::string(why.message())});
 }
 
+// The submission of an evaluation. If its row is missing, then the evaluation's is damaged.
+absl::StatusOr<SubmissionRow> SubmissionOf(Reader& reader, const EvaluationRow& evaluation) {
+  absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
+  if (absl::IsNotFound(submission.status())) {
+    return Unreadable("evaluation", absl::StrCat(evaluation.id), submission.status());
+  }
+  return submission;
+}
+
 }  // namespace
 
 absl::StatusOr<TrackPtr> StoredContent::Track(Reader& reader, const std::string& hash) {
@@ -48,16 +57,8 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
   StoredEvaluation stored;
   ASSIGN_OR_RETURN(stored.evaluation, reader.Evaluation(id));
   const std::string key = absl::StrCat(id);
-  // If a row that this one names is missing, then this one is damaged.
-  absl::StatusOr<SubmissionRow> submission = reader.Submission(stored.evaluation.submission);
-  if (absl::IsNotFound(submission.status())) {
-    return Unreadable("evaluation", key, submission.status());
-  }
-  if (!submission.ok()) return submission.status();
-  stored.submission = *std::move(submission);
-  absl::StatusOr<ArtefactRow> artefact = reader.Artefact(stored.submission.artefact);
-  if (!artefact.ok()) return artefact.status();
-  stored.artefact = *std::move(artefact);
+  ASSIGN_OR_RETURN(stored.submission, SubmissionOf(reader, stored.evaluation));
+  ASSIGN_OR_RETURN(stored.artefact, reader.Artefact(stored.submission.artefact));
   ASSIGN_OR_RETURN(stored.track,
                    content.Track(reader, ConfigOf(stored.evaluation, stored.submission)));
   ASSIGN_OR_RETURN(stored.seeds,
@@ -83,10 +84,9 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
 absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
                                                       const EvaluationRow& evaluation,
                                                       const std::vector<uint64_t>& seeds) {
-  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(evaluation.id);
-  if (!rows.ok()) return rows;
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(evaluation.id));
   int64_t next = evaluation.first;
-  for (const EpisodeRow& row : *rows) {
+  for (const EpisodeRow& row : rows) {
     if (row.index != next) break;
     if (row.seed != seeds.at(static_cast<size_t>(next))) {
       return DamagedRow({"episode", absl::StrCat(evaluation.id, "/", next),
@@ -95,8 +95,7 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
     }
     ++next;
   }
-  if (next != evaluation.last + 1 ||
-      std::ssize(*rows) != evaluation.last - evaluation.first + 1) {
+  if (next != evaluation.last + 1 || std::ssize(rows) != evaluation.last - evaluation.first + 1) {
     return DamagedRow({"episode", absl::StrCat(evaluation.id, "/", next),
                        "it is missing, though its lease is done"});
   }
@@ -141,11 +140,10 @@ absl::Status CheckEvaluation(Reader& reader, int64_t id, StoredContent& content)
   if (!rows.ok()) return rows.status();
   for (const EpisodeRow& row : *rows) {
     const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
-    if (judged.ok() || DamageOf(judged).has_value()) {
-      if (!judged.ok()) return judged;
-      continue;
-    }
-    return Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
+    if (judged.ok()) continue;
+    return DamageOf(judged).has_value()
+               ? judged
+               : Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
   }
   absl::Status status =
       CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt);
@@ -160,7 +158,7 @@ absl::Status CheckTeams(Reader& reader) {
   const Listed<TeamRow> teams = reader.Teams();
   absl::Status status = StatusOfList(teams);
   for (const TeamRow& team : teams.rows) {
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(status);
     status.Update(StatusOfList(reader.Members(team.name)));
     status.Update(StatusOfList(reader.TeamEvents(team.name)));
     status.Update(StatusOfList(reader.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
@@ -201,10 +199,9 @@ absl::Status CheckReadable(Reader& reader) {
     status.Update(reader.Transitions("submission", submission.id).status());
     const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.Evaluations(submission.id);
     status.Update(evaluations.status());
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(status);
     for (const EvaluationRow& evaluation : *evaluations) {
-      status = CheckEvaluation(reader, evaluation.id, content);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(CheckEvaluation(reader, evaluation.id, content));
     }
   }
   absl::Status status = reader.PhaseEvents(std::nullopt).status();
@@ -213,6 +210,57 @@ absl::Status CheckReadable(Reader& reader) {
   status.Update(StatusOfList(reader.Record(0, reader.RecordSize())));
   if (status.ok()) status = CheckRejudges(reader);
   return status;
+}
+
+absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation) {
+  ASSIGN_OR_RETURN(EvaluationRow row, reader.Evaluation(evaluation));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, SubmissionOf(reader, row));
+  ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, ConfigOf(row, submission)));
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(evaluation));
+  if (std::ssize(rows) != row.last - row.first + 1) {
+    return DamagedRow({"evaluation", absl::StrCat(evaluation),
+                       absl::StrCat("it is done, and has ", rows.size(), " of its ",
+                                    row.last - row.first + 1, " episodes")});
+  }
+  const scoring::ScoredTrack& track = *scoring::FindScoredTrack(config.kind->name);
+  ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(track, rows));
+  RETURN_IF_ERROR(CheckResults(reader, row, rows, config.seed_salt));
+  return StandingOf(track, aggregate);
+}
+
+absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only) {
+  Standings standings;
+  RETURN_IF_ERROR(readers.Read([&](Reader& reader) -> absl::Status {
+    for (const int64_t evaluation : reader.DoneEvaluations(missing_only)) {
+      absl::StatusOr<Standing> standing = ReadStanding(reader, evaluation);
+      if (standing.ok()) {
+        standings.rows.emplace_back(evaluation, *std::move(standing));
+      } else if (const std::optional<Damage> damage = DamageOf(standing.status())) {
+        standings.damaged.push_back(*damage);
+      } else {
+        return standing.status();
+      }
+    }
+    return absl::OkStatus();
+  }));
+  return standings;
+}
+
+absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers) {
+  ASSIGN_OR_RETURN(Standings missing, MakeStandings(readers, /*missing_only=*/true));
+  if (missing.rows.empty()) return std::move(missing.damaged);
+  RETURN_IF_ERROR(store.Write([&](Writer& writer) {
+    for (const auto& [id, standing] : missing.rows) {
+      const absl::Status set = writer.Part([evaluation = id, &numbers = standing](Writer& part) {
+        return part.SetStanding(evaluation, numbers);
+      });
+      if (!set.ok()) {
+        missing.damaged.push_back({"evaluation", absl::StrCat(id), std::string(set.message())});
+      }
+    }
+    return absl::OkStatus();
+  }));
+  return std::move(missing.damaged);
 }
 
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {

@@ -1,5 +1,5 @@
-// All that the store keeps of an evaluation and that playing and ranking it needs. Anything
-// unreadable is a damaged row (store/damage.h).
+// All that the store keeps of an evaluation and that playing and ranking it needs, and what boards
+// are ranked by, computed from it. Anything unreadable is a damaged row (store/damage.h).
 #pragma once
 
 #include <cstdint>
@@ -12,9 +12,9 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "server/grading/stored_track.h"
 #include "server/grading/tracks.h"
 #include "server/store/reader.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 
@@ -53,6 +53,19 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
 // `seed_salt`: of the config that it ran under.
 absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
                           const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
+
+// The standing of an evaluation in the store, from its episode rows. The store caches them as a
+// view, so that a board need not read every episode; it can be rebuilt at any time.
+absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation);
+
+// By evaluation: all that are done, or only those missing from the view. Unreadable ones are left
+// out.
+using Standings = Listed<std::pair<int64_t, Standing>>;
+absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);
+
+// Adds what the view lacks, for a store that an earlier version wrote. Returns what could not be
+// read.
+absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers);
 
 // The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);

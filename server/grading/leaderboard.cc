@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 
 namespace myograde::server {
@@ -17,6 +20,8 @@ using scoring::BoardRules;
 using scoring::RankedEntry;
 using scoring::TeamRule;
 using Json = nlohmann::json;
+
+constexpr size_t kBuildDigits = 12;
 
 // Everything that may stand on a board, sorted by its marks. Points into the standings that it was
 // built from.
@@ -106,12 +111,12 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
 absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const BoardRules& rules, TeamRule team) {
   Sorted sorted = Sort(standings, marks);
-  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(sorted.ranked, rules, team);
-  if (!ranked.ok()) return ranked.status();
+  ASSIGN_OR_RETURN(const std::vector<RankedEntry> ranked,
+                   scoring::Rank(sorted.ranked, rules, team));
   // By place, then by acceptance, so that baselines at the same place have a fixed order.
   std::vector<std::pair<size_t, BoardEntry>> baselines;
   for (const BoardEntry& baseline : sorted.baselines) {
-    ASSIGN_OR_RETURN(std::optional<size_t> place, PlaceOf(baseline, *ranked, rules, team));
+    ASSIGN_OR_RETURN(std::optional<size_t> place, PlaceOf(baseline, ranked, rules, team));
     if (place.has_value()) baselines.emplace_back(*place, baseline);
   }
   std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
@@ -120,13 +125,13 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
   Leaderboard board{.rows = {}, .disqualified = std::move(sorted.disqualified),
               .damaged = std::move(sorted.damaged)};
   auto next = baselines.begin();
-  for (size_t i = 0; i <= ranked->size(); ++i) {
+  for (size_t i = 0; i <= ranked.size(); ++i) {
     for (; next != baselines.end() && next->first == i; ++next) {
       RankedEntry unranked;
       unranked.entry = next->second;
       AddRow(sorted, unranked, rules, board);
     }
-    if (i < ranked->size()) AddRow(sorted, (*ranked)[i], rules, board);
+    if (i < ranked.size()) AddRow(sorted, ranked[i], rules, board);
   }
   return board;
 }
@@ -207,6 +212,71 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
   upper.entry.team = above.source.team;  // a baseline's own name
   lower.entry.team = below.source.team;
   return Explanation{above, below, scoring::Explain(upper, lower, rules)};
+}
+
+std::string SimulatingBuild(std::string_view grader_json) {
+  const Json grader = Json::parse(grader_json, nullptr, false);
+  if (!grader.is_object()) return "";
+  Json parts = Json::object();
+  for (const char* part : {"simulator", "mujoco", "models"}) {
+    parts[part] = grader.value(part, Json());
+  }
+  return Sha256Hex(CanonicalJson(parts)).substr(0, kBuildDigits);
+}
+
+BoardBuilds CountBuilds(const std::vector<int64_t>& evaluations,
+                        const std::vector<std::string>& graders) {
+  BoardBuilds builds;
+  std::map<std::string, std::string> known;  // boards have many rows of few builds
+  std::map<std::string, std::pair<size_t, int64_t>> found;
+  for (size_t i = 0; i < graders.size(); ++i) {
+    auto it = known.find(graders[i]);
+    if (it == known.end()) it = known.emplace(graders[i], SimulatingBuild(graders[i])).first;
+    auto& [rows, newest] = found[it->second];
+    ++rows;
+    newest = std::max(newest, evaluations[i]);
+    builds.of_rows.push_back(it->second);
+  }
+  for (const auto& [build, count] : found) builds.counts.push_back({build, count.first});
+  std::sort(builds.counts.begin(), builds.counts.end(),
+            [&](const auto& a, const auto& b) { return found[a.build] > found[b.build]; });
+  return builds;
+}
+
+absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
+    const scoring::TrackScoring& scoring, const std::vector<scoring::JudgedEpisode>& episodes) {
+  std::vector<scoring::BoardEntry> entries;
+  std::set<int64_t> unranked;
+  for (const scoring::JudgedEpisode& episode : episodes) {
+    if (episode.judgement.reason.name() == kPhantom) continue;
+    ASSIGN_OR_RETURN(const auto aggregate,
+                     scoring::AggregateEpisodes(scoring.track->metrics, {episode}));
+    scoring::BoardEntry entry = scoring::MakeEntry(scoring.track->metrics, aggregate);
+    entry.submission = entry.team = absl::StrCat(episode.index);  // each stands for itself
+    entry.acceptance = episode.index;
+    if (!unranked.insert(episode.index).second) {
+      return absl::InvalidArgumentError(absl::StrCat("two rows are of episode ", episode.index));
+    }
+    entries.push_back(std::move(entry));
+  }
+  const auto board = scoring.boards.find(scoring::kMainBoard);
+  ASSIGN_OR_RETURN(const auto ranked,
+                   scoring::Rank(entries, board->second.rules, scoring::TeamRule::kBest));
+  std::vector<int64_t> order;
+  for (const scoring::RankedEntry& entry : ranked) {
+    order.push_back(entry.entry.acceptance);
+    unranked.erase(entry.entry.acceptance);
+  }
+  order.insert(order.end(), unranked.begin(), unranked.end());
+  return order;
+}
+
+std::vector<PickedEpisode> BestMedianWorst(const std::vector<int64_t>& order) {
+  if (order.empty()) return {};
+  if (order.size() == 1) return {{"only", order.front()}};
+  if (order.size() == 2) return {{"best", order.front()}, {"worst", order.back()}};
+  return {
+      {"best", order.front()}, {"median", order[(order.size() - 1) / 2]}, {"worst", order.back()}};
 }
 
 }  // namespace myograde::server

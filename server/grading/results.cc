@@ -1,6 +1,8 @@
 #include "server/grading/results.h"
 
+#include <algorithm>
 #include <limits>
+#include <map>
 
 #include <absl/strings/str_cat.h>
 
@@ -9,7 +11,7 @@
 #include "protocol/lease/lease.h"
 #include "protocol/tracks/registry.h"
 #include "protocol/base/sha256.h"
-#include "server/proof/merkle.h"
+#include "server/proof/merkle_tree.h"
 #include "server/store/damage.h"
 #include "server/store/differences.h"
 
@@ -40,6 +42,18 @@ Json SpreadOrNull(const scoring::Mean& mean) {
   return mean.count == 0 ? Json() : SpreadToJson(mean.spread);
 }
 
+// The metrics of a judged episode, null where the episode has none.
+Json MetricsToJson(const scoring::ScoredTrack& track, const scoring::Judgement& judgement) {
+  Json json = {{"success", judgement.outcome == Outcome::kSuccess ? 1 : 0}};
+  for (size_t i = 0; i < track.metrics.size(); ++i) {
+    const scoring::Metric& metric = track.metrics[i];
+    if (metric.source != Source::kJudged) continue;
+    json[std::string(metric.name)] = OrNull(judgement.metrics.at(i));
+  }
+  for (const std::string_view key : track.null_metrics) json[std::string(key)] = nullptr;
+  return json;
+}
+
 }  // namespace
 
 absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& facts) {
@@ -63,18 +77,6 @@ absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& fac
   row.metrics_json = CanonicalJson(MetricsToJson(*track.scoring.track, judgement));
   if (facts.details.has_value()) row.details_json = CanonicalJson(DetailsToJson(*facts.details));
   return row;
-}
-
-nlohmann::json MetricsToJson(const scoring::ScoredTrack& track,
-                             const scoring::Judgement& judgement) {
-  Json json = {{"success", judgement.outcome == Outcome::kSuccess ? 1 : 0}};
-  for (size_t i = 0; i < track.metrics.size(); ++i) {
-    const scoring::Metric& metric = track.metrics[i];
-    if (metric.source != Source::kJudged) continue;
-    json[std::string(metric.name)] = OrNull(judgement.metrics.at(i));
-  }
-  for (const std::string_view key : track.null_metrics) json[std::string(key)] = nullptr;
-  return json;
 }
 
 namespace {
@@ -228,6 +230,25 @@ nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt)
   entry["actions_digest"] = object ? facts.value("actions_digest", Json()) : Json();
   entry["log"] = object && facts.contains("log") ? facts["log"].value("sha256", Json()) : Json();
   return entry;
+}
+
+void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last, Json& use) {
+  std::map<std::string, double> rest;
+  for (const char* key : {"policy_cpu_s", "wall_s"}) {
+    if (const Json total = use.value(key, Json()); total.is_number())
+      rest[key] = total.get<double>();
+  }
+  for (const EpisodeRow& row : rows) {
+    if (row.index < first || row.index > last) continue;
+    const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+    if (!facts.is_object()) continue;
+    for (auto& [key, left] : rest) {
+      if (const Json part = facts.value(key, Json()); part.is_number()) left -= part.get<double>();
+    }
+  }
+  for (const auto& [key, left] : rest) {
+    use[key == "wall_s" ? "startup_wall_s" : "startup_cpu_s"] = std::max(left, 0.0);
+  }
 }
 
 }  // namespace myograde::server

@@ -19,9 +19,7 @@ namespace myograde::server {
 // recorded.
 absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& facts);
 
-// The metrics of a judged episode, null where the episode has none, and the reverse.
-nlohmann::json MetricsToJson(const scoring::ScoredTrack& track,
-                             const scoring::Judgement& judgement);
+// The judgement that a row was made of.
 absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track,
                                                const EpisodeRow& row);
 
@@ -60,10 +58,18 @@ nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring);
 // (CanonicalResult).
 std::string ResultsHash(const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
-// The root of the Merkle tree (server/proof/merkle.h) with the same canonical rows as leaves.
+// The root of the Merkle tree (server/proof/merkle_tree.h) with the same canonical rows as leaves.
 std::string MerkleRootOf(const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
 // A receipt's entry for an episode: its canonical row, and the hashes of its actions and its log.
 nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt);
+
+// Adds to the JSON of what a lease used (`policy_cpu_s`, `wall_s`; s) the parts outside of its
+// episodes, `startup_cpu_s` and `startup_wall_s`: the policy's start, until it was ready for its
+// first episode (of all starts, if it was started again), and its end. The rows of its episodes,
+// `first` to `last`, are among `rows`; those of older versions count the start to the first
+// episode.
+void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last,
+                nlohmann::json& use);
 
 }  // namespace myograde::server

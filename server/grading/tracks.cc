@@ -6,9 +6,11 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/practice_seeds.h"
 #include "server/store/quota.h"
+#include "server/store/reader.h"
 
 namespace myograde::server {
 namespace {
@@ -19,6 +21,10 @@ std::string Keys(const Map& map) {
                        [](std::string* out, const auto& entry) { out->append(entry.first); });
 }
 
+absl::Status UnreadableConfig(const std::string& hash, const absl::Status& why) {
+  return DamagedRow({"config", hash, std::string(why.message())});
+}
+
 }  // namespace
 
 absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config) {
@@ -27,11 +33,27 @@ absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config) {
     return absl::InternalError(absl::StrCat("track config ", config.id, ": its track is in the "
                                             "registry of the protocol, and not in scoring's"));
   }
-  absl::StatusOr<scoring::TrackScoring> scoring = track->parse(
-      config.scoring,
-      absl::StrCat("track config ", config.id, " (profile ", config.profile, "): scoring"));
-  if (!scoring.ok()) return scoring.status();
-  return std::make_shared<const Track>(Track{std::move(config), *std::move(scoring)});
+  ASSIGN_OR_RETURN(
+      scoring::TrackScoring scoring,
+      track->parse(config.scoring, absl::StrCat("track config ", config.id, " (profile ",
+                                                config.profile, "): scoring")));
+  return std::make_shared<const Track>(Track{std::move(config), std::move(scoring)});
+}
+
+absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash) {
+  ASSIGN_OR_RETURN(std::string text, reader.ConfigJson(hash));
+  absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
+  if (!json.ok()) return UnreadableConfig(hash, json.status());
+  absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "its content");
+  if (!config.ok()) return UnreadableConfig(hash, config.status());
+  return config;
+}
+
+absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash) {
+  ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, hash));
+  absl::StatusOr<TrackPtr> track = MakeTrack(std::move(config));
+  if (!track.ok()) return UnreadableConfig(hash, track.status());
+  return track;
 }
 
 absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {

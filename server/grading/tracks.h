@@ -1,12 +1,11 @@
-// Track configs in the daemon: those on offer, loaded and checked at start, and those of accepted
-// submissions.
+// Track configs in the daemon: those on offer, loaded and checked at start, and those of the store,
+// where anything unreadable is a damaged row (store/damage.h).
 #pragma once
 
 #include <map>
 #include <memory>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -17,6 +16,8 @@
 
 namespace myograde::server {
 
+class Reader;
+
 // One profile of a track. Immutable and shared.
 struct Track {
   TrackConfig config;
@@ -26,6 +27,12 @@ using TrackPtr = std::shared_ptr<const Track>;
 
 // Errors name the config, the key and its range.
 absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
+
+// The config that an accepted submission was made under, in whatever format it was stored.
+absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash);
+
+// The same as a track. A config that scoring rejects is a damaged row too.
+absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash);
 
 // The tracks on offer. Safe to use from any thread: a reader gets what is on offer at that moment.
 class Tracks {

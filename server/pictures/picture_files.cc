@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -26,23 +27,11 @@ namespace fs = std::filesystem;
 
 constexpr char kDraft[] = ".draft";
 
-std::string_view EndingOf(PictureKind kind) {
-  switch (kind) {
-    case PictureKind::kTrajectory: return ".trajectory";
-    case PictureKind::kPicture: return ".png";
-    case PictureKind::kModel: return ".glb";
-  }
-  return "";
-}
+// Endings of names, in the order of PictureKind and of Packing.
+constexpr std::array kKindEndings = {".trajectory", ".png", ".glb"};
+constexpr std::array kPackingEndings = {"", ".zst", ".gz"};
 
-std::string_view EndingOf(Packing packing) {
-  switch (packing) {
-    case Packing::kPlain: return "";
-    case Packing::kZstd: return ".zst";
-    case Packing::kGzip: return ".gz";
-  }
-  return "";
-}
+const char* EndingOf(Packing packing) { return kPackingEndings[static_cast<size_t>(packing)]; }
 
 struct Kept {
   int64_t used_ns = 0;  // since 1970
@@ -69,8 +58,8 @@ void PictureFiles::RemoveDrafts() const {
 }
 
 std::string PictureFiles::PathOf(const PictureKey& key, Packing packing) const {
-  return absl::StrCat(folder_, "/", key.of, "-", Build(), std::string(EndingOf(key.kind)),
-                      std::string(EndingOf(packing)));
+  return absl::StrCat(folder_, "/", key.of, "-", Build(),
+                      kKindEndings[static_cast<size_t>(key.kind)], EndingOf(packing));
 }
 
 std::optional<PictureFiles::Found> PictureFiles::Find(const PictureKey& key,
@@ -81,8 +70,7 @@ std::optional<PictureFiles::Found> PictureFiles::Find(const PictureKey& key,
       access(found.path.c_str(), R_OK) != 0) {
     return std::nullopt;
   }
-  found.tag = absl::StrCat("\"", key.of.substr(0, 64), "-", Build(),
-                           std::string(EndingOf(packing)), "\"");
+  found.tag = absl::StrCat("\"", key.of.substr(0, 64), "-", Build(), EndingOf(packing), "\"");
   return found;
 }
 

@@ -3,19 +3,27 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
+#include <system_error>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "protocol/lease/lease.h"
+#include "protocol/lease/render_order.h"
+#include "protocol/lease/sim_channel.h"
+#include "server/base/child_process.h"
 #include "server/base/paths.h"
-#include "server/grading/episode_order.h"
-#include "server/grading/stored_track.h"
+#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
+#include "server/grading/tracks.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/replay_run.h"
 #include "server/runner/log_keeper.h"
@@ -23,8 +31,126 @@
 namespace myograde::server {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr int64_t kMostEnded = 20;
 constexpr size_t kBuildDigits = 16;
+constexpr int kWidth = 320, kHeight = 180;  // pixels
+constexpr size_t kMostPictureBytes = 1 << 20;
+constexpr absl::Duration kPictureTime = absl::Minutes(10);
+constexpr absl::Duration kTimePerLog = absl::Minutes(1);  // that a picture plays first
+// Of the longest lease whose state carries over, on processors that all grade.
+constexpr absl::Duration kTrajectoryTime = absl::Minutes(30);
+
+// An episode to show, as the store knows it.
+struct PicturedEpisode {
+  TrackConfig track;  // that it was played under
+  std::vector<EpisodeOrder>
+      episodes;                   // it is the last; before it those that it can't be played without
+  std::vector<std::string> logs;  // a file for each
+};
+
+// An empty folder that is gone with its owner.
+class WorkFolder {
+ public:
+  static absl::StatusOr<WorkFolder> Make(const std::string& path) {
+    std::error_code error;
+    fs::remove_all(path, error);
+    if (!error) fs::create_directories(path, error);
+    if (!error) fs::permissions(path, fs::perms::owner_all, error);
+    if (error) {
+      return absl::InternalError(absl::StrCat(path, ": can't be made: ", error.message()));
+    }
+    return WorkFolder(path);
+  }
+  WorkFolder(WorkFolder&& other) noexcept : path_(std::exchange(other.path_, "")) {}
+  WorkFolder& operator=(WorkFolder&&) = delete;
+  ~WorkFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+
+ private:
+  explicit WorkFolder(std::string path) : path_(std::move(path)) {}
+  std::string path_;
+};
+
+// The first sentence of what a program printed as its reason.
+std::string ReasonOf(const ProgramEnd& end, const std::string& program) {
+  std::string text = end.errors;
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  const std::string own = program + ": ";
+  if (text.starts_with(own)) text.erase(0, own.size());
+  if (!text.empty()) return text;
+  return absl::StrCat(program, " ended with status ", end.exit_status, " and no reason");
+}
+
+absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
+                                           const MakerOptions& options, const Stopped& stopped) {
+  ASSIGN_OR_RETURN(const WorkFolder folder, WorkFolder::Make(options.work_dir));
+  const std::string file = options.work_dir + "/trajectory";
+  ReplayOrder order;
+  order.track = episode.track;
+  order.blocks = {{episode.episodes, episode.logs, file}};
+  order.work_dir = options.work_dir;
+  order.cache_dir = options.cache_dir;
+  order.uid_base = options.uid;
+  order.background = true;
+  const Deadline deadline(kTrajectoryTime);
+  const absl::StatusOr<std::vector<ReplayRecord>> records =
+      RunReplay(order, {.stopped = [&] { return stopped() || deadline.over(); }});
+  if (absl::IsCancelled(records.status()) && !stopped()) {
+    return absl::DeadlineExceededError(
+        absl::StrCat("the episode was not played after ", absl::FormatDuration(kTrajectoryTime)));
+  }
+  RETURN_IF_ERROR(records.status());
+  if (records->empty() || !records->back().equal) {
+    return absl::DataLossError(
+        absl::StrCat("this build of the grader does not play the episode as it was recorded: ",
+                     records->empty() ? "nothing was played" : records->back().detail));
+  }
+  absl::StatusOr<std::string> bytes = ReadFile(file, kMostTrajectoryFileBytes);
+  if (!bytes.ok()) return absl::InternalError(bytes.status().message());
+  return bytes;
+}
+
+absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const MakerOptions& options,
+                                        const Stopped& stopped) {
+  const absl::Duration time =
+      kPictureTime + static_cast<double>(episode.logs.size() - 1) * kTimePerLog;
+  RenderOrder order;
+  order.track = episode.track;
+  order.cache_dir = options.cache_dir;
+  order.episodes = {{.logs = episode.logs, .title = "", .verdict = ""}};
+  order.form = RenderOrder::Form::kPicture;
+  order.width = kWidth;
+  order.height = kHeight;
+  order.overlay = false;
+  order.deadline_s = absl::ToDoubleSeconds(time);
+  ASSIGN_OR_RETURN(const ProgramEnd end, RunProgram({.program = "myograde-render",
+                                                     .input = RenderOrderToJson(order).dump(),
+                                                     .most_output = kMostPictureBytes,
+                                                     .deadline = time},
+                                                    stopped));
+  if (end.exit_status == kRendered) return end.output;
+  const std::string why = ReasonOf(end, "myograde-render");
+  return end.exit_status == kRenderLogFault ? absl::DataLossError(why) : absl::InternalError(why);
+}
+
+absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptions& options,
+                                      const Stopped& stopped) {
+  ASSIGN_OR_RETURN(const WorkFolder folder, WorkFolder::Make(options.work_dir));
+  const std::string file = options.work_dir + "/model.glb";
+  ASSIGN_OR_RETURN(const ProgramEnd end,
+                   RunProgram({.program = "myograde-sim",
+                               .words = {"--model-file", track, file, options.cache_dir},
+                               .deadline = kPictureTime},
+                              stopped));
+  if (end.exit_status != 0) return absl::InternalError(ReasonOf(end, "myograde-sim"));
+  absl::StatusOr<std::string> bytes = ReadFile(file);
+  if (!bytes.ok()) return absl::InternalError(bytes.status().message());
+  return bytes;
+}
 
 // "" if it has none, or can't be read.
 std::string LogOf(const EpisodeRow& row) {
@@ -44,13 +170,13 @@ absl::StatusOr<std::string> LogPath(const std::string& data_dir, const std::stri
 // The config that an evaluation was played under.
 absl::StatusOr<TrackConfig> ConfigOfEvaluation(Reader& reader, int64_t id) {
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.Evaluation(id));
-  const absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
-  if (!submission.ok()) return submission.status();
-  return StoredConfig(reader, ConfigOf(evaluation, *submission));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(evaluation.submission));
+  return StoredConfig(reader, ConfigOf(evaluation, submission));
 }
 
-absl::StatusOr<PicturedEpisode> EpisodeIn(Reader& reader, const std::string& data_dir,
-                                       const std::string& log) {
+// The episode of a log, with what it can't be played without.
+absl::StatusOr<PicturedEpisode> EpisodeOf(Reader& reader, const std::string& data_dir,
+                                          const std::string& log) {
   ASSIGN_OR_RETURN(const LoggedEpisode found, reader.EpisodeOfLog(log));
   ASSIGN_OR_RETURN(TrackConfig config, ConfigOfEvaluation(reader, found.evaluation));
   PicturedEpisode shown = {std::move(config), {}, {}};
@@ -97,29 +223,22 @@ std::string PictureBuild(const std::string& cache_dir) {
   return Sha256Hex(CanonicalJson(build)).substr(0, kBuildDigits);
 }
 
-absl::StatusOr<PicturedEpisode> EpisodeToShow(ReaderPool& readers, const std::string& data_dir,
-                                           const std::string& log) {
-  ASSIGN_OR_RETURN(PicturedEpisode shown, readers.Read<PicturedEpisode>([&](Reader& reader) {
-    return EpisodeIn(reader, data_dir, log);
-  }));
-  return shown;
-}
-
 absl::StatusOr<std::string> MakeFile(ReaderPool& readers, const std::string& data_dir,
                                      const MakerOptions& makers, const PictureKey& key,
                                      const Stopped& stopped) {
   if (key.kind == PictureKind::kModel) return MakeModel(key.of, makers, stopped);
-  ASSIGN_OR_RETURN(const PicturedEpisode episode, EpisodeToShow(readers, data_dir, key.of));
+  ASSIGN_OR_RETURN(const PicturedEpisode episode,
+                   readers.Read<PicturedEpisode>(
+                       [&](Reader& reader) { return EpisodeOf(reader, data_dir, key.of); }));
   return key.kind == PictureKind::kPicture ? MakePicture(episode, makers, stopped)
                                            : MakeTrajectory(episode, makers, stopped);
 }
 
 EndedEvaluations::EndedEvaluations(ReaderPool& readers) : readers_(readers) {
-  const absl::Status status = readers_.Read([&](Reader& reader) {
-    seen_ = reader.LastEnd();
-    return absl::OkStatus();
-  });
-  if (!status.ok()) spdlog::warn("pictures: {}", std::string(status.message()));
+  const absl::StatusOr<int64_t> last =
+      readers_.Read<int64_t>([](Reader& reader) { return reader.LastEnd(); });
+  if (!last.ok()) spdlog::warn("pictures: {}", std::string(last.status().message()));
+  seen_ = last.value_or(0);
 }
 
 std::vector<PictureKey> EndedEvaluations::Pictures() {

@@ -1,11 +1,14 @@
 #include "server/pictures/pictures.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
+
+#include "protocol/base/status_macros.h"
 
 namespace myograde::server {
 namespace {
@@ -16,14 +19,9 @@ constexpr absl::Duration kForGood = absl::Hours(24);
 constexpr absl::Duration kAfterTrouble = absl::Minutes(1);
 constexpr size_t kMostFailures = 10'000;
 
-std::string NameOf(const PictureKey& key) {
-  switch (key.kind) {
-    case PictureKind::kTrajectory: return absl::StrCat("the trajectory of log ", key.of);
-    case PictureKind::kPicture: return absl::StrCat("the picture of log ", key.of);
-    case PictureKind::kModel: return absl::StrCat("the model file of ", key.of);
-  }
-  return key.of;
-}
+// What people call what is made, in the order of PictureKind.
+constexpr std::array kKindNames = {"the trajectory of log", "the picture of log",
+                                   "the model file of"};
 
 }  // namespace
 
@@ -154,13 +152,15 @@ void Pictures::Make(const Job& job, bool asked) {
     }
     return options_.grading();
   };
-  absl::StatusOr<std::string> bytes = absl::InternalError("");
-  try {
-    bytes = options_.make(job.key, stopped);
-  } catch (const std::exception& error) {  // of no memory
-    bytes = absl::InternalError(error.what());
-  }
-  absl::Status status = bytes.ok() ? files_.Keep(job.key, *bytes) : bytes.status();
+  const auto make = [&]() -> absl::Status {
+    try {
+      ASSIGN_OR_RETURN(const std::string bytes, options_.make(job.key, stopped));
+      return files_.Keep(job.key, bytes);
+    } catch (const std::exception& error) {  // of no memory
+      return absl::InternalError(error.what());
+    }
+  };
+  const absl::Status status = make();
   const MutexLock lock(mutex_);
   if (absl::IsCancelled(status) && !stop_) {
     // It was for nobody when it was stopped, and may be for somebody now.
@@ -186,7 +186,8 @@ void Pictures::NoteFailure(const PictureKey& key, const absl::Status& why) {
   } else if (absl::IsDataLoss(why)) {
     failure.why = text;
   } else {
-    spdlog::warn("{} can't be made: {}", NameOf(key), text);
+    spdlog::warn("{} {} can't be made: {}", kKindNames[static_cast<size_t>(key.kind)], key.of,
+                 text);
     failure.why = "it could not be made, by a fault of this server; its log tells the organisers why";
   }
 }

@@ -8,7 +8,6 @@
 #include <functional>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <thread>
 
@@ -18,10 +17,12 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
-#include "server/pictures/makers.h"
 #include "server/pictures/picture_files.h"
 
 namespace myograde::server {
+
+// Whether to give up what is being made.
+using Stopped = std::function<bool()>;
 
 struct PicturesOptions {
   std::string folder;          // must exist

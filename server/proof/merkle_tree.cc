@@ -27,12 +27,6 @@ int64_t SplitOf(int64_t leaves) {
   return static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(leaves) - 1));
 }
 
-bool IsLowerHex(std::string_view text) {
-  return std::all_of(text.begin(), text.end(), [](char digit) {
-    return (digit >= '0' && digit <= '9') || (digit >= 'a' && digit <= 'f');
-  });
-}
-
 }  // namespace
 
 Sha256Digest LeafHash(std::string_view leaf) {
@@ -65,6 +59,12 @@ Sha256Digest MerkleTree::HashOf(int64_t begin, int64_t end) const {
 
 Sha256Digest MerkleTree::Root(int64_t size) const {
   return size == 0 ? Sha256Of("") : HashOf(0, size);
+}
+
+std::string MerkleRoot(const std::vector<std::string>& leaves) {
+  MerkleTree tree;
+  for (const std::string& leaf : leaves) tree.Append(leaf);
+  return HexOf(tree.Root(tree.size()));
 }
 
 MerkleProof MerkleTree::InclusionProof(int64_t leaf, int64_t size) const {
@@ -173,7 +173,7 @@ nlohmann::json ProofToJson(const MerkleProof& proof) {
 
 absl::StatusOr<Sha256Digest> DigestOfHex(std::string_view digits) {
   Sha256Digest digest;
-  if (digits.size() != 2 * digest.size() || !IsLowerHex(digits)) {
+  if (!IsSha256Hex(digits)) {
     return absl::InvalidArgumentError("a hash has 64 lower-case hexadecimal digits");
   }
   const std::string bytes = absl::HexStringToBytes({digits.data(), digits.size()});

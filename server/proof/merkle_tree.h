@@ -1,5 +1,8 @@
-// A Merkle tree that grows, as in RFC 6962, section 2.1: its proofs show that an entry is in it, and
-// that an earlier tree is the beginning of a later one. The hashes are those of merkle.h.
+// A Merkle tree over SHA-256 that grows, as in RFC 6962, section 2.1: a leaf's hash covers a 0 byte
+// and its content, an inner node's a 1 byte and its children's hashes; the left subtree is the
+// largest full one that leaves something for the right. So no other list of leaves has the same
+// root. Proofs show that an entry is in the tree, and that an earlier tree is the beginning of a
+// later one.
 #pragma once
 
 #include <cstdint>
@@ -42,6 +45,9 @@ class MerkleTree {
   // Entry i of level k is the hash of the leaves from i << k on, 1 << k of them.
   std::vector<std::vector<Sha256Digest>> levels_;
 };
+
+// The root of a tree as hexadecimal digits; without leaves, the SHA-256 of the empty string.
+std::string MerkleRoot(const std::vector<std::string>& leaves);
 
 Sha256Digest LeafHash(std::string_view leaf);
 

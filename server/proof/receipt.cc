@@ -8,7 +8,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
-#include "server/proof/merkle.h"
+#include "server/proof/merkle_tree.h"
 #include "server/proof/receipt_seeds.h"
 #include "server/proof/record_head.h"
 

@@ -10,8 +10,8 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/proof/logs.h"
 #include "server/proof/replay_run.h"
-#include "server/proof/unpack_log.h"
 
 namespace myograde::server {
 namespace {
@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 absl::StatusOr<ReplayRecord> PlayOne(const fs::path& file, const ReferenceOptions& options,
-                                     const std::atomic<bool>& stop) {
+                                     const std::stop_token& stop) {
   ASSIGN_OR_RETURN(std::string bytes, ReadLog(file));
   ASSIGN_OR_RETURN(EpisodeLog log, ParseEpisodeLog(bytes));
   ReplayOrder order;
@@ -28,9 +28,8 @@ absl::StatusOr<ReplayRecord> PlayOne(const fs::path& file, const ReferenceOption
   order.work_dir = options.work_dir;
   order.cache_dir = options.cache_dir;
   order.uid_base = options.uid;
-  ASSIGN_OR_RETURN(
-      std::vector<ReplayRecord> records, RunReplay(order, {.progress = [](int64_t, int64_t) {},
-                            .stopped = [&] { return stop.load(); }}));
+  ASSIGN_OR_RETURN(const std::vector<ReplayRecord> records,
+                   RunReplay(order, {.stopped = [&] { return stop.stop_requested(); }}));
   return records.front();
 }
 
@@ -59,7 +58,7 @@ std::string WhyUnreferenced(const std::string& folder, std::string_view kind) {
 }
 
 absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
-                                          const std::atomic<bool>& stop) {
+                                          const std::stop_token& stop) {
   std::error_code error;
   const std::vector<fs::path> files = LogsIn(options.folder);
   if (files.empty()) {
@@ -84,9 +83,9 @@ absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
 }
 
 ReferenceCheck::ReferenceCheck(ReferenceOptions options)
-    : options_(std::move(options)), thread_([this] {
-        const absl::StatusOr<std::string> verdict = PlayReference(options_, stop_);
-        if (!verdict.ok() && !stop_) {
+    : options_(std::move(options)), thread_([this](const std::stop_token& stop) {
+        const absl::StatusOr<std::string> verdict = PlayReference(options_, stop);
+        if (!verdict.ok() && !stop.stop_requested()) {
           spdlog::warn("the reference episodes could not be played: {}",
                        std::string(verdict.status().message()));
         } else if (verdict.ok() && !verdict->empty()) {
@@ -96,11 +95,6 @@ ReferenceCheck::ReferenceCheck(ReferenceOptions options)
         verdict_ = verdict.ok() ? *verdict : "";
         known_.NotifyAll();
       }) {}
-
-ReferenceCheck::~ReferenceCheck() {
-  stop_ = true;
-  thread_.join();
-}
 
 std::optional<std::string> ReferenceCheck::Result(std::string_view kind,
                                                   absl::Duration timeout) const {

@@ -2,9 +2,9 @@
 // are known, and compares. A daemon whose host fails grades no ranked submission.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -30,13 +30,12 @@ std::string WhyUnreferenced(const std::string& folder, std::string_view kind);
 // Plays every log of the folder, until `stop`. "" if all matched, else which did not and how. An
 // error says why the check could not be made.
 absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
-                                          const std::atomic<bool>& stop);
+                                          const std::stop_token& stop);
 
 // Runs PlayReference on its own thread, from construction to destruction.
 class ReferenceCheck {
  public:
   explicit ReferenceCheck(ReferenceOptions options);
-  ~ReferenceCheck();
 
   // Waits for the verdict: nullopt if it is not known in time; "" if the host may grade ranked
   // submissions of the environment `kind`; else why not. A check that could not be made does not block
@@ -45,11 +44,10 @@ class ReferenceCheck {
 
  private:
   const ReferenceOptions options_;
-  std::atomic<bool> stop_ = false;
   mutable Mutex mutex_;
   mutable Condition known_;
   std::optional<std::string> verdict_ ABSL_GUARDED_BY(mutex_);
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 }  // namespace myograde::server

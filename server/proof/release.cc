@@ -5,7 +5,6 @@
 #include <map>
 #include <string_view>
 #include <system_error>
-#include <utility>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
@@ -63,19 +62,16 @@ absl::StatusOr<std::map<std::string, bool>> FilesOf(const std::string& folder) {
 
 // Path -> SHA-256, of a text whose signature is valid. DataLossError: it is in no form that
 // SignRelease writes.
-absl::StatusOr<std::map<std::string, std::string>> ListedFiles(std::string_view sums) {
+absl::StatusOr<std::map<std::string, std::string>> ListedFiles(const std::string& sums) {
   std::map<std::string, std::string> files;
-  std::vector<std::string_view> lines;
-  for (const auto line : absl::StrSplit(absl::string_view(sums.data(), sums.size()), '\n')) {
-    lines.emplace_back(line.data(), line.size());
-  }
+  const std::vector<std::string> lines = absl::StrSplit(sums, '\n');
   if (!lines.back().empty()) return absl::DataLossError("its last line has no end");
   for (size_t i = 1; i + 1 < lines.size(); ++i) {
-    const std::string_view line = lines[i];
-    if (line.size() <= kHashDigits + 2 || line.substr(kHashDigits, 2) != "  ") {
+    const std::string& line = lines[i];
+    if (line.size() <= kHashDigits + 2 || line.compare(kHashDigits, 2, "  ") != 0) {
       return absl::DataLossError(absl::StrCat("line ", i + 1, " is none of a file"));
     }
-    files[std::string(line.substr(kHashDigits + 2))] = std::string(line.substr(0, kHashDigits));
+    files[line.substr(kHashDigits + 2)] = line.substr(0, kHashDigits);
   }
   return files;
 }

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include <absl/status/statusor.h>
-#include <absl/time/time.h>
 
 #include "protocol/lease/lease.h"
 #include "server/runner/runner_process.h"
@@ -36,7 +35,7 @@ struct ReplayOrder {
 bool CarriesOver(const TrackConfig& track);
 
 struct ReplayHooks {
-  std::function<void(int64_t done, int64_t total)> progress;
+  std::function<void(int64_t done, int64_t total)> progress = [](int64_t, int64_t) {};
   std::function<bool()> stopped;
 };
 

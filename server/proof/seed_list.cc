@@ -9,11 +9,8 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/policy_seed.h"
-#include "server/base/random_bytes.h"
 
 namespace myograde::server {
-
-absl::StatusOr<std::string> NewSeedSecret() { return RandomBytes(kSeedSecretBytes); }
 
 absl::StatusOr<std::string> SecretOfDigits(std::string_view text, const std::string& where) {
   const std::string digits =

@@ -14,9 +14,6 @@ namespace myograde::server {
 
 inline constexpr size_t kSeedSecretBytes = 32;
 
-// 32 random bytes.
-absl::StatusOr<std::string> NewSeedSecret();
-
 // The secret that `text` has in hexadecimal digits, with white space around it at most; `where`
 // names it in errors.
 absl::StatusOr<std::string> SecretOfDigits(std::string_view text, const std::string& where);

@@ -52,70 +52,44 @@ absl::Status CantWrite(const std::string& path) {
       absl::StrCat(path, ": the signing key can't be written: ", std::strerror(errno)));
 }
 
-// Creates a key file, one process and thread at a time: the folder is locked meanwhile.
-class KeyMaker {
- public:
-  static absl::StatusOr<KeyMaker> Enter(const std::string& path) {
-    const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
-    Fd lock(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    int locked = -1;
-    do {
-      locked = lock.valid() ? flock(lock.get(), LOCK_EX) : -1;
-    } while (lock.valid() && locked != 0 && errno == EINTR);
-    if (locked != 0) return CantWrite(path);
-    return KeyMaker(path, folder, std::move(lock));
+// Holds the folder of `path` locked: one process and thread at a time makes a key there.
+absl::StatusOr<Fd> LockFolderOf(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  Fd lock(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!lock.valid() || TEMP_FAILURE_RETRY(flock(lock.get(), LOCK_EX)) != 0) return CantWrite(path);
+  return lock;
+}
+
+// Writes it completely and to disk under another name, then links it to its final one: neither a
+// kill nor a full disk leaves half a key there, and an existing key is never replaced.
+absl::Status MakeKey(const std::string& path, const std::string& draft, const Fd& folder) {
+  const KeyPtr key(EVP_PKEY_Q_keygen(nullptr, nullptr, "ED25519"));
+  if (key == nullptr) return absl::InternalError("OpenSSL can't make an Ed25519 key");
+  const BioPtr bio(BIO_new(BIO_s_mem()), BIO_free);
+  if (PEM_write_bio_PrivateKey(bio.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr) != 1) {
+    return absl::InternalError("OpenSSL can't write a private key");
   }
-
-  // Drafts of a process that was killed while writing: nobody else is at work, as we hold the lock.
-  void RemoveDrafts() const {
-    const std::string prefix = std::filesystem::path(path_).filename().string() + ".draft-";
-    std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {
-      const std::string name = entry.path().filename().string();
-      if (name.starts_with(prefix)) unlink(entry.path().c_str());
-    }
+  const Fd file(open(draft.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!file.valid()) return CantWrite(path);
+  absl::Status status;
+  if (!WriteAll(file.get(), TextOf(bio.get())).ok() || fsync(file.get()) != 0 ||
+      link(draft.c_str(), path.c_str()) != 0 || fsync(folder.get()) != 0) {
+    status = CantWrite(path);
   }
-
-  // Writes it completely and to disk under another name, then links it to its final one: neither a
-  // kill nor a full disk leaves half a key there, and an existing key is never replaced.
-  absl::Status Make() const {
-    const KeyPtr key(EVP_PKEY_Q_keygen(nullptr, nullptr, "ED25519"));
-    if (key == nullptr) return absl::InternalError("OpenSSL can't make an Ed25519 key");
-    const BioPtr bio(BIO_new(BIO_s_mem()), BIO_free);
-    if (PEM_write_bio_PrivateKey(bio.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr) !=
-        1) {
-      return absl::InternalError("OpenSSL can't write a private key");
-    }
-    const std::string draft = path_ + ".draft-new";
-    const Fd file(open(draft.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-    if (!file.valid()) return CantWrite(path_);
-    absl::Status status;
-    if (!WriteAll(file.get(), TextOf(bio.get())).ok() || fsync(file.get()) != 0 ||
-        link(draft.c_str(), path_.c_str()) != 0 || fsync(lock_.get()) != 0) {
-      status = CantWrite(path_);
-    }
-    unlink(draft.c_str());
-    return status;
-  }
-
- private:
-  KeyMaker(std::string path, std::filesystem::path folder, Fd lock)
-      : path_(std::move(path)), folder_(std::move(folder)), lock_(std::move(lock)) {}
-
-  std::string path_;
-  std::filesystem::path folder_;
-  Fd lock_;  // the folder itself
-};
+  unlink(draft.c_str());
+  return status;
+}
 
 }  // namespace
 
 void KeyDeleter::operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
 
 absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
-  ASSIGN_OR_RETURN(KeyMaker maker, KeyMaker::Enter(path));
-  maker.RemoveDrafts();
+  ASSIGN_OR_RETURN(const Fd folder, LockFolderOf(path));
+  const std::string draft = path + ".draft-new";
+  unlink(draft.c_str());  // of a process that was killed while it wrote
   if (struct stat info; lstat(path.c_str(), &info) != 0 && errno == ENOENT) {
-    RETURN_IF_ERROR(maker.Make());
+    RETURN_IF_ERROR(MakeKey(path, draft, folder));
   }
   absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
   if (absl::IsInvalidArgument(text.status())) text = "";  // nothing that large is a key

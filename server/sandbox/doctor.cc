@@ -22,7 +22,6 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
-#include "server/base/program_run.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/doctor_host.h"

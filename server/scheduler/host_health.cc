@@ -1,6 +1,7 @@
 #include "server/scheduler/host_health.h"
 
 #include <algorithm>
+#include <array>
 
 #include <absl/strings/str_cat.h>
 
@@ -9,15 +10,8 @@
 namespace myograde::server {
 
 std::string_view HostStateName(HostHealth::State state) {
-  switch (state) {
-    case HostHealth::State::kWell:
-      return "well";
-    case HostHealth::State::kSuspected:
-      return "suspected";
-    case HostHealth::State::kPaused:
-      return "paused";
-  }
-  return "";
+  static constexpr std::array<std::string_view, 3> kNames = {"well", "suspected", "paused"};
+  return kNames[static_cast<size_t>(state)];
 }
 
 void HostHealth::LeaseFaulted(absl::Duration now, const std::string& why) {

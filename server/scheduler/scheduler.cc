@@ -175,11 +175,6 @@ Scheduler::Lease* Scheduler::Current(int64_t lease, int64_t attempt) {
   return &it->second;
 }
 
-bool Scheduler::IsCurrent(int64_t lease, int64_t attempt) const {
-  const auto it = leases_.find(lease);
-  return it != leases_.end() && it->second.running && it->second.attempt == attempt;
-}
-
 void Scheduler::SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at) {
   deadlines_.erase({std::min(lease.silent_after, lease.over_at), lease.id});
   lease.silent_after = silent_after;

@@ -35,7 +35,6 @@
 #include <string>
 #include <vector>
 
-#include <absl/status/status.h>
 #include <absl/time/time.h>
 
 #include "server/scheduler/team_line.h"
@@ -149,9 +148,6 @@ class Scheduler {
   // The attempt's runner is alive: extends the lease's heartbeat deadline.
   void Heartbeat(int64_t lease, int64_t attempt, absl::Duration now);
 
-  // True while this attempt is running; only then do its records count.
-  bool IsCurrent(int64_t lease, int64_t attempt) const;
-
   // The attempt ended with all of its episodes recorded.
   Decision Finished(int64_t lease, int64_t attempt, absl::Duration now);
   // The attempt ended, or is to end now, with a grader fault. `permanent`: each further attempt would
@@ -201,9 +197,6 @@ class Scheduler {
   int running() const { return static_cast<int>(running_.size()); }
   int64_t pending() const { return static_cast<int64_t>(leases_.size()) - running(); }
   int64_t WaitingLeasesOf(int64_t evaluation) const;
-  // Unfinished evaluations of a team that have a lease waiting.
-  int64_t WaitingOf(const std::string& team) const;
-  const SchedulerLimits& limits() const { return limits_; }
   // Slots that a lease or something else has taken.
   int taken_slots() const { return limits_.slots - static_cast<int>(free_slots_.size()); }
   // Grows with the number of waiting evaluations.

@@ -14,14 +14,6 @@ int64_t Scheduler::WaitingLeasesOf(int64_t id) const {
   return it == evaluations_.end() ? 0 : static_cast<int64_t>(it->second.waiting.size());
 }
 
-int64_t Scheduler::WaitingOf(const std::string& team) const {
-  const auto it = teams_.find(team);
-  if (it == teams_.end()) return 0;
-  int64_t waiting = 0;
-  for (int i = 0; i < kPriorities; ++i) waiting += it->second.line.size(Priority(i));
-  return waiting;
-}
-
 QueueDepth Scheduler::DepthAt(absl::Duration now) const {
   QueueDepth depth;
   for (const auto& [id, evaluation] : evaluations_) {

@@ -5,14 +5,9 @@
 namespace myograde::server {
 
 std::string_view PriorityName(Priority priority) {
-  switch (priority) {
-    case Priority::kOverdue: return "overdue";
-    case Priority::kRanked: return "ranked";
-    case Priority::kPractice: return "practice";
-    case Priority::kRerun: return "rerun";
-    case Priority::kRejudge: return "rejudge";
-  }
-  return "";
+  static constexpr std::array<std::string_view, kPriorities> kNames = {
+      "overdue", "ranked", "practice", "rerun", "rejudge"};
+  return kNames[static_cast<size_t>(priority)];
 }
 
 void TeamLine::Set(Priority priority, int64_t evaluation, int64_t waiting) {

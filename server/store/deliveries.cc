@@ -8,7 +8,8 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/random_bytes.h"
+#include "server/base/secret.h"
+#include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 #include "server/store/stored_row.h"

@@ -6,7 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/base/random_bytes.h"
+#include "server/base/secret.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
 #include "server/store/teams.h"

@@ -12,7 +12,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/log_line.h"
-#include "server/base/random_bytes.h"
+#include "server/base/secret.h"
 #include "server/webhook/retry.h"
 
 namespace myograde::server {

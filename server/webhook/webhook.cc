@@ -8,7 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/base/ip_address.h"
-#include "server/base/private_file.h"
+#include "server/base/secret.h"
 
 namespace myograde::server {
 namespace {

@@ -9,8 +9,7 @@
 #include "protocol/log/episode_log.h"
 #include "protocol/log/event_log.h"
 #include "protocol/policy/layout.h"
-#include "server/proof/compare_logs.h"
-#include "server/proof/unpack_log.h"
+#include "server/proof/logs.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;

@@ -82,8 +82,8 @@ RULES = {
     "server/cli/base": ({"protocol/base", "protocol/lease", "server/base", "server/cli/terminal",
                          "server/cli/base"}, r"mujoco/|lcm/|SQLiteCpp/|boost/"),
     "server/cli/client": ({"protocol", "server/base", "server/artefact/artefact.h",
-                           "server/proof/compare_logs.h", "server/proof/merkle_tree.h",
-                           "server/proof/record_head.h", "server/proof/unpack_log.h",
+                           "server/proof/logs.h", "server/proof/merkle_tree.h",
+                           "server/proof/record_head.h",
                            "server/store/transfer.h"} | {f"server/cli/{part}" for part in (
                                "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
     "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (

@@ -1,6 +1,5 @@
 #include "server/cli/base/places.h"
 
-#include <cstdlib>
 #include <filesystem>
 
 #include "server/base/paths.h"
@@ -11,22 +10,18 @@ namespace {
 // Of the daemon that a package's units start.
 constexpr char kSystemSocket[] = "/run/myograde/myograde.sock";
 
-std::string Environment(const char* name) {
-  const char* value = std::getenv(name);
-  return value == nullptr ? "" : value;
-}
-
 }  // namespace
 
 std::string DataDir(const std::string& option) {
   if (!option.empty()) return option;
-  if (const std::string folder = Environment("MYOGRADE_DATA"); !folder.empty()) return folder;
+  if (const std::string folder = EnvironmentVariable("MYOGRADE_DATA"); !folder.empty())
+    return folder;
   return UsualDataDir();
 }
 
 std::string CacheDir(const std::string& option) {
   if (!option.empty()) return std::filesystem::absolute(option).string();
-  if (const std::string folder = Environment("MYOGRADE_CACHE"); !folder.empty()) {
+  if (const std::string folder = EnvironmentVariable("MYOGRADE_CACHE"); !folder.empty()) {
     return std::filesystem::absolute(folder).string();
   }
   return UsualCacheDir();
@@ -35,7 +30,7 @@ std::string CacheDir(const std::string& option) {
 std::string SocketPath(const std::string& socket_option, const std::string& data_option) {
   if (!socket_option.empty()) return socket_option;
   const std::string own = DataDir(data_option) + "/myograde.sock";
-  const bool named = !data_option.empty() || !Environment("MYOGRADE_DATA").empty();
+  const bool named = !data_option.empty() || !EnvironmentVariable("MYOGRADE_DATA").empty();
   std::error_code error;
   if (named || std::filesystem::exists(own, error)) return own;
   return std::filesystem::exists(kSystemSocket, error) ? kSystemSocket : own;

@@ -12,7 +12,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/random_bytes.h"
+#include "server/base/secret.h"
 #include "server/cli/client/connect.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"

@@ -4,7 +4,7 @@
 
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/proof/unpack_log.h"
+#include "server/proof/logs.h"
 
 namespace myograde::server {
 namespace {

@@ -11,7 +11,7 @@
 #include "protocol/log/episode_log.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/terminal/text.h"
-#include "server/proof/compare_logs.h"
+#include "server/proof/logs.h"
 
 namespace myograde::server {
 namespace {

@@ -10,9 +10,9 @@
 #include <absl/strings/str_join.h>
 #include <absl/time/time.h>
 
+#include "server/base/child_process.h"
 #include "server/base/counted.h"
 #include "server/base/paths.h"
-#include "server/base/program_run.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/print_json.h"

@@ -18,7 +18,6 @@
 #include "server/cli/client/export_rows.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
-#include "server/engine/standings.h"
 #include "server/engine/stored.h"
 #include "server/store/data_folder.h"
 #include "server/store/transfer.h"

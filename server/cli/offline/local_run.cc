@@ -12,7 +12,6 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
-#include "server/grading/lease_use.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
 #include "server/sandbox/slot_processes.h"

@@ -10,7 +10,7 @@
 #include "protocol/log/episode_log.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/play_logs.h"
-#include "server/proof/unpack_log.h"
+#include "server/proof/logs.h"
 #include "server/runner/log_keeper.h"
 
 namespace myograde::server {

@@ -11,7 +11,7 @@
 
 #include "scoring/groups.h"
 #include "scoring/paired_test.h"
-#include "server/grading/episode_order.h"
+#include "server/grading/leaderboard.h"
 
 namespace myograde::server {
 namespace {

@@ -15,7 +15,7 @@
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/terminal/progress.h"
 #include "server/config/server_config.h"
-#include "server/proof/unpack_log.h"
+#include "server/proof/logs.h"
 #include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {

@@ -20,7 +20,7 @@
 #include "server/cli/offline/play_logs.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
-#include "server/proof/unpack_log.h"
+#include "server/proof/logs.h"
 
 namespace myograde::server {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/program_run.h"
+#include "server/base/child_process.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"

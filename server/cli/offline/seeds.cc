@@ -17,6 +17,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
+#include "server/base/secret.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/options.h"
@@ -64,7 +65,7 @@ absl::Status WriteSecret(const std::string& path, const std::string& secret) {
 }
 
 absl::StatusOr<std::string> MakeSecret(const std::string& path) {
-  absl::StatusOr<std::string> secret = NewSeedSecret();
+  absl::StatusOr<std::string> secret = RandomBytes(kSeedSecretBytes);
   if (!secret.ok()) return secret;
   RETURN_IF_ERROR(WriteSecret(path, *secret));
   return secret;

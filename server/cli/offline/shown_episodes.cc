@@ -13,10 +13,10 @@
 #include "protocol/tracks/registry.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/play_logs.h"
-#include "server/grading/episode_order.h"
+#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"
-#include "server/proof/unpack_log.h"
+#include "server/proof/logs.h"
 
 namespace myograde::server {
 namespace {

@@ -9,7 +9,7 @@
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
-#include "server/base/program_run.h"
+#include "server/base/child_process.h"
 #include "server/config/slurm_config.h"
 
 namespace myograde::server {

@@ -15,7 +15,6 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/tracks/registry.h"
 #include "server/base/child_process.h"
-#include "server/base/program_run.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/options.h"
@@ -25,7 +24,7 @@
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
-#include "server/grading/episode_order.h"
+#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {

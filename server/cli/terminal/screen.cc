@@ -12,7 +12,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/base/harmless.h"
 #include "server/base/plain_text.h"
 #include "server/cli/terminal/text.h"
 

@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "server/base/harmless.h"  // which goes with these
+#include "server/base/plain_text.h"  // Harmless, which goes with these
 
 namespace myograde::server {
 

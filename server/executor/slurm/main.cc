@@ -21,8 +21,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
-#include "server/base/harmless.h"
 #include "server/base/paths.h"
+#include "server/base/plain_text.h"
 #include "server/base/stop_signals.h"
 #include "server/executor/slurm/host.h"
 #include "server/executor/slurm/node.h"

@@ -2,7 +2,6 @@
 
 #include <sys/file.h>
 
-#include <atomic>
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
@@ -18,9 +17,9 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
-#include "server/base/host_name.h"
 #include "server/base/output_tail.h"
 #include "server/base/paths.h"
+#include "server/base/this_host.h"
 #include "server/executor/slurm/node_dir.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
@@ -89,13 +88,12 @@ std::string ProvedPath(const ProofOptions& options, const std::string& build) {
 std::string WhyNotEqual(const ProofOptions& options) {
   // Where sandboxes can't start, no episode can be played either.
   if (std::string missing = FirstMissing(options); !missing.empty()) return missing;
-  const std::atomic<bool> never = false;
   const absl::StatusOr<std::string> differs = PlayReference(
       {.folder = options.config_dir + "/reference",
        .work_dir = options.node_dir + "/reference",
        .cache_dir = options.cache_dir,
        .uid = options.uid_base < 0 ? -1 : options.uid_base + kReferenceUsers},
-      never);
+      /*stop=*/{});
   if (!differs.ok()) {
     return absl::StrCat("can't play the reference episodes: ", differs.status().message());
   }

@@ -18,7 +18,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/output_tail.h"
-#include "server/base/random_bytes.h"
+#include "server/base/secret.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/runner_process.h"

@@ -17,5 +17,5 @@ class Trouble(Exception):
 
 
 def harmless(text: object) -> str:
-    """Foreign text for a terminal, as one line (server/base/harmless.h)."""
+    """Foreign text for a terminal, as one line (server/base/plain_text.h)."""
     return _HARMFUL.sub("?", str(text))

@@ -38,12 +38,13 @@ class SubmitPhaseTest : public AdmissionWorld {
   }
 
   void Hold(const std::vector<Json>& phases) {
-    const auto challenge =
-        ParseChallenge({{"form", 1}, {"title", "A cup"}, {"phases", phases}}, "cup", "cup.json");
-    ASSERT_TRUE(challenge.ok()) << challenge.status();
-    ASSERT_TRUE(CheckChallenges({*challenge}, *tracks_, absl::InfinitePast()).mistakes.empty());
+    std::vector<std::string> mistakes;
+    const ChallengeConfig challenge = ReadChallenge(
+        {{"form", 1}, {"title", "A cup"}, {"phases", phases}}, "cup", "cup.json", mistakes);
+    ASSERT_TRUE(mistakes.empty()) << mistakes.front();
+    ASSERT_TRUE(CheckChallenges({challenge}, *tracks_, absl::InfinitePast()).mistakes.empty());
     const auto secret = [](const PhaseConfig&) { return std::string(32, 's'); };
-    auto made = Phases::Make({*challenge}, *tracks_, secret);
+    auto made = Phases::Make({challenge}, *tracks_, secret);
     ASSERT_TRUE(made.ok()) << made.status();
     phases_ = *std::move(made);
     admission();  // starts the engine, which reads a clock that the tests don't set

@@ -1,5 +1,5 @@
 // Packets that are filtered are told from packets that are not.
-#include "server/base/packet_filter.h"
+#include "server/base/this_host.h"
 
 #include <gtest/gtest.h>
 #include <linux/filter.h>

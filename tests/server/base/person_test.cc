@@ -1,5 +1,5 @@
 // Users of this host as people write them.
-#include "server/base/person.h"
+#include "server/base/peer_key.h"
 
 #include <string>
 

@@ -34,6 +34,16 @@ inline nlohmann::json ChallengeJson(const std::vector<nlohmann::json>& phases) {
   return {{"form", 1}, {"title", "A cup"}, {"phases", phases}};
 }
 
+// Reads a challenge file. InvalidArgumentError is its mistakes.
+inline absl::StatusOr<ChallengeConfig> ParseChallenge(const nlohmann::json& json,
+                                                      const std::string& name,
+                                                      const std::string& where) {
+  std::vector<std::string> mistakes;
+  ChallengeConfig challenge = ReadChallenge(json, name, where, mistakes);
+  if (!mistakes.empty()) return MistakesToStatus(mistakes);
+  return challenge;
+}
+
 // Of a file without a mistake.
 inline ChallengeConfig ChallengeOf(const std::vector<nlohmann::json>& phases,
                                    const std::string& name = "cup") {

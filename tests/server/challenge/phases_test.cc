@@ -16,7 +16,6 @@
 
 #include "protocol/base/sha256.h"
 #include "protocol/lease/seed_commitment.h"
-#include "server/challenge/find_phase.h"
 #include "server/proof/seed_list.h"
 #include "tests/server/challenge/challenge_world.h"
 
@@ -115,6 +114,17 @@ TEST(Phases, TheyAreInOrderOfOpening) {
   EXPECT_EQ(order, "zbac");
 }
 
+// Those of a folder, as the daemon takes them.
+absl::StatusOr<Phases> LoadPhases(const std::string& dir) {
+  std::vector<std::string> mistakes;
+  std::vector<ChallengeConfig> challenges = ReadChallenges(dir, mistakes);
+  if (mistakes.empty()) {
+    mistakes = CheckChallenges(challenges, ShippedTracks(), absl::InfinitePast()).mistakes;
+  }
+  if (!mistakes.empty()) return MistakesToStatus(mistakes);
+  return Phases::Make(std::move(challenges), ShippedTracks(), SecretFor);
+}
+
 class PhasesFolder : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -127,9 +137,7 @@ class PhasesFolder : public ::testing::Test {
   void Write(const std::string& file, const std::string& text) {
     std::ofstream(dir_ + "/" + file) << text;
   }
-  std::string Mistake() {
-    return std::string(Phases::Load(dir_, ShippedTracks(), SecretFor).status().message());
-  }
+  std::string Mistake() { return std::string(LoadPhases(dir_).status().message()); }
 
   std::string dir_;
 };
@@ -139,7 +147,7 @@ TEST_F(PhasesFolder, EveryFileIsLoaded) {
   Write("autumn.json", ChallengeJson({PhaseJson("b", {{"seeds", {700}}})}).dump());
   Write("README.md", "not a challenge");
   Write(".#spring.json", "an editor's");
-  const absl::StatusOr<Phases> phases = Phases::Load(dir_, ShippedTracks(), SecretFor);
+  const absl::StatusOr<Phases> phases = LoadPhases(dir_);
   ASSERT_TRUE(phases.ok()) << phases.status();
   EXPECT_TRUE(phases->any());
   ASSERT_EQ(phases->entries().size(), 2u);
@@ -147,7 +155,7 @@ TEST_F(PhasesFolder, EveryFileIsLoaded) {
 }
 
 TEST_F(PhasesFolder, AMissingFolderIsNoChallenge) {
-  const auto phases = Phases::Load(dir_ + "/none", ShippedTracks(), SecretFor);
+  const auto phases = LoadPhases(dir_ + "/none");
   ASSERT_TRUE(phases.ok()) << phases.status();
   EXPECT_FALSE(phases->any());
 }

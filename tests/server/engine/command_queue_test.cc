@@ -18,6 +18,14 @@ bool Readable(int fd, int wait_ms) {
   return poll(&entry, 1, wait_ms) == 1;
 }
 
+// Waits for a command that answers as soon as it runs.
+absl::Status Call(CommandQueue& queue, std::function<absl::Status()> command,
+                  absl::Duration timeout) {
+  return queue.Call(
+      [command = std::move(command)](const CommandQueue::Answer& answer) { answer(command()); },
+      timeout);
+}
+
 // A loop like the daemon's: runs commands until it is told to stop.
 class Loop {
  public:
@@ -48,7 +56,8 @@ TEST(CommandQueue, RunsEveryCommandOnceOnTheLoopsThread) {
     callers.emplace_back([&, i] {
       for (int k = 0; k < 50; ++k) {
         const auto caller = std::this_thread::get_id();
-        const absl::Status status = queue.Call(
+        const absl::Status status = Call(
+            queue,
             [&ran, caller, i] {
               EXPECT_NE(std::this_thread::get_id(), caller);
               ++ran;
@@ -69,7 +78,8 @@ TEST(CommandQueue, KeepsTheOrderAndTellsHowManyItRan) {
   EXPECT_EQ(queue.RunAll(), 0);
   std::vector<int> order;
   for (int i = 0; i < 3; ++i) {
-    const absl::Status status = queue.Call(
+    const absl::Status status = Call(
+        queue,
         [&order, i] {
           order.push_back(i);
           return absl::OkStatus();
@@ -86,7 +96,8 @@ TEST(CommandQueue, KeepsTheOrderAndTellsHowManyItRan) {
 TEST(CommandQueue, ALateCommandStillRunsAndOwnsWhatItTouches) {
   CommandQueue queue(10);
   const auto touched = std::make_shared<int>(0);
-  EXPECT_TRUE(absl::IsDeadlineExceeded(queue.Call(
+  EXPECT_TRUE(absl::IsDeadlineExceeded(Call(
+      queue,
       [touched] {
         ++*touched;
         return absl::OkStatus();
@@ -99,23 +110,26 @@ TEST(CommandQueue, ALateCommandStillRunsAndOwnsWhatItTouches) {
 TEST(CommandQueue, RefusesMoreThanItsCapacity) {
   CommandQueue queue(2);
   const auto nothing = [] { return absl::OkStatus(); };
-  EXPECT_TRUE(absl::IsDeadlineExceeded(queue.Call(nothing, absl::ZeroDuration())));
-  EXPECT_TRUE(absl::IsDeadlineExceeded(queue.Call(nothing, absl::ZeroDuration())));
-  EXPECT_TRUE(absl::IsResourceExhausted(queue.Call(nothing, absl::Seconds(30))));
+  EXPECT_TRUE(absl::IsDeadlineExceeded(Call(queue, nothing, absl::ZeroDuration())));
+  EXPECT_TRUE(absl::IsDeadlineExceeded(Call(queue, nothing, absl::ZeroDuration())));
+  EXPECT_TRUE(absl::IsResourceExhausted(Call(queue, nothing, absl::Seconds(30))));
   EXPECT_EQ(queue.RunAll(), 2);
-  EXPECT_TRUE(absl::IsDeadlineExceeded(queue.Call(nothing, absl::ZeroDuration())));
+  EXPECT_TRUE(absl::IsDeadlineExceeded(Call(queue, nothing, absl::ZeroDuration())));
 }
 
 TEST(CommandQueue, ClosingAnswersAllThatWaitsAndAllThatComes) {
   CommandQueue queue(10);
   absl::Status waiting;
-  std::thread caller(
-      [&] { waiting = queue.Call([] { return absl::OkStatus(); }, absl::Seconds(30)); });
+  std::thread caller([&] {
+    waiting = Call(
+        queue, [] { return absl::OkStatus(); }, absl::Seconds(30));
+  });
   EXPECT_TRUE(Readable(queue.wake_fd(), 10'000));
   queue.Close();
   caller.join();
   EXPECT_TRUE(absl::IsCancelled(waiting)) << waiting;
-  EXPECT_TRUE(absl::IsCancelled(queue.Call([] { return absl::OkStatus(); }, absl::Seconds(30))));
+  EXPECT_TRUE(absl::IsCancelled(Call(
+      queue, [] { return absl::OkStatus(); }, absl::Seconds(30))));
   EXPECT_EQ(queue.RunAll(), 0);
 }
 

@@ -13,7 +13,6 @@
 #include <gtest/gtest.h>
 
 #include "damaged_store.h"
-#include "server/engine/standings.h"
 #include "server/engine/stored.h"
 #include "server/store/transfer.h"
 
@@ -274,7 +273,7 @@ TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   EXPECT_TRUE(world.core->Running().empty()) << "it could not be read";
   std::optional<absl::Status> answer;
   const auto cancel = [&] {
-    world.core->Cancel(1, /*reruns=*/true, /*charge=*/false, "why", "who",
+    world.core->Cancel({.submission = 1, .reruns = true, .why = "why", .who = "who"},
                        [&](absl::StatusOr<CancelReport> report) { answer = report.status(); });
   };
   cancel();

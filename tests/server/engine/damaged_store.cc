@@ -6,7 +6,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/grading/leaderboard.h"
-#include "server/engine/standings.h"
 #include "server/engine/stored.h"
 
 namespace myograde::server {

@@ -88,7 +88,8 @@ TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   const int64_t id = world.Submit("a", 6);
   RunFor(world, absl::Seconds(3));
   std::optional<CancelReport> report;
-  world.core->Cancel(1, /*reruns=*/true, /*charge=*/false, "why", "who", [&](absl::StatusOr<CancelReport> answer) {
+  const CancelOrder order = {.submission = 1, .reruns = true, .why = "why", .who = "who"};
+  world.core->Cancel(order, [&](absl::StatusOr<CancelReport> answer) {
     ASSERT_TRUE(answer.ok()) << answer.status();
     report = *answer;
   });
@@ -101,8 +102,7 @@ TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   EXPECT_LE(report->took, absl::Seconds(1));
   EXPECT_EQ(world.core->Health().ending, 0);
   std::optional<absl::Status> again;
-  world.core->Cancel(1, /*reruns=*/true, /*charge=*/false, "why", "who",
-                     [&](absl::StatusOr<CancelReport> answer) { again = answer.status(); });
+  world.core->Cancel(order, [&](absl::StatusOr<CancelReport> answer) { again = answer.status(); });
   ASSERT_TRUE(again.has_value());
   EXPECT_TRUE(absl::IsFailedPrecondition(*again));
 }

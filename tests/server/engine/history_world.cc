@@ -325,7 +325,9 @@ void World::Cancel(int64_t submission) {
   const absl::Duration asked = clock.Monotonic();
   ++cancels_open;
   try {
-    core->Cancel(submission, /*reruns=*/true, /*charge=*/true, "test", "test", [this, asked](absl::StatusOr<CancelReport> report) {
+    const CancelOrder order = {
+        .submission = submission, .reruns = true, .charge = true, .why = "test", .who = "test"};
+    core->Cancel(order, [this, asked](absl::StatusOr<CancelReport> report) {
       --cancels_open;
       if (!report.ok()) return;
       Promise(report->took <= clock.Monotonic() - asked, "a cancel took longer than it did");

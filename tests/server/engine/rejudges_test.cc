@@ -229,8 +229,8 @@ TEST_F(RejudgesTest, ACancelLeavesItAloneAndADropEndsIt) {
   Run();
   const int64_t id = MustCreate(To(LongerSteps()));
   Await([&] { return Progress(id).running == 1; }, "the rejudge plays");
-  const auto cancelled =
-      engine_->Cancel(alpha, /*reruns=*/true, /*charge=*/false, "test", "uid 0", absl::Seconds(30));
+  const auto cancelled = engine_->Cancel(
+      {.submission = alpha, .reruns = true, .why = "test", .who = "uid 0"}, absl::Seconds(30));
   EXPECT_THAT(std::string(cancelled.status().message()), HasSubstr("nothing to cancel"));
   EXPECT_EQ(Progress(id).running, 1);
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("can't be applied yet"));

@@ -1,4 +1,4 @@
-#include "server/grading/board_builds.h"
+#include "server/grading/leaderboard.h"
 
 #include <gtest/gtest.h>
 

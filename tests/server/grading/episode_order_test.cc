@@ -1,5 +1,5 @@
 // The order of an evaluation's episodes, against the boards themselves.
-#include "server/grading/episode_order.h"
+#include "server/grading/leaderboard.h"
 
 #include <map>
 #include <optional>

@@ -1,4 +1,4 @@
-#include "server/grading/lease_use.h"
+#include "server/grading/results.h"
 
 #include <gtest/gtest.h>
 

@@ -18,7 +18,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
-#include "server/base/program_run.h"
+#include "server/base/child_process.h"
 #include "server/pictures/packing.h"
 
 namespace myograde::server {

@@ -8,7 +8,6 @@
 #include <absl/strings/str_cat.h>
 #include <gtest/gtest.h>
 
-#include "server/proof/merkle.h"
 #include "server/proof/record_head.h"
 
 namespace myograde::server {
@@ -23,9 +22,18 @@ Leaves First(Leaves leaves, int64_t count) { return leaves.first(static_cast<siz
 // The definitions of RFC 6962, section 2.1, word by word.
 size_t Split(size_t leaves) { return std::bit_floor(leaves - 1); }
 
-std::string NaiveRoot(Leaves leaves) {
-  return MerkleRoot(std::vector<std::string>(leaves.begin(), leaves.end()));
+Sha256Digest NaiveHash(Leaves leaves) {
+  if (leaves.empty()) return Sha256Of("");
+  if (leaves.size() == 1) return Sha256Of(std::string(1, '\0') + leaves[0]);
+  const size_t k = Split(leaves.size());
+  std::string node = "\1";
+  for (const Sha256Digest& child : {NaiveHash(leaves.first(k)), NaiveHash(leaves.subspan(k))}) {
+    node.append(child.begin(), child.end());
+  }
+  return Sha256Of(node);
 }
+
+std::string NaiveRoot(Leaves leaves) { return HexOf(NaiveHash(leaves)); }
 
 void NaivePath(size_t leaf, Leaves leaves, std::vector<std::string>& path) {
   if (leaves.size() == 1) return;

@@ -22,13 +22,12 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/policy_seed.h"
-#include "server/proof/compare_logs.h"
 #include "server/proof/grader_build.h"
-#include "server/proof/merkle.h"
+#include "server/proof/logs.h"
+#include "server/proof/merkle_tree.h"
 #include "server/proof/receipt.h"
 #include "server/proof/seed_list.h"
 #include "server/proof/signing_key.h"
-#include "server/proof/unpack_log.h"
 
 namespace myograde::server {
 namespace {

@@ -120,9 +120,6 @@ TEST(SchedulerTest, ALateEndOfAnExpiredAttemptCountsNothing) {
   EXPECT_EQ(scheduler.Finished(1000, 1, absl::ZeroDuration()).kind, Kind::kStale);
   EXPECT_EQ(scheduler.Faulted(1000, 1, absl::Seconds(60)).kind, Kind::kStale);
   EXPECT_EQ(scheduler.Returned(1000, 1, absl::Seconds(60)).kind, Kind::kStale);
-  EXPECT_FALSE(scheduler.IsCurrent(1000, 1));
-  EXPECT_TRUE(scheduler.IsCurrent(1000, 2));
-  EXPECT_FALSE(scheduler.IsCurrent(1001, 2));
   EXPECT_EQ(scheduler.Finished(1000, 2, absl::ZeroDuration()).kind, Kind::kEvaluationEnds);
 }
 
@@ -147,7 +144,8 @@ TEST(SchedulerTest, TellsThePlaceInTheLine) {
   EXPECT_EQ(scheduler.PlaceOf(2)->position, 3);
   EXPECT_EQ(scheduler.PlaceOf(2)->leases_ahead, 3);
   EXPECT_FALSE(scheduler.PlaceOf(9));
-  EXPECT_EQ(scheduler.WaitingOf("a"), 2);
+  const std::set<std::string> team = {"a"};
+  EXPECT_EQ(scheduler.QueueOf(&team), (std::vector<int64_t>{1, 2}));
   EXPECT_NE(scheduler.WhyWaiting(2, absl::ZeroDuration()).find("1 of 1"), std::string::npos);
 }
 
@@ -280,8 +278,10 @@ TEST(SchedulerTest, TeamsThatBecomeOneShareOneTurn) {
   scheduler.MoveTeam("nobody", "c");
   scheduler.MoveTeam("c", "c");
   EXPECT_EQ(scheduler.Teams(), (std::vector<std::string>{"b", "c"}));
-  EXPECT_EQ(scheduler.WaitingOf("a"), 0);
-  EXPECT_EQ(scheduler.WaitingOf("b"), 2);
+  const std::set<std::string> moved = {"a"};
+  const std::set<std::string> joined = {"b"};
+  EXPECT_TRUE(scheduler.QueueOf(&moved).empty());
+  EXPECT_EQ(scheduler.QueueOf(&joined), (std::vector<int64_t>{1, 2}));
   // The turn that has begun goes on, and counts for both.
   std::vector<int64_t> order;
   int64_t running = 1000;

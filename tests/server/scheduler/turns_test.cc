@@ -133,7 +133,7 @@ TEST(Turns, WhatIsOverdueIsCountedByEverybody) {
   scheduler.Add(WaitingEvaluation(2, "b", 1), absl::Seconds(30));
   EXPECT_EQ(scheduler.PlaceOf(2)->position, 1);
   ASSERT_EQ(scheduler.Escalate(absl::Seconds(60)), std::vector<int64_t>{1});
-  EXPECT_EQ(scheduler.WaitingOf("a"), 1);
+  EXPECT_EQ(scheduler.DepthAt(absl::Seconds(60)).classes[0].evaluations, 1);
   EXPECT_EQ(scheduler.PlaceOf(2)->position, 2);
   EXPECT_EQ(scheduler.PlaceOf(2)->leases_ahead, 2);
   EXPECT_EQ(scheduler.QueueOf(nullptr), (std::vector<int64_t>{1, 2}));

@@ -95,7 +95,6 @@ TEST(Depth, HasTheLongestWaitSinceTheLastStart) {
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(22)).classes[1].leases, 1);
   EXPECT_EQ(scheduler.WaitingLeasesOf(1), 1);
   EXPECT_EQ(scheduler.WaitingLeasesOf(2), 0);
-  EXPECT_EQ(scheduler.WaitingOf("nobody"), 0);
 }
 
 TEST(Deadlines, OfAnEvaluationAreItsWaitAndThoseOfItsLeases) {

@@ -1,11 +1,15 @@
-// Whether this process may send packets to other hosts, where a service manager can forbid it.
+// This host among others: its name, and what it may send them.
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "server/base/ip_address.h"
 
 namespace myograde::server {
+
+// "unknown" if it has none.
+std::string HostName();
 
 // Whether the kernel refuses to send packets of this process to `address` (systemd's
 // IPAddressDeny=). Sends an empty datagram to the discard port there.

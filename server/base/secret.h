@@ -1,4 +1,4 @@
-// Secrets that an operator keeps in files.
+// Secrets: random ones, and those that an operator keeps in files.
 #pragma once
 
 #include <cstddef>
@@ -7,6 +7,9 @@
 #include <absl/status/statusor.h>
 
 namespace myograde::server {
+
+// `size` bytes that nobody can guess, from OpenSSL's generator. InternalError: the host gives none.
+absl::StatusOr<std::string> RandomBytes(size_t size);
 
 // The text of a file, without the line feed at its end. InvalidArgumentError, in one sentence that
 // says what to do, if it can't be read, is no regular file, may be read or written by others than

@@ -1,9 +1,10 @@
-#include "server/base/packet_filter.h"
+#include "server/base/this_host.h"
 
 #include <ifaddrs.h>
 #include <net/if.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -12,6 +13,11 @@
 #include "protocol/base/fd.h"
 
 namespace myograde::server {
+
+std::string HostName() {
+  char name[256] = {};
+  return gethostname(name, sizeof(name) - 1) == 0 ? name : "unknown";
+}
 
 bool IsRefused(const IpAddress& address) {
   constexpr uint16_t kDiscard = 9;

@@ -1,6 +1,7 @@
-#include "server/base/private_file.h"
+#include "server/base/secret.h"
 
 #include <fcntl.h>
+#include <openssl/rand.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -13,6 +14,14 @@
 #include "protocol/base/file.h"
 
 namespace myograde::server {
+
+absl::StatusOr<std::string> RandomBytes(size_t size) {
+  std::string bytes(size, '\0');
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()), static_cast<int>(size)) != 1) {
+    return absl::InternalError("this host gives no random bytes");
+  }
+  return bytes;
+}
 
 absl::StatusOr<std::string> ReadSecretFile(const std::string& path, size_t min, size_t max) {
   // Opening a pipe must not wait for its other end.

@@ -1,12 +1,14 @@
-#include "server/proof/compare_logs.h"
+#include "server/proof/logs.h"
 
 #include <algorithm>
 #include <cstring>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/tracks/registry.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
+#include "protocol/tracks/registry.h"
 
 namespace myograde::server {
 namespace {
@@ -39,6 +41,17 @@ LogDifference CompareEnds(const EpisodeLog& a, const EpisodeLog& b) {
 }
 
 }  // namespace
+
+absl::StatusOr<std::string> ReadLog(const std::string& path) {
+  ASSIGN_OR_RETURN(const Fd file, OpenToRead(path));
+  return ReadPackedLog(file.get());
+}
+
+absl::Status CheckLogHash(const std::string& named, const std::string& found) {
+  if (named == found) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat("the log was altered: its SHA-256 is ", found, ", its record says ", named));
+}
 
 LogDifference CompareLogs(const EpisodeLog& a, const EpisodeLog& b) {
   if (a.action_size != b.action_size || a.header.seed != b.header.seed) {
