@@ -2,17 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
 
 namespace myograde::server {
 namespace {
 
-constexpr std::array<std::pair<Role, std::string_view>, 4> kRoles = {{
-    {Role::kPublic, "public"},
-    {Role::kParticipant, "participant"},
-    {Role::kOrganiser, "organiser"},
-    {Role::kOperator, "operator"},
-}};
+// In the order of Role.
+constexpr std::array<std::string_view, 4> kRoles = {"public", "participant", "organiser",
+                                                    "operator"};
 
 struct Rule {
   Action action;
@@ -75,13 +71,12 @@ const Rule& RuleOf(Action action) { return kRules[static_cast<size_t>(action)]; 
 
 }  // namespace
 
-std::string_view RoleName(Role role) { return kRoles[static_cast<size_t>(role)].second; }
+std::string_view RoleName(Role role) { return kRoles[static_cast<size_t>(role)]; }
 
 std::optional<Role> ParseRole(std::string_view name) {
-  const auto* found = std::find_if(kRoles.begin(), kRoles.end(),
-                                   [&](const auto& entry) { return entry.second == name; });
+  const auto* found = std::find(kRoles.begin(), kRoles.end(), name);
   if (found == kRoles.end()) return std::nullopt;
-  return found->first;
+  return static_cast<Role>(found - kRoles.begin());
 }
 
 std::string_view ActionName(Action action) { return RuleOf(action).name; }

@@ -33,13 +33,4 @@ std::vector<CountedDenial> DenialCounter::TakeDue(absl::Duration now) {
   return due;
 }
 
-std::vector<CountedDenial> DenialCounter::TakeAll() {
-  std::vector<CountedDenial> all;
-  for (const auto& [denial, kind] : kinds_) {
-    if (kind.count > 0) all.push_back({denial, kind.count});
-  }
-  kinds_.clear();
-  return all;
-}
-
 }  // namespace myograde::server

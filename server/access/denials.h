@@ -40,7 +40,7 @@ class DenialCounter {
   // What is to be written at `now`: the first of a kind at once, equal ones a minute later.
   std::vector<CountedDenial> TakeDue(absl::Duration now);
   // All that has not been written.
-  std::vector<CountedDenial> TakeAll();
+  std::vector<CountedDenial> TakeAll() { return TakeDue(absl::InfiniteDuration()); }
   // Adds what could not be written.
   void Return(const std::vector<CountedDenial>& denials);
 

@@ -2,21 +2,26 @@
 
 #include <algorithm>
 
-#include "server/access/token_text.h"
+#include <absl/strings/escaping.h>
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/peer_key.h"
+#include "server/base/random_bytes.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr std::string_view kScheme = "bearer";
+constexpr std::string_view kPrefix = "myo_";
+constexpr size_t kRandomBytes = 32;
 
 bool Fits(const UserRule& rule, const HostUser& user) {
   if (rule.uid.has_value()) return *rule.uid == user.uid;
-  return rule.gid.has_value() && std::find(user.groups.begin(), user.groups.end(), *rule.gid) !=
-                                     user.groups.end();
+  return rule.gid.has_value() &&
+         std::find(user.groups.begin(), user.groups.end(), *rule.gid) != user.groups.end();
 }
-
-char Lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
 }  // namespace
 
@@ -67,14 +72,27 @@ std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRo
   return identity;
 }
 
+absl::StatusOr<std::string> NewTokenText() {
+  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(kRandomBytes));
+  return absl::StrCat(std::string(kPrefix), absl::BytesToHexString(bytes));
+}
+
+bool IsTokenText(std::string_view text) {
+  if (!text.starts_with(kPrefix)) return false;
+  text.remove_prefix(kPrefix.size());
+  return text.size() == 2 * kRandomBytes &&
+         text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+std::string TokenHash(std::string_view text) { return Sha256Hex(std::string(text)); }
+
 std::optional<std::string_view> TokenIn(std::string_view authorization) {
-  const size_t space = authorization.find(' ');
-  if (space != kScheme.size() ||
-      !std::equal(kScheme.begin(), kScheme.end(), authorization.begin(),
-                  [](char wanted, char given) { return wanted == Lower(given); })) {
+  constexpr std::string_view kScheme = "bearer ";
+  const std::string_view scheme = authorization.substr(0, kScheme.size());
+  if (!absl::EqualsIgnoreCase({scheme.data(), scheme.size()}, {kScheme.data(), kScheme.size()})) {
     return std::nullopt;
   }
-  std::string_view token = authorization.substr(space);
+  std::string_view token = authorization.substr(scheme.size());
   token.remove_prefix(std::min(token.find_first_not_of(' '), token.size()));
   if (!IsTokenText(token)) return std::nullopt;
   return token;

@@ -1,5 +1,6 @@
 // Who a request comes from, as a function of what the connection, the settings, the store and a
-// token say. Pure.
+// bearer token say. Pure. Tokens are texts of "myo_" and 64 hexadecimal digits; only their hashes
+// are kept.
 #pragma once
 
 #include <sys/types.h>
@@ -10,6 +11,8 @@
 #include <string_view>
 #include <variant>
 #include <vector>
+
+#include <absl/status/statusor.h>
 
 #include "server/access/access.h"
 #include "server/access/access_config.h"
@@ -42,6 +45,17 @@ enum class TokenProblem { kUnknown, kExpired, kRevoked };
 // The holder of a token. `row`: of the store, by the hash of the token's text; nullopt: none.
 std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRow>& row,
                                                      int64_t now_ms, bool remote);
+
+// A new token of 256 random bits. InternalError: the host has no random numbers.
+absl::StatusOr<std::string> NewTokenText();
+
+// Whether the text has a token's form. Says nothing about its validity.
+bool IsTokenText(std::string_view text);
+
+// What the store knows a token by: the text's SHA-256, in lower-case hexadecimal. Finding it by an
+// index leaks nothing through the time that this takes, as nobody can choose a hash's digits
+// without the text.
+std::string TokenHash(std::string_view text);
 
 // The token in an Authorization header ("Bearer myo_..."); nullopt: the header has another form.
 std::optional<std::string_view> TokenIn(std::string_view authorization);

@@ -1,18 +1,21 @@
 // How many requests a caller may make, and how long one has to wait who shows wrong tokens. Times
-// are monotonic and given by the caller of these functions. Each remembers a bounded number of keys.
+// are monotonic and given by the caller of these functions. Each remembers a bounded number of
+// keys.
 #pragma once
 
 #include <cstddef>
 #include <list>
+#include <map>
 #include <string>
-#include <unordered_map>
+#include <utility>
 
 #include <absl/time/time.h>
 
 namespace myograde::server {
 
-// Values by key, of which the one that was used least recently is forgotten when there are too many.
-template <typename Value>
+// Values by key, of which the one that was used least recently is forgotten when there are too
+// many.
+template <typename Value, typename Key = std::string>
 class RecentKeys {
  public:
   // REQUIRES: most > 0.
@@ -21,20 +24,20 @@ class RecentKeys {
   RecentKeys& operator=(const RecentKeys&) = delete;
 
   // The key's value, which becomes the most recent; nullptr: it is not known.
-  Value* Find(const std::string& key) {
+  Value* Find(const Key& key) {
     const auto it = places_.find(key);
     if (it == places_.end()) return nullptr;
     order_.splice(order_.begin(), order_, it->second);
     return &it->second->second;
   }
-  Value& FindOr(const std::string& key, const Value& usual) {
+  Value& FindOr(const Key& key, const Value& usual) {
     if (Value* value = Find(key)) return *value;
-    if (places_.size() >= most_) Forget(order_.back().first);
+    if (places_.size() >= most_) Forget(oldest());
     order_.emplace_front(key, usual);
     places_.emplace(key, order_.begin());
     return order_.front().second;
   }
-  void Forget(const std::string& key) {
+  void Forget(const Key& key) {
     const auto it = places_.find(key);
     if (it == places_.end()) return;
     const auto place = it->second;
@@ -42,13 +45,15 @@ class RecentKeys {
     order_.erase(place);
   }
   size_t size() const { return places_.size(); }
+  // REQUIRES: size() > 0.
+  const Key& oldest() const { return order_.back().first; }
 
  private:
-  using Order = std::list<std::pair<std::string, Value>>;
+  using Order = std::list<std::pair<Key, Value>>;
 
   const size_t most_;
   Order order_;  // the most recent first
-  std::unordered_map<std::string, typename Order::iterator> places_;
+  std::map<Key, typename Order::iterator> places_;
 };
 
 // A token bucket for each key: `per_s` requests a second on average, and up to `burst` at once.

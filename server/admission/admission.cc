@@ -25,8 +25,8 @@ absl::Status BadRequest(const std::string& code, const std::string& message) {
   return WithErrorCode(absl::InvalidArgumentError(message), code);
 }
 
-// The seeds to play, in order: the whole ranked list, or for practice those of the request or of the
-// track's list for it.
+// The seeds to play, in order: the whole ranked list, or for practice those of the request or of
+// the track's list for it.
 absl::StatusOr<std::vector<uint64_t>> SeedsOf(const SubmitRequest& request,
                                               const TrackConfig& config) {
   if (!request.seeds.has_value() && !request.episodes.has_value()) return config.seeds;
@@ -91,12 +91,10 @@ absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request
   const std::string& team = request.from.team;
   ArtefactCheck check = [](const std::string&) { return absl::OkStatus(); };
   if (!team.empty()) {
-    const absl::StatusOr<TrackPtr> track = tracks_.Find(request.track, "");
-    absl::Status allowed = track.status();
-    if (allowed.ok()) allowed = CheckTries(team, request.track);
-    if (allowed.ok() && request.founding.has_value()) allowed = Found(team, *request.founding);
-    if (!allowed.ok()) return allowed;
-    check = [kind = (*track)->config.kind](const std::string& adapter) {
+    ASSIGN_OR_RETURN(const TrackPtr track, tracks_.Find(request.track, ""));
+    RETURN_IF_ERROR(CheckTries(team, request.track));
+    if (request.founding.has_value()) RETURN_IF_ERROR(Found(team, *request.founding));
+    check = [kind = track->config.kind](const std::string& adapter) {
       return CheckAdapter(adapter, *kind);
     };
   }
@@ -140,21 +138,17 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   ASSIGN_OR_RETURN(const Entry entry, EntryOf(request, now));
   const TrackConfig& config = entry.track->config;
   ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOf(request, config));
-  absl::Status allowed;
-  if (entry.phase != nullptr) allowed = CheckInvited(request.team, entry.phase->config);
-  if (!allowed.ok()) return allowed;
+  if (entry.phase != nullptr) RETURN_IF_ERROR(CheckInvited(request.team, entry.phase->config));
   if (request.seeds.has_value() || request.episodes.has_value()) {
-    allowed = CheckPractice(request.seeds.value_or(seeds), config, tracks_, phases_);
+    RETURN_IF_ERROR(CheckPractice(request.seeds.value_or(seeds), config, tracks_, phases_));
   }
-  if (!allowed.ok()) return allowed;
   ASSIGN_OR_RETURN(const ArtefactRow artefact, CheckedArtefact(request, who, config));
   NewSubmission submission = Compose(request, entry, seeds, artefact);
-  submission.extra_observations = ShowsExtraObservations(
-      artefact.extra_observations, !artefact.adapter.empty(), config);
+  submission.extra_observations =
+      ShowsExtraObservations(artefact.extra_observations, !artefact.adapter.empty(), config);
   submission.request_key = request.key;
   submission.founding = request.founding;
-  if (submission.ranked) allowed = CheckRankedHere(*config.kind);
-  if (!allowed.ok()) return allowed;
+  if (submission.ranked) RETURN_IF_ERROR(CheckRankedHere(*config.kind));
   AdmissionRules rules = options_.config.quota.of(config.id);
   if (entry.phase != nullptr) {
     rules = PhaseRules(entry.phase->config, rules);
@@ -172,25 +166,25 @@ absl::StatusOr<Admission::Entry> Admission::EntryOf(const SubmitRequest& request
         "request: \"phase\" can't stand beside \"seeds\" or \"episodes\": a phase is played as a "
         "whole; leave one of them out");
   }
-  absl::StatusOr<TrackPtr> track = tracks_.Find(request.track, request.profile);
-  if (!track.ok()) return track.status();
+  ASSIGN_OR_RETURN(const TrackPtr track, tracks_.Find(request.track, request.profile));
   if (!HasPhases(phases_, request.track)) {
-    if (request.phase.empty()) return Entry{*track, nullptr, true};
+    if (request.phase.empty()) return Entry{track, nullptr, true};
   } else if (practice) {
-    return Entry{*track, nullptr, false};
+    return Entry{track, nullptr, false};
   }
-  absl::StatusOr<PhasePtr> phase =
-      FindPhase(phases_, {request.phase, request.track, request.profile}, now);
-  if (!phase.ok()) return phase.status();
-  return Entry{(*phase)->track, *phase, true};
+  ASSIGN_OR_RETURN(const PhasePtr phase,
+                   FindPhase(phases_, {request.phase, request.track, request.profile}, now));
+  return Entry{phase->track, phase, true};
 }
 
 absl::Time Admission::Now() {
   const absl::Time now = clock_.Now();
   if (const auto jump = calendar_.Jump(now, clock_.Monotonic())) {
-    spdlog::warn("the calendar was set {} by {}; phases open and close, and days of quotas begin, by "
-                 "the calendar", *jump > absl::ZeroDuration() ? "forward" : "back",
-                 absl::FormatDuration(absl::AbsDuration(*jump)));
+    spdlog::warn(
+        "the calendar was set {} by {}; phases open and close, and days of quotas begin, by "
+        "the calendar",
+        *jump > absl::ZeroDuration() ? "forward" : "back",
+        absl::FormatDuration(absl::AbsDuration(*jump)));
   }
   return now;
 }
@@ -198,23 +192,18 @@ absl::Time Admission::Now() {
 absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
                                                     const RequestKey& key) {
   if (key.key.empty()) return std::optional<Accepted>();
-  ASSIGN_OR_RETURN(
-      std::optional<Accepted> earlier, readers.Read<std::optional<Accepted>>([&](Reader& reader) {
-            return reader.FindRequest(who, key);
-          }));
-  return earlier;
+  return readers.Read<std::optional<Accepted>>(
+      [&](Reader& reader) { return reader.FindRequest(who, key); });
 }
 
 absl::Status Admission::CheckInvited(const std::string& team, const PhaseConfig& phase) {
   if (phase.teams.empty()) return absl::OkStatus();
-  bool invited = false;
-  const absl::Status status = readers_.Read([&](Reader& reader) {
-    invited = std::any_of(phase.teams.begin(), phase.teams.end(), [&](const std::string& name) {
+  ASSIGN_OR_RETURN(const bool invited, readers_.Read<bool>([&](Reader& reader) {
+    return std::any_of(phase.teams.begin(), phase.teams.end(), [&](const std::string& name) {
       return reader.TeamOf(name) == reader.TeamOf(team);
     });
-    return absl::OkStatus();
-  });
-  if (!status.ok() || invited) return status;
+  }));
+  if (invited) return absl::OkStatus();
   return WithErrorCode(
       absl::FailedPreconditionError(absl::StrCat(
           "phase \"", phase.name, "\" is open to ", Counted(std::ssize(phase.teams), "team"),
@@ -270,9 +259,9 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entr
   submission.seed_count = static_cast<int64_t>(seeds.size());
   submission.ranked = entry.ranks && seeds == config.seeds;
   submission.phase = config.phase;
-  submission.grader_json = CanonicalJson(
-      WithRuntimes(GraderBuild(options_.cache_dir, {artefact.adapter}),
-                   RuntimeDigests(runtimes_, artefact.runtimes)));
+  submission.grader_json =
+      CanonicalJson(WithRuntimes(GraderBuild(options_.cache_dir, {artefact.adapter}),
+                                 RuntimeDigests(runtimes_, artefact.runtimes)));
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
   return submission;
 }

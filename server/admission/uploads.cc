@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <sys/statvfs.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -53,12 +52,12 @@ absl::StatusOr<std::string> HashOf(const IncomingArchive& archive,
 absl::Status MayGoOn(const std::string& folder, int64_t disk_reserve,
                      const std::function<bool()>& stopping) {
   if (stopping()) return absl::CancelledError(kStopsNow);
-  struct statvfs disk;
-  if (statvfs(folder.c_str(), &disk) != 0) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(folder, ": can't be looked at"));
+  std::error_code error;
+  const fs::space_info disk = fs::space(folder, error);
+  if (error) {
+    return absl::ErrnoToStatus(error.value(), absl::StrCat(folder, ": can't be looked at"));
   }
-  const auto free = static_cast<int64_t>(disk.f_bavail) * static_cast<int64_t>(disk.f_frsize);
-  if (free >= disk_reserve) return absl::OkStatus();
+  if (static_cast<int64_t>(disk.available) >= disk_reserve) return absl::OkStatus();
   return absl::ResourceExhaustedError(
       "the server's disk is too full to unpack the archive; try again later, or tell the "
       "organiser");
@@ -106,10 +105,16 @@ absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& fol
 }
 
 ArtefactRow RowOf(const Artefact& artefact) {
-  return {artefact.digest,           artefact.manifest.name, artefact.manifest.command,
-          artefact.manifest.runtimes, artefact.bytes,         artefact.files,
-          artefact.manifest.environment, artefact.manifest.adapter,
-          artefact.manifest.extra_observations, artefact.manifest.image};
+  return {artefact.digest,
+          artefact.manifest.name,
+          artefact.manifest.command,
+          artefact.manifest.runtimes,
+          artefact.bytes,
+          artefact.files,
+          artefact.manifest.environment,
+          artefact.manifest.adapter,
+          artefact.manifest.extra_observations,
+          artefact.manifest.image};
 }
 
 }  // namespace
@@ -147,20 +152,15 @@ absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
   const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
   if (!artefact.has_value()) return absl::NotFoundError("not seen before");
   RETURN_IF_ERROR(HasArtefactFiles(data_dir_, *artefact));
-  ASSIGN_OR_RETURN(
-      ArtefactRow row,
-      readers_.Read<ArtefactRow>([&](Reader& reader) { return reader.Artefact(*artefact); }));
-  return row;
+  return readers_.Read<ArtefactRow>([&](Reader& reader) { return reader.Artefact(*artefact); });
 }
 
 absl::StatusOr<bool> Uploads::Hold(const ArtefactRow& row, const NewUpload& from) {
-  bool held = false;
-  const absl::Status status = readers_.Read([&](Reader& reader) {
-    held = reader.UploadedArtefact(row.hash, from.uploader) &&
+  ASSIGN_OR_RETURN(const bool held, readers_.Read<bool>([&](Reader& reader) {
+    return reader.UploadedArtefact(row.hash, from.uploader) &&
            (from.team.empty() || reader.TeamHoldsArtefact(row.hash, from.team));
-    return absl::OkStatus();
-  });
-  if (!status.ok() || held) return status.ok() ? absl::StatusOr<bool>(false) : status;
+  }));
+  if (held) return false;
   return engine_.AddArtefact(row, from, config_.artefacts.unsubmitted, config_.http.request);
 }
 
@@ -192,17 +192,16 @@ absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const s
   }
   // The row comes first: whose the files are is known before there are any.
   if (status.ok()) status = HasArtefactFiles(data_dir_, row.hash);
-  if (status.ok() || absl::IsNotFound(status)) {
-    const absl::StatusOr<bool> added =
-        status.ok() ? Hold(row, from)
-                    : engine_.AddArtefact(row, from, config_.artefacts.unsubmitted,
-                                          config_.http.request);
-    if (added.ok()) received.is_new = *added;
-    status = added.status();
+  if (status.ok()) {
+    ASSIGN_OR_RETURN(received.is_new, Hold(row, from));
+  } else if (absl::IsNotFound(status)) {
+    ASSIGN_OR_RETURN(received.is_new, engine_.AddArtefact(row, from, config_.artefacts.unsubmitted,
+                                                          config_.http.request));
+  } else {
+    return status;
   }
-  if (status.ok()) status = ShareImage(folder, SharedFolder(data_dir_));
-  if (status.ok()) status = Settle(folder, ArtefactFolder(data_dir_, row.hash));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(ShareImage(folder, SharedFolder(data_dir_)));
+  RETURN_IF_ERROR(Settle(folder, ArtefactFolder(data_dir_, row.hash)));
   return received;
 }
 

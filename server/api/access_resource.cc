@@ -1,6 +1,5 @@
 #include "server/api/resources.h"
 
-#include <functional>
 #include <string>
 #include <utility>
 
@@ -9,16 +8,13 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/access/token_text.h"
-#include "server/api/paging.h"
+#include "server/access/identity.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 Json AddressToJson(const Address& address) {
   return {{"method", address.method},
@@ -78,8 +74,7 @@ int64_t ReadExpiry(ConfigReader& reader, int64_t now_ms) {
   const bool has_time = reader.Has("expires_at");
   if (reader.Has("valid_days")) {
     if (has_time) reader.Fail("valid_days", "is there beside expires_at; give one of them");
-    const absl::Duration valid =
-        absl::Hours(24) * reader.Integer("valid_days", 1, kMaxValidDays);
+    const absl::Duration valid = absl::Hours(24) * reader.Integer("valid_days", 1, kMaxValidDays);
     return now_ms + absl::ToInt64Milliseconds(valid);
   }
   if (!has_time) return 0;
@@ -121,31 +116,19 @@ absl::StatusOr<NewToken> ParseToken(const Json& body, int64_t now_ms) {
 absl::Status MayManage(const std::string& role) {
   if (role == kParticipantRole || CallerMay(Action::kManageOperators)) return absl::OkStatus();
   NoteDenial("role");
-  return WithErrorCode(
-      absl::PermissionDeniedError(
-          "only an operator makes and revokes tokens of organisers and operators"),
-      kForbiddenCode);
+  return WithErrorCode(absl::PermissionDeniedError(
+                           "only an operator makes and revokes tokens of organisers and operators"),
+                       kForbiddenCode);
 }
 
-ApiResult ListEvents(const ApiContext& context, const Request& request) {
-  absl::Status status = CheckParameters(request, {"kind", "before", "limit"});
+ApiResult ListEvents(const ApiContext&, Reader& reader, const Request& request) {
+  ASSIGN_OR_RETURN(const Page page, ReadPage(request, {"kind"}));
   const std::string kind = request.Param("kind");
   if (request.HasParam("kind") && kind != "denied" && kind != "act") {
-    status.Update(absl::InvalidArgumentError("\"kind\" must be denied or act"));
+    return absl::InvalidArgumentError("\"kind\" must be denied or act");
   }
-  const absl::StatusOr<Page> page = ReadPage(request);
-  status.Update(page.status());
-  RETURN_IF_ERROR(status);
-  ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    const Listed<AccessEventRow> listed = reader.AccessEvents(kind, page->before, page->limit);
-    Json events = Json::array();
-    for (const AccessEventRow& event : listed.rows) events.push_back(EventToJson(event));
-    answer.body = {{"events", std::move(events)}, {"unreadable", DamagedToJson(listed.damaged)}};
-    AddNextPage(request, *page, listed, answer);
-    return absl::OkStatus();
-  }));
-  return answer;
+  return PageAnswer(request, page, "events", reader.AccessEvents(kind, page.before, page.limit),
+                    [](const AccessEventRow& event) { return EventToJson(event); });
 }
 
 ApiResult GetWhoami(const ApiContext& context, const Request& request) {
@@ -153,15 +136,10 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
   const Identity& caller = Caller();
   Json token;
   if (caller.token != 0) {
-    RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-      const absl::StatusOr<TokenRow> row = reader.Token(caller.token);
-      if (row.ok()) {
-        token = {{"id", row->id},
-                 {"label", row->label},
-                 {"expires_at", TimeToJson(row->expires_at)}};
-      }
-      return row.status();
+    ASSIGN_OR_RETURN(const TokenRow row, context.readers.Read<TokenRow>([&](Reader& reader) {
+      return reader.Token(caller.token);
     }));
+    token = {{"id", row.id}, {"label", row.label}, {"expires_at", TimeToJson(row.expires_at)}};
   }
   return ApiAnswer{200,
                    {{"role", RoleName(caller.role)},
@@ -173,14 +151,11 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
 
 // The token as it is in the store.
 ApiResult ShowToken(const ApiContext& context, int64_t id, int http, Json more) {
-  ApiAnswer answer{http};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    ASSIGN_OR_RETURN(const TokenRow token, reader.Token(id));
-    answer.body = TokenToJson(token, absl::ToUnixMillis(context.clock.Now()));
-    return absl::OkStatus();
-  }));
-  answer.body.update(more);
-  return answer;
+  ASSIGN_OR_RETURN(const TokenRow token, context.readers.Read<TokenRow>(
+                                             [&](Reader& reader) { return reader.Token(id); }));
+  Json body = TokenToJson(token, absl::ToUnixMillis(context.clock.Now()));
+  body.update(more);
+  return ApiAnswer{http, std::move(body)};
 }
 
 ApiResult CreateToken(const ApiContext& context, const Request&, const Json& body) {
@@ -188,37 +163,26 @@ ApiResult CreateToken(const ApiContext& context, const Request&, const Json& bod
   RETURN_IF_ERROR(MayManage(token.role));
   ASSIGN_OR_RETURN(const std::string text, NewTokenText());
   token.hash = TokenHash(text);
-  ASSIGN_OR_RETURN(const int64_t id, context.engine.Change<int64_t>(
-      [row = token, who = CallerKey()](Writer& writer) { return writer.AddToken(row, who); },
-      context.config.http.request));
-  NoteAct(absl::StrCat("token ", id),
-          absl::StrCat("made for ", token.team.empty() ? token.role : token.team, ": ",
-                       token.label));
+  const auto add = [token, who = CallerKey()](Writer& writer) {
+    return writer.AddToken(token, who);
+  };
+  ASSIGN_OR_RETURN(const int64_t id,
+                   context.engine.Change<int64_t>(add, context.config.http.request));
+  NoteAct(
+      absl::StrCat("token ", id),
+      absl::StrCat("made for ", token.team.empty() ? token.role : token.team, ": ", token.label));
   return ShowToken(context, id, 201, {{"token", text}});
 }
 
-ApiResult ListTokens(const ApiContext& context, const Request& request) {
-  absl::Status status = CheckParameters(request, {"before", "limit"});
-  const absl::StatusOr<Page> page = ReadPage(request);
-  status.Update(page.status());
-  RETURN_IF_ERROR(status);
+ApiResult ListTokens(const ApiContext& context, Reader& reader, const Request& request) {
+  ASSIGN_OR_RETURN(const Page page, ReadPage(request));
   const int64_t now = absl::ToUnixMillis(context.clock.Now());
-  ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    const Listed<TokenRow> listed = reader.Tokens(page->before, page->limit);
-    answer.body = {{"tokens", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
-    for (const TokenRow& token : listed.rows) {
-      answer.body["tokens"].push_back(TokenToJson(token, now));
-    }
-    AddNextPage(request, *page, listed, answer);
-    return absl::OkStatus();
-  }));
-  return answer;
+  return PageAnswer(request, page, "tokens", reader.Tokens(page.before, page.limit),
+                    [&](const TokenRow& token) { return TokenToJson(token, now); });
 }
 
 ApiResult RevokeToken(const ApiContext& context, const Request& request, const Json& body) {
-  ConfigReader reader(body, "request");
-  RETURN_IF_ERROR(reader.Finish());
+  RETURN_IF_ERROR(ParseNothing(body));
   const int64_t id = IdOf(request);
   // Of an unreadable row nobody knows the role, so that it takes an operator.
   std::string role = "operator";
@@ -228,9 +192,11 @@ ApiResult RevokeToken(const ApiContext& context, const Request& request, const J
     return absl::IsNotFound(token.status()) ? token.status() : absl::OkStatus();
   }));
   RETURN_IF_ERROR(MayManage(role));
-  ASSIGN_OR_RETURN(const bool changed, context.engine.Change<bool>(
-      [id, who = CallerKey()](Writer& writer) { return writer.RevokeToken(id, who); },
-      context.config.http.request));
+  const auto revoke = [id, who = CallerKey()](Writer& writer) {
+    return writer.RevokeToken(id, who);
+  };
+  ASSIGN_OR_RETURN(const bool changed,
+                   context.engine.Change<bool>(revoke, context.config.http.request));
   NoteAct(absl::StrCat("token ", id), changed ? "revoked" : "was revoked before");
   return ShowToken(context, id, 200, {{"changed", changed}});
 }
@@ -242,12 +208,11 @@ void AddAccess(Routes& routes, const ApiContext& context) {
              [&router = routes.router()](const Request& request) {
                return ListAddresses(request, router);
              });
-  routes.Get("/v1/events", Action::kReadEvents, std::bind_front(ListEvents, std::cref(context)));
-  routes.Get("/v1/whoami", Action::kReadApi, std::bind_front(GetWhoami, std::cref(context)));
-  routes.Get("/v1/tokens", Action::kManageTokens, std::bind_front(ListTokens, std::cref(context)));
-  routes.Post("/v1/tokens", Action::kManageTokens, std::bind_front(CreateToken, std::cref(context)));
-  routes.Post(R"(/v1/tokens/(\d{1,18})/revoke)", Action::kManageTokens,
-              std::bind_front(RevokeToken, std::cref(context)));
+  routes.Get("/v1/events", Action::kReadEvents, Bind(context, ListEvents));
+  routes.Get("/v1/whoami", Action::kReadApi, Bind(context, GetWhoami));
+  routes.Get("/v1/tokens", Action::kManageTokens, Bind(context, ListTokens));
+  routes.Post("/v1/tokens", Action::kManageTokens, Bind(context, CreateToken));
+  routes.Post(R"(/v1/tokens/(\d{1,18})/revoke)", Action::kManageTokens, Bind(context, RevokeToken));
 }
 
 }  // namespace myograde::server

@@ -33,6 +33,7 @@ void Api::Install(HttpServer& server) {
   AddBoards(routes, context_);
   AddRejudges(routes, context_);
   AddChallenges(routes, context_);
+  AddSeeds(routes, context_);
   AddProof(routes, context_);
   AddHost(routes, context_);
   AddMetrics(routes, context_);

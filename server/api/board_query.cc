@@ -44,15 +44,13 @@ absl::Status CheckNamed(const Request& request, const TrackConfig& config) {
                     (profile.empty() || profile == config.profile) &&
                     (!request.HasParam("phase") || phase == config.phase);
   if (fits) return absl::OkStatus();
-  const std::string what = request.HasParam("config")
-                               ? absl::StrCat("config ", config.hash)
-                               : absl::StrCat("phase \"", phase, "\"");
+  const std::string what = request.HasParam("config") ? absl::StrCat("config ", config.hash)
+                                                      : absl::StrCat("phase \"", phase, "\"");
   const std::string of_phase = config.phase.empty() || !request.HasParam("config")
                                    ? ""
                                    : absl::StrCat(", and of the phase \"", config.phase, "\"");
-  return absl::InvalidArgumentError(absl::StrCat(what, " is of track \"", config.id,
-                                                 "\" in the profile \"", config.profile, "\"",
-                                                 of_phase));
+  return absl::InvalidArgumentError(absl::StrCat(
+      what, " is of track \"", config.id, "\" in the profile \"", config.profile, "\"", of_phase));
 }
 
 // The board's own config, as it is now.
@@ -60,16 +58,13 @@ absl::StatusOr<TrackPtr> NamedTrack(const Request& request, Reader& reader,
                                     const ApiContext& context) {
   if (!request.HasParam("phase")) {
     if (request.HasParam("track")) {
-      return context.tracks.Find(request.Param("track"),
-                                 request.Param("profile"));
+      return context.tracks.Find(request.Param("track"), request.Param("profile"));
     }
     return absl::InvalidArgumentError(
         "\"track\" is missing: a board is of one track, or of one \"phase\"");
   }
-  absl::StatusOr<TrackPtr> track =
-      TrackOfPhase(reader, context, request.Param("phase"));
-  if (!track.ok()) return track;
-  RETURN_IF_ERROR(CheckNamed(request, (*track)->config));
+  ASSIGN_OR_RETURN(TrackPtr track, TrackOfPhase(reader, context, request.Param("phase")));
+  RETURN_IF_ERROR(CheckNamed(request, track->config));
   return track;
 }
 
@@ -101,10 +96,8 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, Reader& reader,
     return absl::NotFoundError(absl::StrCat("no board has or had a config ", digits,
                                             "; \"other_configs\" of a board lists its own"));
   }
-  const std::string hashes =
-      absl::StrJoin(found, ", ", [](std::string* out, const auto& entry) {
-        out->append(entry.first);
-      });
+  const std::string hashes = absl::StrJoin(
+      found, ", ", [](std::string* out, const auto& entry) { out->append(entry.first); });
   return absl::InvalidArgumentError(
       absl::StrCat("several configs begin with ", digits, ": ", hashes, "; give more digits"));
 }
@@ -112,11 +105,8 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, Reader& reader,
 // The track that a request names by its config, as `asked`, and what its board has now.
 absl::StatusOr<TrackPtr> FindTracks(const Request& request, Reader& reader,
                                     const ApiContext& context, TrackPtr& asked) {
-  const absl::StatusOr<TrackPtr> found =
-      FindConfig(request.Param("config"), reader, context);
-  if (!found.ok()) return found;
-  RETURN_IF_ERROR(CheckNamed(request, (*found)->config));
-  asked = *found;
+  ASSIGN_OR_RETURN(asked, FindConfig(request.Param("config"), reader, context));
+  RETURN_IF_ERROR(CheckNamed(request, asked->config));
   absl::StatusOr<TrackPtr> live = LiveTrack(reader, context, asked->config);
   // A track that is not on offer any more has no other config either.
   if (absl::IsNotFound(live.status())) return asked;
@@ -134,9 +124,9 @@ absl::StatusOr<int64_t> ReadMoment(const Request& request, absl::Time now) {
         "\"at\" must be a time like 2026-12-01T00:00:00Z, in 1970 or later");
   }
   if (time > now) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("\"at\" is ", UtcText(time), ", which is still to come; leave it out for the "
-                     "board of now"));
+    return absl::InvalidArgumentError(absl::StrCat("\"at\" is ", UtcText(time),
+                                                   ", which is still to come; leave it out for the "
+                                                   "board of now"));
   }
   return absl::ToUnixMillis(time);
 }
@@ -157,45 +147,39 @@ absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now
   return absl::OkStatus();
 }
 
-// The configs of a query of which all else is known. From a freeze on, a board keeps the config that
-// it had then: results under another one would all be hidden.
+// The configs of a query of which all else is known. From a freeze on, a board keeps the config
+// that it had then: results under another one would all be hidden.
 absl::Status AddConfigs(const Request& request, Reader& reader, const TrackPtr& live,
                         BoardQuery& asked) {
   const BoardMoment moment = asked.moment();
   ASSIGN_OR_RETURN(const TrackPtr then, TrackAt(reader, live, moment.before_ms));
   asked.config_in_force = then->config.hash;
   if (request.HasParam("config")) return absl::OkStatus();
-  absl::StatusOr<TrackPtr> shown = then;
-  if (asked.frozen && !asked.whole) shown = TrackAt(reader, live, moment.results_before_ms());
-  if (!shown.ok()) return shown.status();
-  asked.track = *std::move(shown);
+  asked.track = then;
+  if (asked.frozen && !asked.whole) {
+    ASSIGN_OR_RETURN(asked.track, TrackAt(reader, live, moment.results_before_ms()));
+  }
   return absl::OkStatus();
 }
 
 }  // namespace
 
-std::vector<std::string> BoardParametersAnd(const std::vector<std::string>& others) {
-  std::vector<std::string> all = {"track", "profile", "phase", "board", "config", "at"};
-  all.insert(all.end(), others.begin(), others.end());
-  return all;
-}
-
 absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, Reader& reader,
-                                           const ApiContext& context) {
+                                           const ApiContext& context,
+                                           const std::vector<std::string>& others) {
+  std::vector<std::string> known = {"track", "profile", "phase", "board", "config", "at"};
+  known.insert(known.end(), others.begin(), others.end());
+  RETURN_IF_ERROR(CheckParameters(request, known));
   const absl::Time now = context.clock.Now();
-  ASSIGN_OR_RETURN(const int64_t at, ReadMoment(request, now));
   BoardQuery asked;
-  asked.at_ms = at;
-  asked.board =
-      request.HasParam("board") ? request.Param("board") : scoring::kMainBoard;
-  absl::StatusOr<TrackPtr> live = request.HasParam("config")
-                                      ? FindTracks(request, reader, context, asked.track)
-                                      : NamedTrack(request, reader, context);
-  if (!live.ok()) return live.status();
-  if (asked.track == nullptr) asked.track = *live;
-  absl::Status status = AddFreeze(reader, context, now, asked);
-  if (status.ok()) status = AddConfigs(request, reader, *live, asked);
-  if (!status.ok()) return status;
+  ASSIGN_OR_RETURN(asked.at_ms, ReadMoment(request, now));
+  asked.board = request.HasParam("board") ? request.Param("board") : scoring::kMainBoard;
+  ASSIGN_OR_RETURN(const TrackPtr live, request.HasParam("config")
+                                            ? FindTracks(request, reader, context, asked.track)
+                                            : NamedTrack(request, reader, context));
+  if (asked.track == nullptr) asked.track = live;
+  RETURN_IF_ERROR(AddFreeze(reader, context, now, asked));
+  RETURN_IF_ERROR(AddConfigs(request, reader, live, asked));
   const auto rules = asked.track->scoring.boards.find(asked.board);
   if (rules == asked.track->scoring.boards.end()) {
     return absl::InvalidArgumentError(

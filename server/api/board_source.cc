@@ -31,8 +31,8 @@ absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
   const std::string names = scoring::RankedNames(*track.scoring.track);
   InForce in_force = reader.StandingsInForce(track.config.hash, moment);
   MarksInForce marks = reader.Marks(moment.before_ms);
-  BoardSource source{{}, std::move(marks.by_submission), std::move(in_force.damaged),
-                     in_force.withheld};
+  BoardSource source{
+      {}, std::move(marks.by_submission), std::move(in_force.damaged), in_force.withheld};
   const bool choose = track.scoring.team == scoring::TeamRule::kChosen;
   const std::set<int64_t> chosen =
       choose ? reader.Choices(track.config.hash, moment) : std::set<int64_t>();
@@ -58,19 +58,23 @@ absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
   return source;
 }
 
-absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track,
-                                       const std::string& board, const BoardMoment& moment) {
+absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& track,
+                                    const scoring::BoardRules& rules) {
+  ASSIGN_OR_RETURN(Leaderboard made,
+                   MakeLeaderboard(source.standings, source.marks, rules, track.scoring.team));
+  made.damaged.insert(made.damaged.begin(), source.damaged.begin(), source.damaged.end());
+  return made;
+}
+
+absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track, const std::string& board,
+                                       const BoardMoment& moment) {
   const auto rules = track.scoring.boards.find(board);
   if (rules == track.scoring.boards.end()) {
     return absl::InvalidArgumentError(
         absl::StrCat("track \"", track.config.id, "\" has no board \"", board, "\""));
   }
-  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, track, moment));
-  ASSIGN_OR_RETURN(
-      Leaderboard made,
-      MakeLeaderboard(source.standings, source.marks, rules->second.rules, track.scoring.team));
-  made.damaged.insert(made.damaged.begin(), source.damaged.begin(), source.damaged.end());
-  return made;
+  ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, track, moment));
+  return BoardOf(source, track, rules->second.rules);
 }
 
 absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t before_ms) {
@@ -80,6 +84,21 @@ absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t b
                    reader.ConfigAt({config.phase, config.id, config.profile}, before_ms));
   if (hash.empty() || hash == config.hash) return live;
   return StoredTrack(reader, hash);
+}
+
+absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missing_only) {
+  ASSIGN_OR_RETURN(Standings made, MakeStandings(context.readers, missing_only));
+  // One that ends in between is made of its rows whenever a board needs it.
+  RETURN_IF_ERROR(context.engine.Change(
+      [rows = made.rows, missing_only](Writer& writer) {
+        absl::Status written = missing_only ? absl::OkStatus() : writer.DropStandings();
+        for (const auto& [evaluation, standing] : rows) {
+          written.Update(writer.SetStanding(evaluation, standing));
+        }
+        return written;
+      },
+      context.config.http.upload));
+  return made;
 }
 
 absl::StatusOr<Leaderboard> BoardAt(Reader& reader, const TrackPtr& live, const std::string& board,

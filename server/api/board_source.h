@@ -6,6 +6,8 @@
 
 #include <absl/status/statusor.h>
 
+#include "server/api/context.h"
+#include "server/engine/standings.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
 #include "server/store/boards.h"
@@ -22,8 +24,11 @@ struct BoardSource {
 };
 
 // Of the config of `track`, as of a moment.
-absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
-                                     const BoardMoment& moment);
+absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track, const BoardMoment& moment);
+
+// The ranked board that it makes, with all that can't be read.
+absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& track,
+                                    const scoring::BoardRules& rules);
 
 // The ranked board `board` ("main") under the config of `track`, as of a moment, or with a rejudge
 // taken as applied. What can't be read is in `damaged`. InvalidArgumentError: it has no such board.
@@ -31,8 +36,8 @@ absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
 //   // The board as it is, and as it would be with rejudge 3:
 //   BoardUnder(reader, *old_track, "main", {});
 //   BoardUnder(reader, *new_track, "main", {.assumed_rejudge = 3});
-absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track,
-                                       const std::string& board, const BoardMoment& moment);
+absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track, const std::string& board,
+                                       const BoardMoment& moment);
 
 // What the board of `live` had at a moment; `live` is what the daemon plays there now, or played
 // last. A damaged row (store/damage.h) if that can't be read any more.
@@ -41,5 +46,9 @@ absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t b
 // BoardUnder the config that the board had at that moment.
 absl::StatusOr<Leaderboard> BoardAt(Reader& reader, const TrackPtr& live, const std::string& board,
                                     const BoardMoment& moment);
+
+// Computes from the episodes what boards are ranked by, and writes it: anew, or only what the
+// store's view lacks. The result is what was written, and what could not be read.
+absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missing_only);
 
 }  // namespace myograde::server

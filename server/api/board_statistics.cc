@@ -1,16 +1,27 @@
 #include "server/api/board_statistics.h"
 
+#include <algorithm>
 #include <map>
+#include <set>
+#include <tuple>
 #include <utility>
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <nlohmann/json.hpp>
+
 #include "protocol/base/status_macros.h"
-#include "server/api/further_episodes.h"
+#include "server/api/unix_http_server.h"
 #include "server/challenge/challenge.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr int kMostWaitingForStatistics = 2;
+constexpr absl::Duration kLongestWaitForStatistics = absl::Hours(1);  // outside of requests
 
 using scoring::JudgedEpisode;
 using scoring::TestedRow;
@@ -21,11 +32,72 @@ std::vector<std::optional<scoring::Spread>> SpreadsOf(const Track& track,
   std::vector<std::optional<scoring::Spread>> spreads;
   for (const scoring::Criterion& criterion : scoring::CriteriaOf(rules)) {
     const bool number = criterion.kind == scoring::Criterion::Kind::kNumber;
-    spreads.push_back(number ? scoring::SpreadOverSteps(track.scoring.track->metrics,
-                                                        criterion.number, episodes)
-                             : std::nullopt);
+    spreads.push_back(
+        number ? scoring::SpreadOverSteps(track.scoring.track->metrics, criterion.number, episodes)
+               : std::nullopt);
   }
   return spreads;
+}
+
+// Gives every seed one index, after those of all episodes that rank, so that the same further
+// episode of two submissions makes a pair.
+class FurtherIndices {
+ public:
+  int64_t Of(uint64_t seed) {
+    return indices_.try_emplace(seed, kMaxEpisodes + std::ssize(indices_)).first->second;
+  }
+
+ private:
+  std::map<uint64_t, int64_t> indices_;
+};
+
+struct Further {
+  std::vector<scoring::JudgedEpisode> episodes;  // each seed once
+  std::set<int64_t> looks;                       // TestedRow::further
+};
+
+// The episodes of items that ended before `before_ms`. A damaged row (store/damage.h) if one can't
+// be read.
+absl::StatusOr<Further> FurtherEpisodes(Reader& reader, const Track& track,
+                                        const std::vector<FurtherItem>& items, int64_t before_ms,
+                                        FurtherIndices& indices) {
+  Further further;
+  std::set<uint64_t> seen;  // seeds, of dropped ones too
+  std::set<int64_t> there;
+  for (const FurtherItem& item : items) {
+    if (item.state != EvaluationState::kDone && item.state != EvaluationState::kFailed) continue;
+    ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.Evaluation(item.evaluation));
+    if (evaluation.finished_at >= before_ms) continue;
+    seen.insert(item.seeds.begin(), item.seeds.end());
+    further.looks.insert(std::ssize(seen));
+    if (item.dropped) continue;
+    ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(item.evaluation));
+    for (EpisodeRow& row : rows) row.index = indices.Of(row.seed);
+    ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
+                     JudgedEpisodes(*track.scoring.track, rows));
+    for (const scoring::JudgedEpisode& episode : judged) {
+      if (there.insert(episode.index).second) further.episodes.push_back(episode);
+    }
+  }
+  return further;
+}
+
+absl::StatusOr<bool> IsDropped(Reader& reader, int64_t rejudge) {
+  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge));
+  return !events.empty() && events.back().event == RejudgeEvent::kDropped;
+}
+
+absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& all) {
+  ASSIGN_OR_RETURN(const bool dropped, IsDropped(reader, rejudge.id));
+  ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
+  ASSIGN_OR_RETURN(const std::vector<RejudgeItemRow> items, reader.RejudgeItems(rejudge.id));
+  for (const RejudgeItemRow& item : items) {
+    const bool has_none =
+        item.state == EvaluationState::kCancelled || item.state == EvaluationState::kGraderError;
+    if (has_none) continue;
+    all[item.submission].push_back({item.evaluation, item.state, seeds, dropped});
+  }
+  return absl::OkStatus();
 }
 
 // Reads the rows to be tested of one board.
@@ -44,9 +116,8 @@ class RowReader {
     ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader_.Episodes(row.source.evaluation));
     ASSIGN_OR_RETURN(std::vector<JudgedEpisode> episodes,
                      JudgedEpisodes(*track_.scoring.track, rows));
-    const absl::StatusOr<EvaluationRow> evaluation = reader_.Evaluation(row.source.evaluation);
-    if (!evaluation.ok()) return evaluation.status();
-    RETURN_IF_ERROR(CheckResults(reader_, *evaluation, rows, track_.config.seed_salt));
+    ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader_.Evaluation(row.source.evaluation));
+    RETURN_IF_ERROR(CheckResults(reader_, evaluation, rows, track_.config.seed_salt));
     place.over_steps = SpreadsOf(track_, rules_, episodes);
     ASSIGN_OR_RETURN(
         Further further,
@@ -66,6 +137,22 @@ class RowReader {
 };
 
 }  // namespace
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(Reader& reader, const RejudgeRow& rejudge) {
+  ASSIGN_OR_RETURN(const std::string text, reader.SeedsJson(rejudge.seeds));
+  const nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
+}
+
+absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& config) {
+  FurtherItems all;
+  const Listed<RejudgeRow> rejudges = reader.Rejudges();
+  for (auto rejudge = rejudges.rows.rbegin(); rejudge != rejudges.rows.rend(); ++rejudge) {
+    if (rejudge->purpose != RejudgePurpose::kSeeds || rejudge->from_config != config) continue;
+    RETURN_IF_ERROR(AddItems(reader, *rejudge, all));
+  }
+  return all;
+}
 
 scoring::StatisticsConfig StatisticsConfigOf(const ApiContext& context, const std::string& phase) {
   const scoring::StatisticsConfig& usual = context.config.statistics;
@@ -105,7 +192,8 @@ absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
       scoring::FormGroups(track.scoring.track->metrics, tested, rules, group_rules, stopped);
   if (groups.stopped) {
     return absl::DeadlineExceededError(
-        "the board's statistics take longer than a request may; ask for them again later, or test fewer "
+        "the board's statistics take longer than a request may; ask for them again later, or test "
+        "fewer "
         "places or samples (\"statistics\" in server.json)");
   }
   statistics.tests = groups.tests;
@@ -124,6 +212,45 @@ std::vector<int64_t> PublishedRanks(const Leaderboard& board, const BoardStatist
     ranks[tested.row] = first.try_emplace(tested.place.group, own).first->second;
   }
   return ranks;
+}
+
+KeptStatistics::Made KeptStatistics::Find(const std::string& key) {
+  const MutexLock lock(mutex_);
+  const Made* made = made_.Find(key);
+  return made == nullptr ? nullptr : *made;
+}
+
+absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
+    Reader& reader, const BoardQuery& asked, const Leaderboard& board,
+    const scoring::GroupRules& rules) {
+  const TrackConfig& track = asked.track->config;
+  const BoardMoment moment = asked.moment();
+  const std::string key = absl::StrJoin(
+      std::tuple(track.hash, asked.board, moment.freeze_ms,
+                 reader.BoardChangedAt(track.hash, track.phase, moment), reader.BoardChanges()),
+      "/");
+  if (Made made = Find(key); made != nullptr) return made;
+  const absl::Status busy =
+      WithErrorCode(absl::UnavailableError(
+                        "statistics of boards are being computed for others; ask again in some "
+                        "seconds"),
+                    "busy");
+  if (++waiting_ > kMostWaitingForStatistics) {
+    --waiting_;
+    return busy;
+  }
+  const std::unique_lock<std::timed_mutex> own(
+      computing_,
+      absl::ToChronoMilliseconds(std::min(UnixHttpServer::TimeLeft(), kLongestWaitForStatistics)));
+  --waiting_;
+  if (!own.owns_lock()) return busy;
+  if (Made made = Find(key); made != nullptr) return made;
+  ASSIGN_OR_RETURN(BoardStatistics computed,
+                   StatisticsOf(reader, *asked.track, asked.rules->rules, board, rules,
+                                moment.results_before_ms(), UnixHttpServer::IsOver));
+  auto made = std::make_shared<const BoardStatistics>(std::move(computed));
+  const MutexLock lock(mutex_);
+  return made_.FindOr(key, made);
 }
 
 }  // namespace myograde::server

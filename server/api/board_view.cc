@@ -1,5 +1,7 @@
 #include "server/api/board_view.h"
 
+#include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,15 +15,6 @@
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
-
-// The numbers that the board shows beside the successes.
-Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& board) {
-  Json columns = Json::array();
-  for (const size_t place : board.columns) columns.push_back(MetricToJson(track.metrics[place]));
-  return columns;
-}
 
 // Which build each row is of, and which one the board itself is of.
 void AddBuilds(Reader& reader, const Leaderboard& board, Json& json) {
@@ -56,10 +49,10 @@ void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
 
 // Gives each row the rank of its group.
 absl::Status PublishGroups(Reader& reader, const BoardQuery& asked,
-                           const scoring::GroupRules& group_rules, const Leaderboard& board,
-                           KeptStatistics& kept, std::vector<Damage>& damaged, Json& json) {
+                           const scoring::GroupRules& group_rules, KeptStatistics& kept,
+                           Leaderboard& board, Json& json) {
   ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, group_rules));
-  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
+  board.damaged.insert(board.damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
   const std::vector<int64_t> ranks = PublishedRanks(board, *statistics);
   for (size_t i = 0; i < ranks.size(); ++i) {
     if (ranks[i] != 0) json["rows"][i]["rank"] = ranks[i];
@@ -84,22 +77,8 @@ Json BoardToJson(const Leaderboard& board) {
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
 
-}  // namespace
-
-Json RowToJson(const LeaderboardRow& row) {
-  const bool baseline = row.ranked.rank == 0;
-  return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
-          {"rank_by_rules", baseline ? Json() : Json(row.ranked.rank)},
-          {"baseline", baseline},
-          {"team", row.source.team},
-          {"submission", row.source.submission},
-          {"evaluation", row.source.evaluation},
-          {"rejudge", IdOrNull(row.source.rejudge)},
-          {"name", row.source.artefact_name},
-          {"qualified", row.qualified},
-          {"aggregate", row.aggregate}};
-}
-
+// Adds which board was asked for, and how much of it the caller sees. `withheld`: some was left
+// out.
 void AddBoardAsked(const BoardQuery& asked, bool withheld, Json& json) {
   const TrackConfig& config = asked.track->config;
   json["track"] = config.id;
@@ -116,29 +95,230 @@ void AddBoardAsked(const BoardQuery& asked, bool withheld, Json& json) {
   json["complete"] = asked.whole || !froze;
 }
 
+// --- statistics ---
+
+using scoring::Criterion;
+using scoring::PlaceTest;
+using Ranks = scoring::StatisticsConfig::Ranks;
+
+constexpr char kSuccessRate[] = "success_rate";
+
+// What a criterion is called in an aggregate; null: nothing but the acceptance decides.
+Json NameOf(const Track& track, const Criterion& criterion) {
+  switch (criterion.kind) {
+    case Criterion::Kind::kSuccess:
+      return kSuccessRate;
+    case Criterion::Kind::kNumber:
+      return scoring::MetricOf(track.scoring.track->metrics, criterion.number).name;
+    case Criterion::Kind::kAcceptance:
+      break;
+  }
+  return nullptr;
+}
+
+Json DescriptionOf(const Track& track, const Criterion& criterion) {
+  if (criterion.kind == Criterion::Kind::kNumber) {
+    return MetricToJson(scoring::MetricOf(track.scoring.track->metrics, criterion.number));
+  }
+  return {{"name", kSuccessRate},
+          {"title", "success"},
+          {"unit", ""},
+          {"better", "more"},
+          {"digits", 3}};
+}
+
+// `other`: the row that it is compared with.
+Json TestToJson(const Track& track, const std::optional<PlaceTest>& place,
+                const LeaderboardRow& other) {
+  if (!place.has_value()) return nullptr;
+  const scoring::PairedTest& test = place->test;
+  const bool exact = test.method == scoring::PairedTest::Method::kExact;
+  return {{"team", other.source.team},
+          {"submission", other.source.submission},
+          {"metric", NameOf(track, place->criterion)},
+          {"p", test.p},
+          {"looks", place->looks},
+          {"p_adjusted", place->p_adjusted},
+          {"decided", place->decided},
+          {"reversed", place->reversed},
+          {"difference", test.difference},
+          {"pairs", test.pairs},
+          {"differing", test.differing},
+          {"method", exact ? "exact" : "monte-carlo"}};
+}
+
+// Null where the aggregate has no such number.
+Json IntervalToJson(const Json& aggregate, const std::string& name,
+                    const std::optional<scoring::Spread>& over_steps) {
+  const Json value = aggregate.value(name, Json());
+  if (value.is_null()) return nullptr;
+  if (over_steps.has_value()) {
+    return {{"value", value},
+            {"low", over_steps->low},
+            {"high", over_steps->high},
+            {"method", "ratio"}};
+  }
+  const Json spread = aggregate.value("spread", Json::object()).value(name, Json());
+  if (!spread.is_object()) return nullptr;
+  return {{"value", value},
+          {"low", spread.value("low", Json())},
+          {"high", spread.value("high", Json())},
+          {"method", name == kSuccessRate ? "wilson" : "normal"}};
+}
+
+Json IntervalsOf(const Track& track, const scoring::BoardRules& rules, const Json& aggregate,
+                 const TestedPlace* tested) {
+  Json intervals = Json::object();
+  const std::vector<Criterion> criteria = scoring::CriteriaOf(rules);
+  for (size_t i = 0; i < criteria.size(); ++i) {
+    const std::string name = NameOf(track, criteria[i]).get<std::string>();
+    intervals[name] = IntervalToJson(aggregate, name,
+                                     tested == nullptr ? std::nullopt : tested->over_steps.at(i));
+  }
+  return intervals;
+}
+
+// What a row has whether it was tested or not.
+Json PlainRow(const LeaderboardRow& row, int64_t rank, const EpisodeCounts& counts) {
+  Json json = RowToJson(row);
+  for (const char* key : {"rejudge", "qualified", "aggregate"}) json.erase(key);
+  json.update({{"rank", IdOrNull(rank)},
+               {"episodes", counts.done},
+               {"participant_faults", counts.fault},
+               {"group", nullptr},
+               {"further_episodes", 0},
+               {"above", nullptr},
+               {"opener", nullptr}});
+  return json;
+}
+
+void AddTests(const Track& track, const Leaderboard& board, const std::vector<TestedPlace>& places,
+              size_t own, Json& json) {
+  const TestedPlace& tested = places[own];
+  const auto row_of = [&](size_t place) -> const LeaderboardRow& {
+    return board.rows[places[place].row];
+  };
+  json["group"] = tested.place.group;
+  json["further_episodes"] = tested.further;
+  if (own == 0) return;
+  json["above"] = TestToJson(track, tested.place.above, row_of(own - 1));
+  json["opener"] = TestToJson(track, tested.place.opener, row_of(tested.place.opened_by));
+}
+
+// Each group with the first and the last of its ranks by the rules.
+Json GroupsOf(const Leaderboard& board, const BoardStatistics& statistics) {
+  Json groups = Json::array();
+  for (const TestedPlace& tested : statistics.places) {
+    const int64_t rank = board.rows[tested.row].ranked.rank;
+    if (groups.empty() || groups.back()["group"] != tested.place.group) {
+      groups.push_back(
+          {{"group", tested.place.group}, {"first", rank}, {"last", rank}, {"rows", 0}});
+    }
+    groups.back()["last"] = rank;
+    groups.back()["rows"] = groups.back()["rows"].get<int64_t>() + 1;
+  }
+  return groups;
+}
+
+int64_t UndecidedRows(const Json& groups) {
+  int64_t undecided = 0;
+  for (const Json& group : groups) {
+    const auto rows = group["rows"].get<int64_t>();
+    if (rows > 1) undecided += rows;
+  }
+  return undecided;
+}
+
+// "statistics", "criteria", "rows", "groups" and "undecided" of the answer.
+Json StatisticsAnswer(Reader& reader, const Track& track, const scoring::BoardRules& rules,
+                      const Leaderboard& board, const BoardStatistics& statistics,
+                      const scoring::StatisticsConfig& config) {
+  std::map<size_t, size_t> place_of;  // among the tested, by row
+  for (size_t i = 0; i < statistics.places.size(); ++i) place_of[statistics.places[i].row] = i;
+  const BoardStatistics untested;
+  const std::vector<int64_t> ranks =
+      PublishedRanks(board, config.ranks == Ranks::kGroups ? statistics : untested);
+  Json rows = Json::array();
+  for (size_t i = 0; i < board.rows.size(); ++i) {
+    const LeaderboardRow& row = board.rows[i];
+    Json json = PlainRow(row, ranks[i], reader.Counts(row.source.evaluation));
+    const auto found = place_of.find(i);
+    const TestedPlace* tested =
+        found == place_of.end() ? nullptr : &statistics.places[found->second];
+    if (tested != nullptr) AddTests(track, board, statistics.places, found->second, json);
+    json["intervals"] = IntervalsOf(track, rules, row.aggregate, tested);
+    rows.push_back(std::move(json));
+  }
+  Json used = scoring::StatisticsToJson(config);
+  used["correction"] = "holm";
+  used["spending"] = config.groups.further_looks ? Json("halving") : Json();
+  used["tests"] = statistics.tests;
+  Json criteria = Json::array();
+  for (const Criterion& criterion : scoring::CriteriaOf(rules)) {
+    criteria.push_back(DescriptionOf(track, criterion));
+  }
+  Json groups = GroupsOf(board, statistics);
+  const int64_t undecided = UndecidedRows(groups);
+  return {{"statistics", std::move(used)},
+          {"criteria", std::move(criteria)},
+          {"rows", std::move(rows)},
+          {"groups", std::move(groups)},
+          {"undecided", undecided}};
+}
+
+}  // namespace
+
+Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& board) {
+  Json columns = Json::array();
+  for (const size_t place : board.columns) columns.push_back(MetricToJson(track.metrics[place]));
+  return columns;
+}
+
+Json RowToJson(const LeaderboardRow& row) {
+  return {{"rank", IdOrNull(row.ranked.rank)},
+          {"rank_by_rules", IdOrNull(row.ranked.rank)},
+          {"baseline", row.ranked.rank == 0},
+          {"team", row.source.team},
+          {"submission", row.source.submission},
+          {"evaluation", row.source.evaluation},
+          {"rejudge", IdOrNull(row.source.rejudge)},
+          {"name", row.source.artefact_name},
+          {"qualified", row.qualified},
+          {"aggregate", row.aggregate}};
+}
+
 absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
-                               const scoring::StatisticsConfig& statistics,
-                               KeptStatistics& kept) {
+                               const scoring::StatisticsConfig& statistics, KeptStatistics& kept) {
   const TrackConfig& config = asked.track->config;
-  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, *asked.track, asked.moment()));
-  ASSIGN_OR_RETURN(Leaderboard board,
-                   MakeLeaderboard(source.standings, source.marks, asked.rules->rules,
-                                   asked.track->scoring.team));
+  ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *asked.track, asked.moment()));
+  ASSIGN_OR_RETURN(Leaderboard board, BoardOf(source, *asked.track, asked.rules->rules));
   Json json = BoardToJson(board);
   if (statistics.ranks == scoring::StatisticsConfig::Ranks::kGroups) {
-    RETURN_IF_ERROR(
-        PublishGroups(reader, asked, statistics.groups, board, kept, source.damaged, json));
+    RETURN_IF_ERROR(PublishGroups(reader, asked, statistics.groups, kept, board, json));
   }
   json["ranks"] = scoring::StatisticsToJson(statistics)["ranks"];
   AddBuilds(reader, board, json);
   AddOtherConfigs(reader, asked, json);
-  source.damaged.insert(source.damaged.end(), board.damaged.begin(), board.damaged.end());
-  json["unreadable"] = DamagedToJson(source.damaged);
+  json["unreadable"] = DamagedToJson(board.damaged);
   AddBoardAsked(asked, source.withheld, json);
   json["rules"] = config.scoring["boards"][asked.board];
   json["official_figures"] = asked.track->scoring.official_figures;
   json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);
   json["order"] = scoring::DescribeOrder(asked.rules->rules);
+  return json;
+}
+
+absl::StatusOr<Json> StatisticsView(Reader& reader, const BoardQuery& asked,
+                                    const scoring::StatisticsConfig& config, KeptStatistics& kept) {
+  const Track& track = *asked.track;
+  const scoring::BoardRules& rules = asked.rules->rules;
+  ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, track, asked.moment()));
+  ASSIGN_OR_RETURN(Leaderboard board, BoardOf(source, track, rules));
+  ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, config.groups));
+  Json json = StatisticsAnswer(reader, track, rules, board, *statistics, config);
+  AddBoardAsked(asked, source.withheld, json);
+  board.damaged.insert(board.damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
+  json["unreadable"] = DamagedToJson(board.damaged);
   return json;
 }
 

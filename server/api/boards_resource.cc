@@ -5,11 +5,9 @@
 #include <memory>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/api/board_answers.h"
 #include "server/api/board_feeds.h"
@@ -17,9 +15,7 @@
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
-#include "server/api/kept_statistics.h"
 #include "server/api/requests.h"
-#include "server/api/statistics_view.h"
 #include "server/api/http_server.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
@@ -28,55 +24,36 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
 using Answers = std::shared_ptr<BoardAnswers>;
 
-// Opened by itself, an image runs nothing and loads nothing either.
-void SendDrawing(const std::string& svg, Response& response) {
+// What may be kept as long as its holder asks whether it is still current.
+void SendFresh(std::string text, const char* type, Response& response) {
   response.SetHeader("Cache-Control", "no-cache");
   response.SetHeader("X-Content-Type-Options", "nosniff");
-  response.SetHeader("Content-Security-Policy", "default-src 'none'; sandbox");
-  response.SetContent(svg, "image/svg+xml");
+  response.SetContent(std::move(text), type);
 }
 
-absl::StatusOr<std::string> MakeStatisticsText(Reader& reader, const ApiContext& context,
-                                               const BoardQuery& asked, KeptStatistics& kept) {
-  const Track& track = *asked.track;
-  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, track, asked.moment()));
-  const scoring::BoardRules& rules = asked.rules->rules;
-  ASSIGN_OR_RETURN(const Leaderboard board,
-                   MakeLeaderboard(source.standings, source.marks, rules, track.scoring.team));
-  const scoring::StatisticsConfig config = StatisticsConfigOf(context, track.config.phase);
-  ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, config.groups));
-  ASSIGN_OR_RETURN(Json json, StatisticsAnswer(reader, track, rules, board, *statistics, config));
-  AddBoardAsked(asked, source.withheld, json);
-  std::vector<Damage> damaged = source.damaged;
-  damaged.insert(damaged.end(), board.damaged.begin(), board.damaged.end());
-  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
-  json["unreadable"] = DamagedToJson(damaged);
-  return CanonicalJson(json) + "\n";
+absl::Status MissingParameter(const char* key, const char* what) {
+  return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is missing: ", what));
 }
 
 absl::Status SendBadge(const ApiContext& context, const Answers& answers, const Request& request,
                        Response& response) {
-  absl::Status status = CheckParameters(request, BoardParametersAnd({"team"}));
-  if (!request.HasParam("team")) {
-    status.Update(absl::InvalidArgumentError("\"team\" is missing: the name of a team"));
-  }
-  RETURN_IF_ERROR(status);
   return context.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context));
+    ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context, {"team"}));
+    if (!request.HasParam("team")) return MissingParameter("team", "the name of a team");
     ASSIGN_OR_RETURN(const auto text, answers->TextOf(reader, asked));
-    ASSIGN_OR_RETURN(const auto badge,
+    ASSIGN_OR_RETURN(std::string badge,
                      BadgeOf(Json::parse(*text), reader.TeamOf(request.Param("team"))));
-    SendDrawing(badge, response);
+    // Opened by itself, an image runs nothing and loads nothing either.
+    response.SetHeader("Content-Security-Policy", "default-src 'none'; sandbox");
+    SendFresh(std::move(badge), "image/svg+xml", response);
     return absl::OkStatus();
   });
 }
 
 absl::Status SendFeed(const ApiContext& context, const Answers& answers, const Request& request,
                       Response& response) {
-  RETURN_IF_ERROR(CheckParameters(request, BoardParametersAnd({})));
   return context.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context));
     ASSIGN_OR_RETURN(const auto text, answers->TextOf(reader, asked));
@@ -89,94 +66,67 @@ absl::Status SendFeed(const ApiContext& context, const Answers& answers, const R
       if (!found.ok()) return found.status();
       ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
     }
-    const Json last = TimeToJson(reader.BoardChangedAt(
-        asked.track->config.hash, asked.track->config.phase, asked.moment()));
+    const Json last = TimeToJson(
+        reader.BoardChangedAt(asked.track->config.hash, asked.track->config.phase, asked.moment()));
     const std::string changed = last.is_null() ? "1970-01-01T00:00:00.000Z"  // an empty board
                                                : last.get<std::string>();
-    response.SetHeader("Cache-Control", "no-cache");
-    response.SetHeader("X-Content-Type-Options", "nosniff");
-    response.SetContent(FeedOf(board, changed, ended), "application/atom+xml");
+    SendFresh(FeedOf(board, changed, ended), "application/atom+xml", response);
     return absl::OkStatus();
   });
 }
 
-ApiResult ExplainPlaces(const ApiContext& context, const Request& request) {
-  absl::Status status = CheckParameters(request, BoardParametersAnd({"a", "b"}));
+ApiResult ExplainPlaces(const ApiContext& context, Reader& reader, const Request& request) {
+  ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context, {"a", "b"}));
   for (const char* key : {"a", "b"}) {
-    if (!request.HasParam(key)) {
-      status.Update(absl::InvalidArgumentError(absl::StrCat(
-          "\"", key, "\" is missing: the number of a submission, or the name of a team")));
-    }
+    if (request.HasParam(key)) continue;
+    return MissingParameter(key, "the number of a submission, or the name of a team");
   }
-  RETURN_IF_ERROR(status);
-  ApiAnswer answer{.tagged = true};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context));
-    ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
-    ASSIGN_OR_RETURN(const auto explanation,
-                     ExplainOrder(source.standings, source.marks, board.rules->rules,
-                                  board.track->scoring.team,
-                                  reader.TeamOf(request.Param("a")),
-                                  reader.TeamOf(request.Param("b"))));
-    answer.body = {{"track", board.track->config.id},
-                   {"profile", board.track->config.profile},
-                   {"phase", TextOrNull(board.track->config.phase)},
-                   {"board", board.board},
-                   {"above", RowToJson(explanation.above)},
-                   {"below", RowToJson(explanation.below)},
-                   {"why", explanation.sentence}};
-    return absl::OkStatus();
-  }));
-  return answer;
+  ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
+  ASSIGN_OR_RETURN(
+      const auto explanation,
+      ExplainOrder(source.standings, source.marks, board.rules->rules, board.track->scoring.team,
+                   reader.TeamOf(request.Param("a")), reader.TeamOf(request.Param("b"))));
+  return ApiAnswer{.body = {{"track", board.track->config.id},
+                            {"profile", board.track->config.profile},
+                            {"phase", TextOrNull(board.track->config.phase)},
+                            {"board", board.board},
+                            {"above", RowToJson(explanation.above)},
+                            {"below", RowToJson(explanation.below)},
+                            {"why", explanation.sentence}},
+                   .tagged = true};
 }
 
 ApiResult RebuildBoards(const ApiContext& context, const Request&, const Json& body) {
-  ConfigReader reader(body, "request");
-  RETURN_IF_ERROR(reader.Finish());
-  HttpServer::AllowUploadTime();
-  ASSIGN_OR_RETURN(auto standings, MakeStandings(context.readers, /*missing_only=*/false));
-  const size_t count = standings.rows.size();
-  const Json unreadable = DamagedToJson(standings.damaged);
-  // One that ends in between is made of its rows whenever a board needs it.
-  RETURN_IF_ERROR(context.engine.Change(
-      [rows = std::move(standings.rows)](Writer& writer) {
-        absl::Status written = writer.DropStandings();
-        for (const auto& [evaluation, standing] : rows) {
-          written.Update(writer.SetStanding(evaluation, standing));
-        }
-        return written;
-      },
-      context.config.http.upload));
-  NoteAct("boards", absl::StrCat(count, " rows are rebuilt"));
-  return ApiAnswer{200, {{"rebuilt", count}, {"unreadable", unreadable}}};
+  RETURN_IF_ERROR(ParseNothing(body));
+  UnixHttpServer::AllowUploadTime();
+  ASSIGN_OR_RETURN(const Standings made, RewriteStandings(context, /*missing_only=*/false));
+  NoteAct("boards", absl::StrCat(made.rows.size(), " rows are rebuilt"));
+  return ApiAnswer{200,
+                   {{"rebuilt", made.rows.size()}, {"unreadable", DamagedToJson(made.damaged)}}};
 }
 
 }  // namespace
 
 void AddBoards(Routes& routes, const ApiContext& context) {
-  const auto statistics = std::make_shared<KeptStatistics>();
-  const auto boards = std::make_shared<BoardAnswers>(
-      context, [&context, statistics](Reader& reader, const BoardQuery& asked) {
-        const absl::StatusOr<Json> board = BoardView(
-            reader, asked, StatisticsConfigOf(context, asked.track->config.phase), *statistics);
-        return board.ok() ? CanonicalJson(*board) + "\n"
-                          : absl::StatusOr<std::string>(board.status());
-      });
-  const auto tests = std::make_shared<BoardAnswers>(
-      context, [&context, statistics](Reader& reader, const BoardQuery& asked) {
-        return MakeStatisticsText(reader, context, asked, *statistics);
-      });
+  const auto kept = std::make_shared<KeptStatistics>();
+  // The answers that BoardView or StatisticsView makes.
+  const auto answers = [&](auto view) {
+    return std::make_shared<BoardAnswers>(
+        context, [&context, kept, view](Reader& reader, const BoardQuery& asked) {
+          return view(reader, asked, StatisticsConfigOf(context, asked.track->config.phase), *kept);
+        });
+  };
+  const Answers boards = answers(BoardView);
+  const Answers tests = answers(StatisticsView);
   routes.Get("/v1/leaderboard", Action::kReadBoard, std::bind_front(&BoardAnswers::Get, boards));
   routes.GetFile("/v1/leaderboard/badge", Action::kReadBoard,
                  std::bind_front(SendBadge, std::cref(context), boards));
   routes.GetFile("/v1/leaderboard/feed", Action::kReadBoard,
                  std::bind_front(SendFeed, std::cref(context), boards));
-  routes.Get("/v1/leaderboard/explain", Action::kReadBoard,
-             std::bind_front(ExplainPlaces, std::cref(context)));
+  routes.Get("/v1/leaderboard/explain", Action::kReadBoard, Bind(context, ExplainPlaces));
   routes.Get("/v1/leaderboard/statistics", Action::kReadBoard,
              std::bind_front(&BoardAnswers::Get, tests));
-  routes.Post("/v1/leaderboard/rebuild", Action::kRebuildBoards,
-              std::bind_front(RebuildBoards, std::cref(context)));
+  routes.Post("/v1/leaderboard/rebuild", Action::kRebuildBoards, Bind(context, RebuildBoards));
 }
 
 }  // namespace myograde::server

@@ -1,11 +1,11 @@
 #include "server/api/documents.h"
 
-#include <absl/strings/str_cat.h>
-
 #include <filesystem>
 
+#include <absl/strings/str_cat.h>
+
 #include "protocol/base/file.h"
-#include "server/api/entity_tag.h"
+#include "server/api/negotiation.h"
 #include "server/pictures/packing.h"
 
 namespace myograde::server {
@@ -25,6 +25,13 @@ std::string TypeOf(const std::string& suffix) {
 
 }  // namespace
 
+Document MakeDocument(std::string type, std::string text, std::string packed) {
+  std::string tag = EntityTagOf(text);
+  std::string packed_tag = EntityTagOf(packed);
+  return {std::move(type), std::move(text), std::move(packed), std::move(tag),
+          std::move(packed_tag)};
+}
+
 absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
   Documents documents;
   std::error_code error;
@@ -34,22 +41,20 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
        !error && it != fs::recursive_directory_iterator(); it.increment(error)) {
     std::error_code unknown;
     if (it->symlink_status(unknown).type() != fs::file_type::regular) continue;
-    Document document{.type = TypeOf(it->path().extension().string()), .text = {}, .packed = {}, .tag = {}, .packed_tag = {}};
-    if (document.type.empty()) continue;
+    const std::string type = TypeOf(it->path().extension().string());
+    if (type.empty()) continue;
     absl::StatusOr<std::string> text = ReadFile(it->path().string(), kMostBytes);
     if (!text.ok()) return absl::InvalidArgumentError(std::string(text.status().message()));
-    document.text = *std::move(text);
-    bytes += document.text.size();
+    bytes += text->size();
     if (bytes > kMostBytes) {
       return absl::InvalidArgumentError(absl::StrCat(folder, ": the documents are larger than ",
                                                      kMostBytes,
                                                      " bytes together; remove versions"));
     }
-    document.tag = EntityTagOf(document.text);
-    document.packed = GzipOf(document.text);
-    if (document.packed.size() >= document.text.size()) document.packed.clear();
-    document.packed_tag = EntityTagOf(document.packed);
-    documents[it->path().lexically_relative(folder).generic_string()] = std::move(document);
+    std::string packed = GzipOf(*text);
+    if (packed.size() >= text->size()) packed.clear();
+    documents[it->path().lexically_relative(folder).generic_string()] =
+        MakeDocument(type, *std::move(text), std::move(packed));
   }
   if (error) {
     return absl::InvalidArgumentError(

@@ -1,10 +1,10 @@
 // The documents' site (server/docs), read once from its folder.
 #pragma once
 
-#include <absl/status/statusor.h>
-
 #include <map>
 #include <string>
+
+#include <absl/status/statusor.h>
 
 namespace myograde::server {
 
@@ -15,6 +15,8 @@ struct Document {
   std::string tag;         // its entity tag
   std::string packed_tag;  // that of `packed`
 };
+
+Document MakeDocument(std::string type, std::string text, std::string packed);
 
 // By path from the folder, such as "1.0/index.html".
 using Documents = std::map<std::string, Document>;

@@ -16,27 +16,17 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr auto kRowKeys = std::to_array<const char*>(
     {"index", "attempt", "seed", "seed_commitment", "outcome", "reason", "end", "fault", "metrics",
      "steps", "sim_time_s", "clipped", "digest", "actions_digest", "wall_s", "policy_cpu_s", "log",
      "facts", "details"});
 constexpr size_t kMaxFields = 40;
 
-absl::StatusOr<bool> ReadSwitch(const Request& request, const char* key,
-                                bool otherwise) {
-  const std::string text = request.Param(key);
-  if (text.empty()) return otherwise;
-  if (text == "0" || text == "1") return text == "1";
-  return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be 0 or 1"));
-}
-
 absl::Status ReadFields(const std::string& text, EpisodeSelection& selection) {
   selection.fields = absl::StrSplit(text, ',');
   if (selection.fields.size() > kMaxFields) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "\"fields\" has ", selection.fields.size(), " keys; at most ", kMaxFields, " are allowed"));
+    return absl::InvalidArgumentError(absl::StrCat("\"fields\" has ", selection.fields.size(),
+                                                   " keys; at most ", kMaxFields, " are allowed"));
   }
   for (const std::string& field : selection.fields) {
     const std::string key = field.substr(0, field.find('.'));
@@ -75,23 +65,18 @@ bool EpisodeSelection::needs_details() const {
 }
 
 absl::StatusOr<EpisodeSelection> ParseEpisodes(const Request& request) {
+  RETURN_IF_ERROR(
+      CheckParameters(request, {"details", "episodes", "fields", "first", "last", "summary"}));
   EpisodeSelection selection;
-  const absl::StatusOr<bool> rows = ReadSwitch(request, "episodes", false);
-  const absl::StatusOr<bool> details = ReadSwitch(request, "details", true);
-  const absl::StatusOr<bool> summary = ReadSwitch(request, "summary", false);
-  absl::Status status = rows.status();
-  status.Update(details.status());
-  status.Update(summary.status());
+  ASSIGN_OR_RETURN(selection.rows, ReadSwitch(request, "episodes", false));
+  ASSIGN_OR_RETURN(selection.details, ReadSwitch(request, "details", true));
+  ASSIGN_OR_RETURN(selection.summary, ReadSwitch(request, "summary", false));
   constexpr int64_t kMost = std::numeric_limits<int64_t>::max();
-  status.Update(ReadNumber(request, "first", kMost, selection.first, 0));
-  status.Update(ReadNumber(request, "last", kMost, selection.last, 0));
+  RETURN_IF_ERROR(ReadNumber(request, "first", kMost, selection.first, 0));
+  RETURN_IF_ERROR(ReadNumber(request, "last", kMost, selection.last, 0));
   if (request.HasParam("fields")) {
-    status.Update(ReadFields(request.Param("fields"), selection));
+    RETURN_IF_ERROR(ReadFields(request.Param("fields"), selection));
   }
-  if (!status.ok()) return status;
-  selection.rows = *rows;
-  selection.details = *details;
-  selection.summary = *summary;
   return selection;
 }
 

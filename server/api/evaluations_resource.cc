@@ -1,7 +1,6 @@
 #include "server/api/resources.h"
 
 #include <cstdint>
-#include <functional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -9,15 +8,12 @@
 #include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/api/episode_rows.h"
-#include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/api/submission_view.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
@@ -26,8 +22,6 @@
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 // How often each outcome and each reason came up.
 void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
@@ -97,9 +91,8 @@ absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluatio
 absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
                                       const EpisodeSelection& selection) {
   ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.Evaluation(id));
-  absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
-  if (!submission.ok()) return submission.status();
-  ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, *submission)));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(evaluation.submission));
+  ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, submission)));
   const TrackConfig& config = track->config;
   const scoring::TrackScoring& scoring = track->scoring;
   ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
@@ -113,10 +106,10 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, config.seed_salt));
   ASSIGN_OR_RETURN(const std::vector<RepeatRow> repeats, reader.Repeats(id));
 
-  Json json = SubmissionToJson(*submission, evaluation, reader.Counts(id, !sight.progress));
+  Json json = SubmissionToJson(submission, evaluation, reader.Counts(id, !sight.progress));
   json["kind"] = EvaluationKindName(evaluation.kind);
   json["rejudge"] = IdOrNull(reader.RejudgeOfEvaluation(id).rejudge);
-  json["ranked"] = submission->ranked && evaluation.kind == EvaluationKind::kOriginal;
+  json["ranked"] = submission.ranked && evaluation.kind == EvaluationKind::kOriginal;
   json["track_kind"] = config.kind->name;
   json["reason"] = TextOrNull(evaluation.reason);
   json["first"] = evaluation.first;
@@ -126,20 +119,19 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   json["aggregate"] = AggregateToJson(*scoring.track, aggregate);
   json["official_figures"] = scoring.official_figures;
   json["metrics"] = ShownMetrics(scoring);
-  json["hashes"] = {{"artefact", submission->artefact},
-                    {"config", ConfigOf(evaluation, *submission)},
-                    {"seeds", SeedsOf(evaluation, *submission)},
+  json["hashes"] = {{"artefact", submission.artefact},
+                    {"config", ConfigOf(evaluation, submission)},
+                    {"seeds", SeedsOf(evaluation, submission)},
                     {"results", ResultsHash(rows, config.seed_salt)}};
   json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation.grader_json, nullptr, false);
-  json["limits"] = LimitsToJson(config);
+  json["limits"] = config.effective.value("budgets", Json());
   json["output"] = OutputToJson(leases, rows);
   json["not_repeatable"] = Json::array();
   for (const RepeatRow& repeat : repeats) {
     json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});
   }
-  ASSIGN_OR_RETURN(const Json comparison, ComparisonOf(reader, evaluation, rows, config.seed_salt));
-  json["comparison"] = comparison;
+  ASSIGN_OR_RETURN(json["comparison"], ComparisonOf(reader, evaluation, rows, config.seed_salt));
   if (selection.rows || selection.summary) {
     RETURN_IF_ERROR(AddEpisodes(reader, *track, id, rows, judged, selection, json));
   }
@@ -155,10 +147,13 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
 absl::Status CheckFurtherLook(Reader& reader, const ApiContext& context,
                               const StoredEvaluation& stored) {
   const TrackConfig& config = stored.track->config;
-  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
-  if (!sight.ok() || SeesAll(*sight)) return sight.status();
-  return WithheldError(absl::StrCat("submission ", stored.submission.id, " can't be run again yet: "
-                                    "phase \"", config.phase, "\" withholds parts of results, and "
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
+  if (SeesAll(sight)) return absl::OkStatus();
+  return WithheldError(absl::StrCat("submission ", stored.submission.id,
+                                    " can't be run again yet: "
+                                    "phase \"",
+                                    config.phase,
+                                    "\" withholds parts of results, and "
                                     "a re-run would be a further look"));
 }
 
@@ -173,20 +168,22 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
   RETURN_IF_ERROR(CheckFurtherLook(reader, context, stored));
   const EvaluationRow& original = stored.evaluation;
   if (!IsFinal(original.state)) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "submission ", submission,
-        " has not ended; wait for it, or cancel it, before it is run again"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", submission,
+                     " has not ended; wait for it, or cancel it, before it is run again"));
   }
   if (wanted.last.value_or(0) > original.last) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("request: \"last\" is ", *wanted.last, ", the last episode of submission ",
-                     submission, " is ", original.last));
+    return absl::InvalidArgumentError(absl::StrCat("request: \"last\" is ", *wanted.last,
+                                                   ", the last episode of submission ", submission,
+                                                   " is ", original.last));
   }
   const Runtimes runtimes(context.config.runtimes, context.config.runtimes_dir);
-  NewRerun rerun{submission, stored.submission.artefact,
-                 CanonicalJson(WithRuntimes(GraderBuild(context.cache_dir, {stored.artefact.adapter}),
-                                            RuntimeDigests(runtimes, stored.artefact.runtimes))),
-                 {}};
+  NewRerun rerun{
+      submission,
+      stored.submission.artefact,
+      CanonicalJson(WithRuntimes(GraderBuild(context.cache_dir, {stored.artefact.adapter}),
+                                 RuntimeDigests(runtimes, stored.artefact.runtimes))),
+      {}};
   RETURN_IF_ERROR(HasArtefactFiles(context.data_dir, rerun.artefact));
   for (const LeaseRow& lease : stored.leases) {
     const bool wants = lease.last >= wanted.first.value_or(0) &&
@@ -196,62 +193,43 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
   return rerun;
 }
 
-ApiResult EvaluationAnswer(const ApiContext& context, int64_t id, bool of_submission,
-                           const Request& request) {
-  absl::Status status =
-      CheckParameters(request, {"details", "episodes", "fields", "first", "last", "summary"});
-  const absl::StatusOr<EpisodeSelection> selection = ParseEpisodes(request);
-  status.Update(selection.status());
-  ApiAnswer answer;
-  if (status.ok()) {
-    status = context.readers.Read([&](Reader& reader) -> absl::Status {
-      RETURN_IF_ERROR(
-          of_submission ? RequireSubmission(reader, id) : RequireEvaluation(reader, id));
-      int64_t evaluation = id;
-      if (of_submission) {
-        RETURN_IF_ERROR(reader.Submission(id).status());
-        ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(id));
-        evaluation = original.id;
-      }
-      absl::StatusOr<Json> json = EvaluationToJson(reader, context, evaluation, *selection);
-      if (json.ok()) answer.body = *std::move(json);
-      return json.status();
-    });
-  }
-  RETURN_IF_ERROR(status);
-  return answer;
-}
-
 // The original evaluation of a submission.
-ApiResult GetResult(const ApiContext& context, const Request& request) {
-  return EvaluationAnswer(context, IdOf(request), /*of_submission=*/true, request);
+ApiResult GetResult(const ApiContext& context, Reader& reader, const Request& request) {
+  const int64_t id = IdOf(request);
+  ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
+  RETURN_IF_ERROR(RequireSubmission(reader, id));
+  RETURN_IF_ERROR(reader.Submission(id).status());
+  ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(id));
+  ASSIGN_OR_RETURN(Json body, EvaluationToJson(reader, context, original.id, selection));
+  return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult GetEvaluation(const ApiContext& context, const Request& request) {
-  return EvaluationAnswer(context, IdOf(request), /*of_submission=*/false, request);
+ApiResult GetEvaluation(const ApiContext& context, Reader& reader, const Request& request) {
+  ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
+  RETURN_IF_ERROR(RequireEvaluation(reader, IdOf(request)));
+  ASSIGN_OR_RETURN(Json body, EvaluationToJson(reader, context, IdOf(request), selection));
+  return ApiAnswer{200, std::move(body)};
 }
 
 ApiResult RerunAnswer(const ApiContext& context, const Accepted& accepted) {
-  ApiAnswer answer{.http = accepted.is_new() ? 201 : 200};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(accepted.evaluation);
-    if (!evaluation.ok()) return evaluation.status();
-    answer.body = {{"evaluation", accepted.evaluation},
-                   {"submission", accepted.submission},
-                   {"kind", "rerun"},
-                   {"state", EvaluationStateName(evaluation->state)},
-                   {"first", evaluation->first},
-                   {"last", evaluation->last},
-                   {"repeated", accepted.repeated}};
-    return absl::OkStatus();
-  }));
-  return answer;
+  ASSIGN_OR_RETURN(const EvaluationRow evaluation,
+                   context.readers.Read<EvaluationRow>(
+                       [&](Reader& reader) { return reader.Evaluation(accepted.evaluation); }));
+  return ApiAnswer{accepted.is_new() ? 201 : 200,
+                   {{"evaluation", accepted.evaluation},
+                    {"submission", accepted.submission},
+                    {"kind", "rerun"},
+                    {"state", EvaluationStateName(evaluation.state)},
+                    {"first", evaluation.first},
+                    {"last", evaluation.last},
+                    {"repeated", accepted.repeated}}};
 }
 
 ApiResult RerunSubmission(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const RerunRequest wanted, ParseRerun(body));
   ASSIGN_OR_RETURN(const RequestKey key, ReadRequestKey(request, body));
-  ASSIGN_OR_RETURN(const std::optional<Accepted> earlier, FindEarlier(context.readers, CallerKey(), key));
+  ASSIGN_OR_RETURN(const std::optional<Accepted> earlier,
+                   FindEarlier(context.readers, CallerKey(), key));
   if (earlier.has_value()) return RerunAnswer(context, *earlier);
   const int64_t submission = IdOf(request);
   ASSIGN_OR_RETURN(NewRerun rerun,
@@ -260,9 +238,9 @@ ApiResult RerunSubmission(const ApiContext& context, const Request& request, con
                      return MakeRerun(reader, context, submission, wanted);
                    }));
   rerun.request_key = key;
-  ASSIGN_OR_RETURN(const Accepted accepted, context.engine.Rerun(
-      rerun, CallerKey(), CallerIsOrganiser(), context.config.reruns,
-      context.config.http.request));
+  ASSIGN_OR_RETURN(const Accepted accepted,
+                   context.engine.Rerun(rerun, CallerKey(), CallerIsOrganiser(),
+                                        context.config.reruns, context.config.http.request));
   if (accepted.is_new()) {
     NoteAct(absl::StrCat("submission ", submission),
             absl::StrCat("evaluation ", accepted.evaluation));
@@ -274,11 +252,11 @@ ApiResult RerunSubmission(const ApiContext& context, const Request& request, con
 
 void AddEvaluations(Routes& routes, const ApiContext& context) {
   routes.Get(R"(/v1/submissions/(\d{1,18})/result)", Action::kReadSubmission,
-             std::bind_front(GetResult, std::cref(context)));
+             Bind(context, GetResult));
   routes.Get(R"(/v1/evaluations/(\d{1,18}))", Action::kReadSubmission,
-             std::bind_front(GetEvaluation, std::cref(context)));
+             Bind(context, GetEvaluation));
   routes.Post(R"(/v1/submissions/(\d{1,18})/rerun)", Action::kRerun,
-              std::bind_front(RerunSubmission, std::cref(context)));
+              Bind(context, RerunSubmission));
 }
 
 }  // namespace myograde::server

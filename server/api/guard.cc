@@ -8,7 +8,6 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
 
-#include "server/access/token_text.h"
 #include "server/api/error_of.h"
 #include "server/base/peer_key.h"
 

@@ -2,15 +2,13 @@
 
 #include <unistd.h>
 
-#include <functional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/node_view_json.h"
 #include "server/api/readiness.h"
 #include "server/api/requests.h"
 #include "server/api/http_server.h"
@@ -22,8 +20,6 @@
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 // Names that Slurm and DNS have for hosts.
 constexpr char kNode[] = R"(/v1/nodes/([A-Za-z0-9][A-Za-z0-9._-]{0,254}))";
@@ -43,7 +39,7 @@ absl::StatusOr<NodeAct> ParseNodeAct(const Json& body) {
 }
 
 // What organisers see beside.
-nlohmann::json HostToJson(const ApiContext& context, const LiveHealth& health) {
+Json HostToJson(const ApiContext& context, const LiveHealth& health) {
   Json running = Json::array();
   for (const auto& [lease, live] : context.engine.Running()) {
     running.push_back({{"lease", lease},
@@ -68,12 +64,8 @@ nlohmann::json HostToJson(const ApiContext& context, const LiveHealth& health) {
   for (const auto& [slot, left] : health.closed_slots) {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
-  Json held_back = Json::array();
-  // A store that can't be read is told of elsewhere.
-  (void)context.readers.Read([&](Reader& reader) {
-    held_back = reader.HeldBack();
-    return absl::OkStatus();
-  });
+  const auto held_back = context.readers.Read<std::vector<std::string>>(
+      [](Reader& reader) { return reader.HeldBack(); });
   std::string trouble;
   for (const std::string* one : {&health.store_trouble, &health.disk_trouble, &health.host_trouble,
                                  &health.executor_trouble, &health.losses}) {
@@ -90,7 +82,8 @@ nlohmann::json HostToJson(const ApiContext& context, const LiveHealth& health) {
           {"ending", health.ending},
           {"unreadable", std::move(unreadable)},
           {"closed_slots", std::move(closed)},
-          {"held_back", std::move(held_back)},
+          // A store that can't be read is told of elsewhere.
+          {"held_back", held_back.value_or(std::vector<std::string>())},
           {"schema", SchemaMigrations().size()},
           {"pid", getpid()},
           {"data", context.data_dir},
@@ -101,9 +94,7 @@ nlohmann::json HostToJson(const ApiContext& context, const LiveHealth& health) {
 // Everybody sees that it works, participants how busy it is, and organisers the host.
 ApiResult GetHealth(const ApiContext& context, const Request&) {
   const LiveHealth health = context.engine.Health();
-  Json body = {{"status", StatusOf(health)},
-               {"version", GraderVersion()},
-               {"api", 1}};
+  Json body = {{"status", StatusOf(health)}, {"version", GraderVersion()}, {"api", 1}};
   if (Caller().role >= Role::kParticipant) {
     body["slots"] = context.config.scheduler.slots;
     body["running"] = health.running;
@@ -114,14 +105,11 @@ ApiResult GetHealth(const ApiContext& context, const Request&) {
 }
 
 // Whether the process serves requests, and whether it can do its work.
-ApiResult GetLive(const Request&) {
-  return ApiAnswer{200, {{"live", true}}};
-}
+ApiResult GetLive(const Request&) { return ApiAnswer{200, {{"live", true}}}; }
 
 ApiResult GetReady(const ApiContext& context, const Request&) {
-  const std::vector<Obstacle> obstacles =
-      ObstaclesOf(context.engine.Health(), context.config, context.data_dir,
-                  HttpServer::Stopping());
+  const std::vector<Obstacle> obstacles = ObstaclesOf(context.engine.Health(), context.config,
+                                                      context.data_dir, UnixHttpServer::Stopping());
   Json body = {{"ready", obstacles.empty()}};
   if (CallerMay(Action::kReadHost)) {
     Json& reasons = body["reasons"] = Json::array();
@@ -155,13 +143,9 @@ ApiResult ListTracks(const ApiContext& context, const Request&) {
   return ApiAnswer{200, {{"tracks", std::move(list)}}};
 }
 
-ApiResult ListNodes(const ApiContext& context, const Request& request) {
+ApiResult ListNodes(const ApiContext& context, Reader& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  Listed<DrainedNodeRow> drained;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    drained = reader.DrainedNodes();
-    return absl::OkStatus();
-  }));
+  const Listed<DrainedNodeRow> drained = reader.DrainedNodes();
   const bool cluster = context.config.on_cluster;
   return ApiAnswer{200,
                    {{"cluster", cluster},
@@ -173,16 +157,16 @@ ApiResult ListNodes(const ApiContext& context, const Request& request) {
 ApiResult SetNode(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const NodeAct act, ParseNodeAct(body));
   if (!context.config.on_cluster) {
-    return WithErrorCode(
-        absl::FailedPreconditionError("leases run on this host, so there are no nodes; \"executor\" of "
-                                      "server.json says where they run"),
-        "no_cluster");
+    return WithErrorCode(absl::FailedPreconditionError(
+                             "leases run on this host, so there are no nodes; \"executor\" of "
+                             "server.json says where they run"),
+                         "no_cluster");
   }
   const std::string node = request.matches[1];
   const absl::Duration timeout = context.config.http.request;
-  const absl::Status status =
-      act.drain ? context.engine.DrainNode(node, act.why, CallerKey(), timeout)
-                 : context.engine.AdmitNode(node, CallerKey(), timeout);
+  const absl::Status status = act.drain
+                                  ? context.engine.DrainNode(node, act.why, CallerKey(), timeout)
+                                  : context.engine.AdmitNode(node, CallerKey(), timeout);
   RETURN_IF_ERROR(status);
   NoteAct(absl::StrCat("node ", node),
           act.drain ? absl::StrCat("drained: ", act.why) : std::string("admitted"));
@@ -191,7 +175,7 @@ ApiResult SetNode(const ApiContext& context, const Request& request, const Json&
 
 ApiResult ListRuntimes(const ApiContext& context, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  nlohmann::json runtimes = nlohmann::json::array();
+  Json runtimes = Json::array();
   for (const Runtime& runtime :
        Runtimes(context.config.runtimes, context.config.runtimes_dir).List()) {
     runtimes.push_back(RuntimeToJson(runtime));
@@ -202,13 +186,13 @@ ApiResult ListRuntimes(const ApiContext& context, const Request& request) {
 }  // namespace
 
 void AddHost(Routes& routes, const ApiContext& context) {
-  routes.Get("/v1/health", Action::kReadHealth, std::bind_front(GetHealth, std::cref(context)));
+  routes.Get("/v1/health", Action::kReadHealth, Bind(context, GetHealth));
   routes.Get("/v1/live", Action::kReadHealth, GetLive);
-  routes.Get("/v1/ready", Action::kReadHealth, std::bind_front(GetReady, std::cref(context)));
-  routes.Get("/v1/tracks", Action::kReadTracks, std::bind_front(ListTracks, std::cref(context)));
-  routes.Get("/v1/nodes", Action::kReadHost, std::bind_front(ListNodes, std::cref(context)));
-  routes.Post(kNode, Action::kManageNodes, std::bind_front(SetNode, std::cref(context)));
-  routes.Get("/v1/runtimes", Action::kReadTracks, std::bind_front(ListRuntimes, std::cref(context)));
+  routes.Get("/v1/ready", Action::kReadHealth, Bind(context, GetReady));
+  routes.Get("/v1/tracks", Action::kReadTracks, Bind(context, ListTracks));
+  routes.Get("/v1/nodes", Action::kReadHost, Bind(context, ListNodes));
+  routes.Post(kNode, Action::kManageNodes, Bind(context, SetNode));
+  routes.Get("/v1/runtimes", Action::kReadTracks, Bind(context, ListRuntimes));
 }
 
 }  // namespace myograde::server

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <optional>
 #include <utility>
@@ -23,9 +22,19 @@ namespace {
 
 using Families = std::vector<MetricFamily>;
 
-void AddGauge(Families& families, const char* name, const char* help, double value) {
-  families.push_back(GaugeFamily(name, help));
-  AddValue(families.back(), "", "", value);
+template <typename Number>
+void AddGauge(Families& families, const char* name, const char* help, Number value) {
+  AddValue(families.emplace_back(GaugeFamily(name, help)), "", "", static_cast<double>(value));
+}
+
+// One value for each of the label's.
+template <typename Number>
+void AddGauges(Families& families, const char* name, const char* help, const char* label,
+               const std::map<std::string, Number>& values) {
+  MetricFamily& family = families.emplace_back(GaugeFamily(name, help));
+  for (const auto& [key, value] : values) {
+    AddValue(family, label, key, static_cast<double>(value));
+  }
 }
 
 double SecondsOf(const std::optional<absl::Duration>& duration) {
@@ -44,20 +53,21 @@ double StoreBytes(const std::string& data_dir) {
 }
 
 void AddEngineMetrics(const ApiContext& context, const LiveHealth& health, Families& families) {
-  MetricFamily evaluations =
-      GaugeFamily("myograde_queue_evaluations", "Evaluations with a lease that waits, by class");
-  MetricFamily leases = GaugeFamily("myograde_queue_leases", "Leases that wait, by class");
+  std::map<std::string, int64_t> evaluations;
+  std::map<std::string, int64_t> leases;
   for (int i = 0; i < kPriorities; ++i) {
     const QueueDepth::OfClass& depth = health.queue.classes[static_cast<size_t>(i)];
-    const std::string_view name = PriorityName(Priority(i));
-    AddValue(evaluations, "class", name, static_cast<double>(depth.evaluations));
-    AddValue(leases, "class", name, static_cast<double>(depth.leases));
+    const std::string name(PriorityName(Priority(i)));
+    evaluations[name] = depth.evaluations;
+    leases[name] = depth.leases;
   }
-  families.push_back(std::move(evaluations));
-  families.push_back(std::move(leases));
+  AddGauges(families, "myograde_queue_evaluations", "Evaluations with a lease that waits, by class",
+            "class", evaluations);
+  AddGauges(families, "myograde_queue_leases", "Leases that wait, by class", "class", leases);
   AddGauge(families, "myograde_queue_oldest_wait_seconds",
            "How long the evaluation that waits longest has had no lease started, in seconds; 0: "
-           "nothing waits", SecondsOf(health.queue.oldest));
+           "nothing waits",
+           SecondsOf(health.queue.oldest));
   AddGauge(families, "myograde_leases_running", "Leases that run", health.running);
   AddGauge(families, "myograde_leases_ending",
            "Leases that were taken back and whose processes are not dead yet", health.ending);
@@ -69,42 +79,36 @@ void AddEngineMetrics(const ApiContext& context, const LiveHealth& health, Famil
   AddGauge(families, "myograde_slots_busy", "Slots that a lease or a self-test occupies",
            health.busy_slots);
   AddGauge(families, "myograde_slots_closed",
-           "Slots that are closed until processes on them are gone",
-           static_cast<double>(health.closed_slots.size()));
+           "Slots that are closed until processes on them are gone", health.closed_slots.size());
   AddGauge(families, "myograde_unreadable_evaluations",
-           "Evaluations with damaged rows that can't be ended",
-           static_cast<double>(health.unreadable.size()));
+           "Evaluations with damaged rows that can't be ended", health.unreadable.size());
   AddGauge(families, "myograde_journal_entries",
-           "Events that wait in memory until the store can be written",
-           static_cast<double>(health.journal));
+           "Events that wait in memory until the store can be written", health.journal);
   AddGauge(families, "myograde_store_writable", "1, or 0 while the store can't be written",
            health.store_trouble.empty() ? 1 : 0);
 }
 
 void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Families& families) {
-  MetricFamily states = GaugeFamily("myograde_host_state",
-                                    "1 for the state that this host is in, 0 for the others");
-  for (const auto state : {HostHealth::State::kWell, HostHealth::State::kSuspected,
-                           HostHealth::State::kPaused}) {
-    AddValue(states, "state", HostStateName(state), health.host == state ? 1 : 0);
+  std::map<std::string, bool> states;
+  for (const auto state :
+       {HostHealth::State::kWell, HostHealth::State::kSuspected, HostHealth::State::kPaused}) {
+    states[std::string(HostStateName(state))] = health.host == state;
   }
-  families.push_back(std::move(states));
-  const std::vector<Obstacle> obstacles = ObstaclesOf(health, context.config, context.data_dir,
-                                                      HttpServer::Stopping());
+  AddGauges(families, "myograde_host_state",
+            "1 for the state that this host is in, 0 for the others", "state", states);
+  const std::vector<Obstacle> obstacles =
+      ObstaclesOf(health, context.config, context.data_dir, UnixHttpServer::Stopping());
   AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0",
            obstacles.empty() ? 1 : 0);
-  MetricFamily reasons =
-      GaugeFamily("myograde_not_ready", "1 for each reason why the daemon is not ready, else 0");
-  for (const std::string& code : ObstacleCodes()) {
-    const bool holds = std::any_of(obstacles.begin(), obstacles.end(),
-                                   [&](const Obstacle& one) { return one.code == code; });
-    AddValue(reasons, "reason", code, holds ? 1 : 0);
-  }
-  families.push_back(std::move(reasons));
-  MetricFamily build = GaugeFamily("myograde_build_info", "1, with the version of the daemon");
-  AddValue(build, "version", GraderVersion(), 1);
-  build.metric.back().label.push_back({"schema", absl::StrCat(SchemaMigrations().size())});
-  families.push_back(std::move(build));
+  std::map<std::string, bool> reasons;
+  for (const std::string& code : ObstacleCodes()) reasons[code] = false;
+  for (const Obstacle& obstacle : obstacles) reasons[obstacle.code] = true;
+  AddGauges(families, "myograde_not_ready", "1 for each reason why the daemon is not ready, else 0",
+            "reason", reasons);
+  AddGauges<int>(families, "myograde_build_info", "1, with the version of the daemon", "version",
+                 {{std::string(GraderVersion()), 1}});
+  families.back().metric.back().label.push_back(
+      {"schema", absl::StrCat(SchemaMigrations().size())});
   AddGauge(families, "myograde_start_time_seconds",
            "When the daemon started, in seconds since 1970",
            absl::ToDoubleSeconds(context.started_at - absl::UnixEpoch()));
@@ -115,82 +119,71 @@ void AddClusterMetrics(const ApiContext& context, Families& families) {
   const std::map<int64_t, LiveLease> leases = context.engine.Running();
   const auto begun = std::count_if(leases.begin(), leases.end(),
                                    [](const auto& lease) { return lease.second.begun; });
-  MetricFamily jobs = GaugeFamily("myograde_jobs", "Jobs of leases on the cluster, by state");
-  AddValue(jobs, "state", "queued", static_cast<double>(std::ssize(leases) - begun));
-  AddValue(jobs, "state", "running", static_cast<double>(begun));
-  families.push_back(std::move(jobs));
+  AddGauges<int64_t>(families, "myograde_jobs", "Jobs of leases on the cluster, by state", "state",
+                     {{"queued", std::ssize(leases) - begun}, {"running", begun}});
   std::map<std::string, int64_t> states = {{"new", 0}, {"proved", 0}, {"drained", 0}};
   for (const NodeView& node : context.engine.Nodes()) ++states[node.state];
-  MetricFamily nodes = GaugeFamily("myograde_nodes", "Nodes of the cluster, by state");
-  for (const auto& [state, count] : states) {
-    AddValue(nodes, "state", state, static_cast<double>(count));
-  }
-  families.push_back(std::move(nodes));
+  AddGauges(families, "myograde_nodes", "Nodes of the cluster, by state", "state", states);
 }
 
 void AddDiskMetrics(const ApiContext& context, Families& families) {
-  MetricFamily size = GaugeFamily("myograde_disk_size_bytes", "Size of the disk of a folder");
-  MetricFamily used = GaugeFamily("myograde_disk_used_bytes", "Used part of it");
-  MetricFamily free = GaugeFamily("myograde_disk_free_bytes",
-                                  "Free part of it, without what is kept for root");
+  std::map<std::string, int64_t> size;
+  std::map<std::string, int64_t> used;
+  std::map<std::string, int64_t> free;
   const std::pair<const char*, const std::string*> folders[] = {{"data", &context.data_dir},
                                                                 {"cache", &context.cache_dir}};
   for (const auto& [name, folder] : folders) {
     const std::optional<DiskSpace> disk = DiskSpaceAt(*folder);
     if (!disk.has_value()) continue;
-    AddValue(size, "folder", name, static_cast<double>(disk->size));
-    AddValue(used, "folder", name, static_cast<double>(disk->used));
-    AddValue(free, "folder", name, static_cast<double>(disk->free));
+    size[name] = disk->size;
+    used[name] = disk->used;
+    free[name] = disk->free;
   }
-  for (MetricFamily* family : {&size, &used, &free}) families.push_back(std::move(*family));
+  AddGauges(families, "myograde_disk_size_bytes", "Size of the disk of a folder", "folder", size);
+  AddGauges(families, "myograde_disk_used_bytes", "Used part of it", "folder", used);
+  AddGauges(families, "myograde_disk_free_bytes", "Free part of it, without what is kept for root",
+            "folder", free);
   AddGauge(families, "myograde_disk_reserve_bytes",
            "What uploads must leave free on the data folder's disk",
-           static_cast<double>(context.config.artefacts.disk_reserve));
+           context.config.artefacts.disk_reserve);
   AddGauge(families, "myograde_store_size_bytes", "Size of the store with its write-ahead log",
            StoreBytes(context.data_dir));
 }
 
 void AddWebhookMetrics(const ApiContext& context, Reader& reader, Families& families) {
-  MetricFamily waiting = GaugeFamily("myograde_webhook_waiting",
-                                     "Events that wait to be delivered, by webhook");
-  MetricFamily oldest = GaugeFamily("myograde_webhook_oldest_waiting_seconds",
-                                    "Age of the oldest of them in seconds; 0: none waits");
   std::map<std::string, DeliveryCounts> counts;
   for (const DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
+  std::map<std::string, int64_t> waiting;
+  std::map<std::string, double> oldest;
   for (const Webhook& webhook : context.webhooks.webhooks()) {
-    const DeliveryCounts& count = counts[webhook.config.name];
-    const absl::Duration age =
-        count.oldest_waiting_at == 0
-            ? absl::ZeroDuration()
-            : std::max(context.clock.Now() - absl::FromUnixMillis(count.oldest_waiting_at),
-                       absl::ZeroDuration());
-    AddValue(waiting, "webhook", webhook.config.name, static_cast<double>(count.waiting));
-    AddValue(oldest, "webhook", webhook.config.name, absl::ToDoubleSeconds(age));
+    const std::string& name = webhook.config.name;
+    const int64_t since = counts[name].oldest_waiting_at;
+    const absl::Duration age = context.clock.Now() - absl::FromUnixMillis(since);
+    waiting[name] = counts[name].waiting;
+    oldest[name] = since == 0 ? 0 : std::max(absl::ToDoubleSeconds(age), 0.0);
   }
-  families.push_back(std::move(waiting));
-  families.push_back(std::move(oldest));
+  AddGauges(families, "myograde_webhook_waiting", "Events that wait to be delivered, by webhook",
+            "webhook", waiting);
+  AddGauges(families, "myograde_webhook_oldest_waiting_seconds",
+            "Age of the oldest of them in seconds; 0: none waits", "webhook", oldest);
 }
 
 // What only a reading of the store tells; without it where the store can't be read.
 void AddStoreMetrics(const ApiContext& context, Families& families) {
   const absl::Status status = context.readers.Read([&](Reader& reader) {
-    MetricFamily states = GaugeFamily("myograde_submissions",
-                                      "Submissions, by the state of their own evaluation");
     std::map<std::string, int64_t> counts = reader.SubmissionsByState();
     for (const auto state :
          {EvaluationState::kQueued, EvaluationState::kRunning, EvaluationState::kDone,
           EvaluationState::kFailed, EvaluationState::kCancelled, EvaluationState::kGraderError}) {
       counts.try_emplace(std::string(EvaluationStateName(state)), 0);
     }
-    for (const auto& [state, count] : counts) {
-      AddValue(states, "state", state, static_cast<double>(count));
-    }
-    families.push_back(std::move(states));
-    double bytes = 0;
+    AddGauges(families, "myograde_submissions", "Submissions, by the state of their own evaluation",
+              "state", counts);
+    int64_t bytes = 0;
     const std::vector<UploadRow> uploads = reader.Uploads();
-    for (const UploadRow& upload : uploads) bytes += static_cast<double>(upload.bytes);
+    for (const UploadRow& upload : uploads) bytes += upload.bytes;
     AddGauge(families, "myograde_unsubmitted_uploads", "Uploads that nobody has submitted yet",
-             static_cast<double>(uploads.size()));
+             uploads.size());
     AddGauge(families, "myograde_unsubmitted_upload_bytes", "Their size in bytes, unpacked", bytes);
     AddWebhookMetrics(context, reader, families);
     return absl::OkStatus();
@@ -215,7 +208,7 @@ absl::Status GetMetrics(const ApiContext& context, const Request&, Response& res
 }  // namespace
 
 void AddMetrics(Routes& routes, const ApiContext& context) {
-  routes.GetFile("/metrics", Action::kReadMetrics, std::bind_front(GetMetrics, std::cref(context)));
+  routes.GetFile("/metrics", Action::kReadMetrics, Bind(context, GetMetrics));
 }
 
 }  // namespace myograde::server

@@ -6,35 +6,32 @@
 #include <vector>
 
 #include <absl/strings/ascii.h>
-#include <absl/strings/match.h>
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 #include <absl/strings/strip.h>
 
-#include "server/api/entity_tag.h"
+#include "protocol/base/sha256.h"
 
 namespace myograde::server {
 namespace {
 
-// A weight in thousandths: 0 to 1 with at most three digits behind the point. 0: it is none.
-int WeightOf(absl::string_view text) {
-  if (text.empty() || text.size() > 5 || (text[0] != '0' && text[0] != '1')) return 0;
-  int weight = 1000 * (text[0] - '0');
-  if (text.size() > 1 && text[1] != '.') return 0;
-  for (size_t i = 2, unit = 100; i < text.size(); ++i, unit /= 10) {
-    if (!absl::ascii_isdigit(static_cast<unsigned char>(text[i]))) return 0;
-    weight += static_cast<int>(unit) * (text[i] - '0');
-  }
-  return weight > 1000 ? 0 : weight;
+constexpr std::string_view kSpace = " \t,";
+
+// A weight from 0 to 1; 0: it is none.
+double WeightOf(absl::string_view text) {
+  double weight = 0;
+  return absl::SimpleAtod(text, &weight) && weight >= 0 && weight <= 1 ? weight : 0;
 }
 
 // What Accept-Encoding gives to each coding that it names, in lower case.
-std::map<std::string, int> CodingWeights(const Request& request) {
-  std::map<std::string, int> weights;
+std::map<std::string, double> CodingWeights(const Request& request) {
+  std::map<std::string, double> weights;
   const auto [begin, end] = request.headers.equal_range("accept-encoding");
   for (auto it = begin; it != end; ++it) {
     for (const absl::string_view part : absl::StrSplit(it->second, ',')) {
       const std::vector<absl::string_view> words = absl::StrSplit(part, ';');
-      int weight = 1000;
+      double weight = 1;
       for (size_t at = 1; at < words.size(); ++at) {
         absl::string_view parameter = absl::StripAsciiWhitespace(words[at]);
         if (absl::ConsumePrefix(&parameter, "q=") || absl::ConsumePrefix(&parameter, "Q=")) {
@@ -49,13 +46,30 @@ std::map<std::string, int> CodingWeights(const Request& request) {
 
 }  // namespace
 
+std::string EntityTagOf(std::string_view body) { return absl::StrCat("\"", Sha256Hex(body), "\""); }
+
+bool NamesEntityTag(std::string_view if_none_match, std::string_view tag) {
+  std::string_view rest = if_none_match;
+  if (rest == "*") return true;
+  for (;;) {
+    rest.remove_prefix(std::min(rest.find_first_not_of(kSpace), rest.size()));
+    if (rest.starts_with("W/")) rest.remove_prefix(2);
+    // A tag may have a comma in it, so quotes decide where it ends.
+    if (!rest.starts_with('"')) return false;
+    const size_t end = rest.find('"', 1);
+    if (end == std::string_view::npos) return false;
+    if (rest.substr(0, end + 1) == tag) return true;
+    rest.remove_prefix(end + 1);
+  }
+}
+
 bool TakesCoding(const Request& request, std::string_view coding) {
-  const std::map<std::string, int> weights = CodingWeights(request);
+  const std::map<std::string, double> weights = CodingWeights(request);
   const auto weight_of = [&](const char* name) {
     const auto it = weights.find(name);
     return it == weights.end() ? -1 : it->second;
   };
-  int weight = weight_of(std::string(coding).c_str());
+  double weight = weight_of(std::string(coding).c_str());
   if (weight < 0 && coding == "gzip") weight = weight_of("x-gzip");
   if (weight < 0) weight = weight_of("*");
   return weight > 0 && weight >= weight_of("identity");

@@ -1,16 +1,25 @@
-// What a request says of the answer that it takes (RFC 9110).
+// What a request says of the answer that it takes (RFC 9110), and entity tags: a client that sends
+// back the tag of what it has is told when that is still current, and receives nothing again.
 #pragma once
 
+#include <string>
 #include <string_view>
 
 #include "server/api/http_request.h"
 
 namespace myograde::server {
 
-// Whether Accept-Encoding takes a coding ("gzip", "zstd"), and does not prefer the answer as it is.
-bool TakesCoding(const Request& request, std::string_view coding);
+// The strong tag of an answer with this body, quotes included.
+std::string EntityTagOf(std::string_view body);
+
+// Whether the value of an If-None-Match header has the tag, or is "*". Tags are compared weakly, as
+// the RFC asks for; what is no list of tags has none.
+bool NamesEntityTag(std::string_view if_none_match, std::string_view tag);
 
 // Whether If-None-Match has a tag: what the client has is still current.
 bool HasCurrent(const Request& request, std::string_view tag);
+
+// Whether Accept-Encoding takes a coding ("gzip", "zstd"), and does not prefer the answer as it is.
+bool TakesCoding(const Request& request, std::string_view coding);
 
 }  // namespace myograde::server

@@ -10,7 +10,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/entity_tag.h"
 #include "server/api/negotiation.h"
 #include "server/api/openapi/document.h"
 #include "server/api/requests.h"
@@ -41,16 +40,10 @@ void SetHeaders(Response& response) {
   }
 }
 
-struct Tags {
-  std::string plain;
-  std::string packed;
-};
-
 // A text that lives as long as the server, compressed if the client takes that.
-void SendConstant(const WebFile& file, const Tags& tags, const Request& request,
-                  Response& response) {
-  const bool packed = !file.packed.empty() && TakesCoding(request, "gzip");
-  const std::string& tag = packed ? tags.packed : tags.plain;
+void SendConstant(const Document& document, const Request& request, Response& response) {
+  const bool packed = !document.packed.empty() && TakesCoding(request, "gzip");
+  const std::string& tag = packed ? document.packed_tag : document.tag;
   response.SetHeader("Vary", "Accept-Encoding");
   response.SetHeader("ETag", tag);
   if (HasCurrent(request, tag)) {
@@ -58,8 +51,7 @@ void SendConstant(const WebFile& file, const Tags& tags, const Request& request,
     return;
   }
   if (packed) response.SetHeader("Content-Encoding", "gzip");
-  const std::string_view content = packed ? file.packed : file.text;
-  response.SetContent(std::string(content), file.type);
+  response.SetContent(packed ? document.packed : document.text, document.type);
 }
 
 // MAJOR.MINOR of the program, which is what the documents' folders are named by.
@@ -79,8 +71,8 @@ bool HasVersion(const Documents& documents, const std::string& version) {
   return first != documents.end() && first->first.starts_with(version + "/");
 }
 
-// The page that a path leads to which is none itself: no path or a version alone to the first page, a
-// page of a version that is not here to that of this program's. "" if there is no such page.
+// The page that a path leads to which is none itself: no path or a version alone to the first page,
+// a page of a version that is not here to that of this program's. "" if there is no such page.
 std::string PageInstead(const Documents& documents, std::string_view path) {
   while (path.ends_with('/')) path.remove_suffix(1);
   const size_t slash = std::min(path.find('/'), path.size());
@@ -106,15 +98,13 @@ void ServeDocument(const Documents& documents, const Request& request, Response&
     }
     response.status = 404;
     response.SetContent(documents.empty() ? "The documents are not on this server: ./dev docs "
-                                              "makes them, and README.md has a tour.\n"
-                                            : absl::StrCat("There is no such page. ", root,
-                                                           " leads to the documents.\n"),
-                         "text/plain; charset=utf-8");
+                                            "makes them, and README.md has a tour.\n"
+                                          : absl::StrCat("There is no such page. ", root,
+                                                         " leads to the documents.\n"),
+                        "text/plain; charset=utf-8");
     return;
   }
-  const Document& document = found->second;
-  SendConstant({.path = path, .type = document.type, .text = document.text, .packed = document.packed},
-               {document.tag, document.packed_tag}, request, response);
+  SendConstant(found->second, request, response);
 }
 
 }  // namespace
@@ -128,12 +118,11 @@ void AddPages(Routes& routes, const ApiContext& context) {
   routes.GetPage("/docs(?:/[^/]+)*/?",
                  std::bind_front(ServeDocument, std::cref(context.documents)));
   for (const WebFile& file : WebFiles()) {
-    const std::string tag = EntityTagOf(file.text);
-    const std::string packed_tag = EntityTagOf(file.packed);
-    routes.GetPage(std::string(file.path), [&file, tag, packed_tag](const Request& request,
-                                                                    Response& response) {
+    const Document page =
+        MakeDocument(std::string(file.type), std::string(file.text), std::string(file.packed));
+    routes.GetPage(std::string(file.path), [page](const Request& request, Response& response) {
       SetHeaders(response);
-      SendConstant(file, {tag, packed_tag}, request, response);
+      SendConstant(page, request, response);
     });
   }
 }

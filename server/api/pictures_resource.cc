@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <functional>
+#include <set>
 #include <string>
 
 #include <absl/strings/str_cat.h>
@@ -13,8 +14,8 @@
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
 #include "server/api/caller.h"
-#include "server/api/log_access.h"
 #include "server/api/negotiation.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/pictures/packing.h"
 #include "server/pictures/pictures.h"
@@ -25,6 +26,54 @@ namespace {
 
 constexpr int kAskAgainSeconds = 1;
 
+// There is no such log, or none for this caller.
+absl::Status MissingLog(const std::string& hash) {
+  return absl::NotFoundError(
+      absl::StrCat("there is no log ", hash, " here; it was never kept, or was removed"));
+}
+
+// Two teams have the same log if they handed in the same policy.
+absl::Status RequireLog(Reader& reader, const std::string& hash) {
+  const std::set<std::string> teams = reader.TeamsOfLog(hash);
+  if (teams.empty()) return MissingLog(hash);
+  for (const std::string& team : teams) {
+    if (Caller().teams.contains(team)) return Require(team, MissingLog(hash));
+  }
+  return Require(*teams.begin(), MissingLog(hash));
+}
+
+// A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
+absl::Status CheckLogShown(Reader& reader, const ApiContext& context, const std::string& hash) {
+  for (const std::string& phase : reader.PhasesOfLog(hash)) {
+    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, phase));
+    if (SeesLogs(sight)) continue;
+    return WithheldError(absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+  }
+  return absl::OkStatus();
+}
+
+// Whether the caller may see a log: one of their teams' episodes has it, and its phase shows logs.
+// MissingLog, or an error with the code "withheld". Organisers may see every one.
+absl::Status RequireShownLog(const ApiContext& context, const std::string& hash) {
+  if (CallerIsOrganiser()) return absl::OkStatus();
+  return context.readers.Read([&](Reader& reader) {
+    RETURN_IF_ERROR(RequireLog(reader, hash));
+    return CheckLogShown(reader, context, hash);
+  });
+}
+
+std::string LogPath(const ApiContext& context, const std::string& hash) {
+  return absl::StrCat(context.data_dir, "/logs/", LogFileName(hash));
+}
+
+// The file as it is stored. Its name is a hash, so no path of a client's making is opened.
+absl::Status SendLog(const ApiContext& context, const Request& request, Response& response) {
+  const std::string hash = request.matches[1];
+  RETURN_IF_ERROR(RequireShownLog(context, hash));
+  const absl::Status sent = response.SetFile(LogPath(context, hash), "application/zstd");
+  return absl::IsNotFound(sent) ? MissingLog(hash) : sent;
+}
+
 Packing PackingFor(const PictureKey& key, const Request& request) {
   if (key.kind == PictureKind::kPicture) return Packing::kPlain;
   if (TakesCoding(request, "zstd")) return Packing::kZstd;
@@ -34,9 +83,9 @@ Packing PackingFor(const PictureKey& key, const Request& request) {
 // For the few clients that take no compressed answer.
 absl::Status SendUnpacked(const std::string& path, const char* type, Response& response) {
   ASSIGN_OR_RETURN(std::string packed, ReadFile(path));
-  absl::StatusOr<std::string> bytes = UnpackZstd(packed, kMostTrajectoryFileBytes);
-  if (bytes.ok()) response.SetContent(*std::move(bytes), type);
-  return bytes.status();
+  ASSIGN_OR_RETURN(std::string bytes, UnpackZstd(packed, kMostTrajectoryFileBytes));
+  response.SetContent(std::move(bytes), type);
+  return absl::OkStatus();
 }
 
 // False: it is not there any more.
@@ -49,7 +98,7 @@ bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type
   if (unpack) found->tag.insert(found->tag.size() - 1, ".plain");
   response.SetHeader("ETag", found->tag);
   response.SetHeader("Cache-Control",
-                      key.kind == PictureKind::kModel ? "no-cache" : "private, no-cache");
+                     key.kind == PictureKind::kModel ? "no-cache" : "private, no-cache");
   response.SetHeader("Vary", "Accept-Encoding, Authorization");
   response.SetHeader("X-Content-Type-Options", "nosniff");
   if (HasCurrent(request, found->tag)) {
@@ -97,24 +146,12 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
 absl::Status SendPictureOfLog(const ApiContext& context, PictureKind kind, const char* type,
                               const Request& request, Response& response) {
   const std::string hash = request.matches[1];
-  absl::Status status = CheckParameters(request, {});
-  if (status.ok()) status = RequireShownLog(context, hash);
-  RETURN_IF_ERROR(status);
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  RETURN_IF_ERROR(RequireShownLog(context, hash));
   const PictureKey key = {kind, hash};
-  const std::string log = absl::StrCat(context.data_dir, "/logs/", LogFileName(hash));
-  if (access(log.c_str(), F_OK) != 0 && !context.pictures.files().Has(key)) {
-    return MissingLog(hash);
-  }
+  const bool has_log = access(LogPath(context, hash).c_str(), F_OK) == 0;
+  if (!has_log && !context.pictures.files().Has(key)) return MissingLog(hash);
   return SendPictureFile(context, key, type, request, response);
-}
-
-absl::Status SendTrajectory(const ApiContext& context, const Request& request, Response& response) {
-  return SendPictureOfLog(context, PictureKind::kTrajectory, "application/vnd.myograde.trajectory", request,
-                   response);
-}
-
-absl::Status SendPicture(const ApiContext& context, const Request& request, Response& response) {
-  return SendPictureOfLog(context, PictureKind::kPicture, "image/png", request, response);
 }
 
 absl::Status SendModel(const ApiContext& context, const Request& request, Response& response) {
@@ -123,18 +160,22 @@ absl::Status SendModel(const ApiContext& context, const Request& request, Respon
   if (FindTrack(track) == nullptr) {
     return absl::NotFoundError(absl::StrCat("there is no model of a track ", track));
   }
-  return SendPictureFile(context, {PictureKind::kModel, track}, "model/gltf-binary", request, response);
+  return SendPictureFile(context, {PictureKind::kModel, track}, "model/gltf-binary", request,
+                         response);
 }
 
 }  // namespace
 
 void AddPictures(Routes& routes, const ApiContext& context) {
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", Action::kReadLog, Bind(context, SendLog));
   routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/trajectory)", Action::kReadLog,
-                 std::bind_front(SendTrajectory, std::cref(context)));
-  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/picture[.]png)", Action::kReadLog,
-                 std::bind_front(SendPicture, std::cref(context)));
+                 std::bind_front(SendPictureOfLog, std::cref(context), PictureKind::kTrajectory,
+                                 "application/vnd.myograde.trajectory"));
+  routes.GetFile(
+      R"(/v1/logs/([0-9a-f]{64})/picture[.]png)", Action::kReadLog,
+      std::bind_front(SendPictureOfLog, std::cref(context), PictureKind::kPicture, "image/png"));
   routes.GetFile(R"(/v1/models/([a-z0-9-]{1,64})[.]glb)", Action::kReadTracks,
-                 std::bind_front(SendModel, std::cref(context)));
+                 Bind(context, SendModel));
 }
 
 }  // namespace myograde::server

@@ -1,7 +1,6 @@
 #include "server/api/resources.h"
 
 #include <algorithm>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,49 +12,141 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/log_access.h"
-#include "server/api/phase_sight.h"
-#include "server/api/receipt_view.h"
+#include "protocol/lease/policy_seed.h"
 #include "server/api/record_log.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
+#include "server/engine/stored.h"
+#include "server/grading/results.h"
 #include "server/proof/receipt.h"
 #include "server/proof/record_head.h"
-#include "server/runner/log_keeper.h"
+#include "server/proof/seed_list.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/record.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+// The policy seeds that follow from a config; null under form 1, where they follow from the store's
+// secret.
+Json PolicySeedsOf(const TrackConfig& config, const std::vector<EpisodeRow>& rows) {
+  Json seeds;
+  if (!config.policy_seed_secret.has_value()) return seeds;
+  for (const EpisodeRow& row : rows) {
+    seeds.push_back(PolicySeed(*config.policy_seed_secret, row.index));
+  }
+  return seeds;
+}
 
-// A receipt lists the result of each episode, so a phase that withholds those withholds it as a whole.
-// `everybody`: whoever the caller is, it is to be published.
+// Null: this store never had the phase's secret, as after an import.
+absl::StatusOr<Json> CommitmentOf(Reader& reader, const std::string& phase) {
+  const absl::StatusOr<std::string> secret = reader.PhaseSecret(phase);
+  if (secret.ok()) return Json(SecretCommitment(*secret));
+  return absl::IsNotFound(secret.status()) ? absl::StatusOr<Json>(Json()) : secret.status();
+}
+
+// Takes everything out of a receipt from which its seeds follow.
+absl::Status HideSeeds(Reader& reader, const TrackConfig& config, Json& receipt) {
+  ASSIGN_OR_RETURN(Json commitment, CommitmentOf(reader, config.phase));
+  receipt["format"] = 2;
+  receipt["policy_seeds"] = nullptr;
+  for (const char* key : {"seeds", "policy_seed_secret", "seed_salt"}) {
+    receipt["track_config"].erase(key);
+  }
+  receipt["hidden"] = {{"commitment", std::move(commitment)}, {"count", config.seeds.size()}};
+  return absl::OkStatus();
+}
+
+// The proof is that of the record as its entry left it, so that a receipt stays the same for ever.
+// Practice and re-runs have no entry.
+absl::Status AddRecord(Reader& reader, RecordLog& record, const EvaluationRow& evaluation,
+                       Json& receipt) {
+  const absl::StatusOr<RecordRow> entry = reader.GradedEntry(evaluation.id);
+  const absl::StatusOr<EntryProof> proof =
+      entry.ok() ? record.Prove(reader, entry->index, entry->index + 1)
+                 : absl::StatusOr<EntryProof>(entry.status());
+  // A broken record does not keep anybody's result back.
+  if (absl::IsNotFound(proof.status()) || DamageOf(proof.status())) return absl::OkStatus();
+  if (!proof.ok()) return proof.status();
+  receipt["record"] = EntryProofToJson(*proof);
+  return absl::OkStatus();
+}
+
+// Everything that the result of a submission's evaluation is a function of, and the result
+// (server/proof/receipt.h); in format 2 if its config hides its seeds, whether or not they have
+// been revealed. `record` proves where the public record has it. FailedPreconditionError before it
+// is done or failed.
+absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const SubmissionRow& submission,
+                               const EvaluationRow& evaluation) {
+  if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "submission ", submission.id, " is ", std::string(EvaluationStateName(evaluation.state)),
+        "; there is a receipt once it is done or failed"));
+  }
+  const std::string& hash = ConfigOf(evaluation, submission);
+  ASSIGN_OR_RETURN(const std::string config, reader.ConfigJson(hash));
+  ASSIGN_OR_RETURN(const TrackConfig track, StoredConfig(reader, hash));
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.Episodes(evaluation.id));
+  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track.kind->name);
+  ASSIGN_OR_RETURN(scoring::Aggregate aggregate, AggregateRows(scored, rows));
+  RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, track.seed_salt));
+  Json episodes = Json::array();
+  for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row, track.seed_salt));
+  Json receipt = {{"format", 1},
+                  {"submission", submission.id},
+                  {"evaluation", evaluation.id},
+                  {"team", submission.team},
+                  {"name", submission.artefact_name},
+                  {"track", submission.track},
+                  {"track_kind", track.kind->name},
+                  {"profile", submission.profile},
+                  {"ranked", submission.ranked},
+                  {"state", EvaluationStateName(evaluation.state)},
+                  {"artefact", ArtefactCommitment(submission.id, submission.artefact)},
+                  {"config", hash},
+                  {"track_config", Json::parse(config)},
+                  {"seeds", SeedsOf(evaluation, submission)},
+                  {"policy_seeds", PolicySeedsOf(track, rows)},
+                  {"grader", Json::parse(evaluation.grader_json, nullptr, false)},
+                  {"aggregate", AggregateToJson(scored, aggregate)},
+                  {"results", ResultsHash(rows, track.seed_salt)},
+                  {"merkle_root", MerkleRootOf(rows, track.seed_salt)},
+                  {"episodes", std::move(episodes)}};
+  RETURN_IF_ERROR(AddRecord(reader, record, evaluation, receipt));
+  if (track.seed_salt.empty()) return receipt;
+  RETURN_IF_ERROR(HideSeeds(reader, track, receipt));
+  return receipt;
+}
+
+// A receipt lists the result of each episode, so a phase that withholds those withholds it as a
+// whole. `everybody`: whoever the caller is, it is to be published.
 absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context,
                                const SubmissionRow& submission, bool everybody) {
-  absl::StatusOr<bool> shown = true;
+  bool shown = true;
   if (everybody) {
-    shown = IsPhasePublic(reader, context, submission.phase);
+    ASSIGN_OR_RETURN(shown, IsPhasePublic(reader, context, submission.phase));
   } else {
-    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, submission.phase);
-    shown = sight.ok() ? absl::StatusOr<bool>(SeesReceipt(*sight)) : sight.status();
+    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, submission.phase));
+    shown = SeesReceipt(sight);
   }
-  if (!shown.ok()) return shown.status();
-  if (*shown) return absl::OkStatus();
-  return WithheldError(absl::StrCat("the receipt of submission ", submission.id, " lists the "
-                                    "result of each episode, which phase \"", submission.phase,
-                                    "\" withholds"));
+  if (shown) return absl::OkStatus();
+  return WithheldError(absl::StrCat("the receipt of submission ", submission.id,
+                                    " lists the "
+                                    "result of each episode, which phase \"",
+                                    submission.phase, "\" withholds"));
 }
 
 // Of a failed submission, a phase that withholds anything shows no single episode (redaction.h).
 absl::Status CheckFailureShown(Reader& reader, const ApiContext& context,
                                const SubmissionRow& submission) {
-  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, submission.phase);
-  if (!sight.ok() || sight->progress) return sight.status();
-  return WithheldError(absl::StrCat("submission ", submission.id, " failed, and its receipt lists how "
-                                    "each episode ended, which phase \"", submission.phase,
-                                    "\" withholds"));
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, submission.phase));
+  if (sight.progress) return absl::OkStatus();
+  return WithheldError(absl::StrCat("submission ", submission.id,
+                                    " failed, and its receipt lists how "
+                                    "each episode ended, which phase \"",
+                                    submission.phase, "\" withholds"));
 }
 
 // The evaluation that the request asks for; without one, the submission's original.
@@ -64,15 +155,13 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, Reader& re
   int64_t id = 0;
   RETURN_IF_ERROR(ReadNumber(request, "evaluation", INT64_MAX, id));
   if (id == 0) return reader.Original(submission);
-  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
-  if (!evaluation.ok()) return evaluation;
-  if (evaluation->submission != submission) {
-    return absl::NotFoundError(
-        absl::StrCat("submission ", submission, " has no evaluation ", id));
+  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.Evaluation(id));
+  if (evaluation.submission != submission) {
+    return absl::NotFoundError(absl::StrCat("submission ", submission, " has no evaluation ", id));
   }
-  if (evaluation->kind != EvaluationKind::kRerun) return evaluation;
-  return absl::FailedPreconditionError(absl::StrCat(
-      "evaluation ", id, " is a re-run, which is for comparison and has no receipt"));
+  if (evaluation.kind != EvaluationKind::kRerun) return evaluation;
+  return absl::FailedPreconditionError(
+      absl::StrCat("evaluation ", id, " is a re-run, which is for comparison and has no receipt"));
 }
 
 // Until a rejudge is applied, only organisers know of its results.
@@ -80,42 +169,39 @@ absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, 
   const RejudgeSight rejudge = reader.RejudgeOfEvaluation(evaluation.id);
   if (rejudge.rejudge == 0) return absl::OkStatus();
   if (!CallerSees(rejudge)) {
-    return absl::NotFoundError(absl::StrCat("submission ", evaluation.submission,
-                                            " has no evaluation ", evaluation.id));
+    return absl::NotFoundError(
+        absl::StrCat("submission ", evaluation.submission, " has no evaluation ", evaluation.id));
   }
   if (!everybody || rejudge.ever_applied) return absl::OkStatus();
-  return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
-                           "evaluation ", evaluation.id, " is of rejudge ", rejudge.rejudge,
-                           ", which has not been applied")),
-                       kWithheldCode);
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat("evaluation ", evaluation.id, " is of rejudge ",
+                                                 rejudge.rejudge, ", which has not been applied")),
+      kWithheldCode);
 }
 
-absl::StatusOr<nlohmann::json> AskedReceipt(const Request& request, Reader& reader,
-                                            const ApiContext& context) {
-  absl::Status status = CheckParameters(request, {"evaluation", "public", "reason"});
-  if (status.ok()) status = RequireSubmission(reader, IdOf(request));
-  if (!status.ok()) return status;
+absl::StatusOr<Json> AskedReceipt(const Request& request, Reader& reader,
+                                  const ApiContext& context) {
+  RETURN_IF_ERROR(CheckParameters(request, {"evaluation", "public", "reason"}));
+  RETURN_IF_ERROR(RequireSubmission(reader, IdOf(request)));
   ASSIGN_OR_RETURN(const bool everybody, ReadFlag(request, "public"));
   ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(IdOf(request)));
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, AskedEvaluation(request, reader, submission.id));
-  status = CheckRejudgeShown(reader, evaluation, everybody);
-  if (status.ok()) status = CheckReceiptShown(reader, context, submission, everybody);
-  if (status.ok() && evaluation.state == EvaluationState::kFailed) {
-    status = CheckFailureShown(reader, context, submission);
+  RETURN_IF_ERROR(CheckRejudgeShown(reader, evaluation, everybody));
+  RETURN_IF_ERROR(CheckReceiptShown(reader, context, submission, everybody));
+  if (evaluation.state == EvaluationState::kFailed) {
+    RETURN_IF_ERROR(CheckFailureShown(reader, context, submission));
   }
-  if (!status.ok()) return status;
   return ReceiptOf(reader, context.record, submission, evaluation);
 }
 
-// What a copy of the record has in place of a receipt that AskedReceipt answered with `why`; the same
-// status, if it is not withheld.
+// What a copy of the record has in place of a receipt that AskedReceipt answered with `why`; the
+// same status, if it is not withheld.
 absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, Reader& reader,
                                             const ApiContext& context, const absl::Status& why) {
   const bool unreadable = DamageOf(why).has_value();
   if (!unreadable && ErrorCodeOf(why) != kWithheldCode) return why;
   WithheldReceipt withheld;
-  absl::Status status = ReadNumber(request, "evaluation", INT64_MAX, withheld.evaluation);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(ReadNumber(request, "evaluation", INT64_MAX, withheld.evaluation));
   // Not of another submission's evaluation, which may be readable.
   const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(withheld.evaluation);
   if (evaluation.ok() ? evaluation->submission != IdOf(request)
@@ -123,7 +209,7 @@ absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, Reader& read
     return why;
   }
   const RejudgeSight rejudge = reader.RejudgeOfEvaluation(withheld.evaluation);
-  withheld.reason = unreadable                                     ? "unreadable"
+  withheld.reason = unreadable                                      ? "unreadable"
                     : rejudge.rejudge != 0 && !rejudge.ever_applied ? "rejudge"
                                                                     : "phase";
   ASSIGN_OR_RETURN(withheld.head, context.record.Head(reader));
@@ -133,16 +219,16 @@ absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, Reader& read
 constexpr int64_t kMaxIndex = int64_t{1} << 40;
 constexpr int64_t kMostEntries = 1000;
 
-// The reader has checked that an entry is a JSON object. To parse and write each again would be most of
-// an answer's time, and anybody may ask for a thousand.
+// The reader has checked that an entry is a JSON object. To parse and write each again would be
+// most of an answer's time, and anybody may ask for a thousand.
 std::string PageText(const Listed<RecordRow>& listed, int64_t size, const Json& next_from) {
   std::vector<std::string> entries;
   for (const RecordRow& row : listed.rows) {
     entries.push_back(absl::StrCat(R"({"chain":")", row.chain, R"(","entry":)", row.entry_json,
                                    R"(,"index":)", row.index, "}"));
   }
-  return absl::StrCat(R"({"entries":[)", absl::StrJoin(entries, ","), R"(],"next_from":)", next_from.dump(),
-                      R"(,"size":)", size, R"(,"unreadable":)",
+  return absl::StrCat(R"({"entries":[)", absl::StrJoin(entries, ","), R"(],"next_from":)",
+                      next_from.dump(), R"(,"size":)", size, R"(,"unreadable":)",
                       CanonicalJson(DamagedToJson(listed.damaged)), "}\n");
 }
 
@@ -157,28 +243,27 @@ std::string NextPage(const Request& request, int64_t next) {
 
 ApiResult GetReceipt(const ApiContext& context, const Request& request) {
   ASSIGN_OR_RETURN(const bool reason, ReadFlag(request, "reason"));
-  absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
+  absl::StatusOr<Json> receipt = absl::InternalError("");
   std::optional<WithheldReceipt> withheld;
-  const absl::Status status = context.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     receipt = AskedReceipt(request, reader, context);
-    // A copy's boards can't be compared with those of a store that can't read what they follow from.
+    // A copy's boards can't be compared with those of a store that can't read what they follow
+    // from.
     if (reason && (receipt.ok() || ErrorCodeOf(receipt.status()) == kWithheldCode)) {
       const absl::Status rows = reader.CheckStandingRows(IdOf(request));
       if (DamageOf(rows).has_value()) receipt = rows;
     }
     if (receipt.ok() || !reason) return receipt.status();
-    absl::StatusOr<WithheldReceipt> why = WithheldFor(request, reader, context, receipt.status());
-    if (why.ok()) withheld = *std::move(why);
-    return why.status();
-  });
-  RETURN_IF_ERROR(status);
+    ASSIGN_OR_RETURN(withheld, WithheldFor(request, reader, context, receipt.status()));
+    return absl::OkStatus();
+  }));
   ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
   if (withheld.has_value()) {
-    ASSIGN_OR_RETURN(nlohmann::json json, SignWithheld(*withheld, *key));
+    ASSIGN_OR_RETURN(Json json, SignWithheld(*withheld, *key));
     return ApiAnswer{200, std::move(json)};
   }
   ASSIGN_OR_RETURN(std::string text, SignReceipt(*receipt, *key));
-  return ApiAnswer{200, nlohmann::json::parse(text)};
+  return ApiAnswer{200, Json::parse(text)};
 }
 
 ApiResult GetKey(const ApiContext& context, const Request&) {
@@ -186,105 +271,73 @@ ApiResult GetKey(const ApiContext& context, const Request&) {
   return ApiAnswer{200, {{"algorithm", "ed25519"}, {"key", key->PublicPem()}}};
 }
 
-// The file as it is stored. Its name is a hash, so no path of a client's making is opened.
-absl::Status SendLog(const ApiContext& context, const Request& request, Response& response) {
-  const std::string hash = request.matches[1];
-  absl::Status sent = RequireShownLog(context, hash);
-  if (sent.ok()) {
-    const std::string path = absl::StrCat(context.data_dir, "/logs/", LogFileName(hash));
-    sent = response.SetFile(path, "application/zstd");
-  }
-  if (sent.ok()) return absl::OkStatus();
-  return absl::IsNotFound(sent) ? MissingLog(hash) : sent;
+// A number that a request must have.
+absl::StatusOr<int64_t> ReadIndex(const Request& request, const char* key, const char* what) {
+  int64_t value = -1;
+  RETURN_IF_ERROR(ReadNumber(request, key, kMaxIndex, value, /*min=*/0));
+  if (value >= 0) return value;
+  return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is missing: ", what));
 }
 
-ApiResult ListRecord(const ApiContext& context, const Request& request) {
+ApiResult ListRecord(const ApiContext&, Reader& reader, const Request& request) {
   int64_t from = 0;
   int64_t limit = 100;
-  absl::Status status = CheckParameters(request, {"from", "limit"});
-  status.Update(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
-  status.Update(ReadNumber(request, "limit", kMostEntries, limit));
-  RETURN_IF_ERROR(status);
-  ApiAnswer answer{.tagged = true};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    const int64_t size = reader.RecordSize();
-    const Listed<RecordRow> listed = reader.Record(from, limit);
-    const int64_t next = std::max(listed.last_id + 1, from + limit);
-    if (next < size) answer.next = NextPage(request, next);
-    answer.text = std::make_shared<const std::string>(
-        PageText(listed, size, next < size ? Json(next) : Json()));
-    return absl::OkStatus();
-  }));
-  return answer;
+  RETURN_IF_ERROR(CheckParameters(request, {"from", "limit"}));
+  RETURN_IF_ERROR(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
+  RETURN_IF_ERROR(ReadNumber(request, "limit", kMostEntries, limit));
+  const int64_t size = reader.RecordSize();
+  const Listed<RecordRow> listed = reader.Record(from, limit);
+  const int64_t next = std::max(listed.last_id + 1, from + limit);
+  const bool more = next < size;
+  return ApiAnswer{.text = std::make_shared<const std::string>(
+                       PageText(listed, size, more ? Json(next) : Json())),
+                   .tagged = true,
+                   .next = more ? NextPage(request, next) : ""};
 }
 
-ApiResult GetRecordHead(const ApiContext& context, const Request& request) {
+ApiResult GetRecordHead(const ApiContext& context, Reader& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  ASSIGN_OR_RETURN(RecordHead head, context.readers.Read<RecordHead>([&](Reader& reader) {
-    return context.record.Head(reader);
-  }));
+  ASSIGN_OR_RETURN(const RecordHead head, context.record.Head(reader));
   ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
   ASSIGN_OR_RETURN(std::string text, SignHead(head, *key));
-  ApiAnswer answer{.tagged = true};
-  answer.text = std::make_shared<const std::string>(std::move(text));
-  return answer;
+  return ApiAnswer{.text = std::make_shared<const std::string>(std::move(text)), .tagged = true};
 }
 
-ApiResult ProveEntry(const ApiContext& context, const Request& request) {
-  int64_t entry = -1;
+ApiResult ProveEntry(const ApiContext& context, Reader& reader, const Request& request) {
   int64_t size = 0;
-  absl::Status status = CheckParameters(request, {"entry", "size"});
-  status.Update(ReadNumber(request, "entry", kMaxIndex, entry, /*min=*/0));
-  status.Update(ReadNumber(request, "size", kMaxIndex, size));
-  if (status.ok() && entry < 0) {
-    status = absl::InvalidArgumentError("\"entry\" is missing: the index of the entry to prove");
-  }
-  RETURN_IF_ERROR(status);
-  ApiAnswer answer{.tagged = true};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    const absl::StatusOr<EntryProof> proof = context.record.Prove(reader, entry, size);
-    if (proof.ok()) answer.body = EntryProofToJson(*proof);
-    return proof.status();
-  }));
-  return answer;
+  RETURN_IF_ERROR(CheckParameters(request, {"entry", "size"}));
+  RETURN_IF_ERROR(ReadNumber(request, "size", kMaxIndex, size));
+  ASSIGN_OR_RETURN(const int64_t entry,
+                   ReadIndex(request, "entry", "the index of the entry to prove"));
+  ASSIGN_OR_RETURN(const EntryProof proof, context.record.Prove(reader, entry, size));
+  return ApiAnswer{.body = EntryProofToJson(proof), .tagged = true};
 }
 
-ApiResult CompareRecords(const ApiContext& context, const Request& request) {
-  int64_t from = -1;
+ApiResult CompareRecords(const ApiContext& context, Reader& reader, const Request& request) {
   int64_t to = 0;
-  absl::Status status = CheckParameters(request, {"from", "to"});
-  status.Update(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
-  status.Update(ReadNumber(request, "to", kMaxIndex, to, /*min=*/0));
-  if (status.ok() && from < 0) {
-    status = absl::InvalidArgumentError("\"from\" is missing: the size of the earlier record");
-  }
-  RETURN_IF_ERROR(status);
-  ApiAnswer answer{.tagged = true};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    ASSIGN_OR_RETURN(const auto compared, context.record.Compare(reader, from, to));
-    answer.body = {{"from", from},
-                   {"to", to == 0 ? reader.RecordSize() : to},
-                   {"from_root", HexOf(compared.from_root)},
-                   {"to_root", HexOf(compared.to_root)},
-                   {"proof", ProofToJson(compared.proof)}};
-    return absl::OkStatus();
-  }));
-  return answer;
+  RETURN_IF_ERROR(CheckParameters(request, {"from", "to"}));
+  RETURN_IF_ERROR(ReadNumber(request, "to", kMaxIndex, to, /*min=*/0));
+  ASSIGN_OR_RETURN(const int64_t from,
+                   ReadIndex(request, "from", "the size of the earlier record"));
+  ASSIGN_OR_RETURN(const auto compared, context.record.Compare(reader, from, to));
+  return ApiAnswer{.body = {{"from", from},
+                            {"to", to == 0 ? reader.RecordSize() : to},
+                            {"from_root", HexOf(compared.from_root)},
+                            {"to_root", HexOf(compared.to_root)},
+                            {"proof", ProofToJson(compared.proof)}},
+                   .tagged = true};
 }
 
 }  // namespace
 
 void AddProof(Routes& routes, const ApiContext& context) {
   routes.Get(R"(/v1/submissions/(\d{1,18})/receipt)", Action::kReadReceipt,
-             std::bind_front(GetReceipt, std::cref(context)));
-  routes.Get("/v1/key", Action::kReadKey, std::bind_front(GetKey, std::cref(context)));
-  routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", Action::kReadLog,
-                 std::bind_front(SendLog, std::cref(context)));
-  routes.Get("/v1/record", Action::kReadRecord, std::bind_front(ListRecord, std::cref(context)));
-  routes.Get("/v1/record/head", Action::kReadRecord, std::bind_front(GetRecordHead, std::cref(context)));
-  routes.Get("/v1/record/proof", Action::kReadRecord, std::bind_front(ProveEntry, std::cref(context)));
-  routes.Get("/v1/record/consistency", Action::kReadRecord,
-             std::bind_front(CompareRecords, std::cref(context)));
+             Bind(context, GetReceipt));
+  routes.Get("/v1/key", Action::kReadKey, Bind(context, GetKey));
+  routes.Get("/v1/record", Action::kReadRecord, Bind(context, ListRecord));
+  routes.Get("/v1/record/head", Action::kReadRecord, Bind(context, GetRecordHead));
+  routes.Get("/v1/record/proof", Action::kReadRecord, Bind(context, ProveEntry));
+  routes.Get("/v1/record/consistency", Action::kReadRecord, Bind(context, CompareRecords));
 }
 
 }  // namespace myograde::server

@@ -1,11 +1,14 @@
 #include "server/api/resources.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
@@ -15,21 +18,91 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/queue_view.h"
+#include "server/api/readiness.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/http_server.h"
+#include "server/api/views.h"
+#include "server/store/damage.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
+constexpr size_t kShow = 100;
 constexpr absl::Duration kLookEvery = absl::Seconds(1);
 // So often whoever looks on is told, even if only the estimates have changed: a dead connection is
 // noticed, and no proxy takes it for one.
 constexpr absl::Duration kTellEvery = absl::Seconds(10);
 constexpr absl::Duration kLongest = absl::Minutes(10);
 constexpr absl::Duration kFreshFor = absl::Milliseconds(900);
+
+struct Waiting {
+  SubmissionRow row;
+  EvaluationRow evaluation;
+};
+
+// What the engine plays or will play. nullopt: it has ended since the engine was asked.
+absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, Reader& reader) {
+  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  if (absl::IsNotFound(evaluation.status())) return std::nullopt;  // it is newer than what is read
+  if (!evaluation.ok()) return evaluation.status();
+  if (IsFinal(evaluation->state)) return std::nullopt;
+  ASSIGN_OR_RETURN(SubmissionRow row, reader.Submission(evaluation->submission));
+  return Waiting{std::move(row), *std::move(evaluation)};
+}
+
+absl::StatusOr<Json> EntryOf(const Waiting& waiting, Reader& reader, const ApiContext& context) {
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, waiting.row.phase));
+  const EpisodeCounts counts = reader.Counts(waiting.evaluation.id, !sight.progress);
+  Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
+  RedactListed(entry, sight);
+  AddOutlook(context, waiting.evaluation, counts, entry);
+  return entry;
+}
+
+// What is played, or is about to be, comes first: the oldest of it.
+void SortByPlace(Json& entries) {
+  const auto key = [](const Json& entry) {
+    const Json& queue = entry["queue"];
+    return std::pair(queue.is_null() ? 0 : queue["position"].get<int64_t>(),
+                     entry["submission"].get<int64_t>());
+  };
+  std::sort(entries.begin(), entries.end(),
+            [&](const Json& a, const Json& b) { return key(a) < key(b); });
+}
+
+// How busy the host is, and what waits or is played of the submissions that the caller may see.
+absl::StatusOr<Json> QueueView(Reader& reader, const ApiContext& context) {
+  const std::vector<int64_t> queue =
+      context.engine.QueueOf(CallerIsOrganiser() ? nullptr : &Caller().teams);
+  std::vector<Damage> damaged;
+  size_t total = queue.size();
+  Json entries = Json::array();
+  for (const int64_t id : queue) {
+    if (entries.size() == kShow) break;
+    const absl::StatusOr<std::optional<Waiting>> found = FindWaiting(id, reader);
+    if (const auto damage = DamageOf(found.status())) {
+      damaged.push_back(*damage);
+      continue;
+    }
+    if (!found.ok()) return found.status();
+    if (!found->has_value()) {
+      --total;
+      continue;
+    }
+    ASSIGN_OR_RETURN(Json entry, EntryOf(**found, reader, context));
+    entries.push_back(std::move(entry));
+  }
+  SortByPlace(entries);
+  const LiveHealth health = context.engine.Health();
+  return Json{{"status", StatusOf(health)},
+              {"slots", context.config.scheduler.slots},
+              {"running", health.running},
+              {"pending_leases", health.pending},
+              {"total", total},
+              {"submissions", std::move(entries)},
+              {"unreadable", DamagedToJson(damaged)}};
+}
 
 // What all who see the same queue have in common.
 std::string SightOfCaller() {
@@ -65,8 +138,8 @@ class Queue {
   // same share one.
   absl::StatusOr<Snapshot> Look();
   absl::StatusOr<Snapshot> Make() const;
-  // The caller's next event, "" if nothing has changed since the one in `last`; nullopt: they may not
-  // look on any longer, or the store can't be read.
+  // The caller's next event, "" if nothing has changed since the one in `last`; nullopt: they may
+  // not look on any longer, or the store can't be read.
   std::optional<std::string> NextEvent(Snapshot& last);
 
   const ApiContext& context_;
@@ -76,15 +149,10 @@ class Queue {
 };
 
 absl::StatusOr<Queue::Snapshot> Queue::Make() const {
-  Snapshot made;
-  RETURN_IF_ERROR(context_.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(Json view, QueueView(reader, context_));
-    made.text = CanonicalJson(view);
-    made.stable = StableText(std::move(view));
-    return absl::OkStatus();
-  }));
-  made.made = context_.clock.Monotonic();
-  return made;
+  ASSIGN_OR_RETURN(Json view, context_.readers.Read<Json>(
+                                  [&](Reader& reader) { return QueueView(reader, context_); }));
+  std::string text = CanonicalJson(view);
+  return Snapshot{std::move(text), StableText(std::move(view)), context_.clock.Monotonic()};
 }
 
 absl::StatusOr<Queue::Snapshot> Queue::Look() {
@@ -95,10 +163,9 @@ absl::StatusOr<Queue::Snapshot> Queue::Look() {
     std::erase_if(shared_, [&](const auto& entry) { return now - entry.second.made > kFreshFor; });
     if (const auto it = shared_.find(sight); it != shared_.end()) return it->second;
   }
-  absl::StatusOr<Snapshot> made = Make();
-  if (!made.ok()) return made;
+  ASSIGN_OR_RETURN(const Snapshot made, Make());
   const MutexLock lock(mutex_);
-  shared_[sight] = *made;
+  shared_[sight] = made;
   return made;
 }
 
@@ -110,8 +177,7 @@ ApiResult Queue::Get(const Request& request) {
 
 std::optional<std::string> Queue::NextEvent(Snapshot& last) {
   // A token may have been revoked, or a member removed, since the event before.
-  const auto admitted =
-      guard_.Admit(HttpServer::RequestConnection(), Action::kReadSubmission);
+  const auto admitted = guard_.Admit(UnixHttpServer::RequestConnection(), Action::kReadSubmission);
   const auto* identity = std::get_if<Identity>(&admitted);
   if (identity == nullptr) return std::nullopt;
   const CallerScope scope(*identity, Action::kReadSubmission, guard_.log());
@@ -136,7 +202,8 @@ absl::Status Queue::Follow(const Request& request, Response& response) {
 void AddQueue(Routes& routes, const ApiContext& context, Guard& guard) {
   const auto queue = std::make_shared<Queue>(context, guard);
   routes.Get("/v1/queue", Action::kReadSubmission, std::bind_front(&Queue::Get, queue));
-  routes.GetFile("/v1/queue/events", Action::kReadSubmission, std::bind_front(&Queue::Follow, queue));
+  routes.GetFile("/v1/queue/events", Action::kReadSubmission,
+                 std::bind_front(&Queue::Follow, queue));
 }
 
 }  // namespace myograde::server

@@ -1,10 +1,18 @@
 #include "server/api/redaction.h"
 
-#include <array>
+#include <algorithm>
 #include <initializer_list>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/status_macros.h"
+#include "server/api/caller.h"
+#include "server/challenge/phases.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
@@ -39,33 +47,21 @@ bool SeesCounts(const View& view) {
 // Messages about the grader's faults quote what its programs wrote last.
 bool SeesReason(const View& view) { return view.sight.output || !view.grader_error; }
 
-// What stands in the place of what is withheld.
-enum class Blank { kNull, kList, kObject };
+using Kind = Json::value_t;
 
+// Keys of an answer that take the same to see.
 struct Part {
-  std::string_view key;
   bool (*seen)(const View&);
-  Blank blank = Blank::kNull;
+  std::initializer_list<std::string_view> keys;
+  Kind blank = Kind::null;  // an empty value of this kind stands in the place of what is withheld
 };
-
-Json Placeholder(Blank blank) {
-  switch (blank) {
-    case Blank::kList:
-      return Json::array();
-    case Blank::kObject:
-      return Json::object();
-    case Blank::kNull:
-      break;
-  }
-  return nullptr;
-}
 
 using Parts = std::initializer_list<std::span<const Part>>;
 
 const Part* Find(Parts tables, std::string_view key) {
   for (const std::span<const Part> table : tables) {
     for (const Part& part : table) {
-      if (part.key == key) return &part;
+      if (std::find(part.keys.begin(), part.keys.end(), key) != part.keys.end()) return &part;
     }
   }
   return nullptr;
@@ -78,155 +74,89 @@ void Apply(Parts tables, const View& view, Json& object) {
     if (part == nullptr) {
       value = nullptr;
     } else if (!part->seen(view)) {
-      value = Placeholder(part->blank);
+      value = Json(part->blank);
     }
   }
 }
 
-constexpr auto kCounts = std::to_array<Part>({
-    {"total", Always},
-    {"done", Always},
-    {"success", SeesCounts},
-    {"failure", SeesCounts},
-    {"fault", SeesCounts},
-});
+const Part kCounts[] = {
+    {Always, {"total", "done"}},
+    {SeesCounts, {"success", "failure", "fault"}},
+};
 
 // What lists, a submission's status and its evaluations have in common.
-constexpr auto kSubmission = std::to_array<Part>({
-    {"submission", Always},
-    {"team", Always},
-    {"track", Always},
-    {"profile", Always},
-    {"phase", Always},
-    {"artefact", Always},
-    {"name", Always},
-    {"ranked", Always},
-    {"state", Always},
-    {"evaluation", Always},
-    {"episodes", Always},
-    {"accepted_at", Always},
-    {"finished_at", Always},
-});
+const Part kSubmission[] = {
+    {Always,
+     {"submission", "team", "track", "profile", "phase", "artefact", "name", "ranked", "state",
+      "evaluation", "episodes", "accepted_at", "finished_at"}},
+};
 
-constexpr auto kStatus = std::to_array<Part>({
-    {"queue", Always},
-    {"waiting", Always},
-    {"reason", SeesReason},
-    {"started_at", Always},
-    {"running_wall_s", Always},
-    {"remaining_wall_s", Always},
-    {"estimated_end_at", Always},
-    {"owner", Always},
-    {"deadline_at", Always},
-    {"history", Always},
-    {"leases", Always},
-    {"marks", Always},
-    {"evaluations", Always},
-    {"linked", Always},
-    {"repeated", Always},
-    {"cancel", Always},
-    {"chosen", Always},
-});
+const Part kStatus[] = {
+    {Always,
+     {"queue", "waiting", "started_at", "running_wall_s", "remaining_wall_s", "estimated_end_at",
+      "owner", "deadline_at", "history", "leases", "marks", "evaluations", "linked", "repeated",
+      "cancel", "chosen"}},
+    {SeesReason, {"reason"}},
+};
 
-constexpr auto kTransition = std::to_array<Part>({
-    {"at", Always}, {"of", Always}, {"from", Always},
-    {"to", Always}, {"who", Always}, {"why", SeesReason},
-});
+const Part kTransition[] = {
+    {Always, {"at", "of", "from", "to", "who"}},
+    {SeesReason, {"why"}},
+};
 
 // Where a lease stands shows how long each episode takes: a policy could tell by that what it sees.
-constexpr auto kLease = std::to_array<Part>({
-    {"lease", Always},
-    {"first", Always},
-    {"last", Always},
-    {"state", Always},
-    {"slot", Always},
-    {"attempt", Always},
-    {"faults", Always},
-    {"episode", SeesProgress},
-    {"step", SeesProgress},
-    {"host", Always},
-    {"process", Always},
-    {"started_at", Always},
-    {"deadline_at", Always},
-    {"running_wall_s", Always},
-    {"silent_wall_s", SeesProgress},
-    {"detail", SeesOutput},
-    {"attempts", SeesMetrics, Blank::kList},
-});
+const Part kLease[] = {
+    {Always,
+     {"lease", "first", "last", "state", "slot", "attempt", "faults", "host", "process",
+      "started_at", "deadline_at", "running_wall_s"}},
+    {SeesProgress, {"episode", "step", "silent_wall_s"}},
+    {SeesOutput, {"detail"}},
+    {SeesMetrics, {"attempts"}, Kind::array},
+};
 
-constexpr auto kEvaluation = std::to_array<Part>({
-    {"kind", Always},
-    {"track_kind", Always},
-    {"reason", SeesReason},
-    {"first", Always},
-    {"last", Always},
-    {"started_at", Always},
-    {"outcomes", SeesOutcomes, Blank::kObject},
-    {"reasons", SeesOutcomes, Blank::kObject},
-    {"aggregate", SeesAggregate},
-    {"official_figures", Always},
-    {"metrics", Always},
-    {"hashes", Always},
-    {"merkle_root", Always},
-    {"grader", Always},
-    {"limits", Always},
-    {"output", SeesOutput, Blank::kList},
-    {"not_repeatable", SeesComparison, Blank::kList},
-    {"comparison", Always},
-    {"episode_rows", Always},
-    {"details_summary", SeesFacts},
-    {"highlights", SeesComparison, Blank::kObject},
-});
+const Part kEvaluation[] = {
+    {Always,
+     {"kind", "track_kind", "first", "last", "started_at", "official_figures", "metrics", "hashes",
+      "merkle_root", "grader", "limits", "comparison", "episode_rows"}},
+    {SeesReason, {"reason"}},
+    {SeesOutcomes, {"outcomes", "reasons"}, Kind::object},
+    {SeesAggregate, {"aggregate"}},
+    {SeesOutput, {"output"}, Kind::array},
+    {SeesComparison, {"not_repeatable"}, Kind::array},
+    {SeesFacts, {"details_summary"}},
+    {SeesComparison, {"highlights"}, Kind::object},
+};
 
-constexpr auto kComparison = std::to_array<Part>({
-    {"with", Always},
-    {"compared", Always},
-    {"equal", SeesComparison},
-    {"missing", Always},
-    {"episodes", SeesComparison, Blank::kList},
-});
+const Part kComparison[] = {
+    {Always, {"with", "compared", "missing"}},
+    {SeesComparison, {"equal"}},
+    {SeesComparison, {"episodes"}, Kind::array},
+};
 
-constexpr auto kRow = std::to_array<Part>({
-    {"index", Always},
-    {"attempt", Always},
-    {"seed", SeesSeeds},
-    {"seed_commitment", Always},
-    {"outcome", SeesOutcomes},
-    {"reason", SeesOutcomes},
-    {"end", SeesOutcomes},
-    {"fault", SeesOutcomes},
-    {"metrics", SeesMetrics, Blank::kObject},
-    {"steps", SeesMetrics},
-    {"sim_time_s", SeesMetrics},
-    {"clipped", SeesMetrics},
-    {"digest", SeesMetrics},
-    {"actions_digest", SeesMetrics},
-    {"wall_s", SeesMetrics},
-    {"policy_cpu_s", SeesMetrics},
-    {"log", SeesFacts},
-    {"facts", SeesFacts},
-    {"details", SeesFacts},
-});
+const Part kRow[] = {
+    {Always, {"index", "attempt", "seed_commitment"}},
+    {SeesSeeds, {"seed"}},
+    {SeesOutcomes, {"outcome", "reason", "end", "fault"}},
+    {SeesMetrics, {"metrics"}, Kind::object},
+    {SeesMetrics,
+     {"steps", "sim_time_s", "clipped", "digest", "actions_digest", "wall_s", "policy_cpu_s"}},
+    {SeesFacts, {"log", "facts", "details"}},
+};
 
-constexpr auto kFault = std::to_array<Part>({
-    {"outcome", Always},
-    {"whose", Always},
-    {"limit", Always},
-    {"limit_value", Always},
-    {"value", SeesMetrics},
-    {"step", SeesMetrics},
-    {"detail", SeesOutput},
-    {"stderr_tail", SeesOutput},
-});
+const Part kFault[] = {
+    {Always, {"outcome", "whose", "limit", "limit_value"}},
+    {SeesMetrics, {"value", "step"}},
+    {SeesOutput, {"detail", "stderr_tail"}},
+};
 
 View ViewOf(const Json& answer, const Visibility& sight) {
   const std::string state = answer.value("state", "");
   return {.sight = sight,
           .complete = state == "done" || state == "failed",
           .grader_error = state == "grader_error",
-          // A failed submission is charged as a failed try only, and one that ends by the grader's fault not
-          // at all. So they tell one reason for the whole and nothing of their episodes, and nobody knows
-          // of one that runs how it will end.
+          // A failed submission is charged as a failed try only, and one that ends by the grader's
+          // fault not at all. So they tell one reason for the whole and nothing of their episodes,
+          // and nobody knows of one that runs how it will end.
           .no_episodes = !sight.progress && state != "done" && state != "cancelled"};
 }
 
@@ -244,7 +174,63 @@ void RedactRow(Json& row, const View& view) {
   }
 }
 
+absl::StatusOr<PhaseSight> KnownOf(Reader& reader, const ApiContext& context,
+                                   const std::string& phase) {
+  ASSIGN_OR_RETURN(const std::vector<PhaseEventRow> events, reader.PhaseEvents(phase));
+  PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
+  if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
+    known.shown = config->shown;
+    known.committed = config->committed != 0;
+  }
+  for (const PhaseEventRow& event : events) {
+    if (event.phase != phase) continue;
+    known.published = known.published || event.event == kPublishedEvent;
+    known.revealed = known.revealed || event.event == kRevealedEvent;
+  }
+  return known;
+}
+
 }  // namespace
+
+absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
+                                   const std::string& phase) {
+  if (phase.empty()) return true;
+  ASSIGN_OR_RETURN(const PhaseSight known, KnownOf(reader, context, phase));
+  if (known.published || known.revealed) return true;
+  const PhaseConfig* config = context.phases.ConfigOf(phase);
+  const Visibility sight = SightOf(Role::kParticipant, known);
+  return config != nullptr && config->freezes == absl::InfiniteFuture() && sight.aggregate &&
+         SeesReceipt(sight);
+}
+
+absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
+                                        const std::string& phase) {
+  const Role role = Caller().role;
+  if (phase.empty() || role >= Role::kOrganiser) return Visibility{};
+  ASSIGN_OR_RETURN(const PhaseSight known, KnownOf(reader, context, phase));
+  return SightOf(role, known);
+}
+
+absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,
+                                         const TrackConfig& config) {
+  if (config.phase.empty()) return Visibility{};
+  absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, config.phase);
+  // The salt tells for sure whether there is anything to hide, whatever the files say today.
+  if (sight.ok() && config.seed_salt.empty() && !sight->seeds) {
+    sight->seeds = true;
+    sight->progress = true;
+    sight->progress = SeesAll(*sight);
+  }
+  return sight;
+}
+
+absl::Status WithheldError(const std::string& what) {
+  return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
+                           what,
+                           "; wait until the organiser has published the phase and revealed "
+                           "its seeds")),
+                       kWithheldCode);
+}
 
 void RedactEvaluation(Json& answer, const Visibility& sight) {
   if (SeesAll(sight)) return;
@@ -257,7 +243,8 @@ void RedactEvaluation(Json& answer, const Visibility& sight) {
     for (Json& row : answer[rows]) RedactRow(row, view);
   }
   // Each block has a text of its own.
-  if (view.no_episodes && answer["output"].size() > 1) answer["output"] = Json::array({answer["output"][0]});
+  if (view.no_episodes && answer["output"].size() > 1)
+    answer["output"] = Json::array({answer["output"][0]});
 }
 
 void RedactStatus(Json& answer, const Visibility& sight) {

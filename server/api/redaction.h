@@ -1,13 +1,41 @@
-// Removes from answers what their reader may not see (server/access/sight.h). Every key of an
-// answer is listed with what it takes to see it; one that is not listed is withheld as soon as
-// anything is.
+// What the caller of a request may see of an evaluation (server/access/sight.h), from the challenge
+// files and the store, and the removal of the rest from answers. Every key of an answer is listed
+// with what it takes to see it; one that is not listed is withheld as soon as anything is.
 #pragma once
 
+#include <string>
+
+#include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/lease/track_config.h"
 #include "server/access/sight.h"
+#include "server/api/context.h"
+#include "server/store/reader.h"
 
 namespace myograde::server {
+
+// --- Only inside handlers: ---
+
+// Whether anybody at all may see the receipts of a phase's evaluations ("": of none): it is
+// published, or withholds nothing of them and never freezes its board.
+absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
+                                   const std::string& phase);
+
+// Of evaluations of a phase ("": of none).
+absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
+                                        const std::string& phase);
+
+// Of evaluations under a config.
+absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,
+                                         const TrackConfig& config);
+
+inline constexpr char kWithheldCode[] = "withheld";
+// For what is refused as a whole as long as a phase withholds parts of it: FailedPreconditionError
+// with the code "withheld", which adds when that ends.
+absl::Status WithheldError(const std::string& what);
+
+// --- Pure: ---
 
 // The answers to GET /v1/evaluations/ID and /v1/submissions/ID/result.
 void RedactEvaluation(nlohmann::json& answer, const Visibility& sight);

@@ -1,6 +1,7 @@
 #include "server/api/rejudge_plan.h"
 
 #include <algorithm>
+#include <memory>
 #include <set>
 #include <utility>
 
@@ -11,12 +12,12 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "server/api/requests.h"
+#include "server/api/views.h"
 #include "server/engine/stored.h"
+#include "server/proof/signing_key.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 constexpr char kWhereSent[] = "the new config";
 // A submission's number.
@@ -31,8 +32,8 @@ std::string ReadBoardName(ConfigReader& reader, const char* key) {
   return name;
 }
 
-// The keys that a phase gives to the config that it plays (PhaseTrack of challenge/phases.h). All of
-// them are in the config that it plays now.
+// The keys that a phase gives to the config that it plays (PhaseTrack of challenge/phases.h). All
+// of them are in the config that it plays now.
 Json KeysOfPhase(const ApiContext& context, const TrackConfig& live) {
   Json keys = {{"phase", live.phase}};
   const PhaseConfig* phase = context.phases.ConfigOf(live.phase);
@@ -54,54 +55,84 @@ Json KeysOfPhase(const ApiContext& context, const TrackConfig& live) {
 
 absl::Status CheckFits(const TrackConfig& live, const TrackConfig& config) {
   if (config.kind != live.kind) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        kWhereSent, " is of the environment \"", std::string(config.kind->name), "\", but track \"",
-        live.id, "\" is of \"", std::string(live.kind->name),
-        "\"; give one that extends this board's track"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(kWhereSent, " is of the environment \"", std::string(config.kind->name),
+                     "\", but track \"", live.id, "\" is of \"", std::string(live.kind->name),
+                     "\"; give one that extends this board's track"));
   }
   if (config.seeds.size() != live.seeds.size()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        kWhereSent, " has ", config.seeds.size(), " seeds and the board has ", live.seeds.size(),
-        "; a board keeps the number of its episodes"));
+    return absl::InvalidArgumentError(absl::StrCat(kWhereSent, " has ", config.seeds.size(),
+                                                   " seeds and the board has ", live.seeds.size(),
+                                                   "; a board keeps the number of its episodes"));
   }
   return absl::OkStatus();
 }
 
 absl::StatusOr<TrackPtr> NewTrack(const ApiContext& context, const TrackConfig& live,
                                   const Json& file) {
-  absl::StatusOr<TrackConfig> config = ResolveTrackConfig(
-      context.tracks_dir, live.id, live.profile, file, kWhereSent);
-  if (!config.ok()) return config.status();
+  ASSIGN_OR_RETURN(TrackConfig config,
+                   ResolveTrackConfig(context.tracks_dir, live.id, live.profile, file, kWhereSent));
   // Checked first: another environment lacks most of this one's keys.
-  RETURN_IF_ERROR(config->kind == live.kind ? absl::OkStatus() : CheckFits(live, *config));
+  RETURN_IF_ERROR(config.kind == live.kind ? absl::OkStatus() : CheckFits(live, config));
   if (!live.phase.empty()) {
-    config = WithPhase(*config, KeysOfPhase(context, live));
-    if (!config.ok()) return config.status();
+    ASSIGN_OR_RETURN(config, WithPhase(config, KeysOfPhase(context, live)));
   }
-  RETURN_IF_ERROR(CheckFits(live, *config));
-  return MakeTrack(*std::move(config));
+  RETURN_IF_ERROR(CheckFits(live, config));
+  return MakeTrack(std::move(config));
 }
 
-// nullptr: one of them lacks it. What only one has is told key by key, and a list as one value.
-void AddDiffering(const Json* from, const Json* to, const std::string& at,
+// What one lacks counts as an empty object, so what only one has is told key by key; a list is one
+// value.
+void AddDiffering(const Json& from, const Json& to, const std::string& at,
                   std::set<std::string>& keys) {
-  const auto is_part = [](const Json* value) { return value != nullptr && value->is_object(); };
-  const bool parts = (is_part(from) || from == nullptr) && (is_part(to) || to == nullptr);
-  if (!parts) {
-    if (from == nullptr || to == nullptr || *from != *to) keys.insert(at);
+  if (!from.is_object() || !to.is_object()) {
+    if (from != to) keys.insert(at);
     return;
   }
-  std::set<std::string> names;
-  for (const Json* side : {from, to}) {
-    if (side == nullptr) continue;
-    for (const auto& [name, value] : side->items()) names.insert(name);
+  Json both = from;
+  both.update(to);
+  for (const auto& [name, unused] : both.items()) {
+    AddDiffering(from.value(name, Json::object()), to.value(name, Json::object()),
+                 absl::StrCat(at, "/", name), keys);
   }
-  const auto entry = [](const Json* side, const std::string& name) -> const Json* {
-    return side != nullptr && side->contains(name) ? &side->at(name) : nullptr;
-  };
-  for (const std::string& name : names) {
-    AddDiffering(entry(from, name), entry(to, name), absl::StrCat(at, "/", name), keys);
+}
+
+// The item of a submission whose result is on the board: the first repetition.
+Json ResultsOf(const std::vector<RejudgeItemRow>& items) {
+  Json results = Json::array();
+  for (const RejudgeItemRow& item : items) {
+    if (item.repetition != 1) continue;
+    results.push_back({{"submission", item.submission},
+                       {"evaluation", item.evaluation},
+                       {"state", EvaluationStateName(item.state)},
+                       {"results", TextOrNull(item.results_hash)}});
   }
+  return results;
+}
+
+// The document of an event. `items`: those whose results it makes those of the board, for an
+// application; otherwise none.
+Json RejudgeDocument(const RejudgeRow& rejudge, const RejudgeEventRow& event,
+                     const std::vector<RejudgeItemRow>& items) {
+  Json document = RejudgeKeys(rejudge);
+  document.update({{"format", 1},
+                   {"document", "rejudge"},
+                   {"event", RejudgeEventName(event.event)},
+                   {"at", TimeToJson(event.at)},
+                   {"who", event.who},
+                   {"reason", event.why},
+                   {"seeds", rejudge.seeds}});
+  if (event.event == RejudgeEvent::kApplied) document["results"] = ResultsOf(items);
+  return document;
+}
+
+// The document is made of what was written before the act. A result that is written along with the
+// act would be missing from it.
+absl::Status CheckComplete(Reader& reader, const RejudgeRow& rejudge) {
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
+  if (progress.complete) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "rejudge ", rejudge.id, " got another result just now; look at it, and try again"));
 }
 
 }  // namespace
@@ -119,9 +150,8 @@ absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
   }
   if (reader.Has("config")) request.config = reader.Object("config");
   if (reader.Has("method")) {
-    request.method =
-        ParseRejudgeMethod(reader.Choice("method", {"auto", "facts", "play"})).value_or(
-            RejudgeMethod::kAuto);
+    request.method = ParseRejudgeMethod(reader.Choice("method", {"auto", "facts", "play"}))
+                         .value_or(RejudgeMethod::kAuto);
   }
   if (reader.Has("repeats")) request.repeats = reader.Integer("repeats", 1, kMostRepeats);
   request.reason = ReadReason(reader);
@@ -135,8 +165,7 @@ absl::StatusOr<ApplyRequest> ParseApply(const Json& body) {
   request.reason = ReadReason(reader);
   if (reader.Has("without")) {
     for (const Json& id : reader.Array("without")) {
-      const bool good = id.is_number_integer() && id >= 1 && id <= kMostId;
-      if (good) {
+      if (id.is_number_integer() && id >= 1 && id <= kMostId) {
         request.without.push_back(id.get<int64_t>());
       } else {
         reader.Fail("without", "must list numbers of submissions");
@@ -167,11 +196,18 @@ absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context
                                        const RejudgeRequest& request) {
   ASSIGN_OR_RETURN(const TrackPtr live,
                    TrackInForce(reader, context, request.phase, request.track, request.profile));
-  const TrackConfig& from = live->config;
-  absl::StatusOr<TrackPtr> next = live;
-  if (request.config.has_value()) next = NewTrack(context, from, *request.config);
-  if (!next.ok()) return next.status();
-  const TrackConfig& to = (*next)->config;
+  TrackPtr next = live;
+  if (request.config.has_value()) {
+    ASSIGN_OR_RETURN(next, NewTrack(context, live->config, *request.config));
+  }
+  NewRejudge rejudge = RejudgeBetween(live->config, next->config);
+  rejudge.method = request.method;
+  rejudge.repeats = request.repeats;
+  rejudge.why = request.reason;
+  return rejudge;
+}
+
+NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to) {
   NewRejudge rejudge;
   rejudge.phase = from.phase;
   rejudge.track = from.id;
@@ -182,17 +218,45 @@ absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context
   rejudge.to_config_json = CanonicalJson(to.effective);
   rejudge.seeds_json = CanonicalJson(Json(to.seeds));
   rejudge.seeds = Sha256Hex(rejudge.seeds_json);
-  rejudge.seed_count = static_cast<int64_t>(to.seeds.size());
-  rejudge.method = request.method;
-  rejudge.repeats = request.repeats;
-  rejudge.why = request.reason;
+  rejudge.seed_count = std::ssize(to.seeds);
   return rejudge;
 }
 
 std::vector<std::string> DifferingKeys(const Json& from, const Json& to) {
   std::set<std::string> keys;
-  AddDiffering(&from, &to, "", keys);
+  AddDiffering(from, to, "", keys);
   return {keys.begin(), keys.end()};
+}
+
+Json RejudgeKeys(const RejudgeRow& rejudge) {
+  return {{"rejudge", rejudge.id},
+          {"purpose", RejudgePurposeName(rejudge.purpose)},
+          {"phase", TextOrNull(rejudge.phase)},
+          {"track", rejudge.track},
+          {"profile", rejudge.profile},
+          {"from_config", rejudge.from_config},
+          {"to_config", rejudge.to_config},
+          {"method", RejudgeMethodName(rejudge.method)},
+          {"repeats", rejudge.repeats}};
+}
+
+absl::StatusOr<SignRejudge> RejudgeSigner(const ApiContext& context) {
+  ASSIGN_OR_RETURN(std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
+  // Called on the engine's thread, which may be after the request has been answered.
+  return [&readers = context.readers, key = std::move(key)](
+             const RejudgeRow& rejudge,
+             const RejudgeEventRow& event) -> absl::StatusOr<SignedDocument> {
+    std::vector<RejudgeItemRow> items;
+    if (event.event == RejudgeEvent::kApplied) {
+      RETURN_IF_ERROR(readers.Read([&](Reader& reader) -> absl::Status {
+        ASSIGN_OR_RETURN(items, reader.RejudgeItems(rejudge.id));
+        return CheckComplete(reader, rejudge);
+      }));
+    }
+    SignedDocument signed_document = {CanonicalJson(RejudgeDocument(rejudge, event, items)), ""};
+    ASSIGN_OR_RETURN(signed_document.signature, key->Sign(signed_document.json));
+    return signed_document;
+  };
 }
 
 }  // namespace myograde::server

@@ -1,4 +1,5 @@
-// From an organiser's request to a rejudge: which board, and which config it would have.
+// From an organiser's request to a rejudge: which board, which config it would have, and the signed
+// documents of what was done, by which rules, why, and with which results.
 #pragma once
 
 #include <optional>
@@ -16,9 +17,9 @@ namespace myograde::server {
 
 // The body of POST /v1/rejudges.
 struct RejudgeRequest {
-  std::string phase;    // one of these two is ""
+  std::string phase;  // one of these two is ""
   std::string track;
-  std::string profile;  // "": the track's own
+  std::string profile;                   // "": the track's own
   std::optional<nlohmann::json> config;  // the content of a track config's file
   RejudgeMethod method = RejudgeMethod::kAuto;
   int64_t repeats = 1;
@@ -39,6 +40,9 @@ absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
                                       const std::string& phase, const std::string& track,
                                       const std::string& profile);
 
+// A rejudge of a board from one config to another, of the purpose and method that are usual.
+NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to);
+
 // What the store is to create. InvalidArgumentError says in one sentence what is wrong with the
 // config, or how it does not fit the board.
 absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context,
@@ -46,5 +50,12 @@ absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context
 
 // The JSON pointers at which two effective configs differ, sorted.
 std::vector<std::string> DifferingKeys(const nlohmann::json& from, const nlohmann::json& to);
+
+// What every answer and document about a rejudge tells: its purpose, board, configs and method.
+nlohmann::json RejudgeKeys(const RejudgeRow& rejudge);
+
+// What makes and signs the document of the act that the store is about to write, with the key of
+// receipts. An error if there is no key.
+absl::StatusOr<SignRejudge> RejudgeSigner(const ApiContext& context);
 
 }  // namespace myograde::server

@@ -1,27 +1,204 @@
 #include "server/api/resources.h"
 
 #include <cstdint>
-#include <functional>
+#include <map>
 #include <string>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/paging.h"
-#include "server/api/rejudge_document.h"
+#include "scoring/track.h"
+#include "server/api/board_source.h"
+#include "server/api/board_view.h"
 #include "server/api/rejudge_plan.h"
-#include "server/api/rejudge_view.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/challenge/board_configs.h"
+#include "server/engine/stored.h"
+#include "server/grading/results.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+Json SummaryOf(const RejudgeRow& rejudge, const RejudgeProgress& progress) {
+  Json json = RejudgeKeys(rejudge);
+  json.update({{"at", TimeToJson(rejudge.at)},
+               {"state", RejudgeStateName(progress.state)},
+               {"complete", progress.complete},
+               {"who", rejudge.who},
+               {"reason", rejudge.why},
+               {"submissions", progress.submissions},
+               {"items",
+                {{"total", progress.items + progress.missing},
+                 {"ended", progress.ended},
+                 {"facts", progress.facts},
+                 {"play", progress.play}}},
+               {"episodes", {{"total", progress.episodes}, {"done", progress.episodes_done}}}});
+  return json;
+}
+
+Json EventToJson(const RejudgeEventRow& event) {
+  return {{"event", RejudgeEventName(event.event)},
+          {"at", TimeToJson(event.at)},
+          {"who", event.who},
+          {"reason", event.why},
+          {"document", Json::parse(event.document_json, nullptr, false)},
+          {"signature", event.signature}};
+}
+
+// Today's name of a submission's team; null if it can't be read.
+Json TeamToJson(Reader& reader, int64_t submission) {
+  const absl::StatusOr<std::string> team = reader.TeamOfSubmission(submission);
+  return team.ok() ? Json(*team) : Json();
+}
+
+absl::StatusOr<Json> WithoutResultToJson(Reader& reader, const RejudgeRow& rejudge,
+                                         const RejudgeProgress& progress) {
+  Json without = Json::array();
+  if (progress.without_result.empty()) return without;
+  ASSIGN_OR_RETURN(const std::vector<RejudgeItemRow> items, reader.RejudgeItems(rejudge.id));
+  std::map<int64_t, const RejudgeItemRow*> first;
+  for (const RejudgeItemRow& item : items) first.try_emplace(item.submission, &item);
+  for (const int64_t submission : progress.without_result) {
+    const RejudgeItemRow& item = *first.at(submission);
+    without.push_back({{"submission", submission},
+                       {"team", TeamToJson(reader, submission)},
+                       {"evaluation", item.evaluation},
+                       {"state", EvaluationStateName(item.state)},
+                       {"reason", TextOrNull(item.reason)}});
+  }
+  return without;
+}
+
+Json RejudgedRow(const LeaderboardRow& row) {
+  Json json = RowToJson(row);
+  for (const char* key : {"rank_by_rules", "rejudge", "team"}) json.erase(key);
+  return json;
+}
+
+// A team has one ranked row; its baselines are rows of their own.
+using RowKey = std::tuple<std::string, int64_t>;
+RowKey KeyOf(const LeaderboardRow& row) {
+  return {row.source.team, row.ranked.rank == 0 ? row.source.submission : 0};
+}
+
+// Every row of two boards of the same teams: in the order of the new one, and then what is gone.
+Json CompareBoards(const Leaderboard& before, const Leaderboard& after, int64_t& moved) {
+  std::map<RowKey, const LeaderboardRow*> old;
+  for (const LeaderboardRow& row : before.rows) old.emplace(KeyOf(row), &row);
+  Json rows = Json::array();
+  for (const LeaderboardRow& row : after.rows) {
+    const auto was = old.find(KeyOf(row));
+    const bool there = was != old.end();
+    if (!there || was->second->ranked.rank != row.ranked.rank) ++moved;
+    rows.push_back({{"team", row.source.team},
+                    {"before", there ? RejudgedRow(*was->second) : Json()},
+                    {"after", RejudgedRow(row)}});
+    if (there) old.erase(was);
+  }
+  for (const LeaderboardRow& row : before.rows) {
+    if (!old.contains(KeyOf(row))) continue;
+    ++moved;
+    rows.push_back({{"team", row.source.team}, {"before", RejudgedRow(row)}, {"after", nullptr}});
+  }
+  return rows;
+}
+
+// Before and after the moment of its application, or of now.
+struct RejudgeMoments {
+  BoardMoment before;
+  BoardMoment after;
+};
+
+absl::StatusOr<RejudgeMoments> MomentsOf(Reader& reader, const RejudgeRow& rejudge) {
+  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge.id));
+  RejudgeMoments moments;
+  moments.after.assumed_rejudge = rejudge.id;
+  if (!events.empty() && events.back().event == RejudgeEvent::kApplied) {
+    moments.before.before_ms = events.back().at;
+    moments.after.before_ms = events.back().at + 1;
+  }
+  return moments;
+}
+
+absl::StatusOr<Leaderboard> BoardOrEmpty(Reader& reader, const Track& track,
+                                         const std::string& name, const BoardMoment& moment) {
+  if (!track.scoring.boards.contains(name)) return Leaderboard();
+  return BoardUnder(reader, track, name, moment);
+}
+
+absl::StatusOr<Json> BoardChanges(Reader& reader, const Track& from, const Track& to,
+                                  const std::string& name, const RejudgeMoments& moments,
+                                  std::vector<Damage>& damaged) {
+  ASSIGN_OR_RETURN(const Leaderboard before, BoardOrEmpty(reader, from, name, moments.before));
+  ASSIGN_OR_RETURN(const Leaderboard after, BoardOrEmpty(reader, to, name, moments.after));
+  damaged.insert(damaged.end(), after.damaged.begin(), after.damaged.end());
+  int64_t moved = 0;
+  Json rows = CompareBoards(before, after, moved);
+  const bool stays = to.scoring.boards.contains(name);
+  const Track& shown = stays ? to : from;
+  const scoring::BoardSpec& board = shown.scoring.boards.at(name);
+  return Json{{"board", name},
+              {"order", stays ? Json(scoring::DescribeOrder(board.rules)) : Json()},
+              {"columns", ColumnsToJson(*shown.scoring.track, board)},
+              {"moved", moved},
+              {"rows", std::move(rows)}};
+}
+
+absl::StatusOr<Json> NotRepeatableToJson(Reader& reader, int64_t rejudge) {
+  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.UnrepeatableOf(rejudge));
+  Json list = Json::array();
+  for (const Unrepeatable& one : found) {
+    Json episodes = Json::array();
+    for (const Unrepeatable::Episode& episode : one.episodes) {
+      episodes.push_back({{"index", episode.index},
+                          {"repetition", episode.repetition},
+                          {"differs", episode.differs}});
+    }
+    list.push_back({{"submission", one.submission},
+                    {"team", TeamToJson(reader, one.submission)},
+                    {"episodes", std::move(episodes)}});
+  }
+  return list;
+}
+
+// With the events, what has no result, and the keys at which the configs differ.
+absl::StatusOr<Json> WholeRejudgeToJson(Reader& reader, const RejudgeRow& rejudge) {
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
+  Json json = SummaryOf(rejudge, progress);
+  ASSIGN_OR_RETURN(json["without_result"], WithoutResultToJson(reader, rejudge, progress));
+  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge.id));
+  json["events"] = Json::array();
+  for (const RejudgeEventRow& event : events) json["events"].push_back(EventToJson(event));
+  ASSIGN_OR_RETURN(const std::string from, reader.ConfigJson(rejudge.from_config));
+  ASSIGN_OR_RETURN(const std::string to, reader.ConfigJson(rejudge.to_config));
+  json["differs"] = DifferingKeys(Json::parse(from), Json::parse(to));
+  return json;
+}
+
+// Adds how the boards change, and what was not repeatable.
+absl::Status AddRejudgeChanges(Reader& reader, const RejudgeRow& rejudge, Json& json) {
+  json["boards"] = Json::array();
+  ASSIGN_OR_RETURN(json["not_repeatable"], NotRepeatableToJson(reader, rejudge.id));
+  std::vector<Damage> damaged;
+  if (rejudge.purpose == RejudgePurpose::kRules) {
+    ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
+    ASSIGN_OR_RETURN(const TrackPtr to, StoredTrack(reader, rejudge.to_config));
+    ASSIGN_OR_RETURN(const RejudgeMoments moments, MomentsOf(reader, rejudge));
+    auto names = from->scoring.boards;
+    names.insert(to->scoring.boards.begin(), to->scoring.boards.end());
+    for (const auto& [name, board] : names) {
+      ASSIGN_OR_RETURN(Json changes, BoardChanges(reader, *from, *to, name, moments, damaged));
+      json["boards"].push_back(std::move(changes));
+    }
+  }
+  json["unreadable"] = DamagedToJson(damaged);
+  return absl::OkStatus();
+}
 
 std::string SubjectOf(int64_t id) { return absl::StrCat("rejudge ", id); }
 
@@ -32,62 +209,49 @@ Json PlanToJson(const RejudgePlan& plan) {
           {"without_files", plan.without_files}};
 }
 
-ApiResult ListRejudges(const ApiContext& context, const Request& request) {
-  absl::Status status = CheckParameters(request, {"before", "limit"});
-  const absl::StatusOr<Page> page = ReadPage(request);
-  status.Update(page.status());
-  RETURN_IF_ERROR(status);
-  ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    Listed<RejudgeRow> listed = reader.Rejudges(page->before, page->limit);
-    answer.body["rejudges"] = Json::array();
-    for (const RejudgeRow& row : listed.rows) {
-      ASSIGN_OR_RETURN(Json json, RejudgeToJson(reader, row));
-      answer.body["rejudges"].push_back(std::move(json));
-    }
-    answer.body["unreadable"] = DamagedToJson(listed.damaged);
-    AddNextPage(request, *page, listed, answer);
-    return absl::OkStatus();
-  }));
+ApiResult ListRejudges(const ApiContext&, Reader& reader, const Request& request) {
+  ASSIGN_OR_RETURN(const Page page, ReadPage(request));
+  const Listed<RejudgeRow> listed = reader.Rejudges(page.before, page.limit);
+  ApiAnswer answer{200,
+                   {{"rejudges", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}}};
+  for (const RejudgeRow& row : listed.rows) {
+    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(row));
+    answer.body["rejudges"].push_back(SummaryOf(row, progress));
+  }
+  AddNextPage(request, page, listed, answer);
   return answer;
 }
 
-ApiResult GetRejudge(const ApiContext& context, const Request& request) {
-  absl::Status status = CheckParameters(request, {"changes"});
-  const std::string changes = request.Param("changes");
-  if (!changes.empty() && changes != "0" && changes != "1") {
-    status.Update(absl::InvalidArgumentError("\"changes\" must be 0 or 1"));
-  }
-  RETURN_IF_ERROR(status);
+ApiResult GetRejudge(const ApiContext&, Reader& reader, const Request& request) {
+  RETURN_IF_ERROR(CheckParameters(request, {"changes"}));
+  ASSIGN_OR_RETURN(const bool changes, ReadSwitch(request, "changes", false));
+  ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(IdOf(request)));
   ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(IdOf(request)));
-    ASSIGN_OR_RETURN(answer.body, WholeRejudgeToJson(reader, row));
-    return changes == "1" ? AddRejudgeChanges(reader, row, answer.body) : absl::OkStatus();
-  }));
+  ASSIGN_OR_RETURN(answer.body, WholeRejudgeToJson(reader, row));
+  if (changes) RETURN_IF_ERROR(AddRejudgeChanges(reader, row, answer.body));
   return answer;
 }
 
 // The rejudge as it is now, with `more` keys.
 ApiResult ShowRejudge(const ApiContext& context, int64_t id, int http, Json more) {
-  ApiAnswer answer{http};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
-    absl::StatusOr<Json> json = WholeRejudgeToJson(reader, row);
-    if (json.ok()) answer.body = *std::move(json);
-    return json.status();
-  }));
-  answer.body.update(more);
-  return answer;
+  ASSIGN_OR_RETURN(Json body,
+                   context.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
+                     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
+                     return WholeRejudgeToJson(reader, row);
+                   }));
+  body.update(more);
+  return ApiAnswer{http, std::move(body)};
 }
 
 ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& body) {
   ASSIGN_OR_RETURN(const RejudgeRequest asked, ParseRejudge(body));
-  ASSIGN_OR_RETURN(const NewRejudge rejudge, context.readers.Read<NewRejudge>(
-      [&](Reader& reader) { return MakeRejudge(reader, context, asked); }));
+  ASSIGN_OR_RETURN(const NewRejudge rejudge, context.readers.Read<NewRejudge>([&](Reader& reader) {
+    return MakeRejudge(reader, context, asked);
+  }));
   ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
-  ASSIGN_OR_RETURN(const CreatedRejudge created,
-                   context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
+  ASSIGN_OR_RETURN(
+      const CreatedRejudge created,
+      context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
   const int64_t id = created.rejudge.id;
   NoteAct(SubjectOf(id), "created");
   return ShowRejudge(context, id, 201, {{"plan", PlanToJson(created.plan)}});
@@ -95,15 +259,12 @@ ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& b
 
 // The hash of the config in force on its board.
 absl::StatusOr<std::string> ConfigInForce(const ApiContext& context, int64_t id) {
-  std::string hash;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
+  return context.readers.Read<std::string>([&](Reader& reader) -> absl::StatusOr<std::string> {
     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
     ASSIGN_OR_RETURN(const TrackPtr live,
                      TrackInForce(reader, context, row.phase, row.track, row.profile));
-    hash = live->config.hash;
-    return absl::OkStatus();
-  }));
-  return hash;
+    return live->config.hash;
+  });
 }
 
 // Has the daemon play and show the board's new config once an act is written.
@@ -114,50 +275,47 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
       return SwitchConfig(reader, done.config_after, context.tracks, context.phases);
     });
     if (switched.ok()) return;
-    spdlog::error("rejudge {} is {}, and its board's config is {}; it will be played after a restart, "
-                  "but not yet: {}",
-                  done.event.rejudge, RejudgeEventName(done.event.event), done.config_after,
-                  std::string(switched.message()));
+    spdlog::error(
+        "rejudge {} is {}, and its board's config is {}; it will be played after a restart, "
+        "but not yet: {}",
+        done.event.rejudge, RejudgeEventName(done.event.event), done.config_after,
+        std::string(switched.message()));
   };
+}
+
+// Applies or drops a rejudge.
+ApiResult ActOnRejudge(const ApiContext& context, int64_t id, ApplyRequest asked, bool apply) {
+  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
+  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
+  const auto act = apply ? &Engine::ApplyRejudge : &Engine::DropRejudge;
+  const RejudgeAct what{id, std::move(asked.reason), std::move(asked.without), std::move(in_force)};
+  ASSIGN_OR_RETURN(const RejudgeDone done,
+                   (context.engine.*act)(what, sign, CallerKey(), context.config.http.request,
+                                         PlayFromNowOn(context)));
+  NoteAct(SubjectOf(id), apply ? "applied" : "dropped");
+  Json more = {{"config_before", done.config_before}, {"config_after", done.config_after}};
+  if (!apply) more["accepted_under_to_config"] = done.stay;
+  return ShowRejudge(context, id, 200, std::move(more));
 }
 
 ApiResult ApplyRejudge(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(ApplyRequest asked, ParseApply(body));
-  const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
-  ASSIGN_OR_RETURN(const RejudgeDone done, context.engine.ApplyRejudge(
-      {id, asked.reason, std::move(asked.without), std::move(in_force)}, sign, CallerKey(),
-      context.config.http.request, PlayFromNowOn(context)));
-  NoteAct(SubjectOf(id), "applied");
-  return ShowRejudge(context, id, 200, {{"config_before", done.config_before},
-                        {"config_after", done.config_after}});
+  return ActOnRejudge(context, IdOf(request), std::move(asked), /*apply=*/true);
 }
 
 ApiResult DropRejudge(const ApiContext& context, const Request& request, const Json& body) {
-  ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
-  const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
-  ASSIGN_OR_RETURN(const RejudgeDone done, context.engine.DropRejudge(
-      {id, reason, {}, std::move(in_force)}, sign, CallerKey(), context.config.http.request,
-      PlayFromNowOn(context)));
-  NoteAct(SubjectOf(id), "dropped");
-  return ShowRejudge(context, id, 200, {{"config_before", done.config_before},
-                        {"config_after", done.config_after},
-                        {"accepted_under_to_config", done.stay}});
+  ASSIGN_OR_RETURN(std::string reason, ParseReason(body));
+  return ActOnRejudge(context, IdOf(request), {std::move(reason), {}}, /*apply=*/false);
 }
 
 }  // namespace
 
 void AddRejudges(Routes& routes, const ApiContext& context) {
-  routes.Get("/v1/rejudges", Action::kRejudge, std::bind_front(ListRejudges, std::cref(context)));
-  routes.Post("/v1/rejudges", Action::kRejudge, std::bind_front(CreateRejudge, std::cref(context)));
-  routes.Get(R"(/v1/rejudges/(\d{1,18}))", Action::kRejudge, std::bind_front(GetRejudge, std::cref(context)));
-  routes.Post(R"(/v1/rejudges/(\d{1,18})/apply)", Action::kRejudge,
-              std::bind_front(ApplyRejudge, std::cref(context)));
-  routes.Post(R"(/v1/rejudges/(\d{1,18})/drop)", Action::kRejudge,
-              std::bind_front(DropRejudge, std::cref(context)));
+  routes.Get("/v1/rejudges", Action::kRejudge, Bind(context, ListRejudges));
+  routes.Post("/v1/rejudges", Action::kRejudge, Bind(context, CreateRejudge));
+  routes.Get(R"(/v1/rejudges/(\d{1,18}))", Action::kRejudge, Bind(context, GetRejudge));
+  routes.Post(R"(/v1/rejudges/(\d{1,18})/apply)", Action::kRejudge, Bind(context, ApplyRejudge));
+  routes.Post(R"(/v1/rejudges/(\d{1,18})/drop)", Action::kRejudge, Bind(context, DropRejudge));
 }
 
 }  // namespace myograde::server

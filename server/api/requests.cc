@@ -10,9 +10,8 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
-#include "server/api/paging.h"
-#include "server/grading/leaderboard.h"
 #include "server/base/names.h"
+#include "server/grading/leaderboard.h"
 
 namespace myograde::server {
 namespace {
@@ -21,6 +20,7 @@ constexpr char kWhere[] = "request";
 constexpr size_t kMaxReasonBytes = 200;
 constexpr char kKeyHeader[] = "idempotency-key";
 constexpr size_t kMaxKeyBytes = 255;
+constexpr int64_t kMaxLimit = 1000;
 
 }  // namespace
 
@@ -83,19 +83,27 @@ absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body) {
   return reason;
 }
 
-absl::Status CheckParameters(const Request& request,
-                             const std::vector<std::string>& known) {
+absl::Status CheckParameters(const Request& request, const std::vector<std::string>& known) {
   for (const auto& [key, value] : request.params) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "\"", key, "\" is not a parameter of this address; known: ",
-          known.empty() ? "none" : absl::StrJoin(known, ", ")));
+      return absl::InvalidArgumentError(
+          absl::StrCat("\"", key, "\" is not a parameter of this address; known: ",
+                       known.empty() ? "none" : absl::StrJoin(known, ", ")));
     }
     if (request.ParamCount(key) > 1) {
       return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is there twice"));
     }
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<Page> ReadPage(const Request& request, std::vector<std::string> others) {
+  others.insert(others.end(), {"before", "limit"});
+  RETURN_IF_ERROR(CheckParameters(request, others));
+  Page page;
+  RETURN_IF_ERROR(ReadNumber(request, "before", page.before, page.before));
+  RETURN_IF_ERROR(ReadNumber(request, "limit", kMaxLimit, page.limit));
+  return page;
 }
 
 absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body) {
@@ -137,8 +145,7 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   return grant;
 }
 
-absl::StatusOr<RequestKey> ReadRequestKey(const Request& request,
-                                          const nlohmann::json& body) {
+absl::StatusOr<RequestKey> ReadRequestKey(const Request& request, const nlohmann::json& body) {
   const auto found = request.headers.find(kKeyHeader);
   if (found == request.headers.end()) return RequestKey();
   const std::string& key = found->second;
@@ -158,8 +165,8 @@ absl::Status CheckTeam(const std::string& team) {
   return CleanName(team, "\"team\"").status();
 }
 
-absl::Status ReadNumber(const Request& request, const char* key, int64_t max,
-                        int64_t& value, int64_t min) {
+absl::Status ReadNumber(const Request& request, const char* key, int64_t max, int64_t& value,
+                        int64_t min) {
   if (!request.HasParam(key)) return absl::OkStatus();
   const std::string text = request.Param(key);
   // SimpleAtoi alone takes signs and spaces too.
@@ -177,27 +184,28 @@ absl::StatusOr<bool> ReadFlag(const Request& request, const char* key) {
   return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be true or false"));
 }
 
+absl::StatusOr<bool> ReadSwitch(const Request& request, const char* key, bool usual) {
+  const std::string text = request.Param(key);
+  if (text.empty()) return usual;
+  if (text == "0" || text == "1") return text == "1";
+  return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be 0 or 1"));
+}
+
 absl::StatusOr<SubmissionFilter> ParseFilter(const Request& request) {
-  absl::Status status = CheckParameters(
-      request, {"team", "track", "profile", "phase", "state", "before", "limit"});
-  SubmissionFilter filter;
+  ASSIGN_OR_RETURN(const Page page,
+                   ReadPage(request, {"team", "track", "profile", "phase", "state"}));
+  SubmissionFilter filter{.before = page.before, .limit = page.limit};
   filter.team = request.Param("team");
   filter.track = request.Param("track");
   filter.profile = request.Param("profile");
   filter.phase = request.Param("phase");
   if (request.HasParam("state")) {
-    const std::string state = request.Param("state");
-    filter.state = ParseEvaluationState(state);
+    filter.state = ParseEvaluationState(request.Param("state"));
     if (!filter.state) {
-      status.Update(absl::InvalidArgumentError(
-          "\"state\" must be queued, running, done, failed, cancelled or grader_error"));
+      return absl::InvalidArgumentError(
+          "\"state\" must be queued, running, done, failed, cancelled or grader_error");
     }
   }
-  const absl::StatusOr<Page> page = ReadPage(request);
-  status.Update(page.status());
-  if (!status.ok()) return status;
-  filter.before = page->before;
-  filter.limit = page->limit;
   return filter;
 }
 

@@ -1,13 +1,29 @@
-// The API's resources, by noun: each function adds the addresses of its own. Handlers check requests,
-// read the store on connections of their own, and hand changes to admission and the engine; they run
-// on any thread. What is passed must outlive the server's last request.
+// The API's resources, by noun: each function adds the addresses of its own. Handlers check
+// requests, read the store on connections of their own, and hand changes to admission and the
+// engine; they run on any thread. What is passed must outlive the server's last request.
 #pragma once
+
+#include <functional>
 
 #include "server/api/context.h"
 #include "server/api/guard.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
+
+// A handler with the context that it works on.
+template <typename Result, typename... Arguments>
+auto Bind(const ApiContext& context, Result (*handler)(const ApiContext&, Arguments...)) {
+  return std::bind_front(handler, std::cref(context));
+}
+// The same for one that answers from one state of the store.
+inline Routes::Handler Bind(const ApiContext& context,
+                            ApiResult (*handler)(const ApiContext&, Reader&, const Request&)) {
+  return [&context, handler](const Request& request) {
+    return context.readers.Read<ApiAnswer>(
+        [&](Reader& reader) { return handler(context, reader, request); });
+  };
+}
 
 // Who the caller is, who may do what, and who did or tried what; bearer tokens.
 void AddAccess(Routes& routes, const ApiContext& context);
@@ -17,17 +33,18 @@ void AddQuota(Routes& routes, const ApiContext& context);
 // Uploads of archives; submissions, and the organiser's marks; evaluations, and re-runs.
 void AddSubmissions(Routes& routes, const ApiContext& context);
 void AddEvaluations(Routes& routes, const ApiContext& context);
-// Trajectories, small pictures, and the shapes of the tracks' bodies.
+// Logs of episodes, trajectories, small pictures, and the shapes of the tracks' bodies.
 void AddPictures(Routes& routes, const ApiContext& context);
 // What waits and what is played, once or as a stream of events.
 void AddQueue(Routes& routes, const ApiContext& context, Guard& guard);
 // Leaderboards with their statistics; a board's submissions judged again under another config.
 void AddBoards(Routes& routes, const ApiContext& context);
 void AddRejudges(Routes& routes, const ApiContext& context);
-// Phases and what organisers do with them: the reveal of their seeds, and further episodes for places
-// that their own do not decide.
+// Phases and what organisers do with them; the reveal of their seeds, and further episodes for
+// places that their own do not decide.
 void AddChallenges(Routes& routes, const ApiContext& context);
-// Logs of episodes, receipts and the key that signs them; the public record, its head and proofs.
+void AddSeeds(Routes& routes, const ApiContext& context);
+// Receipts and the key that signs them; the public record, its head and proofs.
 void AddProof(Routes& routes, const ApiContext& context);
 // The daemon's health, the tracks and runtimes that it has, the nodes of its cluster, its metrics.
 void AddHost(Routes& routes, const ApiContext& context);

@@ -10,7 +10,6 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/entity_tag.h"
 #include "server/api/negotiation.h"
 #include "server/api/http_server.h"
 

@@ -1,31 +1,74 @@
 #include "server/api/resources.h"
 
+#include <algorithm>
 #include <cstdint>
-#include <functional>
 #include <iterator>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/founding.h"
-#include "server/api/paging.h"
-#include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/api/submission_view.h"
 #include "server/api/http_server.h"
 #include "server/api/views.h"
+#include "server/base/host_name.h"
+#include "server/base/names.h"
 #include "server/store/damage.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+// The name that a team has, or will have once there is one: all forms of a name are one team.
+std::string NameOf(Reader& reader, const std::string& team) {
+  const std::string known = reader.TeamOf(team);
+  return CleanName(known, "the team's name").value_or(known);
+}
+
+// Whether the settings give the team to somebody, who need not have submitted anything yet.
+bool IsGiven(Reader& reader, const AccessConfig& access, const std::string& team) {
+  return std::any_of(access.users.begin(), access.users.end(), [&](const UserRule& rule) {
+    return !rule.team.empty() && NameOf(reader, rule.team) == team;
+  });
+}
+
+absl::Status BelongsToOthers(const std::string& team) {
+  NoteDenial("another team's");
+  return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
+                           "team \"", team,
+                           "\" belongs to others; choose another name, or ask an organiser to add "
+                           "you")),
+                       kForbiddenCode);
+}
+
+// Whether the caller may act for the team called `team`, and if so, what makes them its first
+// member: nullopt if nothing has to. NotFoundError: it is not theirs, and they can't found it.
+absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
+                                                    const std::string& team) {
+  const Identity& caller = Caller();
+  if (CallerIsOrganiser()) {
+    // Whoever submits for a new team is its first member, organisers too; they may also submit for
+    // teams of others.
+    if (!caller.may_found_team) return std::optional<Founding>();
+    return std::optional(Founding{caller.key, INT64_MAX, /*needed=*/false});
+  }
+  std::optional<Founding> founding;
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
+    if (!caller.may_found_team) return RequireTeam(reader, team);
+    const std::string known = reader.TeamOf(team);
+    if (caller.teams.contains(known)) return absl::OkStatus();
+    if (IsGiven(reader, context.config.access, NameOf(reader, team))) return BelongsToOthers(known);
+    founding = {caller.key, context.config.access.teams_of_a_user, /*needed=*/true};
+    return absl::OkStatus();
+  }));
+  return founding;
+}
 
 class UploadedBody : public IncomingArchive {
  public:
@@ -41,13 +84,12 @@ class UploadedBody : public IncomingArchive {
 };
 
 absl::StatusOr<UploadRequest> ParseUpload(const Request& request) {
-  absl::Status status = CheckParameters(request, {"team", "track"});
-  if (status.ok() && request.HasParam("team") != request.HasParam("track")) {
-    status = absl::InvalidArgumentError("\"team\" and \"track\" go together: give both or none");
+  RETURN_IF_ERROR(CheckParameters(request, {"team", "track"}));
+  if (request.HasParam("team") != request.HasParam("track")) {
+    return absl::InvalidArgumentError("\"team\" and \"track\" go together: give both or none");
   }
   const std::string team = request.Param("team");
-  if (status.ok() && request.HasParam("team")) status = CheckTeam(team);
-  if (!status.ok()) return status;
+  if (request.HasParam("team")) RETURN_IF_ERROR(CheckTeam(team));
   return UploadRequest{.from = {CallerKey(), team, CallerIsOrganiser()},
                        .track = request.Param("track"),
                        .stopping = HttpServer::Stopping};
@@ -85,60 +127,166 @@ ApiResult UploadArtefact(const ApiContext& context, const Request& request) {
                     {"command", artefact.command},
                     {"runtimes", artefact.runtimes},
                     {"env", artefact.environment},
-                    {"adapter", artefact.adapter.empty() ? nlohmann::json() : nlohmann::json(artefact.adapter)},
+                    {"adapter", TextOrNull(artefact.adapter)},
                     {"extra_observations", artefact.extra_observations},
-                    {"image", artefact.image ? PolicyImageToJson(*artefact.image) : nlohmann::json()},
+                    {"image", artefact.image ? PolicyImageToJson(*artefact.image) : Json()},
                     {"bytes", artefact.bytes},
                     {"files", artefact.files},
                     {"new", received->is_new}}};
 }
 
-ApiResult ListSubmissions(const ApiContext& context, const Request& request) {
+absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t evaluation) {
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> rows, reader.Transitions("submission", submission));
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> more, reader.Transitions("evaluation", evaluation));
+  rows.insert(rows.end(), more.begin(), more.end());
+  Json history = Json::array();
+  for (const TransitionRow& row : rows) {
+    history.push_back(
+        {{"at", TimeToJson(row.at)},
+         {"of", row.entity},
+         {"from", TextOrNull(row.from)},
+         {"to", row.to},
+         {"who", row.who},
+         // Of a submission, it tells who else handed in the same bytes.
+         {"why",
+          row.entity == "submission" && !CallerIsOrganiser() ? Json() : TextOrNull(row.why)}});
+  }
+  return history;
+}
+
+// Null as long as a job waits for a node.
+Json HostOf(const LiveLease* live) {
+  if (live == nullptr) return HostName();
+  if (live->job.empty()) return live->begun ? Json(HostName()) : Json();  // it waits for a node
+  return TextOrNull(live->node);
+}
+
+// The attempts of a lease that have ended.
+Json AttemptsToJson(const std::vector<LeaseRunRow>& runs, int64_t lease) {
+  Json attempts = Json::array();
+  for (const LeaseRunRow& run : runs) {
+    if (run.lease != lease) continue;
+    attempts.push_back({{"attempt", run.attempt},
+                        {"node", TextOrNull(run.node)},
+                        {"job", TextOrNull(run.job)},
+                        {"began_at", TimeToJson(run.began_at)},
+                        {"ended_at", TimeToJson(run.ended_at)},
+                        {"cpu_s", run.cpu_s},
+                        {"energy_j", run.energy_j ? Json(*run.energy_j) : Json()},
+                        {"how", RunEndName(run.how)}});
+  }
+  return attempts;
+}
+
+Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
+  const bool running = lease.state == LeaseState::kRunning;
+  return {{"lease", lease.id},
+          {"first", lease.first},
+          {"last", lease.last},
+          {"state", LeaseStateName(lease.state)},
+          {"slot", running ? Json(lease.slot) : Json()},
+          {"attempt", lease.attempt},
+          {"faults", lease.faults},
+          {"episode", running && live ? Json(live->episode) : Json()},
+          {"step", running && live ? Json(live->step) : Json()},
+          {"host", running ? HostOf(live) : Json()},
+          {"job", running && live ? TextOrNull(live->job) : Json()},
+          {"begun", running && live ? Json(live->begun) : Json()},
+          {"process", running && live ? Json(live->process) : Json()},
+          {"started_at", TimeToJson(lease.started_at)},
+          {"deadline_at", TimeToJson(lease.deadline_at)},
+          {"running_wall_s", running && live ? Json(absl::ToDoubleSeconds(live->running)) : Json()},
+          {"silent_wall_s", running && live ? Json(absl::ToDoubleSeconds(live->silent)) : Json()},
+          {"detail", TextOrNull(lease.detail)}};
+}
+
+// The answer to GET /v1/submissions/ID. NotFoundError: there is no such submission.
+absl::StatusOr<Json> SubmissionStatus(Reader& reader, const ApiContext& context, int64_t id) {
+  ASSIGN_OR_RETURN(SubmissionRow row, reader.Submission(id));
+  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations, reader.Evaluations(id));
+  const EvaluationRow& original = evaluations.front();
+  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.Leases(original.id));
+  ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.LeaseRunsOf(original.id));
+  ASSIGN_OR_RETURN(const std::vector<MarkRow> marks, reader.MarkHistory(id));
+  ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
+  const EpisodeCounts counts = reader.Counts(original.id, !sight.progress);
+  Json json = SubmissionToJson(row, original, counts);
+  const QueueOutlook outlook = AddOutlook(context, original, counts, json);
+  json["reason"] = TextOrNull(original.reason);
+  json["owner"] = TextOrNull(outlook.owner);
+  json["deadline_at"] = Ahead(outlook.deadline, context.clock.Now());
+  json["history"] = std::move(history);
+  std::set<int64_t> ids;
+  for (const LeaseRow& lease : leases) ids.insert(lease.id);
+  const std::map<int64_t, LiveLease> running = context.engine.RunningAmong(ids);
+  json["leases"] = Json::array();
+  for (const LeaseRow& lease : leases) {
+    const auto live = running.find(lease.id);
+    json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
+    json["leases"].back()["attempts"] = AttemptsToJson(runs, lease.id);
+  }
+  json["marks"] = MarksToJson(marks);
+  json["evaluations"] = Json::array();
+  for (const EvaluationRow& evaluation : evaluations) {
+    const RejudgeSight rejudge = reader.RejudgeOfEvaluation(evaluation.id);
+    if (!CallerSees(rejudge)) continue;
+    json["evaluations"].push_back({{"evaluation", evaluation.id},
+                                   {"kind", EvaluationKindName(evaluation.kind)},
+                                   {"state", EvaluationStateName(evaluation.state)},
+                                   {"first", evaluation.first},
+                                   {"last", evaluation.last},
+                                   {"rejudge", IdOrNull(rejudge.rejudge)},
+                                   {"config", ConfigOf(evaluation, row)}});
+  }
+  RedactStatus(json, sight);
+  return json;
+}
+
+// An entry of a list of submissions.
+absl::StatusOr<Json> ListedToJson(Reader& reader, const ApiContext& context,
+                                  const SubmissionRow& row) {
+  ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(row.id));
+  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
+  Json json = SubmissionToJson(row, original, reader.Counts(original.id, !sight.progress));
+  RedactListed(json, sight);
+  return json;
+}
+
+ApiResult ListSubmissions(const ApiContext& context, Reader& reader, const Request& request) {
   ASSIGN_OR_RETURN(SubmissionFilter filter, ParseFilter(request));
   if (!CallerIsOrganiser()) filter.teams = Caller().teams;
+  filter.team = reader.TeamOf(filter.team);
+  Listed<SubmissionRow> found = reader.Submissions(filter);
+  const bool more = std::ssize(found.rows) + std::ssize(found.damaged) == filter.limit;
   Json list = Json::array();
-  Listed<SubmissionRow> found;
-  bool more = false;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    filter.team = reader.TeamOf(filter.team);
-    found = reader.Submissions(filter);
-    more = std::ssize(found.rows) + std::ssize(found.damaged) == filter.limit;
-    for (const SubmissionRow& row : found.rows) {
-      const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
-      if (original.ok()) {
-        ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
-        list.push_back(SubmissionToJson(
-            row, *original, reader.Counts(original->id, !sight.progress)));
-        RedactListed(list.back(), sight);
-      } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
-        found.damaged.push_back(*damage);
-      } else {
-        return original.status();
-      }
+  for (const SubmissionRow& row : found.rows) {
+    absl::StatusOr<Json> json = ListedToJson(reader, context, row);
+    if (json.ok()) {
+      list.push_back(*std::move(json));
+    } else if (const std::optional<Damage> damage = DamageOf(json.status())) {
+      found.damaged.push_back(*damage);
+    } else {
+      return json.status();
     }
-    return absl::OkStatus();
-  }));
-  ApiAnswer answer{200,
-                   {{"submissions", std::move(list)},
-                    {"unreadable", DamagedToJson(found.damaged)}}};
+  }
+  ApiAnswer answer{
+      200, {{"submissions", std::move(list)}, {"unreadable", DamagedToJson(found.damaged)}}};
   AddNextPage(request, more, found.last_id, answer);
   return answer;
 }
 
 ApiResult StatusAnswer(const ApiContext& context, int64_t submission) {
-  ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(answer.body, SubmissionStatus(reader, context, submission));
-    return absl::OkStatus();
+  ASSIGN_OR_RETURN(Json body, context.readers.Read<Json>([&](Reader& reader) {
+    return SubmissionStatus(reader, context, submission);
   }));
-  return answer;
+  return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult GetSubmission(const ApiContext& context, const Request& request) {
-  const absl::Status own = context.readers.Read(
-      [&](Reader& reader) { return RequireSubmission(reader, IdOf(request)); });
-  RETURN_IF_ERROR(own);
-  return StatusAnswer(context, IdOf(request));
+ApiResult GetSubmission(const ApiContext& context, Reader& reader, const Request& request) {
+  RETURN_IF_ERROR(RequireSubmission(reader, IdOf(request)));
+  ASSIGN_OR_RETURN(Json body, SubmissionStatus(reader, context, IdOf(request)));
+  return ApiAnswer{200, std::move(body)};
 }
 
 ApiResult CreateSubmission(const ApiContext& context, const Request& request, const Json& body) {
@@ -162,31 +310,31 @@ ApiResult CreateSubmission(const ApiContext& context, const Request& request, co
 ApiResult CancelSubmission(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseCancel(body));
   const int64_t id = IdOf(request);
-  absl::StatusOr<Visibility> sight = Visibility{};
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    RETURN_IF_ERROR(RequireSubmission(reader, id));
-    ASSIGN_OR_RETURN(const SubmissionRow row, reader.Submission(id));
-    // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
-    sight = SightOfPhase(reader, context, row.phase);
-    return sight.status();
-  }));
-  ASSIGN_OR_RETURN(const CancelReport report, context.engine.Cancel({.submission = id,
-                                                                     .reruns = CallerIsOrganiser(),
-                                                                     .charge = !sight->progress,
-                                                                     .why = reason,
-                                                                     .who = CallerKey()},
-                                                                    context.config.http.request));
+  ASSIGN_OR_RETURN(
+      const Visibility sight,
+      context.readers.Read<Visibility>([&](Reader& reader) -> absl::StatusOr<Visibility> {
+        RETURN_IF_ERROR(RequireSubmission(reader, id));
+        ASSIGN_OR_RETURN(const SubmissionRow row, reader.Submission(id));
+        // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
+        return SightOfPhase(reader, context, row.phase);
+      }));
+  ASSIGN_OR_RETURN(
+      const CancelReport report,
+      context.engine.Cancel({.submission = id,
+                             .reruns = CallerIsOrganiser(),
+                             .charge = !sight.progress,
+                             .why = reason,
+                             .who = CallerKey()},
+                            context.config.http.request));
   NoteAct(absl::StrCat("submission ", id), reason);
   ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(context, id));
-  std::string charged;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    charged = reader.ChargedBudget(id);
-    return absl::OkStatus();
-  }));
+  ASSIGN_OR_RETURN(
+      const std::string charged,
+      context.readers.Read<std::string>([&](Reader& reader) { return reader.ChargedBudget(id); }));
   answer.body["cancel"] = {{"killed", report.killed},
-                            {"still_ending", report.still_ending},
-                            {"took_wall_s", absl::ToDoubleSeconds(report.took)},
-                            {"charged", TextOrNull(charged)}};
+                           {"still_ending", report.still_ending},
+                           {"took_wall_s", absl::ToDoubleSeconds(report.took)},
+                           {"charged", TextOrNull(charged)}};
   return answer;
 }
 
@@ -195,57 +343,47 @@ ApiResult MarkSubmission(const ApiContext& context, const Request& request, cons
   const int64_t id = IdOf(request);
   // What can't be answered is not done.
   RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    absl::Status readable = reader.Submission(id).status();
-    readable.Update(reader.MarkHistory(id).status());
-    return readable;
+    RETURN_IF_ERROR(reader.Submission(id).status());
+    return reader.MarkHistory(id).status();
   }));
-  const absl::StatusOr<bool> changed = context.engine.Change<bool>(
-      [id, who = CallerKey(), mark = wanted](Writer& writer) {
-        return writer.Mark(id, mark.mark, mark.set, who, mark.reason);
-      },
-      context.config.http.request);
-  absl::Status status = changed.status();
+  const auto mark = [id, who = CallerKey(), wanted](Writer& writer) {
+    return writer.Mark(id, wanted.mark, wanted.set, who, wanted.reason);
+  };
+  ASSIGN_OR_RETURN(const bool changed,
+                   context.engine.Change<bool>(mark, context.config.http.request));
   ApiAnswer answer;
-  if (status.ok()) {
-    status = context.readers.Read([&](Reader& reader) -> absl::Status {
-      ASSIGN_OR_RETURN(SubmissionRow submission, reader.Submission(id));
-      ASSIGN_OR_RETURN(const std::vector<MarkRow> marks, reader.MarkHistory(id));
-      answer.body = {{"submission", id},
-                     {"team", submission.team},
-                     {"track", submission.track},
-                     {"profile", submission.profile},
-                     {"mark", wanted.mark},
-                     {"set", wanted.set},
-                     {"changed", *changed},
-                     {"marks", MarksToJson(marks)}};
-      return absl::OkStatus();
-    });
-  }
-  RETURN_IF_ERROR(status);
+  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(id));
+    ASSIGN_OR_RETURN(const std::vector<MarkRow> marks, reader.MarkHistory(id));
+    answer.body = {{"submission", id},          {"team", submission.team},
+                   {"track", submission.track}, {"profile", submission.profile},
+                   {"mark", wanted.mark},       {"set", wanted.set},
+                   {"changed", changed},        {"marks", MarksToJson(marks)}};
+    return absl::OkStatus();
+  }));
   NoteAct(absl::StrCat("submission ", id),
-          absl::StrCat(wanted.set ? "" : "not ", wanted.mark,
-                       wanted.reason.empty() ? "" : ": ", wanted.reason));
+          absl::StrCat(wanted.set ? "" : "not ", wanted.mark, wanted.reason.empty() ? "" : ": ",
+                       wanted.reason));
   return answer;
 }
 
 }  // namespace
 
 void AddSubmissions(Routes& routes, const ApiContext& context) {
-  routes.Get("/v1/submissions", Action::kReadSubmission, std::bind_front(ListSubmissions, std::cref(context)));
+  routes.Get("/v1/submissions", Action::kReadSubmission, Bind(context, ListSubmissions));
   routes.Get(R"(/v1/submissions/(\d{1,18}))", Action::kReadSubmission,
-             std::bind_front(GetSubmission, std::cref(context)));
-  routes.Post("/v1/submissions", Action::kSubmit, std::bind_front(CreateSubmission, std::cref(context)));
+             Bind(context, GetSubmission));
+  routes.Post("/v1/submissions", Action::kSubmit, Bind(context, CreateSubmission));
   routes.Post(R"(/v1/submissions/(\d{1,18})/cancel)", Action::kCancel,
-              std::bind_front(CancelSubmission, std::cref(context)));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/marks)", Action::kMark,
-              std::bind_front(MarkSubmission, std::cref(context)));
-  routes.PostUpload("/v1/artefacts", Action::kUpload,
-                    {.most = context.config.artefacts.archive_bytes,
-                     .upload = true,
-                     .types = {"application/x-tar", "application/tar", "application/gzip",
-                               "application/x-gzip", "application/zstd", "application/zip",
-                               "application/octet-stream"}},
-                    std::bind_front(UploadArtefact, std::cref(context)));
+              Bind(context, CancelSubmission));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/marks)", Action::kMark, Bind(context, MarkSubmission));
+  routes.PostUpload(
+      "/v1/artefacts", Action::kUpload,
+      {.most = context.config.artefacts.archive_bytes,
+       .upload = true,
+       .types = {"application/x-tar", "application/tar", "application/gzip", "application/x-gzip",
+                 "application/zstd", "application/zip", "application/octet-stream"}},
+      Bind(context, UploadArtefact));
 }
 
 }  // namespace myograde::server

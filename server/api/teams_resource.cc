@@ -4,15 +4,14 @@
 #include <functional>
 #include <set>
 #include <string>
-#include <tuple>
 #include <utility>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/api/paging.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/base/names.h"
@@ -22,8 +21,6 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr char kTeam[] = "/v1/teams/([^]{1,64})";  // bytes; a name may hold any character
 
 std::string TeamIn(const Request& request) { return request.matches[1]; }
@@ -31,6 +28,12 @@ std::string TeamIn(const Request& request) { return request.matches[1]; }
 // "" if it is left out.
 std::string ReasonOf(ConfigReader& reader, bool required = false) {
   return required || reader.Has("reason") ? ReadReason(reader) : "";
+}
+
+// Ends the reading of a body that asks for a change of `team`.
+absl::Status Finish(ConfigReader& reader, const std::string& team) {
+  RETURN_IF_ERROR(reader.Finish());
+  return CheckTeam(team);
 }
 
 Json TeamToJson(const TeamRow& team) {
@@ -46,9 +49,8 @@ void AddHistory(Reader& reader, const std::string& team, Json& body) {
   const Listed<MemberRow> members = reader.Members(team);
   body["memberships"] = Json::array();
   for (const MemberRow& member : members.rows) {
-    body["memberships"].push_back({{"person", member.person},
-                                   {"since_at", TimeToJson(member.since)},
-                                   {"who", member.who}});
+    body["memberships"].push_back(
+        {{"person", member.person}, {"since_at", TimeToJson(member.since)}, {"who", member.who}});
   }
   const Listed<TeamEventRow> events = reader.TeamEvents(team);
   body["events"] = Json::array();
@@ -86,19 +88,44 @@ Json SumToJson(const BudgetUse& team, const BudgetUse& into, int64_t limit) {
           {"left", std::max<int64_t>(after.left(limit), 0)}};
 }
 
-// Of all budgets of a track, or of those of a phase.
-Json SumsToJson(const QuotaUse& team, const QuotaUse& into, const QuotaLimits& limits,
-                bool of_a_phase) {
-  Json sums = Json::object();
-  for (const Budget budget : kBudgets) {
-    if (of_a_phase && budget == Budget::kPractice) continue;  // it belongs to the track
-    sums[std::string(BudgetName(budget))] = {
-        {"per_day", SumToJson(team.today_of(budget), into.today_of(budget),
-                              limits.of(budget).per_day)},
-        {"total", SumToJson(team.total_of(budget), into.total_of(budget),
-                            limits.of(budget).total)}};
+// Where a team has budgets: on a track, or in a phase of one.
+struct BudgetPlace {
+  std::string track;
+  std::string phase;  // "": on the track itself
+  QuotaLimits limits;
+
+  const char* list() const { return phase.empty() ? "tracks" : "phases"; }
+};
+
+std::vector<BudgetPlace> BudgetPlaces(const ApiContext& context) {
+  const auto& quota = context.config.quota;
+  std::vector<BudgetPlace> places;
+  for (const auto& [track, offer] : context.tracks.entries()) {
+    places.push_back({track, "", quota.of(track).quota});
   }
-  return sums;
+  for (const PhasePtr& phase : context.phases.entries()) {
+    const PhaseConfig& config = phase->config;
+    const AdmissionRules rules = PhaseRules(config, quota.of(config.track));
+    places.push_back({config.track, config.name, rules.quota});
+  }
+  return places;
+}
+
+using UseOf = const BudgetUse& (QuotaUse::*)(Budget) const;
+
+// All budgets of a place, of which `to_json` makes what is used of a limit today, and in total.
+Json BudgetsToJson(const BudgetPlace& place,
+                   const std::function<Json(UseOf use_of, Budget budget, int64_t limit)>& to_json) {
+  Json json = {{"track", place.track}};
+  if (!place.phase.empty()) json["phase"] = place.phase;
+  for (const Budget budget : kBudgets) {
+    if (!place.phase.empty() && budget == Budget::kPractice) continue;  // it belongs to the track
+    const Allowance& limit = place.limits.of(budget);
+    json[std::string(BudgetName(budget))] = {
+        {"per_day", to_json(&QuotaUse::today_of, budget, limit.per_day)},
+        {"total", to_json(&QuotaUse::total_of, budget, limit.total)}};
+  }
+  return json;
 }
 
 int64_t ActiveTokens(Reader& reader, const std::string& team) {
@@ -108,30 +135,17 @@ int64_t ActiveTokens(Reader& reader, const std::string& team) {
   });
 }
 
-ApiResult ListTeams(const ApiContext& context, const Request& request) {
-  absl::Status status = CheckParameters(request, {"before", "limit"});
-  const absl::StatusOr<Page> page = ReadPage(request);
-  status.Update(page.status());
-  RETURN_IF_ERROR(status);
-  ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    const Listed<TeamRow> listed = reader.Teams(page->before, page->limit);
-    answer.body = {{"teams", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
-    for (const TeamRow& team : listed.rows) answer.body["teams"].push_back(TeamToJson(team));
-    AddNextPage(request, *page, listed, answer);
-    return absl::OkStatus();
-  }));
-  return answer;
+ApiResult ListTeams(const ApiContext&, Reader& reader, const Request& request) {
+  ASSIGN_OR_RETURN(const Page page, ReadPage(request));
+  return PageAnswer(request, page, "teams", reader.Teams(page.before, page.limit),
+                    [](const TeamRow& team) { return TeamToJson(team); });
 }
 
-ApiResult GetTeam(const ApiContext& context, const Request& request) {
-  absl::Status status = CheckParameters(request, {});
-  if (status.ok()) status = CheckTeam(TeamIn(request));
-  RETURN_IF_ERROR(status);
-  ASSIGN_OR_RETURN(Json body, context.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
-        RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
-        return WholeTeam(reader, TeamIn(request));
-      }));
+ApiResult GetTeam(const ApiContext&, Reader& reader, const Request& request) {
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  RETURN_IF_ERROR(CheckTeam(TeamIn(request)));
+  RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
+  ASSIGN_OR_RETURN(Json body, WholeTeam(reader, TeamIn(request)));
   return ApiAnswer{200, std::move(body)};
 }
 
@@ -153,16 +167,15 @@ ApiResult CreateTeam(const ApiContext& context, const Request&, const Json& body
   ConfigReader reader(body, "request");
   const std::string team = reader.String("team");
   const std::string why = ReasonOf(reader);
-  absl::Status status = reader.Finish();
-  if (status.ok()) status = CheckTeam(team);
-  RETURN_IF_ERROR(status);
+  RETURN_IF_ERROR(Finish(reader, team));
   NoteAct(absl::StrCat("team ", team), "created");
-  return ChangeTeam(context, team,
-                [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
-                  RETURN_IF_ERROR(writer.CreateTeam(team, who, why).status());
-                  return true;
-                },
-                201);
+  return ChangeTeam(
+      context, team,
+      [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
+        RETURN_IF_ERROR(writer.CreateTeam(team, who, why).status());
+        return true;
+      },
+      201);
 }
 
 ApiResult RenameTeam(const ApiContext& context, const Request& request, const Json& body) {
@@ -170,9 +183,7 @@ ApiResult RenameTeam(const ApiContext& context, const Request& request, const Js
   const std::string name = reader.String("name");
   const std::string why = ReasonOf(reader);
   const std::string team = TeamIn(request);
-  absl::Status status = reader.Finish();
-  if (status.ok()) status = CheckTeam(team);
-  RETURN_IF_ERROR(status);
+  RETURN_IF_ERROR(Finish(reader, team));
   NoteAct(absl::StrCat("team ", team), absl::StrCat("renamed to ", name));
   return ChangeTeam(context, team, [=, who = CallerKey()](Writer& writer) {
     return writer.RenameTeam(team, name, who, why);
@@ -184,9 +195,7 @@ ApiResult SetTeamMember(const ApiContext& context, const Request& request, const
   const std::string text = reader.String("person");
   const bool belongs = reader.Boolean("belongs");
   const std::string team = TeamIn(request);
-  absl::Status status = reader.Finish();
-  if (status.ok()) status = CheckTeam(team);
-  RETURN_IF_ERROR(status);
+  RETURN_IF_ERROR(Finish(reader, team));
   ASSIGN_OR_RETURN(const std::string person, PersonNamed(text));
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(person, belongs ? " is a member" : " is no member any more"));
@@ -200,9 +209,7 @@ ApiResult BanTeam(const ApiContext& context, const Request& request, const Json&
   const bool banned = reader.Boolean("banned");
   const std::string why = ReasonOf(reader, /*required=*/banned);
   const std::string team = TeamIn(request);
-  absl::Status status = reader.Finish();
-  if (status.ok()) status = CheckTeam(team);
-  RETURN_IF_ERROR(status);
+  RETURN_IF_ERROR(Finish(reader, team));
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(banned ? "banned" : "not banned any more", why.empty() ? "" : ": ", why));
   return ChangeTeam(context, team, [=, who = CallerKey()](Writer& writer) {
@@ -211,46 +218,34 @@ ApiResult BanTeam(const ApiContext& context, const Request& request, const Json&
 }
 
 // What the two teams have used, and what one team of both would have used.
-absl::StatusOr<Json> ConsequencesOfMerge(const ApiContext& context, const std::string& team,
-                                         const std::string& into) {
-  Json body;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    RETURN_IF_ERROR(reader.CheckMerge(team, into));
-    const std::string from = reader.TeamOf(team);
-    const std::string to = reader.TeamOf(into);
-    std::set<std::string> members;
-    for (const std::string& one : {from, to}) {
-      ASSIGN_OR_RETURN(const TeamRow row, reader.Team(one));
-      members.insert(row.members.begin(), row.members.end());
-    }
-    const int64_t submissions = reader.SubmissionsOf(from);
-    body = {{"team", from},
-            {"into", to},
-            {"submissions_of_team", submissions},
-            {"submissions", submissions + reader.SubmissionsOf(to)},
-            {"tokens_of_team", ActiveTokens(reader, from)},
-            {"members", members},
-            {"tracks", Json::array()},
-            {"phases", Json::array()}};
-    const int64_t now = absl::ToUnixMillis(context.clock.Now());
-    for (const auto& [track, offer] : context.tracks.entries()) {
-      Json sums = SumsToJson(reader.Quota(from, track, now), reader.Quota(to, track, now),
-                             context.config.quota.of(track).quota, /*of_a_phase=*/false);
-      sums["track"] = track;
-      body["tracks"].push_back(std::move(sums));
-    }
-    for (const PhasePtr& phase : context.phases.entries()) {
-      const auto& [name, track] = std::tie(phase->config.name, phase->config.track);
-      Json sums = SumsToJson(reader.Quota(from, track, now, name),
-                             reader.Quota(to, track, now, name),
-                             PhaseRules(phase->config, context.config.quota.of(track)).quota,
-                             /*of_a_phase=*/true);
-      sums["phase"] = name;
-      sums["track"] = track;
-      body["phases"].push_back(std::move(sums));
-    }
-    return absl::OkStatus();
-  }));
+absl::StatusOr<Json> ConsequencesOfMerge(Reader& reader, const ApiContext& context,
+                                         const std::string& team, const std::string& into) {
+  RETURN_IF_ERROR(reader.CheckMerge(team, into));
+  const std::string from = reader.TeamOf(team);
+  const std::string to = reader.TeamOf(into);
+  std::set<std::string> members;
+  for (const std::string& one : {from, to}) {
+    ASSIGN_OR_RETURN(const TeamRow row, reader.Team(one));
+    members.insert(row.members.begin(), row.members.end());
+  }
+  const int64_t submissions = reader.SubmissionsOf(from);
+  Json body = {{"team", from},
+               {"into", to},
+               {"submissions_of_team", submissions},
+               {"submissions", submissions + reader.SubmissionsOf(to)},
+               {"tokens_of_team", ActiveTokens(reader, from)},
+               {"members", members},
+               {"tracks", Json::array()},
+               {"phases", Json::array()}};
+  const int64_t now = absl::ToUnixMillis(context.clock.Now());
+  for (const BudgetPlace& place : BudgetPlaces(context)) {
+    const QuotaUse used = reader.Quota(from, place.track, now, place.phase);
+    const QuotaUse used_by_into = reader.Quota(to, place.track, now, place.phase);
+    body[place.list()].push_back(
+        BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) {
+          return SumToJson((used.*use_of)(budget), (used_by_into.*use_of)(budget), limit);
+        }));
+  }
   return body;
 }
 
@@ -260,45 +255,154 @@ ApiResult MergeTeams(const ApiContext& context, const Request& request, const Js
   const bool dry_run = reader.Has("dry_run") && reader.Boolean("dry_run");
   const std::string why = ReasonOf(reader);
   const std::string team = TeamIn(request);
-  absl::Status status = reader.Finish();
-  for (const std::string& name : {team, into}) {
-    if (status.ok()) status = CheckTeam(name);
+  RETURN_IF_ERROR(Finish(reader, team));
+  RETURN_IF_ERROR(CheckTeam(into));
+  ASSIGN_OR_RETURN(Json answer, context.readers.Read<Json>([&](Reader& store) {
+    return ConsequencesOfMerge(store, context, team, into);
+  }));
+  if (!dry_run) {
+    const auto merge = [=, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
+      RETURN_IF_ERROR(writer.MergeTeams(team, into, who, why));
+      return true;
+    };
+    RETURN_IF_ERROR(context.engine.ChangeTeams(merge, context.config.http.request).status());
   }
-  RETURN_IF_ERROR(status);
-  absl::StatusOr<Json> answer = ConsequencesOfMerge(context, team, into);
-  if (answer.ok() && !dry_run) {
-    status = context.engine
-                 .ChangeTeams(
-                     [=, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
-                       RETURN_IF_ERROR(writer.MergeTeams(team, into, who, why));
-                       return true;
-                     },
-                     context.config.http.request)
-                 .status();
-  }
-  status.Update(answer.status());
-  RETURN_IF_ERROR(status);
-  (*answer)["merged"] = !dry_run;
+  answer["merged"] = !dry_run;
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(dry_run ? "to be merged into " : "merged into ", into));
-  return ApiAnswer{200, *std::move(answer)};
+  return ApiAnswer{200, std::move(answer)};
+}
+
+// --- quota ---
+
+Json UseToJson(const BudgetUse& use, int64_t limit) {
+  return {{"limit", limit},
+          {"granted", use.granted},
+          {"used", use.charged},
+          {"open", use.open},
+          {"left", std::max<int64_t>(use.left(limit), 0)}};
+}
+
+Json LedgerToJson(const LedgerRow& row) {
+  return {{"id", row.id},
+          {"at", TimeToJson(row.at)},
+          {"day", DayName(row.day)},
+          {"track", row.track},
+          {"phase", TextOrNull(row.phase)},
+          {"budget", row.budget},
+          {"entry", row.entry},
+          {"amount", row.amount},
+          {"submission", IdOrNull(row.submission)},
+          {"who", row.who},
+          {"why", row.why}};
+}
+
+absl::Status AddLedger(Reader& reader, const ApiContext& context, const Listed<LedgerRow>& ledger,
+                       Json& body) {
+  body["ledger"] = Json::array();
+  for (const LedgerRow& row : ledger.rows) {
+    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
+    body["ledger"].push_back(LedgerToJson(row));
+    RedactLedgerRow(body["ledger"].back(), sight);
+  }
+  body["unreadable"] = DamagedToJson(ledger.damaged);
+  return absl::OkStatus();
+}
+
+// `track` "": on every one.
+Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
+             const std::string& track) {
+  const int64_t now = absl::ToUnixMillis(context.clock.Now());
+  const int64_t day = reader.QuotaDayAt(now);
+  Json json = {{"team", team},
+               {"day", DayName(day)},
+               {"next_day_at", DayName(day + 1) + "T00:00:00.000Z"},
+               {"tracks", Json::array()},
+               {"phases", Json::array()}};
+  for (const BudgetPlace& place : BudgetPlaces(context)) {
+    if (!track.empty() && track != place.track) continue;
+    const QuotaUse used = reader.Quota(team, place.track, now, place.phase);
+    Json entry = BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) {
+      return UseToJson((used.*use_of)(budget), limit);
+    });
+    entry["waiting"] = {{"limit", place.limits.waiting}, {"used", used.waiting}};
+    json[place.list()].push_back(std::move(entry));
+  }
+  return json;
+}
+
+// Whether there is what a grant is for.
+absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
+  RETURN_IF_ERROR(context.tracks.Find(grant.track, "").status());
+  if (grant.phase.empty()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const PhasePtr phase, context.phases.Find(grant.phase));
+  if (phase->config.track != grant.track) {
+    return absl::InvalidArgumentError(absl::StrCat("request: phase \"", grant.phase,
+                                                   "\" is of track \"", phase->config.track, "\""));
+  }
+  if (grant.budget == Budget::kPractice) {
+    return absl::InvalidArgumentError(
+        "request: practice belongs to the track; leave \"phase\" out to grant it");
+  }
+  return absl::OkStatus();
+}
+
+ApiResult GetQuota(const ApiContext& context, Reader& reader, const Request& request) {
+  ASSIGN_OR_RETURN(const Page page, ReadPage(request, {"team", "track"}));
+  if (!request.HasParam("team")) {
+    return absl::InvalidArgumentError("\"team\" is missing: a quota is a team's");
+  }
+  const std::string asked = request.Param("team");
+  const std::string track = request.Param("track");
+  RETURN_IF_ERROR(CheckTeam(asked));
+  RETURN_IF_ERROR(track.empty() ? absl::OkStatus() : context.tracks.Find(track, "").status());
+  RETURN_IF_ERROR(RequireTeam(reader, asked));
+  const std::string team = reader.TeamOf(asked);
+  ApiAnswer answer{.body = QuotaOf(reader, context, team, track)};
+  const Listed<LedgerRow> ledger = reader.Ledger(team, track, page.before, page.limit);
+  AddNextPage(request, page, ledger, answer);
+  RETURN_IF_ERROR(AddLedger(reader, context, ledger, answer.body));
+  return answer;
+}
+
+ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body) {
+  ASSIGN_OR_RETURN(NewGrant grant, ParseGrant(body));
+  RETURN_IF_ERROR(CheckPlace(grant, context));
+  absl::Status status = context.engine.Change(
+      [row = grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },
+      context.config.http.request);
+  ApiAnswer answer{201};
+  if (status.ok()) {
+    status = context.readers.Read([&](Reader& reader) {
+      grant.team = reader.TeamOf(grant.team);
+      answer.body = QuotaOf(reader, context, grant.team, grant.track);
+      return AddLedger(reader, context, reader.Ledger(grant.team, grant.track, INT64_MAX, 1),
+                       answer.body);
+    });
+  }
+  if (!status.ok()) return TeamErrorOf(status, grant.team);
+  NoteAct(absl::StrCat("team ", grant.team),
+          absl::StrCat(grant.amount, " more of ", std::string(BudgetName(grant.budget)), " on ",
+                       grant.track, ": ", grant.why));
+  return answer;
 }
 
 }  // namespace
 
 void AddTeams(Routes& routes, const ApiContext& context) {
   const std::string team = kTeam;
-  routes.Get("/v1/teams", Action::kManageTeams, std::bind_front(ListTeams, std::cref(context)));
-  routes.Post("/v1/teams", Action::kManageTeams, std::bind_front(CreateTeam, std::cref(context)));
-  routes.Get(team, Action::kReadTeam, std::bind_front(GetTeam, std::cref(context)));
-  routes.Post(team + "/rename", Action::kManageTeams,
-              std::bind_front(RenameTeam, std::cref(context)));
-  routes.Post(team + "/members", Action::kManageTeams,
-              std::bind_front(SetTeamMember, std::cref(context)));
-  routes.Post(team + "/merge", Action::kManageTeams,
-              std::bind_front(MergeTeams, std::cref(context)));
-  routes.Post(team + "/ban", Action::kManageTeams,
-              std::bind_front(BanTeam, std::cref(context)));
+  routes.Get("/v1/teams", Action::kManageTeams, Bind(context, ListTeams));
+  routes.Post("/v1/teams", Action::kManageTeams, Bind(context, CreateTeam));
+  routes.Get(team, Action::kReadTeam, Bind(context, GetTeam));
+  routes.Post(team + "/rename", Action::kManageTeams, Bind(context, RenameTeam));
+  routes.Post(team + "/members", Action::kManageTeams, Bind(context, SetTeamMember));
+  routes.Post(team + "/merge", Action::kManageTeams, Bind(context, MergeTeams));
+  routes.Post(team + "/ban", Action::kManageTeams, Bind(context, BanTeam));
+}
+
+void AddQuota(Routes& routes, const ApiContext& context) {
+  routes.Get("/v1/quota", Action::kReadQuota, Bind(context, GetQuota));
+  routes.Post("/v1/quota/grants", Action::kGrant, Bind(context, GrantQuota));
 }
 
 }  // namespace myograde::server

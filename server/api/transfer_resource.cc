@@ -1,15 +1,14 @@
 #include "server/api/resources.h"
 
 #include <fcntl.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <utility>
 
 #include <absl/cleanup/cleanup.h>
@@ -20,6 +19,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/board_source.h"
 #include "server/api/http_server.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"
@@ -27,8 +27,6 @@
 
 namespace myograde::server {
 namespace {
-
-namespace fs = std::filesystem;
 
 absl::Status WriteExport(ReaderPool& readers, const std::string& path) {
   const Fd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
@@ -51,19 +49,7 @@ absl::Status WriteExport(ReaderPool& readers, const std::string& path) {
 
 // Boards make what the view lacks on the spot, so this may as well fail.
 void FillView(const ApiContext& context) {
-  absl::StatusOr<Standings> standings = MakeStandings(context.readers, /*missing_only=*/true);
-  absl::Status status = standings.status();
-  if (status.ok()) {
-    status = context.engine.Change(
-        [rows = std::move(standings->rows)](Writer& writer) {
-          absl::Status written;
-          for (const auto& [evaluation, standing] : rows) {
-            written.Update(writer.SetStanding(evaluation, standing));
-          }
-          return written;
-        },
-        context.config.http.upload);
-  }
+  const absl::Status status = RewriteStandings(context, /*missing_only=*/true).status();
   if (!status.ok()) spdlog::warn("import: {}", std::string(status.message()));
 }
 
@@ -79,10 +65,7 @@ absl::Status SendMade(const ApiContext& context, const char* type, Response& res
   context.access_log.Flush();  // what organisers did before is in the copy
   const std::string path = SpoolPath(context);
   // The answer keeps the file open, so its name can go at once.
-  const absl::Cleanup remove = [&] {
-    std::error_code error;
-    fs::remove(path, error);
-  };
+  const absl::Cleanup remove = [&] { unlink(path.c_str()); };
   RETURN_IF_ERROR(make(path));
   return response.SetFile(path, type);
 }
@@ -113,10 +96,7 @@ absl::Status SendBackup(const ApiContext& context, const Request&, Response& res
 ApiResult ImportStore(const ApiContext& context, const Request& request) {
   HttpServer::AllowUploadTime();
   const std::string path = SpoolPath(context);
-  const absl::Cleanup remove = [&] {
-    std::error_code error;
-    fs::remove(path, error);
-  };
+  const absl::Cleanup remove = [&] { unlink(path.c_str()); };
   RETURN_IF_ERROR(request.body->MoveTo(path));
   ASSIGN_OR_RETURN(ExportInfo info, CheckExport(path));
   RETURN_IF_ERROR(context.engine.Change(
@@ -132,13 +112,13 @@ ApiResult ImportStore(const ApiContext& context, const Request& request) {
 }  // namespace
 
 void AddTransfer(Routes& routes, const ApiContext& context) {
-  routes.GetFile("/v1/export", Action::kExport, std::bind_front(SendExport, std::cref(context)));
-  routes.GetFile("/v1/backup", Action::kBackup, std::bind_front(SendBackup, std::cref(context)));
+  routes.GetFile("/v1/export", Action::kExport, Bind(context, SendExport));
+  routes.GetFile("/v1/backup", Action::kBackup, Bind(context, SendBackup));
   routes.PostUpload("/v1/import", Action::kImport,
                     {.most = context.config.artefacts.archive_bytes,
                      .upload = true,
                      .types = {"application/json", "application/octet-stream"}},
-                    std::bind_front(ImportStore, std::cref(context)));
+                    Bind(context, ImportStore));
 }
 
 }  // namespace myograde::server

@@ -2,15 +2,18 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <map>
+#include <string>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
 
 #include "protocol/lease/seed_commitment.h"
 #include "server/store/differences.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 Json Parse(const std::string& text) {
   Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
@@ -30,34 +33,50 @@ Json SideToJson(const EpisodeRow& row) {
           {"metrics", Parse(row.metrics_json)}};
 }
 
+Json NodeToJson(const NodeView& node, const DrainedNodeRow* drained) {
+  return {{"node", node.name},
+          {"state", node.state},
+          {"reason", TextOrNull(node.why)},
+          {"drained_at", drained == nullptr ? Json() : TimeToJson(drained->at)},
+          {"drained_by", drained == nullptr ? Json() : Json(drained->who)},
+          {"processor", TextOrNull(node.processor)},
+          {"running", node.running},
+          {"done", node.done},
+          {"faults", node.faults}};
+}
+
+// The rest at the pace so far; null without a pace.
+Json Remaining(const EvaluationRow& evaluation, const EpisodeCounts& counts, int64_t now_ms) {
+  if (evaluation.state != EvaluationState::kRunning || counts.done == 0) return nullptr;
+  const double elapsed = static_cast<double>(now_ms - evaluation.started_at) / 1000;
+  const auto left = static_cast<double>(evaluation.last - evaluation.first + 1 - counts.done);
+  return std::max(elapsed, 0.0) * left / static_cast<double>(counts.done);
+}
+
 }  // namespace
 
-nlohmann::json TimeToJson(int64_t ms) {
+Json TimeToJson(int64_t ms) {
   if (ms == 0) return nullptr;
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
 }
 
-nlohmann::json DamagedToJson(const std::vector<Damage>& damaged) {
+Json DamagedToJson(const std::vector<Damage>& damaged) {
   Json list = Json::array();
   for (const Damage& damage : damaged) {
-    list.push_back({{"table", damage.table},
-                    {"key", damage.key},
-                    {"message", DamageText(damage)}});
+    list.push_back({{"table", damage.table}, {"key", damage.key}, {"message", DamageText(damage)}});
   }
   return list;
 }
 
-nlohmann::json IdOrNull(int64_t id) {
-  return id == 0 ? nlohmann::json() : nlohmann::json(id);
-}
+Json IdOrNull(int64_t id) { return id == 0 ? Json() : Json(id); }
 
-nlohmann::json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
+Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
-nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration) {
+Json SecondsOrNull(const std::optional<absl::Duration>& duration) {
   return duration ? Json(absl::ToDoubleSeconds(*duration)) : Json();
 }
 
-nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts) {
+Json CountsToJson(int64_t total, const EpisodeCounts& counts) {
   return {{"total", total},
           {"done", counts.done},
           {"success", counts.success},
@@ -65,35 +84,35 @@ nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts) {
           {"fault", counts.fault}};
 }
 
-nlohmann::json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt) {
+Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt) {
   const Json facts = Parse(row.facts_json);
   const Json track = KeyOrNull(facts, "track");
   Json json = {
-          {"index", row.index},
-          {"seed", row.seed},
-          {"outcome", OutcomeName(row.outcome)},
-          {"reason", row.reason.name()},
-          {"metrics", Parse(row.metrics_json)},
-          {"steps", KeyOrNull(facts, "steps")},
-          {"sim_time_s", KeyOrNull(facts, "sim_time")},
-          {"clipped", KeyOrNull(facts, "clipped")},
-          {"digest", KeyOrNull(facts, "digest")},
-          {"actions_digest", KeyOrNull(facts, "actions_digest")},
-          {"log", KeyOrNull(facts, "log")},
-          {"end", KeyOrNull(facts, "end")},
-          {"fault", KeyOrNull(facts, "fault")},
-          {"facts", KeyOrNull(facts, track.is_string() ? track.get<std::string>().c_str() : "")},
-          {"details", Parse(row.details_json)},
-          {"wall_s", KeyOrNull(facts, "wall_s")},
-          {"policy_cpu_s", KeyOrNull(facts, "policy_cpu_s")},
-          {"attempt", row.attempt}};
+      {"index", row.index},
+      {"seed", row.seed},
+      {"outcome", OutcomeName(row.outcome)},
+      {"reason", row.reason.name()},
+      {"metrics", Parse(row.metrics_json)},
+      {"steps", KeyOrNull(facts, "steps")},
+      {"sim_time_s", KeyOrNull(facts, "sim_time")},
+      {"clipped", KeyOrNull(facts, "clipped")},
+      {"digest", KeyOrNull(facts, "digest")},
+      {"actions_digest", KeyOrNull(facts, "actions_digest")},
+      {"log", KeyOrNull(facts, "log")},
+      {"end", KeyOrNull(facts, "end")},
+      {"fault", KeyOrNull(facts, "fault")},
+      {"facts", KeyOrNull(facts, track.is_string() ? track.get<std::string>().c_str() : "")},
+      {"details", Parse(row.details_json)},
+      {"wall_s", KeyOrNull(facts, "wall_s")},
+      {"policy_cpu_s", KeyOrNull(facts, "policy_cpu_s")},
+      {"attempt", row.attempt}};
   if (!seed_salt.empty()) {
     json["seed_commitment"] = SeedCommitment(seed_salt, row.index, row.seed);
   }
   return json;
 }
 
-nlohmann::json MarksToJson(const std::vector<MarkRow>& rows) {
+Json MarksToJson(const std::vector<MarkRow>& rows) {
   Json list = Json::array();
   for (const MarkRow& row : rows) {
     list.push_back({{"mark", row.mark},
@@ -105,12 +124,8 @@ nlohmann::json MarksToJson(const std::vector<MarkRow>& rows) {
   return list;
 }
 
-nlohmann::json LimitsToJson(const TrackConfig& config) {
-  return KeyOrNull(config.effective, "budgets");
-}
-
-nlohmann::json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
-                           const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows) {
+Json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
+                 const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows) {
   std::map<int64_t, const EpisodeRow*> theirs;
   for (const EpisodeRow& row : original_rows) theirs[row.index] = &row;
   Json episodes = Json::array();
@@ -134,6 +149,86 @@ nlohmann::json CompareRows(int64_t original, const std::vector<EpisodeRow>& orig
           {"equal", equal},
           {"missing", rerun.last - rerun.first + 1 - compared},
           {"episodes", std::move(episodes)}};
+}
+
+Json NodesToJson(const std::vector<NodeView>& known, const std::vector<DrainedNodeRow>& drained,
+                 bool remote) {
+  std::map<std::string, const DrainedNodeRow*> rows;
+  for (const DrainedNodeRow& row : drained) rows[row.node] = &row;
+  std::map<std::string, NodeView> nodes;
+  for (const NodeView& node : known) nodes[node.name] = node;
+  if (remote) {
+    for (const DrainedNodeRow& row : drained) {
+      NodeView met;
+      met.name = row.node;
+      met.state = "drained";
+      met.why = row.why;
+      nodes.try_emplace(row.node, std::move(met));
+    }
+  }
+  Json list = Json::array();
+  for (const auto& [name, node] : nodes) {
+    const auto row = rows.find(name);
+    const bool is_drained = node.state == "drained" && row != rows.end();
+    list.push_back(NodeToJson(node, is_drained ? row->second : nullptr));
+  }
+  return list;
+}
+
+Json Ahead(const std::optional<absl::Duration>& duration, absl::Time now) {
+  if (!duration || *duration == absl::InfiniteDuration()) return nullptr;
+  return TimeToJson(absl::ToUnixMillis(now + *duration));
+}
+
+Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& evaluation,
+                      const EpisodeCounts& counts) {
+  return {{"submission", row.id},
+          {"team", row.team},
+          {"track", row.track},
+          {"profile", row.profile},
+          {"phase", TextOrNull(row.phase)},
+          {"artefact", row.artefact},
+          {"name", row.artefact_name},
+          {"ranked", row.ranked},
+          {"state", EvaluationStateName(evaluation.state)},
+          {"evaluation", evaluation.id},
+          {"episodes", CountsToJson(evaluation.last - evaluation.first + 1, counts)},
+          {"accepted_at", TimeToJson(row.accepted_at)},
+          {"finished_at", TimeToJson(evaluation.finished_at)}};
+}
+
+QueueOutlook AddOutlook(const ApiContext& context, const EvaluationRow& evaluation,
+                        const EpisodeCounts& counts, Json& json) {
+  const int64_t now = absl::ToUnixMillis(context.clock.Now());
+  QueueOutlook outlook = context.engine.OutlookOf(evaluation.id);
+  json["queue"] = nullptr;
+  if (outlook.place && evaluation.state == EvaluationState::kQueued) {
+    json["queue"] = {{"position", outlook.place->position},
+                     {"leases_ahead", outlook.place->leases_ahead}};
+  }
+  json["waiting"] = TextOrNull(outlook.waiting);
+  json["started_at"] = TimeToJson(evaluation.started_at);
+  const int64_t end = evaluation.finished_at == 0 ? now : evaluation.finished_at;
+  json["running_wall_s"] = evaluation.started_at == 0
+                               ? Json()
+                               : Json(static_cast<double>(end - evaluation.started_at) / 1000);
+  json["remaining_wall_s"] = Remaining(evaluation, counts, now);
+  if (json["remaining_wall_s"].is_null()) json["remaining_wall_s"] = SecondsOrNull(outlook.end);
+  json["estimated_end_at"] =
+      json["remaining_wall_s"].is_null()
+          ? Json()
+          : Ahead(absl::Seconds(json["remaining_wall_s"].get<double>()), context.clock.Now());
+  return outlook;
+}
+
+void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& answer) {
+  answer.body["next_before"] = more ? Json(last_id) : Json();
+  if (!more) return;
+  answer.next = absl::StrCat(request.path, "?before=", last_id);
+  for (const auto& [key, value] : request.params) {
+    if (key == "before") continue;
+    absl::StrAppend(&answer.next, "&", EncodeForQuery(key), "=", EncodeForQuery(value));
+  }
 }
 
 }  // namespace myograde::server

@@ -2,38 +2,82 @@
 #pragma once
 
 #include <cstdint>
+#include <iterator>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <absl/time/time.h>
 #include <nlohmann/json.hpp>
 
-#include "server/grading/tracks.h"
+#include "server/api/context.h"
+#include "server/api/requests.h"
+#include "server/api/routes.h"
+#include "server/executor/node_view.h"
 #include "server/store/damage.h"
+#include "server/store/lease_runs.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
 
+using Json = nlohmann::json;
+
 // UTC with milliseconds; null for 0 ("not yet").
-nlohmann::json TimeToJson(int64_t ms);
+Json TimeToJson(int64_t ms);
 // Of what a list could not show: [{"table": "episode", "key": "7/3", "message": "…"}].
-nlohmann::json DamagedToJson(const std::vector<Damage>& damaged);
+Json DamagedToJson(const std::vector<Damage>& damaged);
 // Null for "".
-nlohmann::json TextOrNull(const std::string& text);
-nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration);
-nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts);
+Json TextOrNull(const std::string& text);
+Json SecondsOrNull(const std::optional<absl::Duration>& duration);
+Json CountsToJson(int64_t total, const EpisodeCounts& counts);
 // One row of `episode_rows`; with the salt of a config that hides its seeds (not ""), it has
 // "seed_commitment", too.
-nlohmann::json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt);
+Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt);
 // Changes of a submission's marks, oldest first.
-nlohmann::json MarksToJson(const std::vector<MarkRow>& rows);
-// What a participant may use, as in the track's config.
-nlohmann::json LimitsToJson(const TrackConfig& config);
+Json MarksToJson(const std::vector<MarkRow>& rows);
 // A re-run against its original; both sorted by index.
-nlohmann::json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
-                           const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows);
+Json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
+                 const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows);
+// The nodes of a cluster by name: what the executor knows, and what the store has as drained,
+// though the executor has not met it; without a cluster only the former.
+Json NodesToJson(const std::vector<NodeView>& known, const std::vector<DrainedNodeRow>& drained,
+                 bool remote);
 // Null for 0: none.
-nlohmann::json IdOrNull(int64_t id);
+Json IdOrNull(int64_t id);
+
+// The time `duration` from now; null if it is not known.
+Json Ahead(const std::optional<absl::Duration>& duration, absl::Time now);
+
+// The keys that lists, a submission's status and its evaluations have in common. `counts` are those
+// of `evaluation`.
+Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& evaluation,
+                      const EpisodeCounts& counts);
+
+// Adds where an evaluation stands in the queue, why it waits, and when it will probably have ended:
+// `queue`, `waiting`, `started_at`, `running_wall_s`, `remaining_wall_s` and `estimated_end_at`.
+// Returns what they were made of.
+QueueOutlook AddOutlook(const ApiContext& context, const EvaluationRow& evaluation,
+                        const EpisodeCounts& counts, Json& json);
+
+// Says in an answer to `request`, in `next_before` and a Link header, that its list goes on below
+// `last_id` if `more`, or that it ends.
+void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& answer);
+// The same for rows that were read as `page`: a full page may have another one behind it.
+template <typename Row>
+void AddNextPage(const Request& request, const Page& page, const Listed<Row>& listed,
+                 ApiAnswer& answer) {
+  const bool full = std::ssize(listed.rows) + std::ssize(listed.damaged) >= page.limit;
+  AddNextPage(request, full, listed.last_id, answer);
+}
+// A page of a list as the answer to `request`: its rows at `key`, each as `to_json` has it.
+template <typename Row, typename RowToJson>
+ApiAnswer PageAnswer(const Request& request, const Page& page, const char* key,
+                     const Listed<Row>& listed, const RowToJson& to_json) {
+  ApiAnswer answer{200, {{key, Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}}};
+  for (const Row& row : listed.rows) answer.body[key].push_back(to_json(row));
+  AddNextPage(request, page, listed, answer);
+  return answer;
+}
 
 }  // namespace myograde::server

@@ -1,7 +1,6 @@
 #include "server/api/resources.h"
 
 #include <algorithm>
-#include <functional>
 #include <map>
 #include <utility>
 
@@ -14,8 +13,6 @@
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 // Of each webhook; GET /metrics has counts of all.
 constexpr int64_t kShownDeliveries = 20;
@@ -42,23 +39,20 @@ Json WebhookToJson(const Webhook& webhook, const DeliveryCounts& counts) {
           {"oldest_waiting_at", TimeToJson(counts.oldest_waiting_at)}};
 }
 
-ApiResult ListWebhooks(const ApiContext& context, const Request& request) {
+ApiResult ListWebhooks(const ApiContext& context, Reader& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   std::vector<Damage> damaged;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    std::map<std::string, DeliveryCounts> counts;
-    for (DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
-    for (const Webhook& webhook : context.webhooks.webhooks()) {
-      const std::string& name = webhook.config.name;
-      list.push_back(WebhookToJson(webhook, counts[name]));
-      const Listed<DeliveryRow> rows = reader.Deliveries(name, INT64_MAX, kShownDeliveries);
-      Json& deliveries = list.back()["deliveries"] = Json::array();
-      for (const DeliveryRow& row : rows.rows) deliveries.push_back(DeliveryToJson(row));
-      damaged.insert(damaged.end(), rows.damaged.begin(), rows.damaged.end());
-    }
-    return absl::OkStatus();
-  }));
+  std::map<std::string, DeliveryCounts> counts;
+  for (DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
+  for (const Webhook& webhook : context.webhooks.webhooks()) {
+    const std::string& name = webhook.config.name;
+    list.push_back(WebhookToJson(webhook, counts[name]));
+    const Listed<DeliveryRow> rows = reader.Deliveries(name, INT64_MAX, kShownDeliveries);
+    Json& deliveries = list.back()["deliveries"] = Json::array();
+    for (const DeliveryRow& row : rows.rows) deliveries.push_back(DeliveryToJson(row));
+    damaged.insert(damaged.end(), rows.damaged.begin(), rows.damaged.end());
+  }
   return ApiAnswer{200, {{"webhooks", std::move(list)}, {"unreadable", DamagedToJson(damaged)}}};
 }
 
@@ -76,21 +70,20 @@ ApiResult TestWebhook(const ApiContext& context, const Request& request, const J
   ASSIGN_OR_RETURN(const PostResult result,
                    context.webhooks.Test(webhook, [] { return HttpServer::Stopping(); }));
   NoteAct(absl::StrCat("webhook ", name), result.delivered ? "delivered" : "not delivered");
-  return ApiAnswer{
-      200,
-      {{"webhook", name},
-       {"delivered", result.delivered},
-       {"status", result.http == 0 ? Json() : Json(result.http)},
-       {"problem", TextOrNull(result.problem)},
-       {"took_wall_s", absl::ToDoubleSeconds(context.clock.Monotonic() - begin)}}};
+  return ApiAnswer{200,
+                   {{"webhook", name},
+                    {"delivered", result.delivered},
+                    {"status", result.http == 0 ? Json() : Json(result.http)},
+                    {"problem", TextOrNull(result.problem)},
+                    {"took_wall_s", absl::ToDoubleSeconds(context.clock.Monotonic() - begin)}}};
 }
 
 }  // namespace
 
 void AddWebhooks(Routes& routes, const ApiContext& context) {
-  routes.Get("/v1/webhooks", Action::kManageWebhooks, std::bind_front(ListWebhooks, std::cref(context)));
+  routes.Get("/v1/webhooks", Action::kManageWebhooks, Bind(context, ListWebhooks));
   routes.Post(R"(/v1/webhooks/([A-Za-z0-9._-]{1,64})/test)", Action::kManageWebhooks,
-              std::bind_front(TestWebhook, std::cref(context)));
+              Bind(context, TestWebhook));
 }
 
 }  // namespace myograde::server

@@ -9,7 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/access/token_text.h"
+#include "server/access/identity.h"
 #include "server/api/tcp_listener.h"
 #include "server/base/paths.h"
 #include "server/base/secret.h"

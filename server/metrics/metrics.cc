@@ -36,6 +36,12 @@ constexpr std::array<std::string_view, 6> kReturns = {"lost", "silent", "not beg
 
 std::string Text(std::string_view view) { return std::string(view); }
 
+// `why` as a label's value, if it is one of those that are known.
+template <size_t kCount>
+std::string OneOf(const std::array<std::string_view, kCount>& known, std::string_view why) {
+  return std::find(known.begin(), known.end(), why) != known.end() ? Text(why) : "other";
+}
+
 }  // namespace
 
 struct Metrics::Families {
@@ -129,8 +135,7 @@ void Metrics::CountGraderFault(const std::string& kind) {
 }
 
 void Metrics::CountReturn(std::string_view why) {
-  const bool known = std::find(kReturns.begin(), kReturns.end(), why) != kReturns.end();
-  families_->returns.Add({{"reason", known ? Text(why) : "other"}}).Increment();
+  families_->returns.Add({{"reason", OneOf(kReturns, why)}}).Increment();
 }
 
 void Metrics::CountUse(const std::string& track, double cpu_s, double energy_j) {
@@ -165,8 +170,7 @@ void Metrics::CountRefusal(int http) {
 }
 
 void Metrics::CountDenial(std::string_view why) {
-  const bool known = std::find(kDenials.begin(), kDenials.end(), why) != kDenials.end();
-  families_->denials.Add({{"reason", known ? Text(why) : "other"}}).Increment();
+  families_->denials.Add({{"reason", OneOf(kDenials, why)}}).Increment();
 }
 
 void Metrics::CountRemoved(const std::string& kind, int64_t bytes) {

@@ -13,7 +13,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/log_line.h"
 #include "server/base/secret.h"
-#include "server/webhook/retry.h"
 
 namespace myograde::server {
 namespace {
@@ -43,6 +42,14 @@ std::string IdOf(const DeliveryRow& delivery) {
 
 }  // namespace
 
+absl::Duration DelayAfter(int64_t attempts, double random) {
+  constexpr int64_t kMostDoublings = 20;  // far beyond the longest
+  const int64_t doublings = std::clamp<int64_t>(attempts - 1, 0, kMostDoublings);
+  const absl::Duration whole =
+      std::min(kFirstRetry * static_cast<double>(int64_t{1} << doublings), kLongestRetry);
+  return whole * (0.5 + random / 2);
+}
+
 void WebhookSender::Start() {
   for (const Webhook& webhook : options_.webhooks) {
     threads_.emplace_back([this, &webhook] { Run(webhook); });
@@ -70,10 +77,9 @@ absl::StatusOr<PostResult> WebhookSender::Test(const Webhook& webhook,
   ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(kTestIdBytes));
   const std::string id = absl::BytesToHexString(bytes);
   const absl::Time now = options_.clock.Now();
-  const Json body = {
-      {"id", id},
-      {"event", kTestEvent},
-      {"at", absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", now, absl::UTCTimeZone())}};
+  const Json body = {{"id", id},
+                     {"event", kTestEvent},
+                     {"at", absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", now, absl::UTCTimeZone())}};
   const PostResult result = Post(webhook, id, CanonicalJson(body), now, stop);
   options_.metrics.CountWebhook(webhook.config.name, result.delivered);
   return result;
@@ -115,21 +121,16 @@ void WebhookSender::Run(const Webhook& webhook) {
 }
 
 std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
-  std::optional<DeliveryRow> delivery;
   int64_t damaged = 0;
-  std::string why;
-  const absl::Status status = options_.readers.Read([&](Reader& reader) {
-    absl::StatusOr<DeliveryRow> next = reader.NextDelivery(webhook.config.name);
-    if (next.ok()) {
-      delivery = *std::move(next);
-    } else if (!absl::IsNotFound(next.status())) {
-      damaged = reader.NextDeliveryId(webhook.config.name);
-      why = std::string(next.status().message());
-    }
-    return absl::OkStatus();
+  const absl::StatusOr<DeliveryRow> next = options_.readers.Read<DeliveryRow>([&](Reader& reader) {
+    absl::StatusOr<DeliveryRow> found = reader.NextDelivery(webhook.config.name);
+    const bool unreadable = !found.ok() && !absl::IsNotFound(found.status());
+    if (unreadable) damaged = reader.NextDeliveryId(webhook.config.name);
+    return found;
   });
-  if (status.ok() && damaged != 0) GiveUpDamaged(webhook, damaged, why);
-  return delivery;
+  if (next.ok()) return *next;
+  if (damaged != 0) GiveUpDamaged(webhook, damaged, std::string(next.status().message()));
+  return std::nullopt;
 }
 
 void WebhookSender::GiveUpDamaged(const Webhook& webhook, int64_t id, const std::string& why) {
@@ -139,8 +140,8 @@ void WebhookSender::GiveUpDamaged(const Webhook& webhook, int64_t id, const std:
 }
 
 void WebhookSender::Deliver(const Webhook& webhook, const DeliveryRow& delivery) {
-  const PostResult result = Post(webhook, IdOf(delivery), delivery.body_json,
-                                 options_.clock.Now(), [this] { return stopping(); });
+  const PostResult result = Post(webhook, IdOf(delivery), delivery.body_json, options_.clock.Now(),
+                                 [this] { return stopping(); });
   // An attempt that the daemon's own end cut off says nothing about the receiver.
   if (!result.delivered && stopping()) return;
   options_.metrics.CountWebhook(webhook.config.name, result.delivered);

@@ -7,6 +7,7 @@
 // it again after the next start, with the same id.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include <absl/status/status.h>
+#include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
@@ -24,6 +26,14 @@
 #include "server/webhook/webhook.h"
 
 namespace myograde::server {
+
+inline constexpr absl::Duration kFirstRetry = absl::Seconds(5);
+inline constexpr absl::Duration kLongestRetry = absl::Minutes(15);
+
+// The wait after the `attempts`-th attempt failed: doubled each time from kFirstRetry up to
+// kLongestRetry, and of that the half to all of it, by `random` in [0, 1), so that daemons that
+// lost the same receiver do not come back together. REQUIRES: attempts >= 1.
+absl::Duration DelayAfter(int64_t attempts, double random);
 
 // Safe from any thread, except for Start and Stop.
 class WebhookSender {

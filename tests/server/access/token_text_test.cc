@@ -1,5 +1,5 @@
 // Bearer tokens as text.
-#include "server/access/token_text.h"
+#include "server/access/identity.h"
 
 #include <set>
 #include <string>

@@ -1,4 +1,4 @@
-#include "server/api/entity_tag.h"
+#include "server/api/negotiation.h"
 
 #include <gtest/gtest.h>
 

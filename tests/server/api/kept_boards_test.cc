@@ -1,4 +1,4 @@
-#include "server/api/kept_boards.h"
+#include "server/api/board_answers.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The nodes of a cluster: what the executor knows, and what the store has as drained.
-#include "server/api/node_view_json.h"
+#include "server/api/views.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

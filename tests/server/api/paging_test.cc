@@ -1,4 +1,4 @@
-#include "server/api/paging.h"
+#include "server/api/views.h"
 
 #include <gtest/gtest.h>
 

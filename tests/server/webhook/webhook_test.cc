@@ -12,8 +12,8 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/webhook/retry.h"
-#include "server/webhook/signature.h"
+#include "server/webhook/post.h"
+#include "server/webhook/sender.h"
 
 namespace myograde::server {
 namespace {
