@@ -9,7 +9,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/peer_key.h"
-#include "server/base/random_bytes.h"
+#include "server/base/secret.h"
 
 namespace myograde::server {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "server/api/context.h"
 #include "server/api/guard.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 
 namespace myograde::server {
 

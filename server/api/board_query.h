@@ -10,7 +10,7 @@
 
 #include "scoring/track.h"
 #include "server/api/context.h"
-#include "server/api/http_request.h"
+#include "server/http/request.h"
 #include "server/grading/tracks.h"
 #include "server/store/boards.h"
 #include "server/store/reader.h"

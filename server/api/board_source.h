@@ -7,7 +7,7 @@
 #include <absl/status/statusor.h>
 
 #include "server/api/context.h"
-#include "server/engine/standings.h"
+#include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
 #include "server/store/boards.h"

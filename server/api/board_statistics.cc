@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/api/unix_http_server.h"
+#include "server/http/http_server.h"
 #include "server/challenge/challenge.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
@@ -241,13 +241,13 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
   }
   const std::unique_lock<std::timed_mutex> own(
       computing_,
-      absl::ToChronoMilliseconds(std::min(UnixHttpServer::TimeLeft(), kLongestWaitForStatistics)));
+      absl::ToChronoMilliseconds(std::min(HttpServer::TimeLeft(), kLongestWaitForStatistics)));
   --waiting_;
   if (!own.owns_lock()) return busy;
   if (Made made = Find(key); made != nullptr) return made;
   ASSIGN_OR_RETURN(BoardStatistics computed,
                    StatisticsOf(reader, *asked.track, asked.rules->rules, board, rules,
-                                moment.results_before_ms(), UnixHttpServer::IsOver));
+                                moment.results_before_ms(), HttpServer::IsOver));
   auto made = std::make_shared<const BoardStatistics>(std::move(computed));
   const MutexLock lock(mutex_);
   return made_.FindOr(key, made);

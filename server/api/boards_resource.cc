@@ -16,7 +16,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
 #include "server/api/requests.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
@@ -98,7 +98,7 @@ ApiResult ExplainPlaces(const ApiContext& context, Reader& reader, const Request
 
 ApiResult RebuildBoards(const ApiContext& context, const Request&, const Json& body) {
   RETURN_IF_ERROR(ParseNothing(body));
-  UnixHttpServer::AllowUploadTime();
+  HttpServer::AllowUploadTime();
   ASSIGN_OR_RETURN(const Standings made, RewriteStandings(context, /*missing_only=*/false));
   NoteAct("boards", absl::StrCat(made.rows.size(), " rows are rebuilt"));
   return ApiAnswer{200,

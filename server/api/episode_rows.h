@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/aggregate.h"
-#include "server/api/http_request.h"
+#include "server/http/request.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
 

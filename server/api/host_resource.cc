@@ -11,7 +11,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/readiness.h"
 #include "server/api/requests.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 #include "server/api/views.h"
 #include "server/base/this_host.h"
 #include "server/proof/grader_build.h"
@@ -109,7 +109,7 @@ ApiResult GetLive(const Request&) { return ApiAnswer{200, {{"live", true}}}; }
 
 ApiResult GetReady(const ApiContext& context, const Request&) {
   const std::vector<Obstacle> obstacles = ObstaclesOf(context.engine.Health(), context.config,
-                                                      context.data_dir, UnixHttpServer::Stopping());
+                                                      context.data_dir, HttpServer::Stopping());
   Json body = {{"ready", obstacles.empty()}};
   if (CallerMay(Action::kReadHost)) {
     Json& reasons = body["reasons"] = Json::array();

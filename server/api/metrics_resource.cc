@@ -10,7 +10,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/readiness.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 #include "server/metrics/disk_space.h"
 #include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
@@ -97,7 +97,7 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
   AddGauges(families, "myograde_host_state",
             "1 for the state that this host is in, 0 for the others", "state", states);
   const std::vector<Obstacle> obstacles =
-      ObstaclesOf(health, context.config, context.data_dir, UnixHttpServer::Stopping());
+      ObstaclesOf(health, context.config, context.data_dir, HttpServer::Stopping());
   AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0",
            obstacles.empty() ? 1 : 0);
   std::map<std::string, bool> reasons;

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/api/http_request.h"
+#include "server/http/request.h"
 
 namespace myograde::server {
 

@@ -21,7 +21,7 @@
 #include "server/api/readiness.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 #include "server/api/views.h"
 #include "server/store/damage.h"
 
@@ -177,7 +177,7 @@ ApiResult Queue::Get(const Request& request) {
 
 std::optional<std::string> Queue::NextEvent(Snapshot& last) {
   // A token may have been revoked, or a member removed, since the event before.
-  const auto admitted = guard_.Admit(UnixHttpServer::RequestConnection(), Action::kReadSubmission);
+  const auto admitted = guard_.Admit(HttpServer::RequestConnection(), Action::kReadSubmission);
   const auto* identity = std::get_if<Identity>(&admitted);
   if (identity == nullptr) return std::nullopt;
   const CallerScope scope(*identity, Action::kReadSubmission, guard_.log());

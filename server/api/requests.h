@@ -13,7 +13,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/admission/admission.h"
-#include "server/api/http_request.h"
+#include "server/http/request.h"
 #include "server/base/plain_text.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"

@@ -11,7 +11,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/api/negotiation.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 
 namespace myograde::server {
 namespace {

@@ -18,7 +18,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/rejudge_plan.h"
 #include "server/api/requests.h"
-#include "server/api/unix_http_server.h"
+#include "server/http/http_server.h"
 #include "server/api/views.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"
@@ -188,7 +188,7 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(Reader& reader, const ApiContext
   ASSIGN_OR_RETURN(const BoardStatistics statistics,
                    StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, board,
                                 StatisticsConfigOf(context, request.phase).groups, INT64_MAX,
-                                UnixHttpServer::IsOver));
+                                HttpServer::IsOver));
   chosen = UndecidedOf(board, statistics);
   if (!chosen.empty()) return chosen;
   return absl::FailedPreconditionError(

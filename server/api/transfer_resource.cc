@@ -20,8 +20,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
-#include "server/api/http_server.h"
-#include "server/engine/standings.h"
+#include "server/http/http_server.h"
 #include "server/engine/stored.h"
 #include "server/store/transfer.h"
 

@@ -14,9 +14,8 @@
 #include "server/api/context.h"
 #include "server/api/requests.h"
 #include "server/api/routes.h"
-#include "server/executor/node_view.h"
+#include "server/executor/executor.h"
 #include "server/store/damage.h"
-#include "server/store/lease_runs.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {

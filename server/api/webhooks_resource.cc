@@ -8,7 +8,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 #include "server/api/views.h"
 
 namespace myograde::server {

@@ -22,7 +22,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/confine_unpack.h"
 #include "server/artefact/listing.h"
-#include "server/base/program_run.h"
+#include "server/base/child_process.h"
 
 namespace myograde::server {
 namespace {

@@ -144,7 +144,8 @@ int Run(int argc, char** argv) {
     const std::vector<std::string> words = {argv + 1, argv + argc};
     return ReportError(absl::InvalidArgumentError(UsageError(app, mistake, words)));
   }
-  return chosen();
+  const absl::StatusOr<int> exit = chosen();
+  return exit.ok() ? *exit : ReportError(exit.status());
 }
 
 // A descriptor that is closed would be taken by the next file or socket, and what is printed with it.

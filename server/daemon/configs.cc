@@ -10,7 +10,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/access/identity.h"
-#include "server/api/tcp_listener.h"
+#include "server/http/tcp_listener.h"
 #include "server/base/paths.h"
 #include "server/base/secret.h"
 #include "server/config/server_config.h"

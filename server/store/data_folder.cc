@@ -12,7 +12,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/host_name.h"
+#include "server/base/this_host.h"
 #include "server/store/connection.h"
 
 namespace myograde::server {

@@ -14,7 +14,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
 #include "server/api/requests.h"
-#include "server/api/http_server.h"
+#include "server/http/http_server.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;

@@ -52,6 +52,10 @@ RULES = {
     "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|boost/|CLI/"),
     "server/config": ({"protocol", "scoring/statistics_config.h", "server/base", "server/access",
                        "server/scheduler", "server/store", "server/config"}, r"mujoco/|lcm/|boost/|CLI/"),
+    # Who is connected and what they ask; it knows no address of the API.
+    "server/http": ({"protocol/base", "server/base", "server/access/access.h",
+                     "server/config/server_config.h", "server/http"},
+                    r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/grading": ({"protocol", "scoring", "server/base", "server/store", "server/proof",
                         "server/grading"}, r"mujoco/|lcm/|boost/|CLI/|fstream$|filesystem$|unistd"),
     "server/challenge": ({"protocol", "scoring"} | {f"server/{part}" for part in (
@@ -72,7 +76,7 @@ RULES = {
         "base", "artefact", "runtime", "sandbox", "proof", "store", "config", "grading", "challenge",
         "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "metrics", "access", "runner", "executor", "proof", "store", "config", "grading",
+        "base", "metrics", "access", "runner", "executor", "proof", "store", "config", "http", "grading",
         "challenge", "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "pictures", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     # What browsers are sent as it is.

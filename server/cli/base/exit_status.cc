@@ -36,4 +36,10 @@ absl::Status HostStatus(std::string_view what, const absl::Status& status) {
                                          what.empty() ? "" : ": ", status.message()));
 }
 
+absl::StatusOr<int> ExitOfLogError(const absl::Status& status) {
+  if (!absl::IsDataLoss(status)) return status;
+  ReportError(status);
+  return kNoScore;
+}
+
 }  // namespace myograde::server

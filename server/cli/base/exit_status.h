@@ -1,10 +1,11 @@
 // Exit statuses of the command line tool, and how errors are reported.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <functional>
 #include <string_view>
-
-#include <absl/status/status.h>
 
 namespace myograde::server {
 
@@ -18,8 +19,8 @@ enum Exit : int {
   kIncomplete = 5,   // nothing wrong was found, and not everything could be checked
 };
 
-// What a verb does once its arguments are parsed; returns the exit status.
-using Action = std::function<int()>;
+// What a verb does once its arguments are parsed; returns the exit status, or an error to report.
+using Action = std::function<absl::StatusOr<int>()>;
 
 // Statuses of this tool's own functions: kUnavailable means that no daemon answers;
 // InvalidArgument, NotFound, FailedPrecondition and OutOfRange are the user's to correct;
@@ -32,5 +33,14 @@ int ReportError(const absl::Status& status);
 // A status of another part on this host: what is not the user's to correct becomes kInternal, as
 // kUnavailable here means a silent daemon only. `what` goes in front.
 absl::Status HostStatus(std::string_view what, const absl::Status& status);
+template <typename T>
+absl::StatusOr<T> HostStatus(std::string_view what, absl::StatusOr<T> result) {
+  if (!result.ok()) return HostStatus(what, result.status());
+  return result;
+}
+
+// Of a verb about a log: one that is damaged is no trouble of the host. That is reported, and
+// kNoScore; any other error is returned.
+absl::StatusOr<int> ExitOfLogError(const absl::Status& status);
 
 }  // namespace myograde::server

@@ -35,8 +35,8 @@ const char* FindingStateName(FindingState state) {
   return "unknown";
 }
 
-nlohmann::json FindingsJson(const std::vector<Finding>& findings) {
-  nlohmann::json list = nlohmann::json::array();
+Json FindingsJson(const std::vector<Finding>& findings) {
+  Json list = Json::array();
   for (const Finding& finding : findings) {
     list.push_back({{"name", finding.check},
                     {"state", FindingStateName(finding.state)},
@@ -47,11 +47,7 @@ nlohmann::json FindingsJson(const std::vector<Finding>& findings) {
 }
 
 void PrintFindings(const std::vector<Finding>& findings) {
-  Table table({"check", "state", "found"});
-  for (const Finding& finding : findings) {
-    table.Add({finding.check, FindingStateName(finding.state), Harmless(finding.found)});
-  }
-  table.Print();
+  PrintRows(FindingsJson(findings), {"check=name", "state", "found"});
   for (const FindingState state :
        {FindingState::kFails, FindingState::kUnknown, FindingState::kWarning}) {
     for (const Finding& finding : findings) {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
@@ -20,7 +20,7 @@ struct Finding {
   std::string check;  // one word
   FindingState state = FindingState::kOk;
   std::string found;  // a sentence without a full stop
-  std::string todo;   // what to do about it; "" if nothing
+  std::string todo = {};  // what to do about it; "" if nothing
 };
 
 // True if a finding of that state is among them.
@@ -33,7 +33,7 @@ FindingState WorstOf(const std::vector<Finding>& findings);
 const char* FindingStateName(FindingState state);
 
 // An array of {"name", "state", "found", "todo"}.
-nlohmann::json FindingsJson(const std::vector<Finding>& findings);
+Json FindingsJson(const std::vector<Finding>& findings);
 
 // A table, then for each that is not ok what to do.
 void PrintFindings(const std::vector<Finding>& findings);

@@ -62,4 +62,11 @@ absl::StatusOr<std::string> NewFile::Keep() {
   return hash_.FinishHex();
 }
 
+absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_view content,
+                                         mode_t mode) {
+  NewFile file(path, mode);
+  if (!file.opened() || !file.Write(content)) return CantWrite(path);
+  return file.Keep();
+}
+
 }  // namespace myograde::server

@@ -44,4 +44,8 @@ class NewFile {
   int error_ = 0;
 };
 
+// Writes a whole NewFile; the digest of `content`. InvalidArgumentError if it can't be written.
+absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_view content,
+                                         mode_t mode = 0600);
+
 }  // namespace myograde::server

@@ -2,13 +2,22 @@
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
+#include <cstdlib>
+#include <filesystem>
 
 #include "server/base/paths.h"
-#include "server/cli/base/places.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
+namespace {
+
+// Of the daemon that a package's units start.
+constexpr char kSystemSocket[] = "/run/myograde/myograde.sock";
+
+}  // namespace
 
 CLI::Validator WholeNumber(int64_t least, const std::string& what) {
   return CLI::Validator(
@@ -21,6 +30,16 @@ CLI::Validator WholeNumber(int64_t least, const std::string& what) {
       "");
 }
 
+std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text) {
+  const std::pair<std::string, std::string> ends = absl::StrSplit(text, absl::MaxSplits("..", 1));
+  std::pair<int64_t, int64_t> range;
+  if (!absl::SimpleAtoi(ends.first, &range.first) ||
+      !absl::SimpleAtoi(ends.second, &range.second)) {
+    return std::nullopt;
+  }
+  return range;
+}
+
 void AddJson(CLI::App& verb, const std::string& schema, bool& json, const std::string& help) {
   verb.add_flag("--json", json, absl::StrCat(help, " (configs/schema/", schema, ".json)"));
 }
@@ -28,6 +47,29 @@ void AddJson(CLI::App& verb, const std::string& schema, bool& json, const std::s
 void AddFullHashes(CLI::App& verb, bool& full) {
   verb.add_flag("--full-hashes", full,
                 "All digits of hashes, not the first 12 (--json has them all)");
+}
+
+std::string DataDir(const std::string& option) {
+  if (!option.empty()) return option;
+  if (const std::string folder = EnvironmentVariable("MYOGRADE_DATA"); !folder.empty()) return folder;
+  return UsualDataDir();
+}
+
+std::string CacheDir(const std::string& option) {
+  if (!option.empty()) return std::filesystem::absolute(option).string();
+  if (const std::string folder = EnvironmentVariable("MYOGRADE_CACHE"); !folder.empty()) {
+    return std::filesystem::absolute(folder).string();
+  }
+  return UsualCacheDir();
+}
+
+std::string SocketPath(const std::string& socket_option, const std::string& data_option) {
+  if (!socket_option.empty()) return socket_option;
+  const std::string own = DataDir(data_option) + "/myograde.sock";
+  const bool named = !data_option.empty() || !EnvironmentVariable("MYOGRADE_DATA").empty();
+  std::error_code error;
+  if (named || std::filesystem::exists(own, error)) return own;
+  return std::filesystem::exists(kSystemSocket, error) ? kSystemSocket : own;
 }
 
 std::string HostOptions::configs_dir() const { return configs.empty() ? ConfigDir() : configs; }
@@ -41,6 +83,13 @@ void AddHostOptions(CLI::App& verb, HostOptions& options) {
   verb.add_option("--cache", options.cache,
                   "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "
                   "~/.cache/myograde if it has models, else /var/cache/myograde)");
+}
+
+void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path) {
+  verb.add_option(name, path,
+                  "An executable file, a folder with a policy.json, an archive of such a folder "
+                  "(.tar, .tar.gz, .tar.zst, .zip), or a container image as podman save writes it")
+      ->required();
 }
 
 }  // namespace myograde::server

@@ -1,10 +1,18 @@
 // Options that several verbs have.
 #pragma once
 
-#include <cstdint>
-#include <string>
+#include <absl/status/statusor.h>
+#include <absl/strings/str_cat.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "server/cli/base/exit_status.h"
 
 namespace myograde::server {
 
@@ -12,12 +20,21 @@ namespace myograde::server {
 // text is not: "no episode".
 CLI::Validator WholeNumber(int64_t least, const std::string& what);
 
+// The two numbers of "A..B"; nullopt if it is no such text.
+std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text);
+
 // Adds --json; the output is described by configs/schema/SCHEMA.json.
 void AddJson(CLI::App& verb, const std::string& schema, bool& json,
              const std::string& help = "Print JSON");
 
 // Adds --full-hashes.
 void AddFullHashes(CLI::App& verb, bool& full);
+
+// Where the data folder, its socket and the cache are. Each takes the value of its option, "" if
+// not given.
+std::string DataDir(const std::string& option);   // --data, MYOGRADE_DATA, or the default
+std::string CacheDir(const std::string& option);  // --cache, MYOGRADE_CACHE, or the default
+std::string SocketPath(const std::string& socket_option, const std::string& data_option);
 
 // Where this host's configs and models are.
 struct HostOptions {
@@ -30,5 +47,38 @@ struct HostOptions {
 
 // Adds --configs and --cache.
 void AddHostOptions(CLI::App& verb, HostOptions& options);
+
+// Adds PATH, or whatever it is called, of a submission.
+void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path);
+
+// The parts of a verb, such as "team create" and "team list", which share their options.
+template <typename Options>
+class Parts {
+ public:
+  explicit Parts(CLI::App& verb) : verb_(verb) { verb_.require_subcommand(1); }
+
+  // `example` is what stands behind the verb: "create NAME".
+  CLI::App* Add(const std::string& name, const std::string& does, const std::string& example,
+                std::function<absl::StatusOr<int>(const Options&)> action) {
+    CLI::App* part = verb_.add_subcommand(name, does);
+    part->footer(absl::StrCat("Example:\n  myograde ", verb_.get_name(), " ", example));
+    part->callback([chosen = chosen_, options = options_, action = std::move(action)] {
+      *chosen = [options, action] { return action(*options); };
+    });
+    return part;
+  }
+
+  Options& options() { return *options_; }
+
+  // What the verb does: the part that the command line names.
+  Action Chosen() const {
+    return [chosen = chosen_] { return (*chosen)(); };
+  }
+
+ private:
+  CLI::App& verb_;
+  std::shared_ptr<Options> options_ = std::make_shared<Options>();
+  std::shared_ptr<Action> chosen_ = std::make_shared<Action>();
+};
 
 }  // namespace myograde::server

@@ -1,17 +1,18 @@
 #include "server/cli/base/print_json.h"
 
+#include <absl/strings/str_format.h>
+
 #include <cstdint>
 #include <ostream>
 
-#include <absl/strings/str_format.h>
-
 #include "server/base/plain_text.h"
+#include "server/cli/base/exit_status.h"
 #include "server/cli/terminal/screen.h"
 
 namespace myograde::server {
 
-std::string ShownJson(const nlohmann::json& json) {
-  const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
+std::string ShownJson(const Json& json) {
+  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
   std::string shown;
   for (size_t at = 0; at < text.size();) {
     const size_t begin = at;
@@ -29,6 +30,19 @@ std::string ShownJson(const nlohmann::json& json) {
   return shown;
 }
 
-void PrintJson(const nlohmann::json& json) { PlainOutput() << ShownJson(json) << std::endl; }
+void PrintJson(const Json& json) { PlainOutput() << ShownJson(json) << std::endl; }
+
+Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
+
+absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
+                                const std::function<void(const Json&)>& print) {
+  if (!answer.ok()) return answer.status();
+  if (json) {
+    PrintJson(*answer);
+  } else {
+    print(*answer);
+  }
+  return kDone;
+}
 
 }  // namespace myograde::server

@@ -15,8 +15,6 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr size_t kMaxFaultsShown = 5;  // of different kinds
 
 void PrintPair(const std::string& name, const std::string& value) {
@@ -67,15 +65,6 @@ void PrintPlayed(const Json& aggregate, const Json& reasons) {
   PrintPair("without phantoms",
             absl::StrFormat("%d of %s played, %.1f %%", successes, Counted(played, "episode"),
                             100 * static_cast<double>(successes) / static_cast<double>(played)));
-}
-
-// The parts of an answer that are withheld from its reader.
-std::vector<std::string> WithheldOf(const Json& answer) {
-  std::vector<std::string> parts;
-  for (const Json& part : answer.value("withheld", Json::array())) {
-    if (part.is_string()) parts.push_back(Harmless(part.get<std::string>()));
-  }
-  return parts;
 }
 
 // "3", or "0, 1, 2 and 7 more".
@@ -132,10 +121,9 @@ std::string CountsText(const Json& episodes) {
 
 void PrintResult(const Json& result, bool full_hashes) {
   const Json aggregate = result.value("aggregate", Json());
-  const std::vector<std::string> withheld = WithheldOf(result);
+  const std::string withheld = ListCell(result, "withheld");
   if (!aggregate.is_object()) {
-    std::cout << (withheld.empty() ? "  no episode has a result yet\n"
-                                   : "  no result to see yet\n");
+    std::cout << (withheld == "-" ? "  no episode has a result yet\n" : "  no result to see yet\n");
   } else {
     PrintPair("successes", absl::StrCat(Cell(aggregate, "successes"), " of ",
                                         CountCell(aggregate, "episodes", "episode")));
@@ -157,21 +145,19 @@ void PrintResult(const Json& result, bool full_hashes) {
   }
   PrintPair("Merkle root", HashText(Cell(result, "merkle_root"), full_hashes));
   PrintOutput(result.value("output", Json::array()));
-  if (!withheld.empty()) {
-    std::cout << "  The phase withholds from its participants: " << absl::StrJoin(withheld, ", ")
-              << ".\n";
+  if (withheld != "-") {
+    std::cout << "  The phase withholds from its participants: " << withheld << ".\n";
   }
   std::cout.flush();
 }
 
-std::vector<MetricColumn> MetricColumns(const Json& metrics) {
-  std::vector<MetricColumn> columns;
+std::vector<RowColumn> MetricColumns(const Json& metrics) {
+  std::vector<RowColumn> columns;
   for (const Json& metric : metrics) {
     const std::string unit = Harmless(metric.value("unit", ""));
-    columns.push_back({.key = metric.value("name", ""),
-                       .title = absl::StrCat(Harmless(metric.value("title", "")),
-                                             unit.empty() ? "" : " ", unit),
-                       .digits = metric.value("digits", 4)});
+    columns.emplace_back(
+        absl::StrCat(Harmless(metric.value("title", "")), unit.empty() ? "" : " ", unit),
+        metric.value("name", ""), metric.value("digits", 4));
   }
   return columns;
 }
@@ -181,22 +167,14 @@ void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes) {
   for (const Json& metric : metrics) {
     if (metric.value("better", "") != "neither") ranked.push_back(metric);
   }
-  const std::vector<MetricColumn> columns = MetricColumns(ranked);
-  std::vector<std::string> head = {"episode", "seed", "outcome", "reason", "steps"};
-  for (const MetricColumn& column : columns) head.push_back(column.title);
-  head.emplace_back("digest");
-  Table table(std::move(head));
-  for (const Json& row : rows) {
-    const Json values = row.value("metrics", Json::object());
-    std::vector<std::string> cells = {Cell(row, "index"), Cell(row, "seed"), Cell(row, "outcome"),
-                                      ReasonCell(row), Cell(row, "steps")};
-    for (const MetricColumn& column : columns) {
-      cells.push_back(Cell(values, column.key, column.digits));
-    }
-    cells.push_back(HashText(Cell(row, "digest"), full_hashes));
-    table.Add(std::move(cells));
+  std::vector<RowColumn> columns = {"episode=index", "seed", "outcome",
+                                    RowColumn("reason", ReasonCell), "steps"};
+  for (const RowColumn& metric : MetricColumns(ranked)) {
+    columns.push_back(ColumnOfPart("metrics", metric));
   }
-  table.Print();
+  columns.push_back(
+      {"digest", [&](const Json& row) { return HashText(Cell(row, "digest"), full_hashes); }});
+  PrintRows(rows, columns);
   PrintFaults(rows);
 }
 
@@ -208,15 +186,12 @@ void PrintComparison(const Json& comparison) {
       std::cout << "equal\n";
       continue;
     }
-    std::vector<std::string> differs;
-    for (const Json& name : episode.value("differs", Json::array())) {
-      if (name.is_string()) differs.push_back(Harmless(name.get<std::string>()));
-    }
     const Json before = episode.value("original", Json::object());
     const Json after = episode.value("rerun", Json::object());
-    std::cout << "differs in " << absl::StrJoin(differs, ", ") << " (was "
-              << Cell(before, "outcome") << " after " << CountCell(before, "steps", "step") << ", now "
-              << Cell(after, "outcome") << " after " << CountCell(after, "steps", "step") << ")\n";
+    std::cout << "differs in " << ListCell(episode, "differs") << " (was "
+              << Cell(before, "outcome") << " after " << CountCell(before, "steps", "step")
+              << ", now " << Cell(after, "outcome") << " after "
+              << CountCell(after, "steps", "step") << ")\n";
   }
   if (!comparison.value("equal", Json(0)).is_number()) {
     std::cout << "  the phase withholds the comparison" << std::endl;
@@ -231,7 +206,7 @@ void PrintComparison(const Json& comparison) {
   std::cout << std::endl;
 }
 
-void PrintUnreadable(const nlohmann::json& answer) {
+void PrintUnreadable(const Json& answer) {
   for (const Json& entry : answer.value("unreadable", Json::array())) {
     std::cout << "  Left out: ";
     if (entry.contains("evaluation")) {
@@ -240,6 +215,17 @@ void PrintUnreadable(const nlohmann::json& answer) {
     std::cout << Cell(entry, "message") << '\n';
   }
   std::cout.flush();
+}
+
+void PrintList(const Json& answer, const std::string& key, const std::string& none,
+               const std::vector<RowColumn>& columns) {
+  const Json rows = answer.value(key, Json::array());
+  if (rows.empty()) {
+    std::cout << none << std::endl;
+  } else {
+    PrintRows(rows, columns);
+  }
+  PrintUnreadable(answer);
 }
 
 }  // namespace myograde::server

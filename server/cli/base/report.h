@@ -4,38 +4,38 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
 // Aggregate, outcomes, what the policy printed last, and hashes, their first digits unless
 // `full_hashes`. `result` has the keys of an evaluation in server/api/README.md.
-void PrintResult(const nlohmann::json& result, bool full_hashes);
+void PrintResult(const Json& result, bool full_hashes);
 
-// A metric as a column of a table, or a line of a result.
-struct MetricColumn {
-  std::string key;
-  std::string title;  // with its unit
-  int digits = 4;     // after the point
-};
-
-// Of what the API tells of metrics (name, title, unit, digits).
-std::vector<MetricColumn> MetricColumns(const nlohmann::json& metrics);
+// A column for each of the API's `metrics` (name, title, unit, digits), of objects with their
+// values.
+std::vector<RowColumn> MetricColumns(const Json& metrics);
 
 // One line for each episode of the array `rows`, then the faults in words. `metrics` are those of
 // the result.
-void PrintEpisodes(const nlohmann::json& rows, const nlohmann::json& metrics, bool full_hashes);
+void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes);
 
 // Why episodes of the array `rows` ended by a fault, in words.
-void PrintFaults(const nlohmann::json& rows);
+void PrintFaults(const Json& rows);
 
 // What a re-run found, episode by episode.
-void PrintComparison(const nlohmann::json& comparison);
+void PrintComparison(const Json& comparison);
 
 // What the API could not show (`unreadable` of `answer`), one line each.
-void PrintUnreadable(const nlohmann::json& answer);
+void PrintUnreadable(const Json& answer);
+
+// The rows of `answer` at `key` as a table, or the sentence `none` if there are none; then what
+// could not be shown.
+void PrintList(const Json& answer, const std::string& key, const std::string& none,
+               const std::vector<RowColumn>& columns);
 
 // "31/100 episodes, 4 successes" of the counts of a submission.
-std::string CountsText(const nlohmann::json& episodes);
+std::string CountsText(const Json& episodes);
 
 }  // namespace myograde::server

@@ -1,9 +1,10 @@
 #include "server/cli/base/seed_file.h"
 
-#include <charconv>
-#include <sstream>
-
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
+#include <charconv>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
@@ -19,13 +20,11 @@ constexpr size_t kMaxSeedFileBytes = 1 << 20;
 absl::StatusOr<std::vector<uint64_t>> SeedsOfLines(const std::string& text,
                                                    const std::string& path) {
   std::vector<uint64_t> seeds;
-  std::istringstream lines(text);
-  std::string line;
-  for (int number = 1; std::getline(lines, line); ++number) {
-    line = line.substr(0, line.find('#'));
-    const size_t begin = line.find_first_not_of(" \t\r");
-    if (begin == std::string::npos) continue;
-    line = line.substr(begin, line.find_last_not_of(" \t\r") + 1 - begin);
+  int number = 0;
+  for (absl::string_view line : absl::StrSplit(text, '\n')) {
+    ++number;
+    line = absl::StripAsciiWhitespace(line.substr(0, line.find('#')));
+    if (line.empty()) continue;
     uint64_t seed = 0;
     const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), seed);
     if (error != std::errc() || end != line.data() + line.size()) {

@@ -1,22 +1,20 @@
 #include "server/cli/client/acceptance.h"
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
 #include <algorithm>
 #include <optional>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
-
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
-#include "server/cli/client/challenge_phase.h"
-#include "server/cli/client/offered_runtimes.h"
+#include "server/cli/client/challenges.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 // Submissions of a team that are looked through for this policy.
 constexpr int kSubmissionsAsked = 1000;
@@ -30,7 +28,7 @@ Finding ServerFinding(const Client& client, const Json& whoami) {
   const std::string role = whoami.value("role", "");
   if (role != "public") {
     return {"server", FindingState::kOk,
-            absl::StrCat(client.where(), " takes you for ", Cell(whoami, "caller"), ", ", role), ""};
+            absl::StrCat(client.where(), " takes you for ", Cell(whoami, "caller"), ", ", role)};
   }
   return {"server", FindingState::kFails,
           absl::StrCat(client.where(), " does not know you, and only members of teams can submit"),
@@ -47,8 +45,7 @@ Finding UnknownTeam(const SubmissionPlan& plan, bool challenge) {
   }
   return {"team", FindingState::kOk,
           absl::StrCat("the server knows no team \"", plan.team,
-                       "\" of yours yet; the first submission founds it, if nobody has the name"),
-          ""};
+                       "\" of yours yet; the first submission founds it, if nobody has the name")};
 }
 
 Finding TeamFinding(const Client& client, const SubmissionPlan& plan, bool challenge) {
@@ -64,7 +61,7 @@ Finding TeamFinding(const Client& client, const SubmissionPlan& plan, bool chall
   }
   const std::string called = name == plan.team ? "" : absl::StrCat(", which is \"", name, "\" now");
   return {"team", FindingState::kOk,
-          absl::StrCat("you may submit for team \"", plan.team, "\"", called), ""};
+          absl::StrCat("you may submit for team \"", plan.team, "\"", called)};
 }
 
 // The sentence of a pause, "" if there is none.
@@ -111,10 +108,10 @@ Finding PhaseFinding(const SubmissionPlan& plan, const Json& phase) {
             "ask the organisers, unless one of them is a former name of your team"};
   }
   const Json closes = phase.value("closes_at", Json());
-  return {"phase", FindingState::kOk,
-          absl::StrCat("phase \"", name, "\" of track \"", plan.track, "\" is open",
-                       closes.is_string() ? absl::StrCat(" until ", Cell(phase, "closes_at")) : ""),
-          ""};
+  return {
+      "phase", FindingState::kOk,
+      absl::StrCat("phase \"", name, "\" of track \"", plan.track, "\" is open",
+                   closes.is_string() ? absl::StrCat(" until ", Cell(phase, "closes_at")) : "")};
 }
 
 // The phases that a submission could be for.
@@ -157,8 +154,9 @@ Place PlaceOf(const SubmissionPlan& plan, const Json& challenges) {
   const std::string pause = PauseText(challenges.value("paused", Json()), "all submissions");
   if (!pause.empty()) return {plan.phase, Paused(pause)};
   if (plan.practice) {
-    return {"", {"phase", FindingState::kOk,
-                 absl::StrCat("practice on track \"", plan.track, "\" is open"), ""}};
+    return {"",
+            {"phase", FindingState::kOk,
+             absl::StrCat("practice on track \"", plan.track, "\" is open")}};
   }
   if (!plan.phase.empty()) {
     const Json phase = PhaseIn(challenges, plan.phase);
@@ -170,8 +168,9 @@ Place PlaceOf(const SubmissionPlan& plan, const Json& challenges) {
   }
   const std::vector<Json> phases = PhasesOf(challenges, plan);
   if (!phases.empty()) return PlaceAmong(plan, phases);
-  return {"", {"phase", FindingState::kOk,
-               absl::StrCat("track \"", plan.track, "\" is open, without phases"), ""}};
+  return {"",
+          {"phase", FindingState::kOk,
+           absl::StrCat("track \"", plan.track, "\" is open, without phases")}};
 }
 
 // Whether an episode here is one there: by the hash of all rules, budgets and seeds.
@@ -188,7 +187,8 @@ Finding RulesFinding(const Client& client, const SubmissionPlan& plan) {
       if (profile.value("profile", "") != wanted) continue;
       const std::string there = profile.value("config", "");
       if (there == plan.config) {
-        return {"rules", FindingState::kOk, "the server's rules and budgets are those of this host", ""};
+        return {"rules", FindingState::kOk,
+                "the server's rules and budgets are those of this host"};
       }
       return {"rules", FindingState::kWarning,
               absl::StrCat("the server grades under config ", HashText(there, /*full=*/false),
@@ -206,7 +206,7 @@ Finding RulesFinding(const Client& client, const SubmissionPlan& plan) {
 
 // Whether the server offers the runtimes that policy.json names.
 Finding RuntimesFinding(const Client& client, const SubmissionPlan& plan) {
-  if (plan.runtimes.empty()) return {"runtimes", FindingState::kOk, "policy.json names none", ""};
+  if (plan.runtimes.empty()) return {"runtimes", FindingState::kOk, "policy.json names none"};
   const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
   if (!offered.ok()) return NotAnswered("runtimes", offered.status());
   const std::string missing = MissingRuntime(plan.runtimes, *offered);
@@ -216,7 +216,7 @@ Finding RuntimesFinding(const Client& client, const SubmissionPlan& plan) {
             "organisers"};
   }
   return {"runtimes", FindingState::kOk,
-          absl::StrCat("the server has ", absl::StrJoin(plan.runtimes, ", ")), ""};
+          absl::StrCat("the server has ", absl::StrJoin(plan.runtimes, ", "))};
 }
 
 // Why nothing is left of one budget; "" while something is.
@@ -255,7 +255,7 @@ Finding QuotaAt(const Json& quota, const Json& place, const std::string& budget)
                          " of the team wait already, which is the limit"),
             "wait until one has ended"};
   }
-  return {"quota", FindingState::kOk, LeftText(place, budget), ""};
+  return {"quota", FindingState::kOk, LeftText(place, budget)};
 }
 
 // nullopt: the server knows no such team, which then has used nothing.
@@ -303,6 +303,26 @@ std::optional<Finding> TwinFinding(const Client& client, const SubmissionPlan& p
 }
 
 }  // namespace
+
+absl::StatusOr<std::vector<std::string>> OfferedRuntimes(const Client& client) {
+  ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/runtimes"));
+  std::vector<std::string> names;
+  for (const Json& runtime : answer.value("runtimes", Json::array())) {
+    names.push_back(runtime.value("runtime", ""));
+  }
+  return names;
+}
+
+std::string MissingRuntime(const std::vector<std::string>& named,
+                           const std::vector<std::string>& offered) {
+  for (const std::string& name : named) {
+    if (std::find(offered.begin(), offered.end(), name) != offered.end()) continue;
+    return absl::StrCat("policy.json asks for the runtime \"", Harmless(name),
+                        "\", which this server does not have; it has ",
+                        offered.empty() ? "none" : Harmless(absl::StrJoin(offered, ", ")));
+  }
+  return "";
+}
 
 Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan) {
   const absl::StatusOr<Json> whoami = client.Get("/v1/whoami");

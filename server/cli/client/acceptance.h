@@ -1,6 +1,8 @@
 // What a server would answer to a submission, asked before anything is sent.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <string>
 #include <vector>
 
@@ -29,5 +31,12 @@ struct Acceptance {
 // the server's rules are those of this host, which runtimes it has, and what is left of the quota. Nothing is changed there,
 // except that a denied request is counted like any other.
 Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan);
+
+// Their names, sorted. Errors as Client::Get.
+absl::StatusOr<std::vector<std::string>> OfferedRuntimes(const Client& client);
+
+// A sentence on the first of `named` that is not offered; "" if all are.
+std::string MissingRuntime(const std::vector<std::string>& named,
+                           const std::vector<std::string>& offered);
 
 }  // namespace myograde::server

@@ -1,26 +1,42 @@
 #include "server/cli/client/client.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-
-#include <utility>
-
 #include <absl/strings/cord.h>
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
+#include <fcntl.h>
+#include <sys/stat.h>
 
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <utility>
+
+#include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
+#include "server/cli/base/exit_status.h"
 #include "server/cli/client/connect.h"
+#include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+// After a long wait the end need not be noticed at once, and each poll takes processor time from
+// the policies that are graded.
+constexpr absl::Duration kShortestPoll = absl::Milliseconds(250);
+constexpr absl::Duration kLongestPoll = absl::Seconds(1);
+constexpr int kPollsInAWait = 20;
+constexpr absl::Duration kPatience = absl::Seconds(30);
+
+std::string NoteOf(const Json& status) {
+  const Json waiting = status.value("waiting", Json());
+  if (status.value("state", "") != "queued") return status.value("state", "");
+  return waiting.is_string() ? "queued: " + waiting.get<std::string>() : "queued";
+}
 
 // The daemon answers a request in 30 s and an upload in 900 s (server.json); a
 // little more here, so that its own sentence arrives.
@@ -48,18 +64,17 @@ absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice
   Json json = Json::parse(answer.text, nullptr, /*allow_exceptions=*/false);
   const bool good = answer.status >= 200 && answer.status < 300;
   if (good && json.is_object()) return json;
-  std::string message = absl::StrCat("the daemon answered with HTTP status ", answer.status,
-                                     " and nothing that can be read");
-  if (json.is_object() && json.contains("error") && json["error"].is_object() &&
-      json["error"].contains("message") && json["error"]["message"].is_string()) {
-    message = Harmless(json["error"]["message"].get<std::string>());
+  const Json error = json.is_object() ? json.value("error", Json()) : Json();
+  std::string message = Harmless(TextAt(error, "message"));
+  if (message.empty()) {
+    message = absl::StrCat("the daemon answered with HTTP status ", answer.status,
+                           " and nothing that can be read");
   }
   const bool refused = answer.status >= 400 && answer.status < 500 && answer.status != 429;
   absl::Status status =
       refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
-  if (json.is_object() && json.contains("error") && json["error"].is_object() &&
-      json["error"].contains("code") && json["error"]["code"].is_string()) {
-    status.SetPayload(kCodeKey, absl::Cord(json["error"]["code"].get<std::string>()));
+  if (const std::string code = TextAt(error, "code"); !code.empty()) {
+    status.SetPayload(kCodeKey, absl::Cord(code));
   }
   return status;
 }
@@ -80,7 +95,55 @@ absl::StatusOr<std::string> NewKey() {
   return absl::BytesToHexString(bytes);
 }
 
+void AddRows(const Json& page, const std::string& key, Json& all) {
+  const Json rows = page.value(key, Json::array());
+  if (rows.is_array()) all[key].insert(all[key].end(), rows.begin(), rows.end());
+}
+
 }  // namespace
+
+bool IsFinalState(const std::string& state) { return state != "queued" && state != "running"; }
+
+int ExitOfState(const std::string& state) {
+  if (state == "done") return kDone;
+  return state == "grader_error" ? kTrouble : kNoScore;
+}
+
+absl::StatusOr<Json> Follow(const Client& client, const std::string& path,
+                            const std::string& what) {
+  return FollowUntil(client, path, what,
+                     [](const Json& status) { return IsFinalState(status.value("state", "")); });
+}
+
+absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
+                                 const std::string& what,
+                                 const std::function<bool(const Json&)>& final) {
+  Progress progress(what);
+  const Clock& clock = SystemClock();
+  const absl::Duration start = clock.Monotonic();
+  absl::Duration heard = start;
+  for (;;) {
+    absl::StatusOr<Json> status = client.Get(path);
+    if (status.ok()) {
+      heard = clock.Monotonic();
+      const Json counts = status->value("episodes", Json::object());
+      const std::string state = status->value("state", "");
+      const auto done = counts.value("done", int64_t{0});
+      const auto total = counts.value("total", int64_t{0});
+      if (state == "queued") {
+        progress.ShowWaiting(done, total, NoteOf(*status));
+      } else {
+        progress.Show(done, total, NoteOf(*status));
+      }
+      if (final(*status)) return status;
+    } else if (status.status().code() == absl::StatusCode::kInvalidArgument ||
+               clock.Monotonic() - heard > kPatience) {
+      return status;
+    }
+    absl::SleepFor(
+        std::clamp((clock.Monotonic() - start) / kPollsInAWait, kShortestPoll, kLongestPoll));
+  }
+}
 
 std::string AnsweredCode(const absl::Status& status) {
   return std::string(status.GetPayload(kCodeKey).value_or(absl::Cord()));
@@ -175,6 +238,22 @@ absl::StatusOr<int64_t> Client::Download(
   }
   RETURN_IF_ERROR(JsonOf(answer, *choice_).status());
   return absl::InternalError("the daemon's answer is not what was asked for");
+}
+
+absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
+                                 const std::string& rows) {
+  Json all = {{rows, Json::array()}, {"unreadable", Json::array()}, {"next_before", nullptr}};
+  int64_t before = std::numeric_limits<int64_t>::max();
+  for (;;) {
+    ASSIGN_OR_RETURN(const Json page,
+                     client.Get(absl::StrCat(path, "?limit=1000&before=", before)));
+    AddRows(page, rows, all);
+    AddRows(page, "unreadable", all);
+    const Json next = page.value("next_before", Json());
+    // Each page begins below the one before, so that the loop ends.
+    if (!next.is_number_integer() || next.get<int64_t>() >= before) return all;
+    before = next.get<int64_t>();
+  }
 }
 
 }  // namespace myograde::server

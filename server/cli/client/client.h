@@ -1,15 +1,15 @@
 // The daemon's HTTP API (server/api/README.md), over its Unix socket or the network.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <functional>
 #include <string>
 
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
-#include <nlohmann/json.hpp>
-
 #include "server/cli/client/server_choice.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
@@ -26,19 +26,17 @@ class Client {
   // Where requests go, as people write it; "" if there is no such place.
   std::string where() const { return choice_.ok() ? choice_->address.Text() : ""; }
 
-  absl::StatusOr<nlohmann::json> Get(const std::string& path) const;
-  absl::StatusOr<nlohmann::json> Post(const std::string& path, const nlohmann::json& body) const;
+  absl::StatusOr<Json> Get(const std::string& path) const;
+  absl::StatusOr<Json> Post(const std::string& path, const Json& body) const;
 
   // Post for what must be done once: the request has an Idempotency-Key of its own, and is sent once
   // more if its answer is lost.
-  absl::StatusOr<nlohmann::json> PostOnce(const std::string& path,
-                                          const nlohmann::json& body) const;
+  absl::StatusOr<Json> PostOnce(const std::string& path, const Json& body) const;
 
   // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
-  absl::StatusOr<nlohmann::json> Upload(
-      const std::string& path, const std::string& file,
-      const std::function<void(int64_t done, int64_t total)>& progress,
-      const std::string& type = "application/x-tar") const;
+  absl::StatusOr<Json> Upload(const std::string& path, const std::string& file,
+                              const std::function<void(int64_t done, int64_t total)>& progress,
+                              const std::string& type = "application/x-tar") const;
 
   // Gives the answer's bytes to `sink` piece by piece (false: stop) and says how many they were.
   // Whatever its size, little of it is in memory at a time.
@@ -52,5 +50,26 @@ class Client {
 
 // The code of the error (server/api/README.md) that the daemon answered with; "": it gave none.
 std::string AnsweredCode(const absl::Status& status);
+
+// All pages of the list at `path`, which has no query, as one answer; `rows` is the key of its
+// rows. Errors of Client::Get.
+absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
+                                 const std::string& rows);
+
+// True for a state that an evaluation does not leave.
+bool IsFinalState(const std::string& state);
+
+// The exit status that a final state stands for.
+int ExitOfState(const std::string& state);
+
+// Asks for `path` (a submission's status or an evaluation) until its state is
+// final, showing progress named `what`; the last answer. A daemon that stays
+// silent for 30 s in a row ends the waiting; one that restarts does not.
+absl::StatusOr<Json> Follow(const Client& client, const std::string& path, const std::string& what);
+
+// The same for anything that is in progress: until an answer is `final`.
+absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
+                                 const std::string& what,
+                                 const std::function<bool(const Json&)>& final);
 
 }  // namespace myograde::server

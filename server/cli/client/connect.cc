@@ -16,16 +16,14 @@
 namespace myograde::server {
 namespace {
 
-std::string OwnerOf(const std::string& path) {
-  struct stat info = {};
-  if (::stat(path.c_str(), &info) != 0) return "another user";
-  const passwd* user = ::getpwuid(info.st_uid);
-  return user != nullptr ? user->pw_name : absl::StrCat("uid ", info.st_uid);
+std::string UserName(uid_t uid) {
+  const passwd* user = ::getpwuid(uid);
+  return user != nullptr ? user->pw_name : absl::StrCat("uid ", uid);
 }
 
-std::string OwnName() {
-  const passwd* user = ::getpwuid(::geteuid());
-  return user != nullptr ? user->pw_name : absl::StrCat("uid ", ::geteuid());
+std::string OwnerOf(const std::string& path) {
+  struct stat info = {};
+  return ::stat(path.c_str(), &info) == 0 ? UserName(info.st_uid) : "another user";
 }
 
 // The group, other than root's, whose members `rights` let use `path`; "" if there is none.
@@ -58,7 +56,7 @@ std::string ClosedSocket(const std::string& socket) {
   }
   if (const std::string group = GroupThatMay(closed, closed == socket ? S_IRGRP | S_IWGRP : S_IXGRP);
       !group.empty()) {
-    const std::string user = OwnName();
+    const std::string user = UserName(::geteuid());
     return absl::StrCat("this user may not talk to the daemon on ", socket, ": ", closed,
                         " is open to the group ", group, ", and ", user,
                         IsMember(user, group)

@@ -2,11 +2,24 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/cli/base/options.h"
+#include <utility>
+
+#include "server/base/http_client.h"
+#include "server/cli/base/print_json.h"
 
 namespace myograde::server {
 
 Client DaemonOptions::client() const { return Client(ChooseServer(*this)); }
+
+absl::StatusOr<int> DaemonOptions::GetAndPrint(const std::string& path,
+                                               const AnswerPrinter& print) const {
+  return PrintAnswer(client().Get(path), json, print);
+}
+
+absl::StatusOr<int> DaemonOptions::PostAndPrint(const std::string& path, const Json& body,
+                                                const AnswerPrinter& print) const {
+  return PrintAnswer(client().Post(path, body), json, print);
+}
 
 void AddCaFile(CLI::App& verb, std::string& file) {
   verb.add_option("--ca-file", file,
@@ -33,6 +46,31 @@ void AddPlaces(CLI::App& verb, DaemonOptions& options) {
       ->excludes(data)
       ->excludes(socket);
   AddCaFile(verb, options.ca_file);
+}
+
+std::string BoardChoice::Query() const {
+  std::string query;
+  const std::pair<const char*, const std::string*> parts[] = {{"track", &track},
+                                                              {"board", &board},
+                                                              {"phase", &phase},
+                                                              {"profile", &profile},
+                                                              {"config", &config}};
+  for (const auto& [key, value] : parts) {
+    if (value->empty()) continue;
+    absl::StrAppend(&query, query.empty() ? "?" : "&", key, "=", QueryValue(*value));
+  }
+  return query;
+}
+
+void AddBoardChoice(CLI::App& verb, BoardChoice& choice, const std::string& track_help,
+                    const std::string& phase_help) {
+  verb.add_option("--track", choice.track, track_help);
+  verb.add_option("--phase", choice.phase, phase_help);
+  verb.add_option("--profile", choice.profile, "Rules profile (default: the track's own)");
+  verb.add_option("--board", choice.board, "Name of the board (default: main, which all have)");
+  verb.add_option("--config", choice.config,
+                  "The board under a config that it has or had: its hash, or the first 8 digits or "
+                  "more");
 }
 
 std::string SubmissionOptions::Resource(const std::string& part) const {

@@ -1,20 +1,32 @@
 // Options of verbs that speak to a daemon.
 #pragma once
 
-#include <cstdint>
-#include <string>
+#include <absl/status/statusor.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <utility>
 
+#include "server/cli/base/options.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/server_choice.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
+
+using AnswerPrinter = std::function<void(const Json& answer)>;
 
 struct DaemonOptions : ServerOptions {
   bool json = false;
 
   Client client() const;
+
+  // Ask the daemon once and print what it answers (print_json.h). Errors of Client.
+  absl::StatusOr<int> GetAndPrint(const std::string& path, const AnswerPrinter& print) const;
+  absl::StatusOr<int> PostAndPrint(const std::string& path, const Json& body,
+                                   const AnswerPrinter& print) const;
 };
 
 // Adds --ca-file.
@@ -25,8 +37,40 @@ void AddCaFile(CLI::App& verb, std::string& file);
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help = "Print JSON");
 
-// Adds --data and --socket alone.
+// Adds --data, --socket, --server and --ca-file alone.
 void AddPlaces(CLI::App& verb, DaemonOptions& options);
+
+// Parts of a verb that speak to a daemon; `Options` are DaemonOptions.
+template <typename Options>
+class DaemonParts : public Parts<Options> {
+ public:
+  using Parts<Options>::Parts;
+
+  // `schema` as for AddJson.
+  CLI::App* Add(const std::string& name, const std::string& does, const std::string& example,
+                const std::string& schema,
+                std::function<absl::StatusOr<int>(const Options&)> action) {
+    CLI::App* part = Parts<Options>::Add(name, does, example, std::move(action));
+    AddDaemonOptions(*part, schema, this->options());
+    return part;
+  }
+};
+
+// Which board.
+struct BoardChoice {
+  std::string track;
+  std::string profile;
+  std::string phase;
+  std::string board = "main";
+  std::string config;  // its hash, or the first digits of it
+
+  bool named() const { return !track.empty() || !phase.empty() || !config.empty(); }
+  std::string Query() const;  // "?board=main&phase=final"
+};
+
+// Adds --track, --phase, --profile, --board and --config.
+void AddBoardChoice(CLI::App& verb, BoardChoice& choice, const std::string& track_help,
+                    const std::string& phase_help);
 
 // Of verbs about one submission.
 struct SubmissionOptions : DaemonOptions {

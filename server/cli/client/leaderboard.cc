@@ -1,11 +1,15 @@
 // myograde leaderboard
-#include <algorithm>
-#include <iostream>
-#include <memory>
-
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
@@ -13,8 +17,6 @@
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/client/leaderboard_statistics.h"
-#include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
@@ -22,36 +24,121 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+// "Leaderboard of TRACK, profile P, phase X, board main, 100 episodes"; `as_of` stands behind the
+// phase.
+void PrintHead(const char* what, const Json& answer, const std::string& as_of,
+               const std::string& moment) {
+  const bool phase = answer.value("phase", Json()).is_string();
+  std::cout << Bold(absl::StrCat(
+                   what, " of ", Cell(answer, "track"), ", profile ", Cell(answer, "profile"),
+                   phase ? absl::StrCat(", phase ", Cell(answer, "phase"), as_of) : "", ", board ",
+                   Cell(answer, "board"), ", ", CountCell(answer, "episodes", "episode"), moment))
+            << '\n';
+}
+
+std::string RankText(const Json& row) {
+  return row.value("baseline", false) ? "base" : Cell(row, "rank");
+}
+
+constexpr int kMostDigits = 9;
+
+int DigitsOf(const Json& criterion) {
+  return static_cast<int>(
+      std::clamp(criterion.value("digits", int64_t{4}), int64_t{0}, int64_t{kMostDigits}));
+}
+
+// "0.310 [0.228, 0.406]".
+std::string IntervalCell(const Json& row, const Json& criterion) {
+  const Json interval =
+      row.value("intervals", Json::object()).value(criterion.value("name", ""), Json());
+  if (!interval.is_object()) return "-";
+  const int digits = DigitsOf(criterion);
+  return absl::StrCat(Cell(interval, "value", digits), " [", Cell(interval, "low", digits), ", ",
+                      Cell(interval, "high", digits), "]");
+}
+
+// The p-value of a test, as corrected: that is what is compared with the level.
+std::string TestCell(const Json& row, const char* key) {
+  const Json test = row.value(key, Json());
+  if (!test.is_object()) return "-";
+  const double p = test.value("p_adjusted", 1.0);
+  char text[32];
+  std::snprintf(text, sizeof(text), p < 1e-4 ? "%.1e" : "%.4f", p);
+  return absl::StrCat(text, test.value("decided", false) ? " *" : "",
+                      test.value("reversed", false) ? " reversed" : "");
+}
+
+void PrintPlaces(const Json& answer) {
+  const Json rows = answer.value("rows", Json::array());
+  std::vector<RowColumn> columns = {RowColumn("rank", RankText), "group", "team", "policy=name",
+                                    "id=submission"};
+  for (const Json& criterion : answer.value("criteria", Json::array())) {
+    columns.push_back({Cell(criterion, "title"),
+                       [criterion](const Json& row) { return IntervalCell(row, criterion); }});
+  }
+  columns.push_back("faults=participant_faults");
+  columns.push_back({"p (above)", [](const Json& row) { return TestCell(row, "above"); }});
+  columns.push_back({"p (group)", [](const Json& row) { return TestCell(row, "opener"); }});
+  if (std::any_of(rows.begin(), rows.end(),
+                  [](const Json& row) { return row.value("further_episodes", int64_t{0}) > 0; })) {
+    columns.push_back("further=further_episodes");
+  }
+  PrintRows(rows, columns);
+}
+
+void PrintMeaning(const Json& answer) {
+  const Json used = answer.value("statistics", Json::object());
+  std::cout << "  Intervals are 95 %. p: paired permutation test over the same episodes, corrected "
+               "(Holm) for "
+            << Counted(used.value("tests", int64_t{0}), "test") << " of the first "
+            << Cell(used, "places") << " places; * decides at the level "
+            << absl::StrCat(used.value("level", 0.0)) << ".\n";
+  if (used.value("spending", Json()) == "halving") {
+    std::cout << "  Further episodes are another look: the first look at a pair may use half of "
+                 "the level, "
+                 "each further one half of what is left.\n";
+  }
+  const auto undecided = answer.value("undecided", int64_t{0});
+  if (undecided > 0) {
+    std::cout << "  " << Counted(undecided, "place")
+              << " share a group: these episodes do not decide their order.\n";
+  }
+  if (used.value("ranks", "") == "groups") {
+    std::cout << "  Ranks are those of the groups.\n";
+  }
+}
+
+void PrintStatistics(const Json& answer) {
+  PrintHead("Statistics", answer, "", "");
+  if (answer.value("rows", Json::array()).empty()) {
+    std::cout << "  The board is empty: only whole evaluations rank.\n";
+  } else {
+    PrintPlaces(answer);
+    PrintMeaning(answer);
+  }
+  if (!answer.value("complete", true)) {
+    std::cout << "  The board is frozen as of " << Cell(answer, "frozen_at")
+              << ": what ended later does not count yet.\n";
+  }
+  PrintUnreadable(answer);
+  std::cout.flush();
+}
 
 // Marks a row that another build played than most of its board.
 constexpr char kOtherBuild[] = "*";
-constexpr size_t kShortHash = 12;
 
 // Enough of a hash to ask for a board by.
 std::string ShortHash(const Json& of, const char* key) {
-  return Cell(of, key).substr(0, kShortHash);
+  return HashText(Cell(of, key), /*full=*/false);
 }
 
 struct BoardOptions : DaemonOptions {
-  std::string track;
-  std::string profile;
-  std::string phase;
-  std::string board = "main";
-  std::string config;  // the hash, or its first digits
+  BoardChoice board;
   std::string at;
   std::vector<std::string> explain;  // two rows, or none
   bool statistics = false;
   bool rebuild = false;
 };
-
-// The phase of a board, and the time that it is of.
-std::string PhaseOf(const Json& board) {
-  if (!board.value("phase", Json()).is_string()) return "";
-  const bool frozen = !board.value("complete", true);
-  return absl::StrCat(", phase ", Cell(board, "phase"),
-                      frozen ? absl::StrCat(", as of ", Cell(board, "frozen_at")) : "");
-}
 
 // What makes it another board than that of now.
 std::string MomentOf(const Json& board) {
@@ -63,14 +150,6 @@ std::string MomentOf(const Json& board) {
     absl::StrAppend(&moment, ", under the config ", ShortHash(board, "config"));
   }
   return moment;
-}
-
-void PrintHead(const Json& board) {
-  std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
-                                 Cell(board, "profile"), PhaseOf(board), ", board ",
-                                 Cell(board, "board"), ", ",
-                                 CountCell(board, "episodes", "episode"), MomentOf(board)))
-            << '\n';
 }
 
 // What other builds of the grader played, and what stands under other configs.
@@ -97,36 +176,36 @@ void PrintOthers(const Json& board) {
   }
 }
 
+void PrintRanking(const Json& board, const Json& rows) {
+  const auto id = [](const Json& row) {
+    return absl::StrCat(Cell(row, "submission"),
+                        row.value("other_build", false) ? kOtherBuild : "");
+  };
+  std::vector<RowColumn> columns = {RowColumn("rank", RankText), "team", "policy=name",
+                                    RowColumn("id", id)};
+  columns.push_back(ColumnOfPart("aggregate", "success=successes"));
+  for (const RowColumn& metric : MetricColumns(board.value("columns", Json::array()))) {
+    columns.push_back(ColumnOfPart("aggregate", metric));
+  }
+  PrintRows(rows, columns);
+  if (std::any_of(rows.begin(), rows.end(),
+                  [](const Json& row) { return row.value("baseline", false); })) {
+    std::cout << "  base: a baseline of the organiser, shown for comparison\n";
+  }
+  if (const std::string order = Cell(board, "order"); order != "-") {
+    std::cout << "  " << order << '\n';
+  }
+}
+
 void PrintBoard(const Json& board) {
-  PrintHead(board);
+  PrintHead("Leaderboard", board,
+            board.value("complete", true) ? "" : ", as of " + Cell(board, "frozen_at"),
+            MomentOf(board));
   const Json rows = board.value("rows", Json::array());
-  const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
   if (rows.empty()) {
     std::cout << "  It is empty: only whole evaluations rank.\n";
   } else {
-    const std::vector<MetricColumn> columns = MetricColumns(board.value("columns", Json::array()));
-    std::vector<std::string> head = {"rank", "team", "policy", "id", "success"};
-    for (const MetricColumn& column : columns) head.push_back(column.title);
-    Table table(std::move(head));
-    bool baselines = false;
-    for (const Json& row : rows) {
-      const Json aggregate = aggregate_of(row);
-      const bool baseline = row.value("baseline", false);
-      baselines = baselines || baseline;
-      std::vector<std::string> cells = {baseline ? "base" : Cell(row, "rank"),
-                                        Cell(row, "team"), Cell(row, "name"),
-                                        Cell(row, "submission"), Cell(aggregate, "successes")};
-      if (row.value("other_build", false)) cells[3] += kOtherBuild;
-      for (const MetricColumn& column : columns) {
-        cells.push_back(Cell(aggregate, column.key, column.digits));
-      }
-      table.Add(std::move(cells));
-    }
-    table.Print();
-    if (baselines) std::cout << "  base: a baseline of the organiser, shown for comparison\n";
-    if (const std::string order = Cell(board, "order"); order != "-") {
-      std::cout << "  " << order << '\n';
-    }
+    PrintRanking(board, rows);
   }
   for (const Json& row : board.value("disqualified", Json::array())) {
     std::cout << "  Disqualified: submission " << Cell(row, "submission") << " of "
@@ -144,83 +223,68 @@ void PrintBoard(const Json& board) {
   std::cout.flush();
 }
 
-std::string QueryOf(const BoardOptions& options, const std::string& track) {
-  std::string query = track.empty() ? "?" : absl::StrCat("?track=", QueryValue(track), "&");
-  absl::StrAppend(&query, "board=", QueryValue(options.board));
-  if (!options.phase.empty()) absl::StrAppend(&query, "&phase=", QueryValue(options.phase));
-  if (!options.profile.empty()) absl::StrAppend(&query, "&profile=", QueryValue(options.profile));
-  if (!options.config.empty()) absl::StrAppend(&query, "&config=", QueryValue(options.config));
-  if (!options.at.empty()) absl::StrAppend(&query, "&at=", QueryValue(options.at));
-  return query;
+std::string QueryOf(const BoardOptions& options) {
+  return absl::StrCat(options.board.Query(),
+                      options.at.empty() ? "" : "&at=" + QueryValue(options.at));
 }
 
-absl::StatusOr<Json> BoardOf(const Client& client, const BoardOptions& options,
-                             const std::string& track) {
-  return client.Get("/v1/leaderboard" + QueryOf(options, track));
-}
-
-int Explain(const Client& client, BoardOptions options) {
+absl::StatusOr<int> Explain(BoardOptions options) {
+  BoardChoice& board = options.board;
   int64_t id = 0;
-  const bool board_known =
-      !options.track.empty() || !options.phase.empty() || !options.config.empty();
-  if (!board_known && absl::SimpleAtoi(options.explain.front(), &id)) {
-    const absl::StatusOr<Json> submission = client.Get(absl::StrCat("/v1/submissions/", id));
-    if (!submission.ok()) return ReportError(submission.status());
-    options.track = submission->value("track", "");
-    if (options.profile.empty()) options.profile = submission->value("profile", "");
-    const Json phase = submission->value("phase", Json());
-    if (options.phase.empty() && phase.is_string()) options.phase = phase.get<std::string>();
+  if (!board.named() && absl::SimpleAtoi(options.explain.front(), &id)) {
+    ASSIGN_OR_RETURN(const Json submission,
+                     options.client().Get(absl::StrCat("/v1/submissions/", id)));
+    board.track = submission.value("track", "");
+    if (board.profile.empty()) board.profile = submission.value("profile", "");
+    const Json phase = submission.value("phase", Json());
+    if (phase.is_string()) board.phase = phase.get<std::string>();
   }
-  if (options.track.empty() && options.phase.empty() && options.config.empty()) {
-    return ReportError(absl::InvalidArgumentError(
-        "teams are compared on one board: give --track or --phase"));
+  if (!board.named()) {
+    return absl::InvalidArgumentError("teams are compared on one board: give --track or --phase");
   }
-  const std::string path = absl::StrCat(
-      "/v1/leaderboard/explain", QueryOf(options, options.track), "&a=",
-      QueryValue(options.explain.front()), "&b=", QueryValue(options.explain.back()));
-  return PrintAnswer(client.Get(path), options.json, [](const Json& answer) {
-    std::cout << Harmless(answer.value("why", "")) << std::endl;
-  });
+  return options.GetAndPrint(
+      absl::StrCat("/v1/leaderboard/explain", QueryOf(options), "&a=",
+                   QueryValue(options.explain.front()), "&b=", QueryValue(options.explain.back())),
+      [](const Json& answer) { std::cout << Harmless(answer.value("why", "")) << std::endl; });
 }
 
-int Rebuild(const Client& client, bool json) {
-  const absl::StatusOr<Json> rebuilt = client.Post("/v1/leaderboard/rebuild", Json::object());
-  return PrintAnswer(rebuilt, json, [](const Json& answer) {
+absl::StatusOr<int> Rebuild(const BoardOptions& options) {
+  return options.PostAndPrint("/v1/leaderboard/rebuild", Json::object(), [](const Json& answer) {
     std::cout << "The boards were rebuilt from the episodes of "
               << CountCell(answer, "rebuilt", "evaluation") << "." << std::endl;
     PrintUnreadable(answer);
   });
 }
 
-int Statistics(const Client& client, const BoardOptions& options) {
-  if (options.track.empty() && options.phase.empty() && options.config.empty()) {
-    return ReportError(absl::InvalidArgumentError(
-        "--statistics are of one board: give --track, --phase or --config"));
+absl::StatusOr<int> Statistics(const BoardOptions& options) {
+  if (!options.board.named()) {
+    return absl::InvalidArgumentError(
+        "--statistics are of one board: give --track, --phase or --config");
   }
-  return PrintAnswer(client.Get("/v1/leaderboard/statistics" + QueryOf(options, options.track)),
-                     options.json, PrintStatistics);
+  return options.GetAndPrint("/v1/leaderboard/statistics" + QueryOf(options), PrintStatistics);
 }
 
-int AllBoards(const Client& client, const BoardOptions& options) {
-  const absl::StatusOr<Json> tracks = client.Get("/v1/tracks");
-  if (!tracks.ok()) return ReportError(tracks.status());
+absl::StatusOr<int> AllBoards(BoardOptions options) {
+  const Client client = options.client();
+  const BoardChoice& wanted = options.board;
+  ASSIGN_OR_RETURN(const Json tracks, client.Get("/v1/tracks"));
   Json boards = Json::array();
-  for (const Json& track : tracks->value("tracks", Json::array())) {
+  for (const Json& track : tracks.value("tracks", Json::array())) {
     // Asked for by name, a profile or board that a track lacks is a mistake; here it is skipped.
     const Json names = track.value("boards", Json::array());
-    if (std::find(names.begin(), names.end(), options.board) == names.end()) continue;
-    bool has_profile = options.profile.empty();
+    if (std::find(names.begin(), names.end(), wanted.board) == names.end()) continue;
+    bool has_profile = wanted.profile.empty();
     for (const Json& profile : track.value("profiles", Json::array())) {
-      has_profile |= profile.value("profile", "") == options.profile;
+      has_profile |= profile.value("profile", "") == wanted.profile;
     }
     if (!has_profile) continue;
-    absl::StatusOr<Json> board = BoardOf(client, options, track.value("track", ""));
-    if (!board.ok()) return ReportError(board.status());
-    boards.push_back(*std::move(board));
+    options.board.track = track.value("track", "");
+    ASSIGN_OR_RETURN(Json board, client.Get("/v1/leaderboard" + QueryOf(options)));
+    boards.push_back(std::move(board));
   }
   if (boards.empty()) {
-    return ReportError(absl::InvalidArgumentError(absl::StrCat(
-        "no track has a board \"", options.board, "\" in the profile \"", options.profile, "\"")));
+    return absl::InvalidArgumentError(absl::StrCat("no track has a board \"", wanted.board,
+                                                   "\" in the profile \"", wanted.profile, "\""));
   }
   if (options.json) {
     PrintJson({{"leaderboards", boards}});
@@ -233,29 +297,20 @@ int AllBoards(const Client& client, const BoardOptions& options) {
   return kDone;
 }
 
-int Leaderboard(const BoardOptions& options) {
-  const Client client = options.client();
-  if (options.rebuild) return Rebuild(client, options.json);
-  if (!options.explain.empty()) return Explain(client, options);
-  const bool named =
-      !options.track.empty() || !options.phase.empty() || !options.config.empty();
-  if (options.statistics) return Statistics(client, options);
-  if (!named) return AllBoards(client, options);
-  return PrintAnswer(BoardOf(client, options, options.track), options.json, PrintBoard);
+absl::StatusOr<int> Leaderboard(const BoardOptions& options) {
+  if (options.rebuild) return Rebuild(options);
+  if (!options.explain.empty()) return Explain(options);
+  if (options.statistics) return Statistics(options);
+  if (!options.board.named()) return AllBoards(options);
+  return options.GetAndPrint("/v1/leaderboard" + QueryOf(options), PrintBoard);
 }
 
 }  // namespace
 
 Action AddLeaderboard(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
-  verb.add_option("--track", options->track, "Name of the track (default: all)");
-  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
-  verb.add_option("--phase", options->phase,
-                  "Phase of a challenge, also of one that is over (default: the track's own board)");
-  verb.add_option("--board", options->board, "Name of the board (default: main, which all have)");
-  verb.add_option("--config", options->config,
-                  "The board under a config that it has or had: its hash, or the first 8 digits or "
-                  "more");
+  AddBoardChoice(verb, options->board, "Name of the track (default: all)",
+                 "Phase of a challenge, also of one that is over (default: the track's own board)");
   verb.add_option("--at", options->at,
                   "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
   verb.add_option("--explain", options->explain,

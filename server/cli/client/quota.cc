@@ -1,24 +1,22 @@
 // myograde quota
+#include <absl/strings/str_cat.h>
+
 #include <iostream>
 #include <memory>
-
-#include <absl/strings/str_cat.h>
 
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
+#include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 struct QuotaOptions : DaemonOptions {
   std::string team;
@@ -38,23 +36,6 @@ std::string UseText(const Json& use) {
       absl::StrCat(use.value("used", int64_t{0}) + open, " of ", limit);
   if (open > 0) absl::StrAppend(&text, " (", open, " open)");
   return text;
-}
-
-void PrintLedger(const Json& rows) {
-  if (rows.empty()) {
-    std::cout << "The ledger is empty." << std::endl;
-    return;
-  }
-  std::cout << Bold("Ledger, newest first") << '\n';
-  Table ledger({"row", "at", "track", "phase", "budget", "entry", "amount", "submission", "who",
-                "why"});
-  for (const Json& row : rows) {
-    ledger.Add({Cell(row, "id"), Cell(row, "at"), Cell(row, "track"), Cell(row, "phase"),
-                Cell(row, "budget"), Cell(row, "entry"), Cell(row, "amount"),
-                Cell(row, "submission"), Cell(row, "who"), Cell(row, "why")});
-  }
-  ledger.Print();
-  std::cout.flush();
 }
 
 // Whether anything of a track's budgets was ever used or granted.
@@ -106,7 +87,14 @@ void PrintQuota(const Json& quota) {
   }
   std::cout << "The next day begins at " << Cell(quota, "next_day_at") << ".\n";
   PrintUnreadable(quota);
-  PrintLedger(quota.value("ledger", Json::array()));
+  const Json ledger = quota.value("ledger", Json::array());
+  if (ledger.empty()) {
+    std::cout << "The ledger is empty." << std::endl;
+    return;
+  }
+  std::cout << Bold("Ledger, newest first") << '\n';
+  PrintRows(ledger, {"row=id", "at", "track", "phase", "budget", "entry", "amount", "submission",
+                     "who", "why"});
 }
 
 absl::StatusOr<Json> Grant(const QuotaOptions& options) {
@@ -127,11 +115,6 @@ absl::StatusOr<Json> QuotaOf(const QuotaOptions& options) {
                                   "&limit=", options.limit);
   if (!options.track.empty()) absl::StrAppend(&path, "&track=", QueryValue(options.track));
   return options.client().Get(path);
-}
-
-int Quota(const QuotaOptions& options) {
-  return PrintAnswer(options.grant != 0 ? Grant(options) : QuotaOf(options), options.json,
-                     PrintQuota);
 }
 
 }  // namespace
@@ -157,7 +140,10 @@ Action AddQuota(CLI::App& verb) {
   verb.add_option("--reason", options->reason, "Why it is granted, for the ledger; up to 200 bytes")
       ->needs(grant);
   AddDaemonOptions(verb, "quota", *options);
-  return [options] { return Quota(*options); };
+  return [options] {
+    return PrintAnswer(options->grant != 0 ? Grant(*options) : QuotaOf(*options), options->json,
+                       PrintQuota);
+  };
 }
 
 }  // namespace myograde::server

@@ -1,22 +1,23 @@
-// myograde record: head, show, prove, export
+// myograde record: head, show, prove, export; myograde receipt; myograde key
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
 #include <iostream>
 #include <memory>
 #include <string>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/client/print_answer.h"
 #include "server/cli/client/record_export.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/progress.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/merkle_tree.h"
 #include "server/proof/record_head.h"
@@ -24,7 +25,50 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+struct ReceiptOptions : SubmissionOptions {
+  std::string file;
+  int64_t evaluation = 0;  // 0: the original
+};
+
+absl::StatusOr<int> Receipt(const ReceiptOptions& options) {
+  const std::string part = options.evaluation == 0
+                               ? "/receipt"
+                               : absl::StrCat("/receipt?evaluation=", options.evaluation);
+  ASSIGN_OR_RETURN(const Json receipt, options.client().Get(options.Resource(part)));
+  // The file is canonical JSON whichever way the daemon had sent it.
+  RETURN_IF_ERROR(WriteFile(options.file, CanonicalJson(receipt) + "\n"));
+  const Json& body = receipt["receipt"];
+  return PrintAnswer(Json{{"submission", options.id},
+                          {"evaluation", body["evaluation"]},
+                          {"file", options.file},
+                          {"merkle_root", body["merkle_root"]},
+                          {"signature", receipt["signature"]["value"]}},
+                     options.json, [](const Json& file) {
+                       std::cout << Cell(file, "file") << ": receipt of submission "
+                                 << Cell(file, "submission") << ", Merkle root "
+                                 << Cell(file, "merkle_root") << std::endl;
+                     });
+}
+
+struct KeyOptions : DaemonOptions {
+  std::string file;  // "": print it
+};
+
+absl::StatusOr<int> Key(const KeyOptions& options) {
+  ASSIGN_OR_RETURN(const Json key, options.client().Get("/v1/key"));
+  const std::string pem = key.value("key", "");
+  if (!options.file.empty()) {
+    RETURN_IF_ERROR(WriteFile(options.file, pem));
+  }
+  if (options.json) {
+    PrintJson({{"algorithm", key["algorithm"]}, {"key", pem}, {"file", TextOrNull(options.file)}});
+  } else if (options.file.empty()) {
+    PlainOutput() << pem << std::flush;
+  } else {
+    std::cout << Harmless(options.file) << ": the key to publish" << std::endl;
+  }
+  return kDone;
+}
 
 constexpr size_t kMaxHeadFile = 4096;
 
@@ -36,20 +80,15 @@ struct RecordOptions : DaemonOptions {
   std::string since;     // file of an earlier head; "": none
 };
 
-int ShowHead(const RecordOptions& options) {
-  const absl::StatusOr<Json> head = options.client().Get("/v1/record/head");
-  if (!head.ok()) return ReportError(head.status());
+absl::StatusOr<int> ShowHead(const RecordOptions& options) {
+  ASSIGN_OR_RETURN(const Json head, options.client().Get("/v1/record/head"));
   if (!options.file.empty()) {
-    const absl::Status written = WriteFile(options.file, CanonicalJson(*head) + "\n");
-    if (!written.ok()) return ReportError(written);
+    RETURN_IF_ERROR(WriteFile(options.file, CanonicalJson(head) + "\n"));
   }
-  if (options.json) {
-    PrintJson(*head);
-    return kDone;
-  }
-  const Json& said = (*head)["head"];
-  std::cout << CountCell(said, "size", "entry") << ", root " << Cell(said, "root") << std::endl;
-  return kDone;
+  return PrintAnswer(head, options.json, [](const Json& signed_head) {
+    const Json& said = signed_head["head"];
+    std::cout << CountCell(said, "size", "entry") << ", root " << Cell(said, "root") << std::endl;
+  });
 }
 
 // The keys that tell most of an entry, on one line.
@@ -73,13 +112,13 @@ void PrintEntries(const Json& answer) {
   std::cout << "of " << CountCell(answer, "size", "entry") << std::endl;
 }
 
-int ShowEntries(const RecordOptions& options) {
-  return PrintAnswer(options.client().Get(absl::StrCat("/v1/record?from=", options.from,
-                                                       "&limit=", options.limit)),
-                     options.json, PrintEntries);
+absl::StatusOr<int> ShowEntries(const RecordOptions& options) {
+  return options.GetAndPrint(
+      absl::StrCat("/v1/record?from=", options.from, "&limit=", options.limit), PrintEntries);
 }
 
-int Report(const RecordOptions& options, const Json& proof, bool valid, const std::string& what) {
+int ReportProof(const RecordOptions& options, const Json& proof, bool valid,
+                const std::string& what) {
   if (options.json) {
     PrintJson({{"valid", valid}, {"what", what}, {"proof", proof}});
   } else {
@@ -88,115 +127,116 @@ int Report(const RecordOptions& options, const Json& proof, bool valid, const st
   return valid ? kDone : kNoScore;
 }
 
-// The head that the daemon signs now is what a proof must lead to.
-int ProveEntry(const RecordOptions& options) {
-  const absl::StatusOr<Json> answer = options.client().Get("/v1/record/head");
-  if (!answer.ok()) return ReportError(answer.status());
-  const absl::StatusOr<RecordHead> head = ParseHead(CanonicalJson(*answer) + "\n");
-  if (!head.ok()) return ReportError(absl::InternalError(head.status().message()));
-  const absl::StatusOr<Json> json = options.client().Get(absl::StrCat(
-      "/v1/record/proof?entry=", options.entry, "&size=", std::max<int64_t>(1, head->size)));
-  if (!json.ok()) return ReportError(json.status());
-  const absl::StatusOr<EntryProof> proof = CheckEntryProof(*json);
-  const bool valid = proof.ok() && proof->index == options.entry && proof->root == head->root;
-  return Report(options, *json, valid,
-                absl::StrCat("Entry ", options.entry, " is in the record of ",
-                             Counted(head->size, "entry", "entries"), " with the root ",
-                             HexOf(head->root)));
+// The head that the daemon signs now, to which a proof must lead.
+absl::StatusOr<RecordHead> PresentHead(const RecordOptions& options) {
+  ASSIGN_OR_RETURN(const Json answer, options.client().Get("/v1/record/head"));
+  absl::StatusOr<RecordHead> head = ParseHead(CanonicalJson(answer) + "\n");
+  if (!head.ok()) return absl::InternalError(head.status().message());
+  return head;
 }
 
-int ProveSince(const RecordOptions& options) {
-  const absl::StatusOr<std::string> text = ReadFile(options.since, kMaxHeadFile);
-  if (!text.ok()) return ReportError(text.status());
-  const absl::StatusOr<RecordHead> earlier = ParseHead(*text);
+absl::StatusOr<int> ProveEntry(const RecordOptions& options) {
+  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options));
+  ASSIGN_OR_RETURN(const Json json,
+                   options.client().Get(absl::StrCat("/v1/record/proof?entry=", options.entry,
+                                                     "&size=", std::max<int64_t>(1, head.size))));
+  const absl::StatusOr<EntryProof> proof = CheckEntryProof(json);
+  const bool valid = proof.ok() && proof->index == options.entry && proof->root == head.root;
+  return ReportProof(
+      options, json, valid,
+      absl::StrCat("Entry ", options.entry, " is in the record of ",
+                   Counted(head.size, "entry", "entries"), " with the root ", HexOf(head.root)));
+}
+
+absl::StatusOr<int> ProveSince(const RecordOptions& options) {
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(options.since, kMaxHeadFile));
+  const absl::StatusOr<RecordHead> earlier = ParseHead(text);
   if (!earlier.ok()) {
-    return ReportError(absl::InvalidArgumentError(
-        absl::StrCat(options.since, ": ", earlier.status().message())));
+    return absl::InvalidArgumentError(
+        absl::StrCat(options.since, ": ", earlier.status().message()));
   }
-  const absl::StatusOr<Json> answer = options.client().Get("/v1/record/head");
-  if (!answer.ok()) return ReportError(answer.status());
-  const absl::StatusOr<RecordHead> head = ParseHead(CanonicalJson(*answer) + "\n");
-  if (!head.ok()) return ReportError(absl::InternalError(head.status().message()));
-  const std::string what = absl::StrCat("The record of ", Counted(head->size, "entry", "entries"),
+  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options));
+  const std::string what = absl::StrCat("The record of ", Counted(head.size, "entry", "entries"),
                                         " begins with the ", earlier->size, " of ", options.since);
-  if (earlier->size > head->size) return Report(options, nullptr, false, what);
-  const absl::StatusOr<Json> json = options.client().Get(
-      absl::StrCat("/v1/record/consistency?from=", earlier->size, "&to=", head->size));
-  if (!json.ok()) return ReportError(json.status());
-  const absl::StatusOr<MerkleProof> proof = ProofOfJson(json->value("proof", Json()));
-  const bool valid = proof.ok() && ProvesConsistency(earlier->size, earlier->root, head->size,
-                                                     head->root, *proof);
-  return Report(options, *json, valid, what);
+  if (earlier->size > head.size) return ReportProof(options, nullptr, false, what);
+  ASSIGN_OR_RETURN(const Json json,
+                   options.client().Get(absl::StrCat("/v1/record/consistency?from=", earlier->size,
+                                                     "&to=", head.size)));
+  const absl::StatusOr<MerkleProof> proof = ProofOfJson(json.value("proof", Json()));
+  const bool valid =
+      proof.ok() && ProvesConsistency(earlier->size, earlier->root, head.size, head.root, *proof);
+  return ReportProof(options, json, valid, what);
 }
 
-int Prove(const RecordOptions& options) {
+absl::StatusOr<int> Prove(const RecordOptions& options) {
   if ((options.entry < 0) == options.since.empty()) {
-    return ReportError(absl::InvalidArgumentError(
-        "name the index of an entry, or with --since the file of an earlier head"));
+    return absl::InvalidArgumentError(
+        "name the index of an entry, or with --since the file of an earlier head");
   }
   return options.since.empty() ? ProveEntry(options) : ProveSince(options);
 }
 
-int ExportRecord(const RecordOptions& options) {
-  absl::StatusOr<RecordExport> done = absl::InternalError("");
-  {
-    const Client client = options.client();
-    Progress progress("receipts", Progress::Unit::kEpisodes);
-    RecordExporter exporter(client, options.file, [&](int64_t count, int64_t total) {
-      progress.Show(count, total, "");
-    });
-    done = exporter.Run();
-  }
-  if (!done.ok()) return ReportError(done.status());
-  if (options.json) {
-    PrintJson({{"folder", options.file},
-               {"size", done->size},
-               {"root", done->root},
-               {"receipts", done->receipts},
-               {"withheld", done->withheld},
-               {"boards", done->boards}});
-    return kDone;
-  }
-  std::cout << Harmless(options.file) << ": " << Counted(done->size, "entry", "entries") << ", "
-            << Counted(done->receipts, "receipt") << " (" << done->withheld << " withheld), "
-            << Counted(done->boards, "board") << ", root " << done->root << std::endl;
-  return kDone;
+absl::StatusOr<int> WriteRecord(const RecordOptions& options) {
+  const Client client = options.client();
+  ASSIGN_OR_RETURN(const Json written,
+                   ExportRecord(client, options.file, Progress("receipts").Listener()));
+  return PrintAnswer(written, options.json, [](const Json& record) {
+    std::cout << Cell(record, "folder") << ": "
+              << Counted(record["size"].get<int64_t>(), "entry", "entries") << ", "
+              << CountCell(record, "receipts", "receipt") << " (" << Cell(record, "withheld")
+              << " withheld), " << CountCell(record, "boards", "board") << ", root "
+              << Cell(record, "root") << std::endl;
+  });
 }
 
 }  // namespace
 
+Action AddReceipt(CLI::App& verb) {
+  auto options = std::make_shared<ReceiptOptions>();
+  AddSubmissionId(verb, *options);
+  verb.add_option("-o,--output", options->file, "The file to write")->required();
+  verb.add_option("--evaluation", options->evaluation,
+                  "Its evaluation by a rejudge, as \"myograde show\" lists them (default: the "
+                  "original)")
+      ->check(WholeNumber(1, "no evaluation's number"));
+  AddDaemonOptions(verb, "receipt", *options);
+  return [options] { return Receipt(*options); };
+}
+
+Action AddKey(CLI::App& verb) {
+  auto options = std::make_shared<KeyOptions>();
+  verb.add_option("-o,--output", options->file, "File for the key (default: print it)");
+  AddDaemonOptions(verb, "key", *options);
+  return [options] { return Key(*options); };
+}
+
 Action AddRecord(CLI::App& verb) {
-  auto options = std::make_shared<RecordOptions>();
-  auto chosen = std::make_shared<Action>();
-  verb.require_subcommand(1);
-  const auto add = [&](const std::string& name, const char* does, const char* example,
-                       int (*act)(const RecordOptions&)) {
-    CLI::App* part = verb.add_subcommand(name, does);
-    part->footer(absl::StrCat("Example:\n  myograde record ", example));
-    part->callback([=] { *chosen = [=] { return act(*options); }; });
-    AddDaemonOptions(*part, absl::StrCat("record-", name), *options);
-    return part;
-  };
-  add("head", "Print the record's signed head, which is worth keeping", "head -o head.json",
-      ShowHead)
-      ->add_option("-o,--output", options->file, "File for the head");
-  CLI::App* show = add("show", "List entries, oldest first", "show --from 100", ShowEntries);
-  show->add_option("--from", options->from, "Index of the first entry (default: 0)")
+  DaemonParts<RecordOptions> parts(verb);
+  RecordOptions& options = parts.options();
+  parts
+      .Add("head", "Print the record's signed head, which is worth keeping", "head -o head.json",
+           "record-head", ShowHead)
+      ->add_option("-o,--output", options.file, "File for the head");
+  CLI::App* show = parts.Add("show", "List entries, oldest first", "show --from 100", "record-show",
+                             ShowEntries);
+  show->add_option("--from", options.from, "Index of the first entry (default: 0)")
       ->check(WholeNumber(0, "no index of an entry"));
-  show->add_option("--limit", options->limit, "Entries to list, 1 to 1000 (default: 20)")
+  show->add_option("--limit", options.limit, "Entries to list, 1 to 1000 (default: 20)")
       ->check(CLI::Range(1, 1000));
-  CLI::App* prove = add("prove", "Check that an entry is in the record, or that an earlier head is "
-                                 "its beginning",
-                        "prove --since head.json", Prove);
-  prove->add_option("ENTRY", options->entry, "The index of an entry")
+  CLI::App* prove = parts.Add(
+      "prove", "Check that an entry is in the record, or that an earlier head is its beginning",
+      "prove --since head.json", "record-prove", Prove);
+  prove->add_option("ENTRY", options.entry, "The index of an entry")
       ->check(WholeNumber(0, "no index of an entry"));
-  prove->add_option("--since", options->since, "File of an earlier head");
-  add("export", "Write the record with receipts, configs and boards to a folder, to be checked by "
-                "\"myograde verify --all\"",
-      "export ./record", ExportRecord)
-      ->add_option("FOLDER", options->file, "A new folder")
+  prove->add_option("--since", options.since, "File of an earlier head");
+  parts
+      .Add("export",
+           "Write the record with receipts, configs and boards to a folder, to be "
+           "checked by \"myograde verify --all\"",
+           "export ./record", "record-export", WriteRecord)
+      ->add_option("FOLDER", options.file, "A new folder")
       ->required();
-  return [chosen] { return (*chosen)(); };
+  return parts.Chosen();
 }
 
 }  // namespace myograde::server

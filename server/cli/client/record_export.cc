@@ -1,36 +1,32 @@
-#include "protocol/base/status_macros.h"
-#include "server/base/http_client.h"
 #include "server/cli/client/record_export.h"
 
+#include <absl/status/status.h>
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
-#include <set>
+#include <map>
 #include <system_error>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
+#include "server/base/http_client.h"
+#include "server/cli/terminal/text.h"
 #include "server/proof/record_head.h"
 
 namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
-
 constexpr int kMostRounds = 5;
 constexpr int64_t kEntriesAtOnce = 1000;
 
 absl::Status Strange(const std::string& what) {
   return absl::InternalError(absl::StrCat("the daemon's ", what, " is not what this program knows; "
                                           "use the program of the daemon's version"));
-}
-
-std::string TextAt(const Json& json, const char* key) {
-  const auto it = json.find(key);
-  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
 }
 
 // A name that may stand in a path.
@@ -53,168 +49,190 @@ Json RowsOf(const Json& board, const char* list, std::initializer_list<const cha
   return rows;
 }
 
-}  // namespace
+class RecordExporter {
+ public:
+  RecordExporter(const Client& client, std::string folder,
+                 std::function<void(int64_t done, int64_t total)> progress)
+      : client_(client), folder_(std::move(folder)), progress_(std::move(progress)) {}
 
-absl::Status RecordExporter::MakeFolders() const {
-  std::error_code error;
-  fs::create_directories(folder_, error);
-  const bool empty = !error && fs::is_empty(folder_, error);
-  if (!error && !empty) {
+  absl::StatusOr<Json> Run() {
+    ASSIGN_OR_RETURN(const Json key, client_.Get("/v1/key"));
+    RETURN_IF_ERROR(MakeFolders());
+    for (int round = 0; round < kMostRounds; ++round) {
+      ASSIGN_OR_RETURN(const Json signed_head, client_.Get("/v1/record/head"));
+      const std::string text = CanonicalJson(signed_head) + "\n";
+      const absl::StatusOr<RecordHead> head = ParseHead(text);
+      if (!head.ok()) return Strange("head");
+      RETURN_IF_ERROR(ReadEntries(head->size));
+      RETURN_IF_ERROR(WriteReceipts());
+      RETURN_IF_ERROR(WriteBoards());
+      // The boards are those of the record only if nothing happened meanwhile.
+      ASSIGN_OR_RETURN(const Json after, client_.Get("/v1/record/head"));
+      if (after != signed_head) continue;
+      RETURN_IF_ERROR(WriteSecrets());
+      RETURN_IF_ERROR(Write("record.jsonl", lines_));
+      RETURN_IF_ERROR(Write("key.pem", TextAt(key, "key")));
+      RETURN_IF_ERROR(Write("head.json", text));
+      return Json{{"folder", folder_},
+                  {"size", head->size},
+                  {"root", HexOf(head->root)},
+                  {"receipts", receipts_.size()},
+                  {"withheld", withheld_.size()},
+                  {"boards", boards_}};
+    }
+    return absl::UnavailableError(
+        "results keep ending while the record is exported; pause submissions (\"myograde phase "
+        "pause "
+        "--all\"), wait until they have ended, and export again");
+  }
+
+ private:
+  absl::Status MakeFolders() const {
+    std::error_code error;
+    fs::create_directories(folder_, error);
+    const bool empty = !error && fs::is_empty(folder_, error);
+    if (!error && !empty) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(folder_, ": has files already; name a new folder"));
+    }
+    for (const char* part : {"/receipts", "/configs", "/boards", "/secrets"}) {
+      if (!error) fs::create_directory(folder_ + part, error);
+    }
+    if (!error) return absl::OkStatus();
     return absl::InvalidArgumentError(
-        absl::StrCat(folder_, ": has files already; name a new folder"));
+        absl::StrCat(folder_, ": can't be made (", error.message(), "); name another folder"));
   }
-  for (const char* part : {"/receipts", "/configs", "/boards", "/secrets"}) {
-    if (!error) fs::create_directory(folder_ + part, error);
+
+  absl::Status Write(const std::string& name, const std::string& text) const {
+    return WriteFile(absl::StrCat(folder_, "/", name), text);
   }
-  if (!error) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(folder_, ": can't be made (", error.message(), "); name another folder"));
-}
 
-absl::Status RecordExporter::Write(const std::string& name, const std::string& text) const {
-  return WriteFile(absl::StrCat(folder_, "/", name), text);
-}
-
-absl::Status RecordExporter::ReadEntries(int64_t size) {
-  lines_.clear();
-  graded_.clear();
-  for (int64_t from = 0; from < size;) {
-    const absl::StatusOr<Json> page = client_.Get(
-        absl::StrCat("/v1/record?from=", from, "&limit=", std::min(size - from, kEntriesAtOnce)));
-    if (!page.ok()) return page.status();
-    const Json entries = page->value("entries", Json());
-    if (!page->value("unreadable", Json::array()).empty()) {
-      return absl::InternalError(absl::StrCat(
-          "the daemon can't read all of its record: ",
-          TextAt((*page)["unreadable"][0], "message"), "; restore the store from a backup"));
-    }
-    if (!entries.is_array() || entries.empty()) return Strange("record");
-    for (const Json& row : entries) {
-      const Json entry = row.value("entry", Json());
-      if (!entry.is_object() || row.value("index", Json()) != from) return Strange("record");
-      absl::StrAppend(&lines_, CanonicalJson(entry), "\n");
-      ++from;
-      if (TextAt(entry, "kind") == "graded" && TextAt(entry, "state") == "graded") {
-        graded_[entry.value("evaluation", int64_t{0})] = entry;
+  absl::Status ReadEntries(int64_t size) {
+    lines_.clear();
+    graded_.clear();
+    for (int64_t from = 0; from < size;) {
+      ASSIGN_OR_RETURN(const Json page,
+                       client_.Get(absl::StrCat("/v1/record?from=", from,
+                                                "&limit=", std::min(size - from, kEntriesAtOnce))));
+      const Json entries = page.value("entries", Json());
+      if (!page.value("unreadable", Json::array()).empty()) {
+        return absl::InternalError(absl::StrCat(
+            "the daemon can't read all of its record: ", TextAt(page["unreadable"][0], "message"),
+            "; restore the store from a backup"));
       }
-      const std::string secret = TextAt(entry, "secret");
-      if (!secret.empty() && IsName(TextAt(entry, "phase"))) {
-        secrets_[TextAt(entry, "phase")] = secret;
+      if (!entries.is_array() || entries.empty()) return Strange("record");
+      for (const Json& row : entries) {
+        const Json entry = row.value("entry", Json());
+        if (!entry.is_object() || row.value("index", Json()) != from) return Strange("record");
+        absl::StrAppend(&lines_, CanonicalJson(entry), "\n");
+        ++from;
+        if (TextAt(entry, "kind") == "graded" && TextAt(entry, "state") == "graded") {
+          graded_[entry.value("evaluation", int64_t{0})] = entry;
+        }
+        const std::string secret = TextAt(entry, "secret");
+        if (!secret.empty() && IsName(TextAt(entry, "phase"))) {
+          secrets_[TextAt(entry, "phase")] = secret;
+        }
       }
     }
-  }
-  return absl::OkStatus();
-}
-
-absl::Status RecordExporter::WriteReceipt(const Json& entry) {
-  const int64_t evaluation = entry.value("evaluation", int64_t{0});
-  const absl::StatusOr<Json> receipt =
-      client_.Get(absl::StrCat("/v1/submissions/", entry.value("submission", int64_t{0}),
-                               "/receipt?evaluation=", evaluation, "&public=true&reason=true"));
-  if (!receipt.ok()) return receipt.status();
-  if (receipt->contains("withheld")) {
-    withheld_.push_back(*receipt);
     return absl::OkStatus();
   }
-  const Json body = receipt->value("receipt", Json::object());
-  const std::string config = TextAt(body, "config");
-  if (!IsName(config)) return Strange("receipt");
-  configs_[config] = body.value("track_config", Json());
-  receipts_[evaluation] = true;
-  return Write(absl::StrCat("receipts/", evaluation, ".json"), CanonicalJson(*receipt) + "\n");
-}
 
-absl::Status RecordExporter::WriteReceipts() {
-  int64_t done = 0;
-  withheld_ = Json::array();
-  for (const auto& [evaluation, entry] : graded_) {
-    if (!receipts_.contains(evaluation)) {
-      RETURN_IF_ERROR(WriteReceipt(entry));
+  absl::Status WriteReceipt(const Json& entry) {
+    const int64_t evaluation = entry.value("evaluation", int64_t{0});
+    ASSIGN_OR_RETURN(
+        const Json receipt,
+        client_.Get(absl::StrCat("/v1/submissions/", entry.value("submission", int64_t{0}),
+                                 "/receipt?evaluation=", evaluation, "&public=true&reason=true")));
+    if (receipt.contains("withheld")) {
+      withheld_.push_back(receipt);
+      return absl::OkStatus();
     }
-    progress_(++done, std::ssize(graded_));
+    const Json body = receipt.value("receipt", Json::object());
+    const std::string config = TextAt(body, "config");
+    if (!IsName(config)) return Strange("receipt");
+    configs_[config] = body.value("track_config", Json());
+    receipts_[evaluation] = true;
+    return Write(absl::StrCat("receipts/", evaluation, ".json"), CanonicalJson(receipt) + "\n");
   }
-  for (const auto& [hash, config] : configs_) {
-    RETURN_IF_ERROR(Write(absl::StrCat("configs/", hash, ".json"), CanonicalJson(config) + "\n"));
-  }
-  return Write("withheld.json", CanonicalJson({{"receipts", withheld_}}) + "\n");
-}
 
-// What follows from the record is kept, and nothing else, so that every byte can be checked.
-absl::Status RecordExporter::WriteBoard(const std::string& hash, const Json& config,
-                                        const std::string& board) {
-  const std::string phase = TextAt(config, "phase");
-  const std::string which =
-      phase.empty() ? absl::StrCat("track=", QueryValue(TextAt(config, "id")), "&profile=",
-                                   QueryValue(TextAt(config, "profile")))
-                    : absl::StrCat("phase=", QueryValue(phase));
-  const absl::StatusOr<Json> answer = client_.Get(absl::StrCat(
-      "/v1/leaderboard?", which, "&board=", QueryValue(board), "&config=", hash));
-  if (!answer.ok()) return answer.status();
-  Json kept = Only(*answer, {"board", "config", "phase", "track", "profile", "rules",
-                             "official_figures"});
-  kept["rows"] = RowsOf(*answer, "rows", {"rank", "baseline", "team", "submission", "evaluation",
-                                          "name", "qualified", "aggregate"});
-  kept["disqualified"] = RowsOf(*answer, "disqualified", {"team", "submission", "evaluation",
-                                                          "name", "reason", "at", "aggregate"});
-  ++boards_;
-  return Write(absl::StrCat("boards/", hash, ".", board, ".json"), CanonicalJson(kept) + "\n");
-}
-
-absl::Status RecordExporter::WriteBoards() {
-  boards_ = 0;
-  for (const auto& [hash, config] : configs_) {
-    if (!config.is_object() || !config.value("scoring", Json()).is_object()) {
-      return Strange("config");
+  absl::Status WriteReceipts() {
+    int64_t done = 0;
+    withheld_ = Json::array();
+    for (const auto& [evaluation, entry] : graded_) {
+      if (!receipts_.contains(evaluation)) {
+        RETURN_IF_ERROR(WriteReceipt(entry));
+      }
+      progress_(++done, std::ssize(graded_));
     }
-    std::set<std::string> names;
-    const Json boards = config["scoring"].value("boards", Json::object());
-    for (const auto& [board, rules] : boards.items()) {
-      names.insert(board);
+    for (const auto& [hash, config] : configs_) {
+      RETURN_IF_ERROR(Write(absl::StrCat("configs/", hash, ".json"), CanonicalJson(config) + "\n"));
     }
-    for (const std::string& board : names) {
-      if (!IsName(board)) return Strange("config");
-      RETURN_IF_ERROR(WriteBoard(hash, config, board));
+    return Write("withheld.json", CanonicalJson({{"receipts", withheld_}}) + "\n");
+  }
+
+  // What follows from the record is kept, and nothing else, so that every byte can be checked.
+  absl::Status WriteBoard(const std::string& hash, const Json& config, const std::string& board) {
+    const std::string phase = TextAt(config, "phase");
+    const std::string which = phase.empty()
+                                  ? absl::StrCat("track=", QueryValue(TextAt(config, "id")),
+                                                 "&profile=", QueryValue(TextAt(config, "profile")))
+                                  : absl::StrCat("phase=", QueryValue(phase));
+    ASSIGN_OR_RETURN(const Json answer,
+                     client_.Get(absl::StrCat("/v1/leaderboard?", which,
+                                              "&board=", QueryValue(board), "&config=", hash)));
+    Json kept =
+        Only(answer, {"board", "config", "phase", "track", "profile", "rules", "official_figures"});
+    kept["rows"] = RowsOf(
+        answer, "rows",
+        {"rank", "baseline", "team", "submission", "evaluation", "name", "qualified", "aggregate"});
+    kept["disqualified"] =
+        RowsOf(answer, "disqualified",
+               {"team", "submission", "evaluation", "name", "reason", "at", "aggregate"});
+    ++boards_;
+    return Write(absl::StrCat("boards/", hash, ".", board, ".json"), CanonicalJson(kept) + "\n");
+  }
+
+  absl::Status WriteBoards() {
+    boards_ = 0;
+    for (const auto& [hash, config] : configs_) {
+      if (!config.is_object() || !config.value("scoring", Json()).is_object()) {
+        return Strange("config");
+      }
+      const Json boards = config["scoring"].value("boards", Json::object());
+      for (const auto& [board, rules] : boards.items()) {
+        if (!IsName(board)) return Strange("config");
+        RETURN_IF_ERROR(WriteBoard(hash, config, board));
+      }
     }
+    return absl::OkStatus();
   }
-  return absl::OkStatus();
-}
 
-absl::Status RecordExporter::WriteSecrets() {
-  for (const auto& [phase, secret] : secrets_) {
-    RETURN_IF_ERROR(Write(absl::StrCat("secrets/", phase, ".txt"), secret + "\n"));
+  absl::Status WriteSecrets() {
+    for (const auto& [phase, secret] : secrets_) {
+      RETURN_IF_ERROR(Write(absl::StrCat("secrets/", phase, ".txt"), secret + "\n"));
+    }
+    return absl::OkStatus();
   }
-  return absl::OkStatus();
-}
 
-absl::StatusOr<RecordExport> RecordExporter::Run() {
-  ASSIGN_OR_RETURN(const Json key, client_.Get("/v1/key"));
-  RETURN_IF_ERROR(MakeFolders());
-  for (int round = 0; round < kMostRounds; ++round) {
-    ASSIGN_OR_RETURN(const Json signed_head, client_.Get("/v1/record/head"));
-    const std::string text = CanonicalJson(signed_head) + "\n";
-    const absl::StatusOr<RecordHead> head = ParseHead(text);
-    if (!head.ok()) return Strange("head");
-    absl::Status status = ReadEntries(head->size);
-    if (status.ok()) status = WriteReceipts();
-    if (status.ok()) status = WriteBoards();
-    if (!status.ok()) return status;
-    // The boards are those of the record only if nothing happened meanwhile.
-    ASSIGN_OR_RETURN(const Json after, client_.Get("/v1/record/head"));
-    if (after != signed_head) continue;
-    status = WriteSecrets();
-    status.Update(Write("record.jsonl", lines_));
-    status.Update(Write("key.pem", TextAt(key, "key")));
-    status.Update(Write("head.json", text));
-    if (!status.ok()) return status;
-    return RecordExport{.size = head->size,
-                        .root = HexOf(head->root),
-                        .receipts = std::ssize(receipts_),
-                        .withheld = std::ssize(withheld_),
-                        .boards = boards_};
-  }
-  return absl::UnavailableError(
-      "results keep ending while the record is exported; pause submissions (\"myograde phase pause "
-      "--all\"), wait until they have ended, and export again");
+  const Client& client_;
+  const std::string folder_;
+  const std::function<void(int64_t, int64_t)> progress_;
+  std::string lines_;                           // of record.jsonl
+  std::map<int64_t, Json> graded_;              // entries with results, by evaluation
+  std::map<std::string, std::string> secrets_;  // digits, by phase
+  std::map<std::string, Json> configs_;         // as receipts show them, by hash
+  std::map<int64_t, bool> receipts_;            // evaluations that have one here
+  Json withheld_ = Json::array();
+  int64_t boards_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<Json> ExportRecord(
+    const Client& client, const std::string& folder,
+    const std::function<void(int64_t done, int64_t total)>& progress) {
+  return RecordExporter(client, folder, progress).Run();
 }
 
 }  // namespace myograde::server

@@ -1,29 +1,174 @@
 // myograde rejudge: create, list, show, apply, drop
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
 #include <cstdint>
 #include <functional>
 #include <iostream>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
+#include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/client/follow.h"
-#include "server/cli/client/pages.h"
-#include "server/cli/client/print_answer.h"
-#include "server/cli/client/rejudge_text.h"
 #include "server/cli/client/verbs.h"
+#include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+std::string HashCell(const Json& object, const char* key) {
+  return HashText(object.value(key, ""), /*full=*/false);
+}
+
+// "300 of 300 results".
+std::string ItemsText(const Json& rejudge) {
+  const Json items = rejudge.value("items", Json::object());
+  return absl::StrCat(Cell(items, "ended"), " of ", CountCell(items, "total", "result"));
+}
+
+// A number before and after: one where they are the same.
+std::string BothText(const std::string& before, const std::string& after) {
+  return before == after ? before : absl::StrCat(before, " → ", after);
+}
+
+std::string SideRank(const Json& side) {
+  if (side.is_null()) return "-";
+  return side.value("baseline", false) ? "base" : Cell(side, "rank");
+}
+
+std::string MoveText(const Json& row) {
+  const Json before = row.value("before", Json());
+  const Json after = row.value("after", Json());
+  if (before.is_null()) return "new";
+  if (after.is_null()) return "gone";
+  if (!before.value("rank", Json()).is_number() || !after.value("rank", Json()).is_number()) {
+    return "-";
+  }
+  const int64_t up = before.value("rank", int64_t{0}) - after.value("rank", int64_t{0});
+  if (up == 0) return "same";
+  return up > 0 ? absl::StrCat("up ", up) : absl::StrCat("down ", -up);
+}
+
+// What `make` says of a row before and after, of which one may be missing.
+RowColumn BothColumn(std::string head, std::function<std::string(const Json& side)> make) {
+  return {std::move(head), [make = std::move(make)](const Json& row) {
+            const Json before = row.value("before", Json());
+            const Json after = row.value("after", Json());
+            if (before.is_null()) return make(after);
+            return after.is_null() ? make(before) : BothText(make(before), make(after));
+          }};
+}
+
+RowColumn AggregateColumn(const RowColumn& column) {
+  return BothColumn(column.head, ColumnOfPart("aggregate", column).cell);
+}
+
+void PrintChanges(const Json& board) {
+  std::cout << '\n'
+            << Bold(absl::StrCat("Board ", Cell(board, "board"), ": ",
+                                 CountCell(board, "moved", "change")))
+            << '\n';
+  const Json rows = board.value("rows", Json::array());
+  if (rows.empty()) {
+    std::cout << "  It is empty, before and after.\n";
+    return;
+  }
+  std::vector<RowColumn> columns = {
+      RowColumn("rank",
+                [](const Json& row) {
+                  return BothText(SideRank(row.value("before", Json())),
+                                  SideRank(row.value("after", Json())));
+                }),
+      RowColumn("change", MoveText), "team",
+      BothColumn("id", [](const Json& side) { return Cell(side, "submission"); }),
+      AggregateColumn("success=successes")};
+  for (const RowColumn& metric : MetricColumns(board.value("columns", Json::array()))) {
+    columns.push_back(AggregateColumn(metric));
+  }
+  PrintRows(rows, columns);
+  if (const std::string order = Cell(board, "order"); order != "-") {
+    std::cout << "  " << order << '\n';
+  }
+}
+
+void PrintNotRepeatable(const Json& rejudge) {
+  for (const Json& item : rejudge.value("not_repeatable", Json::array())) {
+    std::vector<std::string> indices;
+    for (const Json& episode : item.value("episodes", Json::array())) {
+      indices.push_back(Cell(episode, "index"));
+    }
+    std::cout << "Not repeatable: submission " << Cell(item, "submission") << " of "
+              << Cell(item, "team") << " differs in "
+              << (indices.size() == 1 ? "episode " : "episodes ") << absl::StrJoin(indices, ", ")
+              << ".\n";
+  }
+}
+
+void PrintWithoutResult(const Json& rejudge) {
+  for (const Json& item : rejudge.value("without_result", Json::array())) {
+    std::cout << "Without a result: submission " << Cell(item, "submission") << " of "
+              << Cell(item, "team") << " is " << Cell(item, "state") << ": " << Cell(item, "reason")
+              << '\n';
+  }
+}
+
+void PrintRejudgeEvents(const Json& rejudge) {
+  for (const Json& event : rejudge.value("events", Json::array())) {
+    std::cout << Cell(event, "event") << " at " << Cell(event, "at") << " by " << Cell(event, "who")
+              << ": " << Cell(event, "reason") << '\n';
+  }
+}
+
+// What can be done next.
+void PrintNext(const Json& rejudge) {
+  const std::string state = Cell(rejudge, "state");
+  const std::string id = Cell(rejudge, "rejudge");
+  if (state == "computing") {
+    std::cout << "It is being computed; the live board stays as it is.\n";
+  } else if (state == "ready" && Cell(rejudge, "purpose") == "rules") {
+    std::cout << "The live board is as it was. \"myograde rejudge apply " << id
+              << " --reason TEXT\" makes these its results, \"myograde rejudge drop " << id
+              << " --reason TEXT\" leaves it.\n";
+  }
+}
+
+std::string RejudgedBoard(const Json& rejudge) {
+  if (rejudge.value("phase", Json()).is_string()) return "phase " + Cell(rejudge, "phase");
+  return absl::StrCat("track ", Cell(rejudge, "track"), ", profile ", Cell(rejudge, "profile"));
+}
+
+void PrintRejudge(const Json& rejudge) {
+  const Json items = rejudge.value("items", Json::object());
+  std::cout << Bold(absl::StrCat("Rejudge ", Cell(rejudge, "rejudge"), " of ",
+                                 RejudgedBoard(rejudge), " is ", Cell(rejudge, "state")))
+            << '\n'
+            << "config   " << HashCell(rejudge, "from_config") << " → "
+            << HashCell(rejudge, "to_config") << '\n'
+            << "results  " << ItemsText(rejudge) << "; from facts " << Cell(items, "facts")
+            << ", played " << Cell(items, "play") << '\n';
+  if (rejudge.value("repeats", int64_t{1}) > 1) {
+    std::cout << "repeats  " << Cell(rejudge, "repeats") << '\n';
+  }
+  PrintRejudgeEvents(rejudge);
+  PrintWithoutResult(rejudge);
+  PrintNotRepeatable(rejudge);
+  for (const Json& board : rejudge.value("boards", Json::array())) PrintChanges(board);
+  if (!rejudge.value("unreadable", Json::array()).empty()) PrintUnreadable(rejudge);
+  PrintNext(rejudge);
+  if (const auto left = rejudge.value("accepted_under_to_config", int64_t{0}); left > 0) {
+    std::cout << Counted(left, "submission") << " accepted under the new config "
+              << (left == 1 ? "stays" : "stay") << " under it, off the board that is now shown.\n";
+  }
+  std::cout.flush();
+}
 
 constexpr char kRejudges[] = "/v1/rejudges";
 // No config is near that; the daemon takes bodies of the same size.
@@ -46,24 +191,18 @@ struct RejudgeOptions : DaemonOptions {
   }
 };
 
-bool IsComputed(const Json& rejudge) { return rejudge.value("state", "") != "computing"; }
-
 // With every rank's change, or those that can be told so far.
-absl::StatusOr<Json> WholeRejudge(const RejudgeOptions& options) {
-  return options.client().Get(options.Resource("?changes=1"));
-}
-
-int ShowRejudge(const RejudgeOptions& options) {
+absl::StatusOr<int> ShowRejudge(const RejudgeOptions& options) {
   if (options.wait) {
-    const absl::StatusOr<Json> computed =
+    RETURN_IF_ERROR(
         FollowUntil(options.client(), options.Resource(), absl::StrCat("rejudge ", options.id),
-                    IsComputed);
-    if (!computed.ok()) return ReportError(computed.status());
+                    [](const Json& rejudge) { return rejudge.value("state", "") != "computing"; })
+            .status());
   }
-  const absl::StatusOr<Json> rejudge = WholeRejudge(options);
-  const int exit = PrintAnswer(rejudge, options.json, PrintRejudge);
-  if (!options.wait || exit != kDone) return exit;
-  return rejudge->value("without_result", Json::array()).empty() ? kDone : kNoScore;
+  ASSIGN_OR_RETURN(const Json rejudge, options.client().Get(options.Resource("?changes=1")));
+  RETURN_IF_ERROR(PrintAnswer(rejudge, options.json, PrintRejudge).status());
+  const bool whole = rejudge.value("without_result", Json::array()).empty();
+  return !options.wait || whole ? kDone : kNoScore;
 }
 
 absl::StatusOr<Json> NewRejudge(const RejudgeOptions& options) {
@@ -83,85 +222,66 @@ absl::StatusOr<Json> NewRejudge(const RejudgeOptions& options) {
     if (!value->empty()) body[key] = *value;
   }
   if (options.config.empty()) return body;
-  absl::StatusOr<Json> config = ReadJsonFile(options.config, kMaxConfigBytes);
-  if (!config.ok()) return config.status();
-  if (!config->is_object()) {
+  ASSIGN_OR_RETURN(Json config, ReadJsonFile(options.config, kMaxConfigBytes));
+  if (!config.is_object()) {
     return absl::InvalidArgumentError(absl::StrCat(
         options.config, ": is no track config, which is an object in braces; see configs/README.md"));
   }
-  body["config"] = *std::move(config);
+  body["config"] = std::move(config);
   return body;
 }
 
-int CreateRejudge(RejudgeOptions options) {
-  const absl::StatusOr<Json> body = NewRejudge(options);
-  if (!body.ok()) return ReportError(body.status());
-  const absl::StatusOr<Json> created = options.client().Post(kRejudges, *body);
+absl::StatusOr<int> CreateRejudge(RejudgeOptions options) {
+  ASSIGN_OR_RETURN(const Json body, NewRejudge(options));
+  const absl::StatusOr<Json> created = options.client().Post(kRejudges, body);
   if (!created.ok() || !options.wait) return PrintAnswer(created, options.json, PrintRejudge);
   options.id = created->value("rejudge", int64_t{0});
   return ShowRejudge(options);
 }
 
-int ApplyRejudge(const RejudgeOptions& options) {
+absl::StatusOr<int> ApplyRejudge(const RejudgeOptions& options) {
   Json body = {{"reason", options.reason}};
   if (!options.without.empty()) body["without"] = options.without;
-  return PrintAnswer(options.client().Post(options.Resource("/apply"), body), options.json,
-                     [](const Json& rejudge) {
-                       std::cout << "The board of " << RejudgedBoard(rejudge)
-                                 << " now has the results of rejudge " << Cell(rejudge, "rejudge")
-                                 << ", and its config is "
-                                 << HashText(rejudge.value("to_config", ""), false) << "."
-                                 << std::endl;
-                     });
+  return options.PostAndPrint(options.Resource("/apply"), body, [](const Json& rejudge) {
+    std::cout << "The board of " << RejudgedBoard(rejudge) << " now has the results of rejudge "
+              << Cell(rejudge, "rejudge") << ", and its config is "
+              << HashCell(rejudge, "to_config") << "." << std::endl;
+  });
 }
 
-int DropRejudge(const RejudgeOptions& options) {
-  return PrintAnswer(options.client().Post(options.Resource("/drop"), {{"reason", options.reason}}),
-                     options.json, PrintRejudge);
+absl::StatusOr<int> DropRejudge(const RejudgeOptions& options) {
+  return options.PostAndPrint(options.Resource("/drop"), {{"reason", options.reason}},
+                              PrintRejudge);
 }
 
-int ListRejudges(const RejudgeOptions& options) {
-  return PrintAnswer(GetAllPages(options.client(), kRejudges, "rejudges"), options.json,
-                     PrintRejudges);
+absl::StatusOr<int> ListRejudges(const RejudgeOptions& options) {
+  return PrintAnswer(
+      GetAllPages(options.client(), kRejudges, "rejudges"), options.json, [](const Json& answer) {
+        PrintList(
+            answer, "rejudges", "Nothing was rejudged yet; \"myograde rejudge create\" begins one.",
+            {"id=rejudge", "state", RowColumn("board", RejudgedBoard),
+             RowColumn("to config", [](const Json& one) { return HashCell(one, "to_config"); }),
+             RowColumn("results", ItemsText), "created=at", "reason"});
+      });
 }
 
-// The parts of the verb, which share their options.
-class RejudgeParts {
+// The parts of the verb that are about one rejudge.
+class RejudgeParts : public DaemonParts<RejudgeOptions> {
  public:
-  explicit RejudgeParts(CLI::App& verb) : verb_(verb) { verb_.require_subcommand(1); }
+  using DaemonParts::DaemonParts;
 
-  CLI::App* Add(const char* name, const char* does, const char* example, const char* schema,
-                std::function<int(const RejudgeOptions&)> action) {
-    CLI::App* part = verb_.add_subcommand(name, does);
-    part->footer(absl::StrCat("Example:\n  myograde rejudge ", example));
-    part->callback([chosen = chosen_, options = options_, action = std::move(action)] {
-      *chosen = [options, action] { return action(*options); };
-    });
-    AddDaemonOptions(*part, schema, *options_);
-    return part;
-  }
-  // The same about one rejudge.
   CLI::App* AddOfOne(const char* name, const char* does, const char* example,
-                     std::function<int(const RejudgeOptions&)> action) {
+                     std::function<absl::StatusOr<int>(const RejudgeOptions&)> action) {
     CLI::App* part = Add(name, does, example, "rejudge", std::move(action));
-    part->add_option("ID", options_->id, "The rejudge, as \"myograde rejudge list\" numbers it")
+    part->add_option("ID", options().id, "The rejudge, as \"myograde rejudge list\" numbers it")
         ->required()
         ->check(CLI::PositiveNumber);
     return part;
   }
   void AddReason(CLI::App* part) {
-    part->add_option("--reason", options_->reason, "Why, for the record; up to 200 bytes")
+    part->add_option("--reason", options().reason, "Why, for the record; up to 200 bytes")
         ->required();
   }
-  RejudgeOptions& options() { return *options_; }
-  Action Chosen() const {
-    return [chosen = chosen_] { return (*chosen)(); };
-  }
-
- private:
-  CLI::App& verb_;
-  std::shared_ptr<RejudgeOptions> options_ = std::make_shared<RejudgeOptions>();
-  std::shared_ptr<Action> chosen_ = std::make_shared<Action>();
 };
 
 void AddCreatePart(RejudgeParts& parts) {

@@ -1,14 +1,80 @@
 #include "server/cli/client/server_choice.h"
 
+#include <absl/strings/ascii.h>
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <fcntl.h>
+#include <pwd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
 #include <optional>
 
+#include "protocol/base/config_reader.h"
+#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/ip_address.h"
 #include "server/base/paths.h"
-#include "server/cli/base/places.h"
-#include "server/cli/client/login_file.h"
+#include "server/cli/base/new_file.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr int kHttpsPort = 443;
+constexpr int kHttpPort = 80;
+constexpr size_t kMaxHost = 253;
+
+int UsualPort(ServerAddress::Kind kind) {
+  return kind == ServerAddress::Kind::kHttps ? kHttpsPort : kHttpPort;
+}
+
+bool IsHostName(const std::string& host) {
+  return !host.empty() && host.size() <= kMaxHost && host.front() != '-' && host.front() != '.' &&
+         std::all_of(host.begin(), host.end(), [](unsigned char c) {
+           return absl::ascii_isalnum(c) || c == '-' || c == '.';
+         });
+}
+
+bool IsThisHost(const std::string& host) {
+  if (host == "localhost") return true;
+  const std::optional<IpAddress> address = IpAddress::Parse(host);
+  return address.has_value() && address->IsLoopback();
+}
+
+// Host and port of what stands behind "https://". False: it is no such thing.
+bool ReadAuthority(std::string text, ServerAddress& address) {
+  if (text.ends_with('/')) text.pop_back();
+  address.port = UsualPort(address.kind);
+  const size_t bracket = text.rfind(']');
+  const size_t colon = text.find(':', bracket == std::string::npos ? 0 : bracket);
+  if (colon != std::string::npos) {
+    const std::string port = text.substr(colon + 1);
+    const bool digits = !port.empty() && port.size() <= 5 &&
+                        port.find_first_not_of("0123456789") == std::string::npos;
+    if (!digits || !absl::SimpleAtoi(port, &address.port)) return false;
+    if (address.port < 1 || address.port > 65535) return false;
+    text.resize(colon);
+  }
+  if (text.starts_with('[')) {
+    if (!text.ends_with(']')) return false;
+    address.host = text.substr(1, text.size() - 2);
+    return address.host.find(':') != std::string::npos &&
+           IpAddress::Parse(address.host).has_value();
+  }
+  address.host = absl::AsciiStrToLower(text);
+  return IsHostName(address.host);
+}
 
 // The choice without what is shown there.
 absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
@@ -16,11 +82,9 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
   const std::string variable = EnvironmentVariable("MYOGRADE_SERVER");
   const bool names_socket = !options.socket.empty() || !options.data.empty();
   if (!options.server.empty() || (!names_socket && !variable.empty())) {
-    absl::StatusOr<ServerAddress> address = options.server.empty()
-                                                ? ParseServer(variable, "MYOGRADE_SERVER")
-                                                : ParseServer(options.server, "--server");
-    if (!address.ok()) return address.status();
-    choice.address = *std::move(address);
+    ASSIGN_OR_RETURN(choice.address, options.server.empty()
+                                         ? ParseServer(variable, "MYOGRADE_SERVER")
+                                         : ParseServer(options.server, "--server"));
     return choice;
   }
   if (!names_socket && EnvironmentVariable("MYOGRADE_DATA").empty()) {
@@ -43,27 +107,153 @@ absl::StatusOr<bool> IsForVariable(const ServerAddress& address) {
   return named.Text() == address.Text();
 }
 
+constexpr size_t kMaxFile = 64 << 10;
+constexpr size_t kMaxToken = 512;
+
+std::string HomeOf() {
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home != '\0') return home;
+  const passwd* user = ::getpwuid(::getuid());
+  return user == nullptr ? "/" : user->pw_dir;
+}
+
+absl::Status NotUsable(const std::string& path, std::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(path, ": ",
+                                                 absl::string_view(why.data(), why.size()),
+                                                 "; \"myograde login\" writes it anew, \"myograde "
+                                                 "logout\" removes it"));
+}
+
+// The token is as good as its owner's only while nobody else knows it.
+absl::Status CheckRights(const std::string& path, int fd) {
+  struct stat info;
+  if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) return NotUsable(path, "is no file");
+  if (info.st_uid != ::geteuid()) return NotUsable(path, "belongs to another user");
+  if ((info.st_mode & 077) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      path,
+      ": other users may read the token in it; take that right away (chmod 600), and have the "
+      "token replaced if they may have done so"));
+}
+
 }  // namespace
 
+std::string ServerAddress::Text() const {
+  if (!network()) return socket;
+  const std::optional<IpAddress> numeric = IpAddress::Parse(host);
+  std::string text = absl::StrCat(kind == Kind::kHttps ? "https://" : "http://",
+                                  numeric.has_value() ? numeric->UrlHost() : host);
+  if (port != UsualPort(kind)) absl::StrAppend(&text, ":", port);
+  return text;
+}
+
+absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::string& what) {
+  ServerAddress address;
+  if (text.starts_with("unix:") && text.size() > 5) {
+    address.socket = text.substr(5);
+    return address;
+  }
+  const size_t scheme = text.find("://");
+  if (scheme == std::string::npos && text.find('/') != std::string::npos) {
+    address.socket = text;
+    return address;
+  }
+  if (text.find('@') != std::string::npos) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        what, ": an address has no user and no password in it; \"myograde login\" takes a token"));
+  }
+  const std::string word =
+      absl::AsciiStrToLower(text.substr(0, scheme == std::string::npos ? 0 : scheme));
+  address.kind = word == "https" ? ServerAddress::Kind::kHttps : ServerAddress::Kind::kHttp;
+  const bool good =
+      (word == "https" || word == "http") && ReadAuthority(text.substr(scheme + 3), address);
+  if (!good) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        what, ": \"", CutText(Harmless(text), 80),
+        "\" is no server's address: write https://HOST:PORT, or the path of a daemon's socket"));
+  }
+  if (address.kind == ServerAddress::Kind::kHttp && !IsThisHost(address.host)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        what, ": ", address.Text(),
+        " is without TLS, so that anybody on the way could read and "
+        "change everything; write https://, or reach this host itself as http://127.0.0.1"));
+  }
+  return address;
+}
+
 absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options) {
-  absl::StatusOr<ServerChoice> choice = ChooseAddress(options);
-  if (!choice.ok()) return choice;
-  choice->ca_file =
-      options.ca_file.empty() ? EnvironmentVariable("MYOGRADE_CA_FILE") : options.ca_file;
+  ASSIGN_OR_RETURN(ServerChoice choice, ChooseAddress(options));
+  choice.ca_file = options.ca_file.empty() ? EnvironmentVariable("MYOGRADE_CA_FILE") : options.ca_file;
   if (const std::string token = EnvironmentVariable("MYOGRADE_TOKEN"); !token.empty()) {
     RETURN_IF_ERROR(CheckToken(token, "MYOGRADE_TOKEN"));
-    ASSIGN_OR_RETURN(const bool its_own, IsForVariable(choice->address));
-    if (its_own) choice->token = token;
+    ASSIGN_OR_RETURN(const bool its_own, IsForVariable(choice.address));
+    if (its_own) choice.token = token;
   }
-  if (!choice->address.network() || (!choice->token.empty() && !choice->ca_file.empty())) {
+  if (!choice.address.network() || (!choice.token.empty() && !choice.ca_file.empty())) {
     return choice;
   }
   ASSIGN_OR_RETURN(const std::optional<Login> login, ReadLogin());
-  if (login.has_value() && login->server == choice->address.Text()) {
-    if (choice->token.empty()) choice->token = login->token;
-    if (choice->ca_file.empty()) choice->ca_file = login->ca_file;
+  if (login.has_value() && login->server == choice.address.Text()) {
+    if (choice.token.empty()) choice.token = login->token;
+    if (choice.ca_file.empty()) choice.ca_file = login->ca_file;
   }
   return choice;
+}
+
+std::string LoginFile() {
+  const char* configs = std::getenv("XDG_CONFIG_HOME");
+  // The XDG specification has relative paths ignored.
+  const bool given = configs != nullptr && *configs == '/';
+  return absl::StrCat(given ? configs : HomeOf() + "/.config", "/myograde/login.json");
+}
+
+absl::Status CheckToken(const std::string& token, const std::string& what) {
+  const bool good =
+      !token.empty() && token.size() <= kMaxToken &&
+      std::all_of(token.begin(), token.end(), [](char c) { return c > ' ' && c < 0x7f; });
+  if (good) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(what, ": this is no token; it is one word of at most ", kMaxToken,
+                   " letters, digits and signs, "
+                   "as the organiser gave it"));
+}
+
+absl::StatusOr<std::optional<Login>> ReadLogin() {
+  const std::string path = LoginFile();
+  const Fd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!fd.valid()) {
+    if (errno == ENOENT || errno == ENOTDIR) return std::nullopt;
+    return NotUsable(path, absl::StrCat("can't be read (", std::strerror(errno), ")"));
+  }
+  RETURN_IF_ERROR(CheckRights(path, fd.get()));
+  const absl::StatusOr<std::string> text = ReadAll(fd.get(), path, kMaxFile);
+  if (!text.ok()) return NotUsable(path, "can't be read");
+  // An error of the parser could quote the token.
+  const Json json = Json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  ConfigReader reader(json, path);
+  Login login{.server = reader.String("server"), .token = reader.String("token"), .ca_file = ""};
+  if (reader.Has("ca_file") && !json["ca_file"].is_null()) login.ca_file = reader.String("ca_file");
+  if (!reader.Finish().ok()) return NotUsable(path, "is no login");
+  RETURN_IF_ERROR(CheckToken(login.token, path));
+  return login;
+}
+
+absl::Status WriteLogin(const Login& login) {
+  const std::string path = LoginFile();
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  std::error_code error;
+  std::filesystem::create_directories(folder.parent_path(), error);
+  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) return CantWrite(folder.string());
+  const Json json = {
+      {"server", login.server}, {"token", login.token}, {"ca_file", TextOrNull(login.ca_file)}};
+  return WriteNewFile(path, json.dump(2) + "\n").status();
+}
+
+absl::StatusOr<bool> RemoveLogin() {
+  const std::string path = LoginFile();
+  if (::unlink(path.c_str()) == 0) return true;
+  if (errno == ENOENT || errno == ENOTDIR) return false;
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": can't be removed (", std::strerror(errno), ")"));
 }
 
 }  // namespace myograde::server

@@ -1,32 +1,28 @@
 // myograde status
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+#include <absl/time/time.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
 #include <string>
-#include <vector>
-
-#include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/client/follow.h"
-#include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 constexpr absl::Duration kStartTime = absl::Minutes(5);  // of a daemon
 constexpr absl::Duration kReadyPoll = absl::Milliseconds(100);
@@ -57,18 +53,15 @@ bool Waits(const Json& lease) {
 
 // Participants call a lease a block of episodes.
 void PrintLeases(const Json& leases) {
-  const bool cluster = OnCluster(leases);
-  std::vector<std::string> head = {"block", "episodes", "state", "host"};
-  head.push_back(cluster ? "job" : "slot");
-  for (const char* column : {"attempt", "running", "at episode", "step"}) head.push_back(column);
-  Table table(head);
-  for (const Json& lease : leases) {
-    table.Add({Cell(lease, "lease"), Cell(lease, "first") + ".." + Cell(lease, "last"),
-               Waits(lease) ? "waits for a node" : Cell(lease, "state"), Cell(lease, "host"),
-               Cell(lease, cluster ? "job" : "slot"), Cell(lease, "attempt"), RunningFor(lease),
-               Cell(lease, "episode"), Cell(lease, "step")});
-  }
-  table.Print();
+  const auto state = [](const Json& lease) {
+    return Waits(lease) ? "waits for a node" : Cell(lease, "state");
+  };
+  const auto episodes = [](const Json& lease) {
+    return Cell(lease, "first") + ".." + Cell(lease, "last");
+  };
+  PrintRows(leases, {"block=lease", RowColumn("episodes", episodes), RowColumn("state", state),
+                     "host", OnCluster(leases) ? "job" : "slot", "attempt",
+                     RowColumn("running", RunningFor), "at episode=episode", "step"});
 }
 
 // A duration that may be 0 for "not known".
@@ -148,25 +141,18 @@ void PrintJobs(const Json& leases) {
   const auto waiting = std::count_if(leases.begin(), leases.end(), Waits);
   std::cout << "Jobs: " << std::ssize(leases) - waiting << " running, " << waiting
             << " waiting for a node\n";
-  Table table({"node", "job", "submission", "block", "running", "CPU time", "at episode", "step"});
-  for (const Json& lease : leases) {
-    table.Add({Waits(lease) ? "waits" : Cell(lease, "node"), Cell(lease, "job"),
-               Cell(lease, "submission"), Cell(lease, "lease"), RunningFor(lease), UsedFor(lease),
-               Cell(lease, "episode"), Cell(lease, "step")});
-  }
-  table.Print();
+  const auto node = [](const Json& lease) { return Waits(lease) ? "waits" : Cell(lease, "node"); };
+  PrintRows(leases, {RowColumn("node", node), "job", "submission", "block=lease",
+                     RowColumn("running", RunningFor), RowColumn("CPU time", UsedFor),
+                     "at episode=episode", "step"});
 }
 
 void PrintSlots(const Json& health) {
   const Json leases = health.value("leases", Json::array());
   if (leases.empty()) return;
   if (OnCluster(leases)) return PrintJobs(leases);
-  Table table({"slot", "submission", "block", "running", "at episode", "step"});
-  for (const Json& lease : leases) {
-    table.Add({Cell(lease, "slot"), Cell(lease, "submission"), Cell(lease, "lease"),
-               RunningFor(lease), Cell(lease, "episode"), Cell(lease, "step")});
-  }
-  table.Print();
+  PrintRows(leases, {"slot", "submission", "block=lease", RowColumn("running", RunningFor),
+                     "at episode=episode", "step"});
 }
 
 void PrintHealth(const Json& health) {
@@ -198,30 +184,27 @@ void PrintSubmissions(const Json& submissions) {
     std::cout << "There are no submissions yet." << std::endl;
     return;
   }
-  Table table({"id", "team", "track", "profile", "state", "done", "of", "successes", "faults"});
-  for (const Json& row : submissions) {
-    const Json counts = row.value("episodes", Json::object());
-    table.Add({Cell(row, "submission"), Cell(row, "team"), Cell(row, "track"),
-               Cell(row, "profile"), Cell(row, "state"), Cell(counts, "done"),
-               Cell(counts, "total"), Cell(counts, "success"), Cell(counts, "fault")});
-  }
-  table.Print();
+  const auto count = [](const char* head, const char* key) -> RowColumn {
+    return {head,
+            [key](const Json& row) { return Cell(row.value("episodes", Json::object()), key); }};
+  };
+  PrintRows(submissions,
+            {"id=submission", "team", "track", "profile", "state", count("done", "done"),
+             count("of", "total"), count("successes", "success"), count("faults", "fault")});
 }
 
-int StatusOfAll(const Client& client, bool json) {
-  const absl::StatusOr<Json> health = client.Get("/v1/health");
-  if (!health.ok()) return ReportError(health.status());
-  const absl::StatusOr<Json> list = client.Get("/v1/submissions");
-  if (!list.ok()) return ReportError(list.status());
-  const Json submissions = list->value("submissions", Json::array());
+absl::StatusOr<int> StatusOfAll(const Client& client, bool json) {
+  ASSIGN_OR_RETURN(const Json health, client.Get("/v1/health"));
+  ASSIGN_OR_RETURN(const Json list, client.Get("/v1/submissions"));
+  const Json submissions = list.value("submissions", Json::array());
   if (json) {
-    PrintJson({{"daemon", *health},
+    PrintJson({{"daemon", health},
                {"submissions", submissions},
-               {"unreadable", list->value("unreadable", Json::array())}});
+               {"unreadable", list.value("unreadable", Json::array())}});
     return kDone;
   }
-  PrintHealth(*health);
-  PrintUnreadable(*list);
+  PrintHealth(health);
+  PrintUnreadable(list);
   PrintSubmissions(submissions);
   return kDone;
 }
@@ -244,17 +227,17 @@ absl::Status AwaitReady(const Client& client) {
   }
 }
 
-int Status(const StatusOptions& options) {
+absl::StatusOr<int> Status(const StatusOptions& options) {
   const Client client = options.client();
   if (options.id == 0) {
-    const absl::Status ready = options.wait ? AwaitReady(client) : absl::OkStatus();
-    return ready.ok() ? StatusOfAll(client, options.json) : ReportError(ready);
+    if (options.wait) RETURN_IF_ERROR(AwaitReady(client));
+    return StatusOfAll(client, options.json);
   }
   if (!options.wait) return PrintAnswer(client.Get(options.Resource()), options.json, PrintStatus);
-  const absl::StatusOr<Json> ended =
-      Follow(client, options.Resource(), absl::StrCat("submission ", options.id));
-  const int exit = PrintAnswer(ended, options.json, PrintStatus);
-  return ended.ok() ? ExitOfState(ended->value("state", "")) : exit;
+  ASSIGN_OR_RETURN(const Json ended,
+                   Follow(client, options.Resource(), absl::StrCat("submission ", options.id)));
+  RETURN_IF_ERROR(PrintAnswer(ended, options.json, PrintStatus).status());
+  return ExitOfState(ended.value("state", ""));
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 #include "server/cli/client/submit.h"
 
-#include <iostream>
-
 #include <absl/strings/str_cat.h>
+
+#include <iostream>
 
 #include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
@@ -14,16 +14,14 @@
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
 #include "server/cli/base/seed_file.h"
-#include "server/cli/client/challenge_phase.h"
-#include "server/cli/client/follow.h"
-#include "server/cli/client/offered_runtimes.h"
+#include "server/cli/client/acceptance.h"
+#include "server/cli/client/challenges.h"
+#include "server/cli/client/client.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   Json request = {{"team", options.team}, {"track", options.track}};
@@ -31,9 +29,7 @@ absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   if (!options.phase.empty()) request["phase"] = options.phase;
   if (options.episodes != 0) request["episodes"] = options.episodes;
   if (!options.seeds.empty()) {
-    absl::StatusOr<std::vector<uint64_t>> seeds = ReadSeeds(options.seeds);
-    if (!seeds.ok()) return seeds.status();
-    request["seeds"] = *std::move(seeds);
+    ASSIGN_OR_RETURN(request["seeds"], ReadSeeds(options.seeds));
   }
   return request;
 }
@@ -52,49 +48,44 @@ absl::Status CheckRuntimes(const std::vector<std::string>& needed, const Client&
 
 // Packs the submission and sends it; the artefact's id.
 absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Client& client) {
-  ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("submit"));
+  ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("submit"));
   const std::string archive = temp.path() + "/artefact.tar";
-  absl::StatusOr<ArtefactManifest> manifest;
-  {
-    Progress progress("packing", Progress::Unit::kBytes);
-    const ByteProgress show = [&](int64_t done, int64_t total) {
-      progress.Show(done, total, "");
-    };
-    manifest = PackArtefact(options.path, archive, ArtefactLimits(), show, options.name);
-  }
-  if (!manifest.ok()) return HostStatus(options.path, manifest.status());
-  RETURN_IF_ERROR(CheckRuntimes(manifest->runtimes, client));
+  ASSIGN_OR_RETURN(
+      const ArtefactManifest manifest,
+      HostStatus(options.path, PackArtefact(options.path, archive, ArtefactLimits(),
+                                            Progress("packing", Progress::Unit::kBytes).Listener(),
+                                            options.name)));
+  RETURN_IF_ERROR(CheckRuntimes(manifest.runtimes, client));
   Progress progress("sending", Progress::Unit::kBytes);
-  ASSIGN_OR_RETURN(const Json answer, client.Upload(
-      absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
-                   QueryValue(options.track)),
-      archive, [&](int64_t done, int64_t total) {
-        progress.Show(done, total, done < total ? "" : "the daemon checks it");
-      }));
+  ASSIGN_OR_RETURN(const Json answer,
+                   client.Upload(absl::StrCat("/v1/artefacts?team=", QueryValue(options.team),
+                                              "&track=", QueryValue(options.track)),
+                                 archive, [&](int64_t done, int64_t total) {
+                                   progress.Show(done, total,
+                                                 done < total ? "" : "the daemon checks it");
+                                 }));
   const std::string artefact = answer.value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
   return artefact;
 }
 
-int ReportWaited(const SubmitOptions& options, const Client& client, int64_t id) {
+absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& client, int64_t id) {
   const std::string path = absl::StrCat("/v1/submissions/", id);
-  const absl::StatusOr<Json> status = Follow(client, path, absl::StrCat("submission ", id));
-  if (!status.ok()) return ReportError(status.status());
-  const absl::StatusOr<Json> result =
-      client.Get(path + (options.json ? "/result" : "/result?episodes=1"));
-  if (!result.ok()) return ReportError(result.status());
-  const std::string state = status->value("state", "");
+  ASSIGN_OR_RETURN(const Json status, Follow(client, path, absl::StrCat("submission ", id)));
+  ASSIGN_OR_RETURN(const Json result,
+                   client.Get(path + (options.json ? "/result" : "/result?episodes=1")));
+  const std::string state = status.value("state", "");
   if (options.json) {
-    Json both = *status;
-    both["result"] = *result;
+    Json both = status;
+    both["result"] = result;
     PrintJson(both);
   } else {
     std::cout << Bold(absl::StrCat("Submission ", id, " is ", Harmless(state))) << '\n';
-    if ((*status)["reason"].is_string()) {
-      std::cout << "  " << Harmless((*status)["reason"].get<std::string>()) << '\n';
+    if (status["reason"].is_string()) {
+      std::cout << "  " << Harmless(status["reason"].get<std::string>()) << '\n';
     }
-    PrintResult(*result, options.full_hashes);
-    PrintFaults(result->value("episode_rows", Json::array()));
+    PrintResult(result, options.full_hashes);
+    PrintFaults(result.value("episode_rows", Json::array()));
     std::cout.flush();
   }
   return ExitOfState(state);
@@ -130,46 +121,31 @@ absl::Status CheckPlaceGiven(const SubmitOptions& options) {
       "give the track with --track, or the phase of a challenge with --phase");
 }
 
-absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase) {
-  ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/challenges"));
-  Json known = PhaseIn(answer, phase);
-  if (known.is_object()) return known;
-  return absl::InvalidArgumentError(absl::StrCat(
-      "there is no phase \"", phase, "\"; \"myograde challenge status\" lists those that there are"));
-}
-
-int Submit(SubmitOptions options) {
-  if (const absl::Status given = CheckPlaceGiven(options); !given.ok()) return ReportError(given);
+absl::StatusOr<int> Submit(SubmitOptions options) {
+  RETURN_IF_ERROR(CheckPlaceGiven(options));
   const Client client = options.client();
   if (options.track.empty()) {
-    const absl::StatusOr<Json> phase = FindPhaseOf(client, options.phase);
-    if (!phase.ok()) return ReportError(phase.status());
-    options.track = phase->value("track", "");
+    ASSIGN_OR_RETURN(const Json phase, FindPhaseOf(client, options.phase));
+    options.track = phase.value("track", "");
   }
   // Mistakes that can be found here are reported before anything is sent.
-  absl::StatusOr<Json> request = RequestOf(options);
-  if (!request.ok()) return ReportError(request.status());
-  const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
-  if (!artefact.ok()) return ReportError(artefact.status());
-  (*request)["artefact"] = *artefact;
-  const absl::StatusOr<Json> submission = client.PostOnce("/v1/submissions", *request);
-  if (!submission.ok()) return ReportError(submission.status());
-  const int64_t id = submission->value("submission", int64_t{0});
+  ASSIGN_OR_RETURN(Json request, RequestOf(options));
+  ASSIGN_OR_RETURN(const std::string artefact, SendArtefact(options, client));
+  request["artefact"] = artefact;
+  ASSIGN_OR_RETURN(const Json submission, client.PostOnce("/v1/submissions", request));
+  const int64_t id = submission.value("submission", int64_t{0});
   if (options.json && !options.wait) {
-    PrintJson(*submission);
+    PrintJson(submission);
     return kDone;
   }
-  if (!options.json) PrintAccepted(*submission, id);
+  if (!options.json) PrintAccepted(submission, id);
   if (options.wait) return ReportWaited(options, client, id);
   std::cout << "Follow it with: myograde status " << id << std::endl;
   return kDone;
 }
 
 CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {
-  verb.add_option("PATH", options.path,
-                  "An executable file, a folder with a policy.json, an archive of such a folder "
-                  "(.tar, .tar.gz, .tar.zst, .zip), or a container image as podman save writes it")
-      ->required();
+  AddPolicyPath(verb, "PATH", options.path);
   verb.add_option("--name", options.name,
                   "Name of the policy on boards, 1 to 64 bytes (default: that of policy.json, of "
                   "the program, or by which the image was saved)")

@@ -1,14 +1,12 @@
 // myograde submit, without what it does on this host alone (../offline/dry_run.h).
 #pragma once
 
+#include <absl/status/statusor.h>
+
+#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <string>
 
-#include <CLI/CLI.hpp>
-#include <absl/status/statusor.h>
-#include <nlohmann/json.hpp>
-
-#include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 
 namespace myograde::server {
@@ -32,11 +30,7 @@ CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options);
 // Neither a track nor a phase: InvalidArgumentError.
 absl::Status CheckPlaceGiven(const SubmitOptions& options);
 
-// A phase as GET /v1/challenges has it. InvalidArgumentError: there is none of that name; else an
-// error of the client.
-absl::StatusOr<nlohmann::json> FindPhaseOf(const Client& client, const std::string& phase);
-
 // Uploads, submits and, if asked to, waits; the exit status.
-int Submit(SubmitOptions options);
+absl::StatusOr<int> Submit(SubmitOptions options);
 
 }  // namespace myograde::server

@@ -1,23 +1,23 @@
 // myograde challenge: check, status
+#include "server/challenge/challenge.h"
+
+#include <absl/strings/str_cat.h>
+
 #include <filesystem>
 #include <iostream>
-#include <memory>
 #include <set>
 #include <string>
 #include <vector>
-
-#include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/challenge/challenge.h"
 #include "server/challenge/phases.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/client/challenge_status.h"
+#include "server/cli/client/challenges.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
@@ -28,13 +28,10 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
-
-struct CheckOptions {
+// `data` of check: a daemon's folder whose store is looked at too; "": none.
+struct ChallengeOptions : DaemonOptions {
   HostOptions host;
   std::vector<std::string> files;
-  std::string data;  // a daemon's folder whose store is looked at too; "": none
-  bool json = false;
 };
 
 // Adds the challenge of a file, if it is one.
@@ -56,7 +53,7 @@ void AddFile(const std::string& file, std::vector<ChallengeConfig>& challenges,
 
 // All challenges that a daemon would have with these files: those of its folder, of which a file of
 // the same name takes the place of one.
-std::vector<ChallengeConfig> ChallengesWith(const CheckOptions& options,
+std::vector<ChallengeConfig> ChallengesWith(const ChallengeOptions& options,
                                             std::vector<std::string>& mistakes) {
   std::vector<ChallengeConfig> challenges;
   std::set<std::string> given;
@@ -82,8 +79,8 @@ std::vector<ChallengeConfig> ChallengesWith(const CheckOptions& options,
   return challenges;
 }
 
-int PrintFindings(const CheckOptions& options, const ChallengeFindings& found,
-                  const std::vector<ChallengeConfig>& challenges) {
+int ReportChallenges(const ChallengeOptions& options, const ChallengeFindings& found,
+                     const std::vector<ChallengeConfig>& challenges) {
   if (options.json) {
     Json files = Json::array();
     for (const ChallengeConfig& challenge : challenges) files.push_back(challenge.where);
@@ -119,17 +116,15 @@ absl::Status AddStoreMistakes(const std::string& data,
   return HostStatus("challenge check", status);
 }
 
-int CheckFiles(const CheckOptions& options) {
-  const absl::StatusOr<Tracks> tracks = Tracks::Load(options.host.configs_dir() + "/tracks");
-  if (!tracks.ok()) return ReportError(tracks.status());
+absl::StatusOr<int> CheckFiles(const ChallengeOptions& options) {
+  ASSIGN_OR_RETURN(const Tracks tracks, Tracks::Load(options.host.configs_dir() + "/tracks"));
   std::vector<std::string> mistakes;
   const std::vector<ChallengeConfig> challenges = ChallengesWith(options, mistakes);
   // What can be read is checked even if the rest can't be.
   const absl::Time now = SystemClock().Now();
-  ChallengeFindings found = CheckChallenges(challenges, *tracks, now);
+  ChallengeFindings found = CheckChallenges(challenges, tracks, now);
   if (!options.data.empty()) {
-    const absl::Status looked = AddStoreMistakes(options.data, challenges, now, found.mistakes);
-    if (!looked.ok()) return ReportError(looked);
+    RETURN_IF_ERROR(AddStoreMistakes(options.data, challenges, now, found.mistakes));
   }
   // A host with the client alone has neither server.json nor reference episodes.
   const std::string reference = options.host.configs_dir() + "/reference";
@@ -137,7 +132,7 @@ int CheckFiles(const CheckOptions& options) {
   for (const ChallengeConfig& challenge : challenges) {
     if (!fs::exists(options.host.configs_dir() + "/server.json", error)) break;
     for (const PhaseConfig& phase : challenge.phases) {
-      const absl::StatusOr<TrackPtr> track = tracks->Find(phase.track, phase.profile);
+      const absl::StatusOr<TrackPtr> track = tracks.Find(phase.track, phase.profile);
       if (!track.ok()) continue;
       const std::string why = WhyUnreferenced(reference, (*track)->config.kind->name);
       if (why.empty()) continue;
@@ -146,36 +141,34 @@ int CheckFiles(const CheckOptions& options) {
     }
   }
   found.mistakes.insert(found.mistakes.begin(), mistakes.begin(), mistakes.end());
-  return PrintFindings(options, found, challenges);
+  return ReportChallenges(options, found, challenges);
 }
 
 }  // namespace
 
 Action AddChallenge(CLI::App& verb) {
-  auto options = std::make_shared<CheckOptions>();
-  auto daemon = std::make_shared<DaemonOptions>();
-  auto chosen = std::make_shared<Action>();
-  verb.require_subcommand(1);
-  CLI::App* check = verb.add_subcommand(
-      "check", "Find the mistakes of challenge files before anything opens; exit status 2 if there "
-      "is one");
-  check->footer("Example:\n  myograde challenge check ./cup.json");
-  check->add_option("FILE", options->files,
+  Parts<ChallengeOptions> parts(verb);
+  ChallengeOptions& options = parts.options();
+  CLI::App* check = parts.Add(
+      "check",
+      "Find the mistakes of challenge files before anything opens; exit status 2 if there "
+      "is one",
+      "check ./cup.json", CheckFiles);
+  check->add_option("FILE", options.files,
                     "Challenge files, checked together with those of the configs (default: those "
                     "alone)");
-  check->add_option("--data", options->data,
-                    "A daemon's folder of data: also find what its store contradicts, such as a phase "
-                    "that was revealed and would open again");
-  AddJson(*check, "challenge-check", options->json);
-  AddHostOptions(*check, options->host);
-  check->callback([=] { *chosen = [=] { return CheckFiles(*options); }; });
-
-  CLI::App* status = verb.add_subcommand(
-      "status", "Show the daemon's challenges: what is open, for how long, and what waits");
-  status->footer("Example:\n  myograde challenge status");
-  AddDaemonOptions(*status, "challenge-status", *daemon);
-  status->callback([=] { *chosen = [=] { return ChallengeStatus(*daemon); }; });
-  return [chosen] { return (*chosen)(); };
+  check->add_option(
+      "--data", options.data,
+      "A daemon's folder of data: also find what its store contradicts, such as a phase "
+      "that was revealed and would open again");
+  AddJson(*check, "challenge-check", options.json);
+  AddHostOptions(*check, options.host);
+  AddDaemonOptions(*parts.Add("status",
+                              "Show the daemon's challenges: what is open, for how long, "
+                              "and what waits",
+                              "status", ChallengeStatus),
+                   "challenge-status", options);
+  return parts.Chosen();
 }
 
 }  // namespace myograde::server

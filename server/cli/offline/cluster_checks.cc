@@ -1,11 +1,5 @@
 #include "server/cli/offline/cluster_checks.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <map>
-#include <utility>
-
 #include <absl/strings/ascii.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -13,12 +7,23 @@
 #include <absl/strings/str_split.h>
 #include <absl/strings/strip.h>
 
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
 #include "protocol/base/clock.h"
-#include "server/cli/offline/slurm_tools.h"
+#include "protocol/base/status_macros.h"
+#include "server/base/child_process.h"
 #include "server/executor/slurm/srun.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr size_t kMostOutput = 16u << 20;  // sinfo of a large cluster
 
 // A node may have to be given back by another job first; Slurm's own answer is to wait for ever.
 constexpr int kNodeWithinSeconds = 30;
@@ -27,6 +32,58 @@ constexpr absl::Duration kNodeDeadline = absl::Seconds(90);
 constexpr double kClockSkewSeconds = 2;
 
 constexpr char kNoLease[] = "no lease starts; what is submitted waits";
+
+// Slurm's commands: found, run to their end, and read.
+class SlurmTools {
+ public:
+  // `config` must outlive it.
+  explicit SlurmTools(const SlurmConfig& config) : config_(config) {}
+
+  // What a command prints. Errors of SlurmCommand and RunProgram; UnavailableError, with its last
+  // line: it ended with another status than 0.
+  absl::StatusOr<ProgramEnd> Run(const std::string& name, const std::vector<std::string>& words,
+                                 absl::Duration deadline = absl::Seconds(30)) const {
+    ASSIGN_OR_RETURN(const std::string path, SlurmCommand(config_, name));
+    ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
+                                                 .words = words,
+                                                 .most_output = kMostOutput,
+                                                 .deadline = deadline,
+                                                 .nice = 0,
+                                                 .environment = SlurmEnvironment()}));
+    if (end.exit_status != 0) {
+      const std::string last = end.LastError();
+      return absl::UnavailableError(
+          absl::StrCat(name, " ", end.HowItEnded(), last.empty() ? "" : ": ", last));
+    }
+    return end;
+  }
+
+ private:
+  const SlurmConfig& config_;
+};
+
+// The keys and values of "KEY=VALUE KEY=VALUE" and of lines "KEY = VALUE".
+std::map<std::string, std::string> ReadSlurmPairs(std::string_view text) {
+  std::map<std::string, std::string> pairs;
+  for (const absl::string_view line :
+       absl::StrSplit(absl::string_view(text.data(), text.size()), '\n')) {
+    if (const size_t wide = line.find(" = "); wide != absl::string_view::npos) {
+      pairs.emplace(absl::StripAsciiWhitespace(line.substr(0, wide)),
+                    absl::StripAsciiWhitespace(line.substr(wide + 3)));
+      continue;
+    }
+    for (const absl::string_view word : absl::StrSplit(line, ' ', absl::SkipWhitespace())) {
+      const size_t equals = word.find('=');
+      if (equals == absl::string_view::npos) continue;
+      pairs.emplace(word.substr(0, equals), word.substr(equals + 1));
+    }
+  }
+  return pairs;
+}
+
+Check Good(std::string name, std::string found) {
+  return {std::move(name), CheckState::kOk, std::move(found), "", ""};
+}
 
 Check Missing(std::string name, std::string found, std::string todo) {
   return {std::move(name), CheckState::kMissing, std::move(found), kNoLease, std::move(todo)};
@@ -48,8 +105,7 @@ Check CommandsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
                    "have this host read the cluster's configuration (/etc/slurm/slurm.conf, or "
                    "SLURM_CONF)");
   }
-  return {"slurm_commands", CheckState::kOk,
-          std::string(absl::StripAsciiWhitespace(version->output)), "", ""};
+  return Good("slurm_commands", std::string(absl::StripAsciiWhitespace(version->output)));
 }
 
 Check ControllerCheck(const SlurmTools& slurm) {
@@ -57,9 +113,7 @@ Check ControllerCheck(const SlurmTools& slurm) {
   const std::string said = ping.ok() ? std::string(absl::StripAsciiWhitespace(ping->output))
                                      : std::string(ping.status().message());
   for (const std::string& line : std::vector<std::string>(absl::StrSplit(said, '\n'))) {
-    if (ping.ok() && line.ends_with(" UP")) {
-      return {"slurm_controller", CheckState::kOk, line, "", ""};
-    }
+    if (ping.ok() && line.ends_with(" UP")) return Good("slurm_controller", line);
   }
   return Missing("slurm_controller", absl::StrCat("no controller answers (", said, ")"),
                  "start slurmctld, or mend the network and the munge key between it and this host");
@@ -105,7 +159,7 @@ Check PartitionCheck(const SlurmTools& slurm, const SlurmConfig& config) {
     return Missing("slurm_partition", found,
                    "see `sinfo -R` for why nodes are down, and have them resumed");
   }
-  return {"slurm_partition", CheckState::kOk, found, "", ""};
+  return Good("slurm_partition", found);
 }
 
 // What srun would be told of one lease's job.
@@ -128,8 +182,8 @@ Check JobCheck(const SlurmTools& slurm, const ClusterSubject& subject) {
                    "\"memory_mib\", \"cpus\" and \"time_limit_min\" of server.json to what the cluster "
                    "allows this user (sacctmgr show assoc user=$USER, scontrol show partition)");
   }
-  return {"slurm_job", CheckState::kOk, absl::StrCat("Slurm would take a lease's job (",
-                                                    absl::StrJoin(words, " "), ")"), "", ""};
+  return Good("slurm_job",
+              absl::StrCat("Slurm would take a lease's job (", absl::StrJoin(words, " "), ")"));
 }
 
 Check LimitsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
@@ -153,7 +207,7 @@ Check LimitsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
             "srun is refused as soon as the cluster has that many, and leases wait for it",
             "lower \"most_jobs\", or raise MaxJobCount in slurm.conf"};
   }
-  return {"slurm_limits", CheckState::kOk, found, "", ""};
+  return Good("slurm_limits", found);
 }
 
 // Prints what a node has, one "KEY=VALUE" a line. $1: programs, $2: cache.
@@ -169,7 +223,7 @@ Check ClockCheck(const std::string& node, const std::string& time, double now_s)
   const double apart = std::abs(there - now_s);
   const std::string found = absl::StrCat("the clock of ", node, " is within ",
                                          static_cast<int64_t>(apart) + 1, " s of this host's");
-  if (apart <= kClockSkewSeconds) return {"cluster_clock", CheckState::kOk, found, "", ""};
+  if (apart <= kClockSkewSeconds) return Good("cluster_clock", found);
   return {"cluster_clock", CheckState::kDegraded, found,
           "times in the nodes' logs can't be put together with the daemon's; no result depends on them",
           "run a time service (chrony, systemd-timesyncd) on all nodes"};
@@ -199,8 +253,7 @@ std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& sub
   if (pairs["cache"] != "yes") lacks.push_back(absl::StrCat("the models in ", cache));
   std::vector<Check> checks;
   if (lacks.empty()) {
-    checks.push_back({"cluster_node", CheckState::kOk,
-                      absl::StrCat(node, " has the programs and the models"), "", ""});
+    checks.push_back(Good("cluster_node", node + " has the programs and the models"));
   } else {
     checks.push_back(Missing("cluster_node", absl::StrCat(node, " lacks ", absl::StrJoin(lacks, ", ")),
                              "install this version of MyoGrade on all nodes at the same places, or name "
@@ -216,7 +269,7 @@ std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
   const SlurmConfig& config = subject.config.slurm;
   std::vector<Check> checks;
   checks.push_back(subject.config.on_cluster
-                       ? Check{"executor", CheckState::kOk, "leases run on the Slurm cluster", "", ""}
+                       ? Good("executor", "leases run on the Slurm cluster")
                        : Check{"executor", CheckState::kDegraded,
                                "\"executor\" of server.json is local",
                                "leases run on the daemon's host alone",

@@ -1,4 +1,8 @@
 // myograde doctor
+#include "server/sandbox/doctor.h"
+
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
@@ -6,12 +10,10 @@
 #include <optional>
 #include <vector>
 
-#include <absl/strings/str_cat.h>
-
+#include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
-#include "server/cli/base/places.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/client.h"
 #include "server/cli/offline/cluster_checks.h"
@@ -28,8 +30,6 @@
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 struct DoctorVerb {
   HostOptions host;
@@ -166,19 +166,16 @@ Json ChecksJson(const std::vector<Check>& checks, CheckState worst) {
   return {{"version", MYOGRADE_VERSION}, {"state", CheckStateName(worst)}, {"checks", list}};
 }
 
-void PrintChecks(const std::vector<Check>& checks) {
-  Table table({"check", "state", "found"});
-  for (const Check& check : checks) {
-    table.Add({check.name, std::string(CheckStateName(check.state)), Harmless(check.found)});
-  }
-  table.Print();
+// `checks` as JSON has them.
+void PrintChecks(const Json& checks) {
+  PrintRows(checks, {"check=name", "state", "found"});
   for (const CheckState state : {CheckState::kMissing, CheckState::kDegraded}) {
-    for (const Check& check : checks) {
-      if (check.state != state) continue;
+    for (const Json& check : checks) {
+      if (Cell(check, "state") != CheckStateName(state)) continue;
       std::cout << '\n'
-                << Bold(absl::StrCat(check.name, ": ", std::string(CheckStateName(state)))) << '\n'
-                << "  costs: " << Harmless(check.costs) << '\n'
-                << "  to do: " << Harmless(check.todo) << '\n';
+                << Bold(absl::StrCat(Cell(check, "name"), ": ", Cell(check, "state"))) << '\n'
+                << "  costs: " << Cell(check, "costs") << '\n'
+                << "  to do: " << Cell(check, "todo") << '\n';
     }
   }
 }
@@ -233,20 +230,13 @@ void PrintSandboxes(const Json& sandboxes) {
   PrintSandbox("The simulator's sandbox", sandboxes["simulator"], sandboxes["staged"]);
 }
 
-int Doctor(const DoctorVerb& verb) {
+absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
   if (verb.probe_bus) return ProbeBus();
   std::vector<Check> checks;
   std::optional<ServerConfig> server;
   const DoctorOptions options = Gather(verb, checks, server);
   if (verb.sandbox) {
-    const absl::StatusOr<Json> sandboxes = DescribeSandboxes(options);
-    if (!sandboxes.ok()) return ReportError(sandboxes.status());
-    if (verb.json) {
-      PrintJson(*sandboxes);
-    } else {
-      PrintSandboxes(*sandboxes);
-    }
-    return kDone;
+    return PrintAnswer(DescribeSandboxes(options), verb.json, PrintSandboxes);
   }
   std::vector<Check> found;
   if (!verb.cluster) {
@@ -261,18 +251,16 @@ int Doctor(const DoctorVerb& verb) {
   checks.push_back(DaemonCheck(options.data_dir));
   CheckState worst = CheckState::kOk;
   for (const Check& check : checks) worst = std::max(worst, check.state);
-  if (verb.json) {
-    PrintJson(ChecksJson(checks, worst));
-  } else {
-    PrintChecks(checks);
-    const std::string what = verb.cluster ? "The cluster" : "This host";
-    std::cout << '\n'
-              << what
-              << (worst == CheckState::kOk         ? " has all that MyoGrade needs."
-                  : worst == CheckState::kDegraded ? " can grade, at the cost named above."
-                                                   : " can't grade yet: see above.")
-              << std::endl;
-  }
+  RETURN_IF_ERROR(PrintAnswer(ChecksJson(checks, worst), verb.json, [&](const Json& answer) {
+                    PrintChecks(answer["checks"]);
+                    std::cout << '\n'
+                              << (verb.cluster ? "The cluster" : "This host")
+                              << (worst == CheckState::kOk ? " has all that MyoGrade needs."
+                                  : worst == CheckState::kDegraded
+                                      ? " can grade, at the cost named above."
+                                      : " can't grade yet: see above.")
+                              << std::endl;
+                  }).status());
   return worst == CheckState::kMissing ? kTrouble : kDone;
 }
 

@@ -1,17 +1,17 @@
 #include "server/cli/offline/draw.h"
 
-#include <unistd.h>
-
-#include <iostream>
-#include <vector>
-
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
+#include <absl/strings/strip.h>
 #include <absl/time/time.h>
 
+#include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/counted.h"
+#include <iostream>
+#include <utility>
+#include <vector>
 #include "server/base/paths.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
@@ -23,13 +23,13 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr char kPython[] = "/usr/bin/python3";
 constexpr absl::Duration kDrawingTime = absl::Minutes(10);
 constexpr size_t kMostDrawn = size_t{512} << 20;
 constexpr mode_t kFigureMode = 0644;
 constexpr int kDrawingNice = 10;
+constexpr absl::Duration kRenderTime = absl::Hours(24);  // "render" has a deadline of its own
+constexpr size_t kMostRenderOutput = size_t{1} << 20;
 
 // The program's folder.
 std::string DrawingProgram() { return ShareDir() + "/figures"; }
@@ -82,6 +82,19 @@ absl::StatusOr<Drawn> DrawFigure(const Json& order) {
   return ReadAnswer(*run);
 }
 
+absl::Status RunRender(std::vector<std::string> words) {
+  words.insert(words.begin(), "render");
+  const absl::StatusOr<ProgramEnd> run = RunProgram({.program = "myograde",
+                                                     .words = std::move(words),
+                                                     .most_output = kMostRenderOutput,
+                                                     .deadline = kRenderTime,
+                                                     .nice = kDrawingNice},
+                                                    StopRequested);
+  if (absl::IsCancelled(run.status())) return run.status();
+  if (run.ok() && run->exit_status == 0) return absl::OkStatus();
+  return absl::InternalError(absl::StripPrefix(Harmless(WhyItFailed(run)), "myograde: error: "));
+}
+
 absl::StatusOr<std::string> FormatOf(const std::string& file,
                                      const std::vector<std::string>& formats) {
   for (const std::string& format : formats) {
@@ -94,32 +107,25 @@ absl::StatusOr<std::string> FormatOf(const std::string& file,
                    })));
 }
 
-int ReportDrawn(const Drawn& drawn, const std::string& file, Json head, bool json) {
-  head["file"] = nullptr;
+absl::StatusOr<int> DrawInto(const std::string& file, const absl::Status& gathered,
+                             const Json& order, Json head, bool json) {
+  const absl::StatusOr<Drawn> drawn = gathered.ok() ? DrawFigure(order) : gathered;
+  if (absl::IsCancelled(drawn.status())) {
+    PrintToErrors("myograde: interrupted; nothing was written");
+    return kNoScore;
+  }
+  if (!drawn.ok()) return drawn.status();
+  head["file"] = TextOrNull(file);
   head["bytes"] = nullptr;
   head["sha256"] = nullptr;
   if (!file.empty()) {
-    NewFile out(file, kFigureMode);
-    if (!out.opened() || !out.Write(drawn.file)) return ReportError(CantWrite(file));
-    const absl::StatusOr<std::string> digest = out.Keep();
-    if (!digest.ok()) return ReportError(digest.status());
-    head["file"] = file;
-    head["bytes"] = drawn.file.size();
-    head["sha256"] = *digest;
+    ASSIGN_OR_RETURN(head["sha256"], WriteNewFile(file, drawn->file, kFigureMode));
+    head["bytes"] = drawn->file.size();
   }
-  if (json) {
-    head["numbers"] = drawn.numbers;
-    PrintJson(head);
-  } else {
-    std::cout << Harmless(file) << ": " << Counted(std::ssize(drawn.file), "byte") << std::endl;
-  }
-  return kDone;
-}
-
-int ReportNotDrawn(const absl::Status& status) {
-  if (!absl::IsCancelled(status)) return ReportError(status);
-  PrintToErrors("myograde: interrupted; nothing was written");
-  return kNoScore;
+  head["numbers"] = drawn->numbers;
+  return PrintAnswer(head, json, [](const Json& figure) {
+    std::cout << Cell(figure, "file") << ": " << CountCell(figure, "bytes", "byte") << std::endl;
+  });
 }
 
 }  // namespace myograde::server

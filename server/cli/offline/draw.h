@@ -1,35 +1,39 @@
 // Figures and reports, drawn by the Python program in server/figures.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <string>
 #include <vector>
 
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
-#include <nlohmann/json.hpp>
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
 struct Drawn {
-  nlohmann::json numbers;  // behind the figure
+  Json numbers;            // behind the figure
   std::string file;        // its bytes; "" if the order has no format
 };
 
 // Has `order` drawn (server/figures/__main__.py says what it holds). FailedPreconditionError if
 // there is nothing to draw, CancelledError after a stop signal, else InternalError: the host lacks
 // something, or drawing failed or took too long. Whatever went wrong is said in one sentence.
-absl::StatusOr<Drawn> DrawFigure(const nlohmann::json& order);
+absl::StatusOr<Drawn> DrawFigure(const Json& order);
+
+// Runs "myograde render" with these words. CancelledError after a stop signal; else its sentence if
+// it failed.
+absl::Status RunRender(std::vector<std::string> words);
 
 // The format that a file's name asks for: "svg" of FIGURE.svg. InvalidArgumentError if it ends in
 // none of `formats`.
 absl::StatusOr<std::string> FormatOf(const std::string& file,
                                      const std::vector<std::string>& formats);
 
-// Puts what was drawn into `file`, or nothing if that is "", and prints what it is: as JSON with
-// the numbers, or a line. Returns the exit status.
-int ReportDrawn(const Drawn& drawn, const std::string& file, nlohmann::json head, bool json);
-
-// Reports an error of DrawFigure, or of gathering what is to be drawn; returns the exit status.
-int ReportNotDrawn(const absl::Status& status);
+// How a verb ends that draws: `order`, unless gathering what it holds failed, is drawn into `file`,
+// or into nothing if that is "", and what was made is printed: as JSON, `head` with the numbers, or
+// a line. After a stop signal kNoScore.
+absl::StatusOr<int> DrawInto(const std::string& file, const absl::Status& gathered,
+                             const Json& order, Json head, bool json);
 
 }  // namespace myograde::server

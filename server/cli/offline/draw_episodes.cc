@@ -1,7 +1,8 @@
-#include "protocol/base/status_macros.h"
-#include "server/base/child_process.h"
 #include "server/cli/offline/draw_episodes.h"
 
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/time/time.h>
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/wait.h>
@@ -9,19 +10,16 @@
 
 #include <cerrno>
 #include <csignal>
-#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
-
-#include <absl/strings/numbers.h>
-#include <absl/strings/str_cat.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
+#include "server/base/child_process.h"
 #include "server/base/paths.h"
 #include "server/cli/offline/stop_signal.h"
 
@@ -123,10 +121,11 @@ std::vector<std::string> EncoderWords(const RenderOrder& order, FilmFormat forma
       "-pix_fmt", "yuv420p"};
   const std::vector<std::string> codec =
       format == FilmFormat::kMp4
-          ? std::vector<std::string>{"-c:v", "libx264", "-preset", "veryfast", "-crf", "20",
-                                     "-movflags", "+faststart", "-f", "mp4"}
-          : std::vector<std::string>{"-c:v", "libvpx-vp9", "-b:v", "0", "-crf", "33", "-deadline",
-                                     "realtime", "-cpu-used", "6", "-row-mt", "1", "-f", "webm"};
+          ? std::vector<std::string>{"-c:v", "libx264",   "-preset",    "veryfast", "-crf",
+                                     "20",   "-movflags", "+faststart", "-f",       "mp4"}
+          : std::vector<std::string>{"-c:v",    "libvpx-vp9", "-b:v",     "0",         "-crf",
+                                     "33",      "-deadline",  "realtime", "-cpu-used", "6",
+                                     "-row-mt", "1",          "-f",       "webm"};
   words.insert(words.end(), codec.begin(), codec.end());
   words.insert(words.end(), {"-y", "file:" + path});
   return words;

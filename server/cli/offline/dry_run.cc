@@ -1,11 +1,15 @@
-#include "server/cli/offline/dry_run.h"
+// myograde submit: the request to a daemon (../client/submit.h), or the dry run of it on this host,
+// which finds what would fail on the server before anything is sent.
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <iostream>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <absl/strings/str_cat.h>
 
 #include "protocol/base/outcome.h"
 #include "protocol/base/status_macros.h"
@@ -16,17 +20,147 @@
 #include "server/cli/base/finding.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/acceptance.h"
-#include "server/cli/offline/dry_run_episode.h"
+#include "server/cli/client/challenges.h"
+#include "server/cli/client/submit.h"
 #include "server/cli/offline/local.h"
 #include "server/cli/offline/stop_signal.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+// Of a budget: what one episode here takes, another one or a slower host may take twice over.
+constexpr double kMuch = 0.5;
+constexpr double kMuchMemory = 0.8;
 
-struct Report {
+Finding EpisodeFinding(const EpisodeRow& row, const Json& shown) {
+  const std::string steps = CountCell(shown, "steps", "step");
+  if (shown["fault"].is_object()) {
+    return {"episode", FindingState::kFails,
+            absl::StrCat("the practice episode ended as ", std::string(OutcomeName(row.outcome)),
+                         " after ", steps, ": ", Cell(shown["fault"], "detail")),
+            "mend the policy; what it printed last is below"};
+  }
+  std::string found = absl::StrCat("the practice episode was played to its end: ",
+                                   std::string(OutcomeName(row.outcome)));
+  if (row.reason != FailureReason::kNone)
+    absl::StrAppend(&found, " (", std::string(row.reason.name()), ")");
+  return {"episode", FindingState::kOk, absl::StrCat(found, " after ", steps)};
+}
+
+std::string Seconds(double seconds) {
+  if (seconds < 1) return absl::StrFormat("%.3g ms", seconds * 1e3);
+  return seconds < 100 ? absl::StrFormat("%.3g s", seconds) : absl::StrFormat("%.0f s", seconds);
+}
+
+// CPU time of an average step and of the longest block of an evaluation of so many `episodes`, all
+// like this one: the policy starts once in a block.
+Finding TimeFinding(const TrackConfig& track, int64_t episodes, const Json& row,
+                    const Json& usage) {
+  const double episode_s = row.value("policy_cpu_s", 0.0);
+  const auto steps = row.value("steps", int64_t{0});
+  const double step_s = steps > 0 ? episode_s / static_cast<double>(steps) : 0;
+  const double start_s = std::max(0.0, usage.value("policy_cpu_s", 0.0) - episode_s);
+  const int64_t block = std::min(episodes, track.episodes_per_lease);
+  const double block_s = start_s + episode_s * static_cast<double>(block);
+  const Budgets& budgets = track.budgets;
+  Finding finding = {"time", FindingState::kOk,
+                     absl::StrCat("the start takes ", Seconds(start_s), " of CPU time, a step ",
+                                  Seconds(step_s), " on average, of ", Seconds(budgets.step_s),
+                                  "; a block of ", Counted(block, "such episode"), " ",
+                                  Seconds(block_s), " of ", Seconds(budgets.lease_cpu_s))};
+  if (block_s > budgets.lease_cpu_s) {
+    finding.state = FindingState::kFails;
+    finding.todo = "make the policy faster: the last episodes of a block would be lost";
+  } else if (step_s > kMuch * budgets.step_s || block_s > kMuch * budgets.lease_cpu_s) {
+    finding.state = FindingState::kWarning;
+    finding.todo =
+        "make the policy faster, as a slower host or a longer episode could break the budget";
+  }
+  return finding;
+}
+
+std::string Mebibytes(int64_t bytes) { return absl::StrCat((bytes + (1 << 19)) >> 20, " MiB"); }
+
+Finding MemoryFinding(const Budgets& budgets, const Json& usage) {
+  const auto peak = usage.value("peak_memory_bytes", int64_t{0});
+  if (peak == 0) {
+    return {"memory", FindingState::kUnknown, "this host can't measure the policy's memory",
+            absl::StrCat("the limit is ", Mebibytes(budgets.memory_bytes),
+                         "; \"myograde doctor\" says what is missing here")};
+  }
+  const std::string found =
+      absl::StrCat("the policy took ", Mebibytes(peak), " of ", Mebibytes(budgets.memory_bytes));
+  if (static_cast<double>(peak) <= kMuchMemory * static_cast<double>(budgets.memory_bytes)) {
+    return {"memory", FindingState::kOk, found};
+  }
+  return {"memory", FindingState::kWarning, found,
+          "use less: a policy that takes more is killed, which costs the episode"};
+}
+
+Finding OutputFinding(const Budgets& budgets, const Json& output) {
+  if (!output.value("stdout_truncated", false) && !output.value("stderr_truncated", false)) {
+    return {"output", FindingState::kOk, "all that the policy printed is kept"};
+  }
+  return {"output", FindingState::kWarning,
+          absl::StrCat("the policy printed more than the ", budgets.output_bytes,
+                       " bytes of a stream that are kept"),
+          "print less, or what you look for may be missing"};
+}
+
+struct DryEpisode {
+  std::vector<Finding> findings;
+  Json row;     // as `local` prints an episode; null if none was played
+  Json output;  // of the policy, an array as `local` prints it
+  bool interrupted = false;
+};
+
+// Plays the first seed of `order` with every limit of the track, and compares what was used with
+// the budgets, for an evaluation of so many `episodes`. What keeps this host from playing is a
+// finding of the state kUnknown.
+DryEpisode PlayDryEpisode(const LocalOrder& order, int64_t episodes) {
+  DryEpisode episode;
+  episode.output = Json::array();
+  const absl::StatusOr<LocalResult> result =
+      LocalRun(order,
+               {.progress = Progress("practice episode").Listener(), .stopped = StopRequested})
+          .Run();
+  if (!result.ok()) {
+    episode.findings.push_back(
+        {"episode", FindingState::kUnknown,
+         absl::StrCat("this host could not play: ", result.status().message()),
+         "\"myograde doctor\" says what this host lacks"});
+    return episode;
+  }
+  episode.interrupted = result->interrupted;
+  episode.output = result->outputs;
+  if (result->rows.empty()) {
+    episode.findings.push_back(
+        {"episode", FindingState::kUnknown, "the practice episode was interrupted", "try again"});
+    return episode;
+  }
+  episode.row = LocalRowJson(result->rows.front());
+  episode.findings.push_back(EpisodeFinding(result->rows.front(), episode.row));
+  if (episode.output.empty()) return episode;
+  const Json& output = episode.output.front();
+  const Json usage = output.value("usage_wall_cpu", Json::object());
+  const TrackConfig& track = order.track->config;
+  episode.findings.push_back(TimeFinding(track, episodes, episode.row, usage));
+  episode.findings.push_back(MemoryFinding(track.budgets, usage));
+  episode.findings.push_back(OutputFinding(track.budgets, output));
+  return episode;
+}
+
+struct DryRunOptions : SubmitOptions {
+  bool dry_run = false;
+  int64_t phase_episodes =
+      0;  // of a ranked submission to the phase, as the server says; 0: unknown
+  HostOptions host;
+};
+
+struct DryReport {
   std::vector<Finding> findings;
   bool answered = false;  // by the server
   DryEpisode episode;
@@ -84,12 +218,11 @@ Finding SubmissionFinding(const absl::Status& status, const LocalOrder& order) {
             "mend it; server/artefact/README.md has the rules"};
   }
   const Budgets& budgets = order.track->config.budgets;
-  return {"submission", FindingState::kOk,
-          absl::StrCat("\"", order.artefact.manifest.name, "\" with ",
-                       Counted(order.artefact.files, "file"), " of at most ",
-                       budgets.submission_files, " and ", order.artefact.bytes,
-                       " bytes of at most ", budgets.submission_bytes),
-          ""};
+  return {
+      "submission", FindingState::kOk,
+      absl::StrCat("\"", order.artefact.manifest.name, "\" with ",
+                   Counted(order.artefact.files, "file"), " of at most ", budgets.submission_files,
+                   " and ", order.artefact.bytes, " bytes of at most ", budgets.submission_bytes)};
 }
 
 // Whether the program can start here. Runtimes that only the server has keep that unknown.
@@ -103,7 +236,7 @@ Finding ProgramFinding(const std::string& path, LocalOrder& order) {
     return {"program", FindingState::kFails, std::string(status.message()),
             "mend \"command\" of policy.json, or put the missing file into the submission"};
   }
-  return {"program", FindingState::kOk, "the command can start in the sandbox", ""};
+  return {"program", FindingState::kOk, "the command can start in the sandbox"};
 }
 
 SubmissionPlan PlanOf(const DryRunOptions& options, const LocalOrder& order) {
@@ -122,10 +255,10 @@ void Append(std::vector<Finding>& findings, std::vector<Finding> more) {
 }
 
 // A problem of this host, rather than of the submission, is the error.
-absl::StatusOr<Report> Examine(const DryRunOptions& options, const Client& client,
-                               const std::string& temp, DryOrder& dry) {
+absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& client,
+                                  const std::string& temp, DryOrder& dry) {
   LocalOrder& order = dry.local;
-  Report report;
+  DryReport report;
   const absl::Status taken = TakeSubmission(options.path, options.name, temp, order);
   if (!taken.ok() && ExitOf(taken) == kTrouble) return taken;
   report.findings.push_back(SubmissionFinding(taken, order));
@@ -145,7 +278,7 @@ absl::StatusOr<Report> Examine(const DryRunOptions& options, const Client& clien
   return report;
 }
 
-int ExitOfReport(const Report& report) {
+int ExitOfReport(const DryReport& report) {
   if (HasFinding(report.findings, FindingState::kFails) || report.episode.interrupted) {
     return kNoScore;
   }
@@ -154,15 +287,14 @@ int ExitOfReport(const Report& report) {
 }
 
 Json ReportJson(const DryRunOptions& options, const LocalOrder& order, const Client& client,
-                const Report& report) {
-  const auto or_null = [](const std::string& text) { return text.empty() ? Json() : Json(text); };
+                const DryReport& report) {
   return {{"team", options.team},
           {"track", options.track},
           {"profile", order.track->config.profile},
-          {"phase", or_null(options.phase)},
-          {"name", or_null(order.artefact.manifest.name)},
-          {"artefact", or_null(order.artefact.digest)},
-          {"server", or_null(client.where())},
+          {"phase", TextOrNull(options.phase)},
+          {"name", TextOrNull(order.artefact.manifest.name)},
+          {"artefact", TextOrNull(order.artefact.digest)},
+          {"server", TextOrNull(client.where())},
           {"answered", report.answered},
           {"state", FindingStateName(WorstOf(report.findings))},
           {"checks", FindingsJson(report.findings)},
@@ -182,7 +314,7 @@ void PrintOutput(const Json& output) {
   }
 }
 
-void PrintReport(const DryRunOptions& options, const LocalOrder& order, const Report& report) {
+void PrintReport(const DryRunOptions& options, const LocalOrder& order, const DryReport& report) {
   std::cout << Bold(absl::StrCat("Dry run of ", Harmless(options.path), " on ", options.track,
                                  ", profile ", order.track->config.profile))
             << '\n';
@@ -199,25 +331,38 @@ void PrintReport(const DryRunOptions& options, const LocalOrder& order, const Re
             << " Nothing was sent." << std::endl;
 }
 
+// Checks the submission here, asks the server whether it would accept it, plays one practice
+// episode with all limits on, and reports everything. The exit status: kNoScore if anything would
+// fail; else kUnreachable if the server did not answer, kTrouble if this host could not play; else
+// kDone. Options that can't be used, and a phase without a server that knows it, are errors.
+absl::StatusOr<int> DryRun(DryRunOptions options) {
+  CatchStopSignals();
+  RETURN_IF_ERROR(CheckPlaceGiven(options));
+  const Client client = options.client();
+  RETURN_IF_ERROR(TakePhase(client, options));
+  ASSIGN_OR_RETURN(DryOrder order, OrderOf(options));
+  ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("dry-run"));
+  ASSIGN_OR_RETURN(const DryReport report, Examine(options, client, temp.path(), order));
+  if (options.json) {
+    PrintJson(ReportJson(options, order.local, client, report));
+  } else {
+    PrintReport(options, order.local, report);
+  }
+  return ExitOfReport(report);
+}
+
 }  // namespace
 
-int DryRun(DryRunOptions options) {
-  CatchStopSignals();
-  if (const absl::Status given = CheckPlaceGiven(options); !given.ok()) return ReportError(given);
-  const Client client = options.client();
-  if (const absl::Status taken = TakePhase(client, options); !taken.ok()) return ReportError(taken);
-  absl::StatusOr<DryOrder> order = OrderOf(options);
-  if (!order.ok()) return ReportError(order.status());
-  const absl::StatusOr<TempFolder> temp = TempFolder::Make("dry-run");
-  if (!temp.ok()) return ReportError(temp.status());
-  const absl::StatusOr<Report> report = Examine(options, client, temp->path(), *order);
-  if (!report.ok()) return ReportError(report.status());
-  if (options.json) {
-    PrintJson(ReportJson(options, order->local, client, *report));
-  } else {
-    PrintReport(options, order->local, *report);
-  }
-  return ExitOfReport(*report);
+Action AddSubmit(CLI::App& verb) {
+  auto options = std::make_shared<DryRunOptions>();
+  CLI::Option* wait = AddSubmitOptions(verb, *options);
+  verb.add_flag("--dry-run", options->dry_run,
+                "Send nothing: check the submission, ask the server whether it would accept it, "
+                "play one practice episode here with all limits on, and say what would fail (its "
+                "JSON: configs/schema/submit-dry-run.json)")
+      ->excludes(wait);
+  AddHostOptions(verb, options->host);
+  return [options] { return options->dry_run ? DryRun(*options) : Submit(*options); };
 }
 
 }  // namespace myograde::server

@@ -14,8 +14,6 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr size_t kMostMoments = 200;
 // Refusals that hold for every row alike.
 constexpr const char* kRefusesAll[] = {"forbidden", "no_token", "bad_token"};
@@ -137,16 +135,6 @@ bool RefusesAll(const absl::Status& status) {
 
 }  // namespace
 
-std::string BoardChoice::Query() const {
-  std::string query = absl::StrCat("?board=", QueryValue(board));
-  const std::pair<const char*, const std::string*> parts[] = {
-      {"track", &track}, {"profile", &profile}, {"phase", &phase}, {"config", &config}};
-  for (const auto& [key, value] : parts) {
-    if (!value->empty()) absl::StrAppend(&query, "&", key, "=", QueryValue(*value));
-  }
-  return query;
-}
-
 absl::StatusOr<Json> ResultForFigures(const Client& client, int64_t submission) {
   ASSIGN_OR_RETURN(
       Json result,
@@ -155,10 +143,8 @@ absl::StatusOr<Json> ResultForFigures(const Client& client, int64_t submission) 
 }
 
 absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& order) {
-  ASSIGN_OR_RETURN(Json board, client.Get("/v1/leaderboard" + choice.Query()));
-  ASSIGN_OR_RETURN(Json statistics, client.Get("/v1/leaderboard/statistics" + choice.Query()));
-  order["board"] = std::move(board);
-  order["statistics"] = std::move(statistics);
+  ASSIGN_OR_RETURN(order["board"], client.Get("/v1/leaderboard" + choice.Query()));
+  ASSIGN_OR_RETURN(order["statistics"], client.Get("/v1/leaderboard/statistics" + choice.Query()));
   return AddMoments(client, choice, order);
 }
 

@@ -1,13 +1,14 @@
 #include "server/cli/offline/local.h"
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <absl/strings/str_join.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
-
-#include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
@@ -36,19 +37,18 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
 absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
                                               const TrackConfig& config) {
-  absl::StatusOr<std::vector<uint64_t>> seeds = config.seeds;
-  if (!options.seeds.empty()) seeds = ReadSeeds(options.seeds);
-  if (!seeds.ok()) return seeds;
-  if (options.episodes > std::ssize(*seeds)) {
+  std::vector<uint64_t> seeds = config.seeds;
+  if (!options.seeds.empty()) {
+    ASSIGN_OR_RETURN(seeds, ReadSeeds(options.seeds));
+  }
+  if (options.episodes > std::ssize(seeds)) {
     return absl::InvalidArgumentError(absl::StrCat("--episodes: ", options.episodes,
                                                    " are asked for, but the seed list has only ",
-                                                   seeds->size()));
+                                                   seeds.size()));
   }
-  if (options.episodes > 0) seeds->resize(static_cast<size_t>(options.episodes));
+  if (options.episodes > 0) seeds.resize(static_cast<size_t>(options.episodes));
   return seeds;
 }
 
@@ -70,65 +70,52 @@ absl::StatusOr<std::vector<std::string>> RuntimesOf(const ArtefactManifest& mani
   return folders;
 }
 
-ByteProgress ShownBy(Progress& progress) {
-  return [&progress](int64_t done, int64_t total) { progress.Show(done, total, ""); };
-}
-
 }  // namespace
 
 absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   LocalOrder order;
   const std::string configs = options.host.configs_dir();
-  absl::StatusOr<TrackConfig> config =
-      LoadTrackConfig(configs + "/tracks", options.track, options.profile);
-  if (!config.ok()) return HostStatus("", config.status());
-  ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, *config));
-  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
-  if (!track.ok()) return HostStatus("", track.status());
-  order.track = *std::move(track);
+  ASSIGN_OR_RETURN(
+      TrackConfig config,
+      HostStatus("", LoadTrackConfig(configs + "/tracks", options.track, options.profile)));
+  ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, config));
+  ASSIGN_OR_RETURN(order.track, HostStatus("", MakeTrack(std::move(config))));
   order.cache_dir = options.host.cache_dir();
-  absl::StatusOr<ServerConfig> server = LoadServerConfig(configs + "/server.json", order.cache_dir);
-  if (!server.ok()) return HostStatus("", server.status());
-  order.config = *std::move(server);
-  const absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(configs);
-  if (!sandbox.ok()) return HostStatus("", sandbox.status());
+  ASSIGN_OR_RETURN(order.config,
+                   HostStatus("", LoadServerConfig(configs + "/server.json", order.cache_dir)));
+  RETURN_IF_ERROR(HostStatus("", LoadSandboxConfig(configs).status()));
   order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
   return order;
 }
 
 absl::Status TakeSubmission(const std::string& path, const std::string& name,
                             const std::string& temp, LocalOrder& order) {
-  const Budgets& budgets = order.track->config.budgets;
-  const ArtefactLimits limits = {.bytes = budgets.submission_bytes,
-                                 .files = budgets.submission_files};
-  const std::string archive = temp + "/artefact.tar";
-  {
-    Progress progress("packing", Progress::Unit::kBytes);
-    RETURN_IF_ERROR(
-        HostStatus(path, PackArtefact(path, archive, limits, ShownBy(progress), name).status()));
-  }
-  order.artefact_dir = temp + "/artefact";
-  Progress progress("unpacking", Progress::Unit::kBytes);
-  absl::StatusOr<Artefact> artefact =
-      UnpackArtefact(archive, order.artefact_dir, limits, ShownBy(progress));
-  if (!artefact.ok()) return HostStatus(path, artefact.status());
-  order.artefact = *std::move(artefact);
-  const ArtefactManifest& manifest = order.artefact.manifest;
   const TrackConfig& track = order.track->config;
-  absl::Status fits = CheckAdapter(manifest.adapter, *track.kind);
-  if (fits.ok()) fits = CheckExtraObservations(manifest.extra_observations, track);
-  if (!fits.ok()) return HostStatus(path, fits);
+  const ArtefactLimits limits = {.bytes = track.budgets.submission_bytes,
+                                 .files = track.budgets.submission_files};
+  const std::string archive = temp + "/artefact.tar";
+  RETURN_IF_ERROR(
+      HostStatus(path, PackArtefact(path, archive, limits,
+                                    Progress("packing", Progress::Unit::kBytes).Listener(), name)
+                           .status()));
+  order.artefact_dir = temp + "/artefact";
+  ASSIGN_OR_RETURN(
+      order.artefact,
+      HostStatus(path, UnpackArtefact(archive, order.artefact_dir, limits,
+                                      Progress("unpacking", Progress::Unit::kBytes).Listener())));
+  const ArtefactManifest& manifest = order.artefact.manifest;
+  RETURN_IF_ERROR(HostStatus(path, CheckAdapter(manifest.adapter, *track.kind)));
+  RETURN_IF_ERROR(HostStatus(path, CheckExtraObservations(manifest.extra_observations, track)));
   order.work_dir = temp;
   std::filesystem::remove(archive);
   return absl::OkStatus();
 }
 
 absl::Status TakeRuntimes(LocalOrder& order) {
-  absl::StatusOr<std::vector<std::string>> runtimes =
-      RuntimesOf(order.artefact.manifest,
-                 Runtimes(order.config.runtimes, order.config.runtimes_dir));
-  if (runtimes.ok()) order.runtimes = *std::move(runtimes);
-  return runtimes.status();
+  ASSIGN_OR_RETURN(order.runtimes,
+                   RuntimesOf(order.artefact.manifest,
+                              Runtimes(order.config.runtimes, order.config.runtimes_dir)));
+  return absl::OkStatus();
 }
 
 absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order) {
@@ -159,16 +146,14 @@ namespace {
 // Everything that can be wrong with what the user gave is found here, before
 // anything runs. `temp` keeps the unpacked submission.
 absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::string& temp) {
-  absl::StatusOr<LocalOrder> order = MakeLocalOrder(options);
-  if (!order.ok()) return order;
-  absl::Status status = TakeSubmission(options.path, /*name=*/"", temp, *order);
-  if (status.ok()) status = TakeRuntimes(*order);
-  if (status.ok()) status = CheckLocalProgram(options.path, *order);
-  if (!status.ok()) return status;
+  ASSIGN_OR_RETURN(LocalOrder order, MakeLocalOrder(options));
+  RETURN_IF_ERROR(TakeSubmission(options.path, /*name=*/"", temp, order));
+  RETURN_IF_ERROR(TakeRuntimes(order));
+  RETURN_IF_ERROR(CheckLocalProgram(options.path, order));
   if (!options.logs.empty()) {
     std::error_code error;
-    order->log_dir = std::filesystem::absolute(options.logs).lexically_normal();
-    std::filesystem::create_directories(order->log_dir, error);
+    order.log_dir = std::filesystem::absolute(options.logs).lexically_normal();
+    std::filesystem::create_directories(order.log_dir, error);
     if (error) {
       return absl::InvalidArgumentError(
           absl::StrCat("--logs: ", options.logs, " can't be made: ", error.message()));
@@ -182,12 +167,11 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
 absl::Status NameLogs(const std::string& folder, Json& rows) {
   namespace fs = std::filesystem;
   if (folder.empty() || rows.empty()) return absl::OkStatus();
-  const size_t width = std::max<size_t>(3, absl::StrCat(rows.back()["index"].get<int64_t>()).size());
+  const auto width = static_cast<int>(std::to_string(rows.back()["index"].get<int64_t>()).size());
   for (Json& row : rows) {
     if (!row["log"].is_object() || row["log"].value("sha256", "").empty()) continue;
-    const std::string number = absl::StrCat(row["index"].get<int64_t>());
     const std::string name =
-        absl::StrCat("episode-", std::string(width - number.size(), '0'), number, ".lcmlog.zst");
+        absl::StrFormat("episode-%0*d.lcmlog.zst", std::max(3, width), row["index"].get<int64_t>());
     std::error_code error;
     fs::rename(fs::path(folder) / LogFileName(row["log"].value("sha256", "")),
                fs::path(folder) / name, error);
@@ -249,23 +233,18 @@ absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   const absl::Duration start = SystemClock().Monotonic();
   ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("local"));
   ASSIGN_OR_RETURN(LocalOrder order, Prepare(options, temp.path()));
-  absl::StatusOr<LocalResult> result;
-  {
-    Progress progress(options.track);
-    LocalRun run(order, {.progress = [&](int64_t done, int64_t total) {
-                            progress.Show(done, total, "");
-                          },
-                          .stopped = StopRequested,
-                          .again = [](const std::string& why) {
-                            std::cerr << "myograde: " << why << std::endl;
-                          }});
-    result = run.Run();
-  }
-  if (!result.ok()) return result.status();
-  ASSIGN_OR_RETURN(Json json, ResultJson(order, *result, SystemClock().Monotonic() - start));
+  ASSIGN_OR_RETURN(
+      LocalResult result,
+      LocalRun(
+          order,
+          {.progress = Progress(options.track).Listener(),
+           .stopped = StopRequested,
+           .again = [](const std::string& why) { std::cerr << "myograde: " << why << std::endl; }})
+          .Run());
+  ASSIGN_OR_RETURN(Json json, ResultJson(order, result, SystemClock().Monotonic() - start));
   RETURN_IF_ERROR(NameLogs(order.log_dir, json["episode_rows"]));
   json["episodes"] = json["episode_rows"];  // as it was called at first
-  return LocalGrade{std::move(json), std::move(result->rows), order.track, result->interrupted};
+  return LocalGrade{std::move(json), std::move(result.rows), order.track, result.interrupted};
 }
 
 void PrintLocalGrade(const Json& json, bool full_hashes) {
@@ -284,28 +263,32 @@ int ExitOfLocalGrade(const LocalGrade& grade) {
 
 namespace {
 
-int Local(const LocalOptions& options) {
-  const absl::StatusOr<LocalGrade> grade = GradeLocally(options);
-  if (!grade.ok()) return ReportError(grade.status());
+absl::StatusOr<int> Local(const LocalOptions& options) {
+  ASSIGN_OR_RETURN(const LocalGrade grade, GradeLocally(options));
   if (options.json) {
-    PrintJson(grade->json);
+    PrintJson(grade.json);
   } else {
-    PrintLocalGrade(grade->json, options.full_hashes);
+    PrintLocalGrade(grade.json, options.full_hashes);
   }
-  return ExitOfLocalGrade(*grade);
+  return ExitOfLocalGrade(grade);
 }
 
 }  // namespace
 
+void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& path_name,
+                     const std::string& schema) {
+  AddPolicyPath(verb, path_name, options.path);
+  verb.add_option("--profile", options.profile, "Rules profile (default: the track's own)");
+  AddFullHashes(verb, options.full_hashes);
+  AddJson(verb, schema, options.json);
+  AddHostOptions(verb, options.host);
+}
+
 Action AddLocal(CLI::App& verb) {
   auto options = std::make_shared<LocalOptions>();
-  verb.add_option("PATH", options->path,
-                  "An executable file, a folder with a policy.json, an archive of such a folder, or "
-                  "a container image as podman save writes it")
-      ->required();
+  AddLocalOptions(verb, *options, "PATH", "local");
   verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
       ->required();
-  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
   verb.add_option("--seeds", options->seeds,
                   "File of seeds in place of the track's list: a JSON array, or one on each line");
   verb.add_option("--episodes", options->episodes, "Play only the first N seeds")
@@ -313,14 +296,10 @@ Action AddLocal(CLI::App& verb) {
   verb.add_option("--logs", options->logs,
                   "Folder for the log of each episode, episode-000.lcmlog.zst and so on, which \"myograde "
                   "replay\" plays again and \"myograde render\" shows");
-  verb.add_option(
-          "--slots", options->slots,
-          "Blocks of episodes to play at a time (default: as in server.json, one for each "
-          "processor)")
+  verb.add_option("--slots", options->slots,
+                  "Blocks of episodes to play at a time (default: as in server.json, one for each "
+                  "processor)")
       ->check(CLI::Range(1, 1024));
-  AddFullHashes(verb, options->full_hashes);
-  AddJson(verb, "local", options->json);
-  AddHostOptions(verb, options->host);
   return [options] { return Local(*options); };
 }
 

@@ -2,16 +2,16 @@
 // the submission is checked, and LocalRun plays it.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
-#include <nlohmann/json.hpp>
-
 #include "server/cli/base/options.h"
 #include "server/cli/offline/local_run.h"
+#include "server/cli/terminal/text.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
 
@@ -29,6 +29,10 @@ struct LocalOptions {
   bool full_hashes = false;
   bool json = false;
 };
+
+// Adds the path, --profile, --full-hashes, --json, --configs and --cache. `schema` as for AddJson.
+void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& path_name,
+                     const std::string& schema);
 
 // An order with track, seeds, this host's configuration and nothing of the submission.
 // InvalidArgumentError or NotFoundError: an option or a config file.
@@ -48,7 +52,7 @@ absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order)
 
 // What came of a local run.
 struct LocalGrade {
-  nlohmann::json json;           // as `local --json` prints it
+  Json json;                     // as `local --json` prints it
   std::vector<EpisodeRow> rows;  // by index
   TrackPtr track;
   bool interrupted = false;
@@ -58,12 +62,12 @@ struct LocalGrade {
 absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options);
 
 // Prints it as text.
-void PrintLocalGrade(const nlohmann::json& json, bool full_hashes);
+void PrintLocalGrade(const Json& json, bool full_hashes);
 
 // The exit status; says on standard error if the run was interrupted.
 int ExitOfLocalGrade(const LocalGrade& grade);
 
 // An episode as `local` prints it.
-nlohmann::json LocalRowJson(const EpisodeRow& row);
+Json LocalRowJson(const EpisodeRow& row);
 
 }  // namespace myograde::server

@@ -21,12 +21,12 @@ namespace {
 
 constexpr int kPollMilliseconds = 100;
 
-nlohmann::json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
-                          const std::vector<EpisodeRow>& rows) {
-  nlohmann::json use = {{"policy_cpu_s", end.policy_cpu_s},
-                        {"simulator_cpu_s", end.simulator_cpu_s},
-                        {"wall_s", end.wall_s},
-                        {"peak_memory_bytes", end.peak_memory_bytes}};
+Json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
+                const std::vector<EpisodeRow>& rows) {
+  Json use = {{"policy_cpu_s", end.policy_cpu_s},
+              {"simulator_cpu_s", end.simulator_cpu_s},
+              {"wall_s", end.wall_s},
+              {"peak_memory_bytes", end.peak_memory_bytes}};
   AddStartUp(rows, first, last, use);
   return {{"first", first},
           {"last", last},
@@ -199,7 +199,7 @@ void LocalRun::KillAll() {
 LocalResult LocalRun::Collect(bool interrupted) const {
   LocalResult result;
   result.interrupted = interrupted;
-  result.outputs = nlohmann::json::array();
+  result.outputs = Json::array();
   for (const Lease& lease : leases_) {
     for (const auto& [index, row] : lease.rows) result.rows.push_back(row);
     if (lease.report.end().has_value()) {

@@ -2,6 +2,9 @@
 // nothing stored.
 #pragma once
 
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -9,11 +12,8 @@
 #include <string>
 #include <vector>
 
-#include <absl/status/statusor.h>
-#include <absl/time/time.h>
-#include <nlohmann/json.hpp>
-
 #include "server/artefact/artefact.h"
+#include "server/cli/terminal/text.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 #include "server/runner/lease_report.h"
@@ -41,7 +41,7 @@ struct LocalOrder {
 
 struct LocalResult {
   std::vector<EpisodeRow> rows;  // by index
-  nlohmann::json outputs;        // of the leases, in order
+  Json outputs;                  // of the leases, in order
   bool interrupted = false;
 };
 

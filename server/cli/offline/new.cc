@@ -1,23 +1,185 @@
 // myograde new
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <vector>
 
-#include <absl/strings/str_cat.h>
-
+#include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
 #include "protocol/tracks/registry.h"
+#include "server/base/paths.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/offline/starter.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/grading/tracks.h"
 
 namespace myograde::server {
 namespace {
+
+namespace fs = std::filesystem;
+
+// A folder with a policy that plays as it is, for participants to begin with.
+struct Starter {
+  std::string lang;   // "cpp", "python" or "torch"
+  std::string name;   // of the policy, as CheckPolicyName() takes it
+  std::string track;  // that its README plays
+};
+
+constexpr size_t kLongestName = 64;  // of policy.json
+
+absl::Status CantMake(const std::string& folder, const std::string& reason) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(folder, ": can't be made: ", reason, "; choose another place with --output"));
+}
+
+absl::Status IsThere(const std::string& folder) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(folder,
+                   ": is there already, and stays as it is; choose another name, or "
+                   "another place with --output"));
+}
+
+// A folder beside the one that is to appear, removed with everything in it unless it got its name.
+class PartFolder {
+ public:
+  explicit PartFolder(const std::string& folder) : path_(folder + ".part-XXXXXX") {
+    made_ = ::mkdtemp(path_.data()) != nullptr;
+  }
+  PartFolder(const PartFolder&) = delete;
+  PartFolder& operator=(const PartFolder&) = delete;
+  ~PartFolder() {
+    std::error_code ignored;  // nobody is left to tell
+    if (made_) fs::remove_all(path_, ignored);
+  }
+
+  bool made() const { return made_; }
+  const std::string& path() const { return path_; }
+
+  // The folder's final name, if nothing has it; else sets errno.
+  bool Keep(const std::string& folder) {
+    // mkdtemp makes it for its owner only. The mask can't be asked without being set.
+    const mode_t mask = ::umask(0);
+    ::umask(mask);
+    if (::chmod(path_.c_str(), 0777 & ~mask) != 0) return false;
+    if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, folder.c_str(), RENAME_NOREPLACE) != 0) {
+      // Some file systems can't promise to replace nothing. There rename() replaces an empty folder
+      // at worst, if one appeared since WriteStarter() looked.
+      if (errno != EINVAL || ::rename(path_.c_str(), folder.c_str()) != 0) return false;
+    }
+    made_ = false;
+    return true;
+  }
+
+ private:
+  std::string path_;
+  bool made_;
+};
+
+// Where an installation and a build tree have the templates of a language, seen from the programs.
+absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
+  ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
+  for (const std::string& place : {ShareDir(bin_dir) + "/policies", bin_dir + "/../policies"}) {
+    const std::string templates = absl::StrCat(place, "/starter/", lang);
+    std::error_code error;
+    if (fs::exists(templates + "/README.md", error)) return templates;
+  }
+  return absl::InternalError(absl::StrCat("the starter for ", lang,
+                                          " is not beside the programs in ", bin_dir,
+                                          "; install MyoGrade again, or build the target "
+                                          "myograde_policies"));
+}
+
+// One file of a template. `from` is a file of this installation.
+absl::Status WriteFrom(const Starter& starter, const std::string& from, const std::string& to) {
+  const absl::StatusOr<std::string> text = ReadFile(from);
+  if (!text.ok()) return absl::InternalError(text.status().message());
+  const std::string written =
+      absl::StrReplaceAll(*text, {{"@NAME@", starter.name}, {"@TRACK@", starter.track}});
+  RETURN_IF_ERROR(WriteFile(to, written));
+  struct stat info = {};
+  if (::stat(from.c_str(), &info) == 0 && (info.st_mode & S_IXUSR) != 0) {
+    std::error_code error;
+    using fs::perms;
+    fs::permissions(to, perms::owner_exec | perms::group_exec | perms::others_exec,
+                    fs::perm_options::add, error);
+    if (error) return CantMake(to, error.message());
+  }
+  return absl::OkStatus();
+}
+
+// All files of a template below `folder`; their names, sorted.
+absl::StatusOr<std::vector<std::string>> WriteAllFrom(const Starter& starter,
+                                                      const std::string& templates,
+                                                      const std::string& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  fs::recursive_directory_iterator entry(templates, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    const std::string name = entry->path().lexically_relative(templates).string();
+    const std::string to = absl::StrCat(folder, "/", name);
+    if (entry->is_directory(error)) {
+      fs::create_directory(to, error);
+      if (error) return CantMake(to, error.message());
+    } else {
+      RETURN_IF_ERROR(WriteFrom(starter, entry->path(), to));
+      names.push_back(name);
+    }
+  }
+  if (error) return absl::InternalError(absl::StrCat(templates, ": ", error.message()));
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+// "" if `name` can stand in sources, file names and policy.json; else what it must be.
+std::string CheckPolicyName(const std::string& name) {
+  const auto is_letter_or_digit = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+  };
+  const bool good = !name.empty() && name.size() <= kLongestName &&
+                    is_letter_or_digit(name.front()) &&
+                    std::all_of(name.begin(), name.end(), [&](char c) {
+                      return is_letter_or_digit(c) || c == '-' || c == '_' || c == '.';
+                    });
+  return good ? ""
+              : absl::StrCat("a policy's name here has 1 to ", kLongestName,
+                             " of the characters A-Z, a-z, 0-9, \"-\", \"_\" and \".\", and begins "
+                             "with a letter or digit");
+}
+
+// Makes the new folder `folder` from the templates that came with this program, and returns the
+// names of its files, sorted. The folder appears only when it is complete, and never in the place
+// of something else. InvalidArgumentError if something has its name or it can't be written,
+// InternalError if the templates are missing.
+absl::StatusOr<std::vector<std::string>> WriteStarter(const Starter& starter,
+                                                      const std::string& folder) {
+  std::error_code error;
+  if (fs::symlink_status(folder, error).type() != fs::file_type::not_found) {
+    return error ? CantMake(folder, error.message()) : IsThere(folder);
+  }
+  ASSIGN_OR_RETURN(const std::string templates, TemplatesOf(starter.lang));
+  PartFolder part(folder);
+  if (!part.made()) return CantMake(folder, std::strerror(errno));
+  ASSIGN_OR_RETURN(const std::vector<std::string> names,
+                   WriteAllFrom(starter, templates, part.path()));
+  if (!part.Keep(folder)) {
+    return errno == EEXIST || errno == ENOTEMPTY ? IsThere(folder)
+                                                 : CantMake(folder, std::strerror(errno));
+  }
+  return names;
+}
 
 struct NewOptions {
   HostOptions host;
@@ -38,35 +200,31 @@ std::vector<std::string> CommandsOf(const Starter& starter) {
 
 void PrintMade(const std::string& folder, const std::vector<std::string>& files,
                const std::vector<std::string>& commands) {
-  std::cout << Bold(Harmless(folder)) << ": a policy that plays as it is, in "
-            << absl::StrCat(files.size()) << " files. Go on with\n\n  cd " << Harmless(folder)
-            << '\n';
+  std::cout << Bold(Harmless(folder)) << ": a policy that plays as it is, in " << files.size()
+            << " files. Go on with\n\n  cd " << Harmless(folder) << '\n';
   for (const std::string& command : commands) std::cout << "  " << Harmless(command) << '\n';
   std::cout << "\nREADME.md there says more." << std::endl;
 }
 
-int New(const NewOptions& options) {
-  const absl::StatusOr<Tracks> tracks = Tracks::Load(options.host.configs_dir() + "/tracks");
-  if (!tracks.ok()) return ReportError(HostStatus("", tracks.status()));
+absl::StatusOr<int> New(const NewOptions& options) {
+  ASSIGN_OR_RETURN(const Tracks tracks,
+                   HostStatus("", Tracks::Load(options.host.configs_dir() + "/tracks")));
   const Starter& starter = options.starter;
-  if (const auto track = tracks->Find(starter.track, ""); !track.ok()) {
-    return ReportError(track.status());
-  }
+  RETURN_IF_ERROR(tracks.Find(starter.track, "").status());
   // Without a slash at the end, so that a name beside it can be made.
   std::string folder = options.output.empty() ? starter.name : options.output;
   while (folder.size() > 1 && folder.ends_with('/')) folder.pop_back();
-  const absl::StatusOr<std::vector<std::string>> files = WriteStarter(starter, folder);
-  if (!files.ok()) return ReportError(files.status());
+  ASSIGN_OR_RETURN(const std::vector<std::string> files, WriteStarter(starter, folder));
   const std::vector<std::string> commands = CommandsOf(starter);
   if (options.json) {
-    PrintJson({{"folder", std::filesystem::absolute(folder).string()},
+    PrintJson({{"folder", fs::absolute(folder).string()},
                {"name", starter.name},
                {"lang", starter.lang},
                {"track", starter.track},
-               {"files", *files},
+               {"files", files},
                {"commands", commands}});
   } else {
-    PrintMade(folder, *files, commands);
+    PrintMade(folder, files, commands);
   }
   return kDone;
 }
@@ -80,7 +238,7 @@ Action AddNew(CLI::App& verb) {
       ->check(CLI::Validator(CheckPolicyName, ""));
   verb.add_option("--lang", options->starter.lang, "Its language")
       ->required()
-      ->check(CLI::IsMember(StarterLanguages()));
+      ->check(CLI::IsMember({"cpp", "python", "torch"}));
   verb.add_option("--track", options->starter.track,
                   "Track that its README plays; the policy plays all of them")
       ->default_val(TrackNames().front());

@@ -1,17 +1,17 @@
 #include "server/cli/offline/play_logs.h"
 
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 
-#include <absl/strings/numbers.h>
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/status_macros.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
+#include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/terminal/progress.h"
 #include "server/config/server_config.h"
@@ -93,6 +93,20 @@ absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_vie
   return ReplayLogFile{path, std::move(header)};
 }
 
+absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t episode,
+                                    const std::string& folder) {
+  ASSIGN_OR_RETURN(const Json row, RowOf(evaluation, episode));
+  ASSIGN_OR_RETURN(const std::string bytes, LogBytesOf(client, row));
+  ASSIGN_OR_RETURN(EpisodeLog log, ParseEpisodeLog(bytes));
+  const Json hashes = evaluation.value("hashes", Json::object());
+  if (log.header.config != hashes.value("config", "") || log.header.episode != episode) {
+    return absl::DataLossError(absl::StrCat(
+        "episode ", episode, ": the log is of another episode or config than its record"));
+  }
+  ASSIGN_OR_RETURN(ReplayLogFile file, SaveLog(folder, bytes, log.header));
+  return FetchedLog{std::move(file), std::move(log)};
+}
+
 absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& path,
                                                           const LogHeader& header) {
   const std::string absolute = std::filesystem::absolute(path);
@@ -131,19 +145,16 @@ absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, Repla
   ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("replay"));
   ReplayOrder order;
   order.cache_dir = host.cache_dir();
-  absl::StatusOr<ServerConfig> config =
-      LoadServerConfig(host.configs_dir() + "/server.json", order.cache_dir);
-  if (!config.ok()) return HostStatus("", config.status());
+  ASSIGN_OR_RETURN(
+      const ServerConfig config,
+      HostStatus("", LoadServerConfig(host.configs_dir() + "/server.json", order.cache_dir)));
   order.track = files.begin()->second.header.track;
   order.work_dir = temp.path();
-  order.slots = slots > 0 ? slots : std::min(config->scheduler.slots, kMostSimulators);
-  if (::geteuid() == 0) order.uid_base = config->uid_base + kReplayUsers;
+  order.slots = slots > 0 ? slots : std::min(config.scheduler.slots, kMostSimulators);
+  if (::geteuid() == 0) order.uid_base = config.uid_base + kReplayUsers;
   order.blocks = BlocksOf(files, order.track, order.slots);
   Progress progress("replay");
-  return RunReplay(order, {.progress = [&](int64_t done, int64_t total) {
-                             progress.Show(done, total, "");
-                           },
-                           .stopped = StopRequested});
+  return RunReplay(order, {.progress = progress.Listener(), .stopped = StopRequested});
 }
 
 }  // namespace myograde::server

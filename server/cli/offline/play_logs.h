@@ -1,18 +1,20 @@
 // Playing logs again on this host.
 #pragma once
 
+#include <absl/status/statusor.h>
+
+#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-#include <absl/status/statusor.h>
-
 #include "protocol/lease/track_config.h"
 #include "protocol/log/episode_log.h"
 #include "server/cli/base/options.h"
+#include "server/cli/client/client.h"
+#include "server/cli/terminal/text.h"
 #include "server/proof/replay_run.h"
 
 namespace myograde::server {
@@ -31,6 +33,17 @@ struct ReplayLogFile {
 // Writes the bytes of a log to a file in `folder`. InternalError if it can't be written.
 absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_view bytes,
                                       LogHeader header);
+
+// A log of an evaluation, in a file and parsed.
+struct FetchedLog {
+  ReplayLogFile file;
+  EpisodeLog log;
+};
+
+// Gets the log of an episode of an evaluation with rows into `folder`. Errors of RowOf and
+// LogBytesOf (evaluation_logs.h); DataLossError also if it is of another episode or config.
+absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t episode,
+                                    const std::string& folder);
 
 // The log file at `path`, whose header is `header`, and where state carries over, those of its lease
 // before it, by episode. These stand beside it and are named as it is, but for the episode's number

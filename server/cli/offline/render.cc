@@ -1,19 +1,18 @@
 // myograde render
+#include <absl/strings/match.h>
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <absl/strings/str_split.h>
+
 #include <algorithm>
 #include <cerrno>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
 #include <utility>
-
-#include <absl/strings/match.h>
-#include <absl/strings/numbers.h>
-#include <absl/strings/str_cat.h>
-#include <absl/strings/str_format.h>
-#include <absl/strings/str_split.h>
 
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
@@ -33,7 +32,6 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
 using Form = RenderOrder::Form;
 
 constexpr int kMostDrawingThreads = 16;
@@ -140,11 +138,9 @@ absl::Status FindOfSubmission(const RenderOptions& options, int64_t id, const st
   const Client client = options.client();
   ASSIGN_OR_RETURN(const Json evaluation,
                    EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result")));
-  absl::StatusOr<ShownEpisodes> shown =
-      options.strip ? StripOfEvaluation(client, evaluation, folder)
-                    : EpisodeOfEvaluation(client, evaluation, options.episode, folder);
-  if (!shown.ok()) return shown.status();
-  drawing.shown = *std::move(shown);
+  ASSIGN_OR_RETURN(drawing.shown, options.strip ? StripOfEvaluation(client, evaluation, folder)
+                                                : EpisodeOfEvaluation(client, evaluation,
+                                                                      options.episode, folder));
   drawing.submission = id;
   drawing.evaluation = evaluation.value("evaluation", Json());
   if (!options.strip) {
@@ -204,9 +200,9 @@ Json ToJson(const RenderOptions& options, const Drawing& drawing, const std::str
   Json episodes = Json::array();
   for (const ShownEpisode& shown : drawing.shown.episodes) {
     episodes.push_back({{"index", shown.index},
-                        {"place", shown.place.empty() ? Json() : Json(shown.place)},
+                        {"place", TextOrNull(shown.place)},
                         {"steps", shown.steps},
-                        {"verdict", shown.order.verdict.empty() ? Json() : Json(shown.order.verdict)}});
+                        {"verdict", TextOrNull(shown.order.verdict)}});
   }
   const bool film = drawing.film.has_value();
   return {{"submission", drawing.submission},
@@ -244,38 +240,24 @@ void PrintDrawn(const Json& json) {
   std::cout << std::endl;
 }
 
-// A log that can't be shown is no trouble of the host.
-int ReportUndrawn(const absl::Status& status) {
-  const int trouble = ReportError(status);
-  return absl::IsDataLoss(status) ? kNoScore : trouble;
-}
-
-int Render(const RenderOptions& options) {
+absl::StatusOr<int> Render(const RenderOptions& options) {
   Drawing drawing;
-  if (absl::Status status = ReadOptions(options, drawing); !status.ok()) return ReportError(status);
-  const absl::StatusOr<TempFolder> temp = TempFolder::Make("render");
-  if (!temp.ok()) return ReportError(temp.status());
-  if (absl::Status status = Find(options, temp->path(), drawing); !status.ok()) {
-    return ReportUndrawn(status);
+  RETURN_IF_ERROR(ReadOptions(options, drawing));
+  ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("render"));
+  if (absl::Status status = Find(options, temp.path(), drawing); !status.ok()) {
+    return ExitOfLogError(status);
   }
   // Opened before the work: a place that can't be written to is told at once.
   NewFile file(options.file, /*mode=*/0666);
-  if (!file.opened()) return ReportError(CantWrite(options.file));
-  const absl::StatusOr<std::string> bytes = Draw(drawing, temp->path());
-  if (!bytes.ok()) return ReportUndrawn(bytes.status());
+  if (!file.opened()) return CantWrite(options.file);
+  const absl::StatusOr<std::string> bytes = Draw(drawing, temp.path());
+  if (!bytes.ok()) return ExitOfLogError(bytes.status());
   if (!file.Write(*bytes)) {
     errno = file.error();
-    return ReportError(CantWrite(options.file));
+    return CantWrite(options.file);
   }
-  const absl::StatusOr<std::string> sha256 = file.Keep();
-  if (!sha256.ok()) return ReportError(sha256.status());
-  const Json json = ToJson(options, drawing, *bytes, *sha256);
-  if (options.json) {
-    PrintJson(json);
-  } else {
-    PrintDrawn(json);
-  }
-  return kDone;
+  ASSIGN_OR_RETURN(const std::string sha256, file.Keep());
+  return PrintAnswer(ToJson(options, drawing, *bytes, sha256), options.json, PrintDrawn);
 }
 
 }  // namespace

@@ -25,8 +25,6 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
 struct ReplayOptions : DaemonOptions {
   HostOptions host;
   std::string target;
@@ -48,57 +46,43 @@ struct Collected {
   std::map<int64_t, ReplayRecord> records;
 };
 
-absl::Status Collect(const Client& client, const Json& row, const std::string& config,
+absl::Status Collect(const Client& client, const Json& evaluation, int64_t episode,
                      const std::string& folder, Collected& collected) {
-  const int64_t episode = row.value("index", int64_t{-1});
-  absl::StatusOr<std::string> bytes = LogBytesOf(client, row);
-  absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
-  if (log.ok() && (log->header.config != config || log->header.episode != episode)) {
-    log = absl::DataLossError("the log is of another episode or config than its record");
-  }
-  if (absl::IsDataLoss(log.status())) {
-    collected.records[episode] = Unplayable(episode, log.status());
+  absl::StatusOr<FetchedLog> fetched = FetchLog(client, evaluation, episode, folder);
+  if (absl::IsDataLoss(fetched.status())) {
+    collected.records[episode] = Unplayable(episode, fetched.status());
     return absl::OkStatus();
   }
-  if (!log.ok()) return log.status();
-  ASSIGN_OR_RETURN(ReplayLogFile file, SaveLog(folder, *bytes, std::move(log->header)));
-  collected.files[episode] = std::move(file);
+  if (!fetched.ok()) return fetched.status();
+  collected.files[episode] = std::move(fetched->file);
   return absl::OkStatus();
 }
 
-// The episodes to ask for so that `episode` can be played: all (-1), itself, or its lease until it.
-absl::StatusOr<Collected> CollectOfSubmission(const ReplayOptions& options, const Client& client,
+// The logs that are needed to play `episode`: of all (-1), its own, or those of its lease until it.
+absl::StatusOr<Collected> CollectOfSubmission(int64_t episode, const Client& client,
                                               const Json& evaluation, const std::string& folder) {
   Collected collected;
-  const std::string config = evaluation["hashes"].value("config", "");
-  std::vector<Json> rows;
-  if (options.episode < 0) {
-    rows.assign(evaluation["episode_rows"].begin(), evaluation["episode_rows"].end());
-  } else {
-    ASSIGN_OR_RETURN(Json row, RowOf(evaluation, options.episode));
-    rows.push_back(std::move(row));
+  if (episode < 0) {
+    for (const Json& row : evaluation["episode_rows"]) {
+      RETURN_IF_ERROR(
+          Collect(client, evaluation, row.value("index", int64_t{-1}), folder, collected));
+    }
+    return collected;
   }
-  for (const Json& row : rows) {
-    RETURN_IF_ERROR(Collect(client, row, config, folder, collected));
-  }
-  if (options.episode < 0 || collected.files.empty()) return collected;
+  RETURN_IF_ERROR(Collect(client, evaluation, episode, folder, collected));
+  if (collected.files.empty()) return collected;
   const TrackConfig& track = collected.files.begin()->second.header.track;
   if (!CarriesOver(track)) return collected;
-  const int64_t first = FirstOfLease(track, options.episode);
-  for (int64_t episode = first; episode < options.episode; ++episode) {
-    ASSIGN_OR_RETURN(Json row, RowOf(evaluation, episode));
-    RETURN_IF_ERROR(Collect(client, row, config, folder, collected));
+  for (int64_t before = FirstOfLease(track, episode); before < episode; ++before) {
+    RETURN_IF_ERROR(Collect(client, evaluation, before, folder, collected));
   }
   return collected;
 }
 
 Json RecordToJson(const ReplayRecord& record) {
-  return {{"index", record.episode},
-          {"equal", record.equal},
-          {"steps", record.steps},
-          {"step", record.step < 0 ? Json() : Json(record.step)},
-          {"differs", record.differs},
-          {"detail", record.detail.empty() ? Json() : Json(record.detail)}};
+  return {{"index", record.episode},   {"equal", record.equal},
+          {"steps", record.steps},     {"step", record.step < 0 ? Json() : Json(record.step)},
+          {"differs", record.differs}, {"detail", TextOrNull(record.detail)}};
 }
 
 int ReportReplay(const ReplayOptions& options, Json head,
@@ -124,58 +108,50 @@ int ReportReplay(const ReplayOptions& options, Json head,
   return all ? kDone : kNoScore;
 }
 
-int ReplayFile(const ReplayOptions& options) {
+absl::StatusOr<int> ReplayFile(const ReplayOptions& options) {
   const Json head = {{"submission", nullptr}, {"evaluation", nullptr}, {"file", options.target}};
   absl::StatusOr<std::string> bytes = ReadLog(options.target);
   // No file that could hold a log at all.
   if (absl::IsNotFound(bytes.status()) || absl::IsInvalidArgument(bytes.status())) {
-    return ReportError(bytes.status());
+    return bytes.status();
   }
   absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
   if (!log.ok()) return ReportReplay(options, head, {Unplayable(0, log.status())});
-  const absl::StatusOr<std::map<int64_t, ReplayLogFile>> files =
-      LogsUpTo(options.target, log->header);
-  if (!files.ok()) return ReportError(files.status());
-  const absl::StatusOr<std::vector<ReplayRecord>> records =
-      PlayLogs(*files, options.host, options.slots);
-  if (!records.ok()) return ReportError(records.status());
-  return ReportReplay(options, head, {records->back()});
+  ASSIGN_OR_RETURN(const auto files, LogsUpTo(options.target, log->header));
+  ASSIGN_OR_RETURN(const std::vector<ReplayRecord> records,
+                   PlayLogs(files, options.host, options.slots));
+  return ReportReplay(options, head, {records.back()});
 }
 
-int ReplaySubmission(const ReplayOptions& options, int64_t id) {
-  absl::StatusOr<TempFolder> temp = TempFolder::Make("logs");
-  if (!temp.ok()) return ReportError(temp.status());
+absl::StatusOr<int> ReplaySubmission(const ReplayOptions& options, int64_t id) {
+  ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("logs"));
   const Client client = options.client();
-  absl::StatusOr<Json> evaluation =
-      EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result"));
-  if (!evaluation.ok()) return ReportError(evaluation.status());
-  absl::StatusOr<Collected> collected =
-      CollectOfSubmission(options, client, *evaluation, temp->path());
-  if (!collected.ok()) return ReportError(collected.status());
-  absl::StatusOr<std::vector<ReplayRecord>> played =
-      PlayLogs(collected->files, options.host, options.slots);
-  if (!played.ok()) return ReportError(played.status());
-  for (const ReplayRecord& record : *played) collected->records[record.episode] = record;
+  ASSIGN_OR_RETURN(const Json evaluation,
+                   EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result")));
+  ASSIGN_OR_RETURN(Collected collected,
+                   CollectOfSubmission(options.episode, client, evaluation, temp.path()));
+  ASSIGN_OR_RETURN(const std::vector<ReplayRecord> played,
+                   PlayLogs(collected.files, options.host, options.slots));
+  for (const ReplayRecord& record : played) collected.records[record.episode] = record;
   std::vector<ReplayRecord> records;
-  for (const auto& [episode, record] : collected->records) {
+  for (const auto& [episode, record] : collected.records) {
     if (options.episode < 0 || episode == options.episode) records.push_back(record);
   }
   if (records.empty()) {
-    return ReportError(absl::FailedPreconditionError(
-        absl::StrCat("submission ", id, " has no recorded episode yet")));
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", id, " has no recorded episode yet"));
   }
-  const Json head = {{"submission", id},
-                     {"evaluation", (*evaluation)["evaluation"]},
-                     {"file", nullptr}};
+  const Json head = {
+      {"submission", id}, {"evaluation", evaluation["evaluation"]}, {"file", nullptr}};
   return ReportReplay(options, head, records);
 }
 
-int Replay(const ReplayOptions& options) {
+absl::StatusOr<int> Replay(const ReplayOptions& options) {
   int64_t id = 0;
   if (absl::SimpleAtoi(options.target, &id) && id > 0) return ReplaySubmission(options, id);
   if (options.episode >= 0) {
-    return ReportError(absl::InvalidArgumentError(
-        "--episode: a log file holds one episode; leave the option out"));
+    return absl::InvalidArgumentError(
+        "--episode: a log file holds one episode; leave the option out");
   }
   return ReplayFile(options);
 }

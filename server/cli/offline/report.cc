@@ -1,12 +1,11 @@
 // myograde report
+#include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
+
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <absl/strings/escaping.h>
-#include <absl/strings/str_cat.h>
-#include <absl/strings/strip.h>
 
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
@@ -19,17 +18,11 @@
 #include "server/cli/offline/figure_sources.h"
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
-constexpr absl::Duration kStripTime = absl::Hours(24);  // "render" has a deadline of its own
 constexpr size_t kMostStripBytes = size_t{32} << 20;
-constexpr size_t kMostPrinted = 1 << 20;
-constexpr int kStripNice = 10;
 
 struct ReportOptions : SubmissionOptions {
   BoardChoice board;
@@ -62,8 +55,7 @@ absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
   const absl::StatusOr<TempFolder> temp = TempFolder::Make("strip");
   if (!temp.ok()) return WhyNot(temp.status().message());
   const std::string file = temp->path() + "/strip.png";
-  std::vector<std::string> words = {"render", absl::StrCat(options.id),
-                                    "--strip", "-o", file};
+  std::vector<std::string> words = {absl::StrCat(options.id), "--strip", "-o", file};
   const std::pair<const char*, const std::string*> places[] = {{"--data", &options.data},
                                                                {"--socket", &options.socket},
                                                                {"--server", &options.server},
@@ -71,17 +63,9 @@ absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
   for (const auto& [option, value] : places) {
     if (!value->empty()) words.insert(words.end(), {option, *value});
   }
-  const absl::StatusOr<ProgramEnd> run = RunProgram({.program = "myograde",
-                                                     .words = std::move(words),
-                                                     .most_output = kMostPrinted,
-                                                     .deadline = kStripTime,
-                                                     .nice = kStripNice},
-                                                    StopRequested);
-  if (absl::IsCancelled(run.status())) return run.status();
-  if (!run.ok()) return WhyNot(absl::StrCat("drawing them failed: ", run.status().message()));
-  if (run->exit_status != 0) {
-    return WhyNot(absl::StripPrefix(Harmless(run->LastError()), "myograde: error: "));
-  }
+  const absl::Status drawn = RunRender(std::move(words));
+  if (absl::IsCancelled(drawn)) return drawn;
+  if (!drawn.ok()) return WhyNot(drawn.message());
   const absl::StatusOr<std::string> png = ReadFile(file, kMostStripBytes);
   if (!png.ok()) return WhyNot(png.status().message());
   return Json{{"png", absl::Base64Escape(*png)}};
@@ -89,28 +73,25 @@ absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
 
 absl::Status GatherSubmission(const ReportOptions& options, Json& order) {
   const Client client = options.client();
-  ASSIGN_OR_RETURN(Json result, ResultForFigures(client, options.id));
-  order["result"] = std::move(result);
+  ASSIGN_OR_RETURN(order["result"], ResultForFigures(client, options.id));
   if (order["format"].is_null()) return absl::OkStatus();
   absl::StatusOr<Json> receipt = client.Get(options.Resource("/receipt"));
   if (!receipt.ok() && !absl::IsInvalidArgument(receipt.status())) return receipt.status();
   order["receipt"] = receipt.ok() ? *std::move(receipt) : WhyNot(receipt.status().message());
   if (options.no_pictures) return absl::OkStatus();
-  ASSIGN_OR_RETURN(Json strip, PicturesOf(options));
-  order["strip"] = std::move(strip);
+  ASSIGN_OR_RETURN(order["strip"], PicturesOf(options));
   return absl::OkStatus();
 }
 
 absl::Status GatherBoard(const ReportOptions& options, Json& order) {
   const Client client = options.client();
-  absl::Status status = AddBoard(client, options.board, order);
-  if (status.ok()) status = AddPhase(client, order);
-  if (status.ok()) status = AddResultsOfBoard(client, order);
-  return status;
+  RETURN_IF_ERROR(AddBoard(client, options.board, order));
+  RETURN_IF_ERROR(AddPhase(client, order));
+  return AddResultsOfBoard(client, order);
 }
 
-int WriteReport(const ReportOptions& options) {
-  if (absl::Status status = CheckReport(options); !status.ok()) return ReportError(status);
+absl::StatusOr<int> WriteReport(const ReportOptions& options) {
+  RETURN_IF_ERROR(CheckReport(options));
   const bool submission = options.id != 0;
   Json order = {{"make", submission ? "report" : "board-report"},
                 {"format", options.file.empty() ? Json() : Json("html")},
@@ -118,11 +99,8 @@ int WriteReport(const ReportOptions& options) {
   CatchStopSignals();
   const absl::Status gathered =
       submission ? GatherSubmission(options, order) : GatherBoard(options, order);
-  if (!gathered.ok()) return ReportNotDrawn(gathered);
-  const absl::StatusOr<Drawn> drawn = DrawFigure(order);
-  if (!drawn.ok()) return ReportNotDrawn(drawn.status());
-  return ReportDrawn(*drawn, options.file, {{"of", submission ? "submission" : "board"}},
-                     options.json);
+  return DrawInto(options.file, gathered, order, {{"of", submission ? "submission" : "board"}},
+                  options.json);
 }
 
 }  // namespace
@@ -130,14 +108,9 @@ int WriteReport(const ReportOptions& options) {
 Action AddReport(CLI::App& verb) {
   auto options = std::make_shared<ReportOptions>();
   AddSubmissionId(verb, *options, /*required=*/false, "The submission to report on");
-  verb.add_option("--phase", options->board.phase,
-                  "In place of a submission: the results of this phase");
-  verb.add_option("--track", options->board.track,
-                  "In place of a submission: the results of this track outside any phase");
-  verb.add_option("--profile", options->board.profile, "Rules profile (default: the track's own)");
-  verb.add_option("--board", options->board.board, "Name of the board (default: main)");
-  verb.add_option("--config", options->board.config,
-                  "The board under this config: its hash, or the first 8 digits or more");
+  AddBoardChoice(verb, options->board,
+                 "In place of a submission: the results of this track outside any phase",
+                 "In place of a submission: the results of this phase");
   verb.add_option("-o,--output", options->file, "The file to write: FILE.html");
   verb.add_flag("--no-pictures", options->no_pictures, "Leave out the pictures of episodes");
   AddDaemonOptions(verb, "report", *options, "Print the numbers in the report as JSON");

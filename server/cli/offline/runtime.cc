@@ -1,20 +1,19 @@
 // myograde runtime
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <absl/strings/str_join.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <iostream>
-#include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <system_error>
 
-#include <absl/strings/str_cat.h>
-#include <absl/strings/str_format.h>
-#include <absl/strings/str_join.h>
-#include <nlohmann/json.hpp>
-
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
@@ -27,8 +26,6 @@
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 struct RuntimeOptions {
   HostOptions host;
@@ -46,10 +43,8 @@ struct RuntimeOptions {
 };
 
 absl::StatusOr<ServerConfig> ConfigOf(const RuntimeOptions& options) {
-  absl::StatusOr<ServerConfig> config = LoadServerConfig(
-      options.host.configs_dir() + "/server.json", options.host.cache_dir());
-  if (!config.ok()) return HostStatus("", config.status());
-  return config;
+  return HostStatus(
+      "", LoadServerConfig(options.host.configs_dir() + "/server.json", options.host.cache_dir()));
 }
 
 // The program that makes and removes runtimes.
@@ -73,33 +68,36 @@ absl::StatusOr<std::string> Recipe(const std::string& name) {
 }
 
 // Becomes the maker. `words` follow the runtimes' folder and the name.
-int Become(const RuntimeOptions& options, const std::string& verb,
-           std::vector<std::string> words) {
-  const absl::StatusOr<ServerConfig> config = ConfigOf(options);
-  if (!config.ok()) return ReportError(config.status());
-  if (const auto own = config->runtimes.find(options.name);
-      own != config->runtimes.end() && own->second != config->runtimes_dir + "/" + options.name) {
-    return ReportError(absl::InvalidArgumentError(
+absl::StatusOr<int> Become(const RuntimeOptions& options, const std::string& verb,
+                           std::vector<std::string> words) {
+  ASSIGN_OR_RETURN(const ServerConfig config, ConfigOf(options));
+  if (const auto own = config.runtimes.find(options.name);
+      own != config.runtimes.end() && own->second != config.runtimes_dir + "/" + options.name) {
+    return absl::InvalidArgumentError(
         absl::StrCat("server.json names the folder ", own->second, " as the runtime \"",
-                     options.name, "\"; choose another name, or take it out of \"runtimes\"")));
+                     options.name, "\"; choose another name, or take it out of \"runtimes\""));
   }
-  std::vector<std::string> all = {"/usr/bin/python3", "-B", "-s", "-E", Maker(), verb,
-                                  config->runtimes_dir, options.name};
+  std::vector<std::string> all = {"/usr/bin/python3",  "-B",        "-s", "-E", Maker(), verb,
+                                  config.runtimes_dir, options.name};
   all.insert(all.end(), words.begin(), words.end());
   if (options.json) all.emplace_back("--json");
   ::execv(all[0].c_str(), ExecVector(all).data());
-  return ReportError(absl::InternalError(absl::StrCat(
-      all[0], " can't be started: ", std::strerror(errno), "; install the package python3")));
+  return absl::InternalError(absl::StrCat(all[0], " can't be started: ", std::strerror(errno),
+                                          "; install the package python3"));
 }
 
-int Add(const RuntimeOptions& options) {
-  absl::StatusOr<std::string> source = options.requirements;
-  if (source->empty()) source = Recipe(options.name);
-  if (!source.ok()) return ReportError(source.status());
-  std::vector<std::string> words = {*source,
-                                    "--python", options.python,
-                                    "--timeout", std::to_string(options.timeout_s),
-                                    "--most-bytes", std::to_string(options.most_bytes)};
+absl::StatusOr<int> Add(const RuntimeOptions& options) {
+  std::string source = options.requirements;
+  if (source.empty()) {
+    ASSIGN_OR_RETURN(source, Recipe(options.name));
+  }
+  std::vector<std::string> words = {source,
+                                    "--python",
+                                    options.python,
+                                    "--timeout",
+                                    std::to_string(options.timeout_s),
+                                    "--most-bytes",
+                                    std::to_string(options.most_bytes)};
   for (const std::string& package : options.debian) {
     words.insert(words.end(), {"--debian", package});
   }
@@ -109,7 +107,7 @@ int Add(const RuntimeOptions& options) {
   return Become(options, "add", std::move(words));
 }
 
-int Remove(const RuntimeOptions& options) {
+absl::StatusOr<int> Remove(const RuntimeOptions& options) {
   return Become(options, "remove",
                 options.former ? std::vector<std::string>{"--former"} : std::vector<std::string>());
 }
@@ -123,44 +121,36 @@ Json RuntimeRow(const Runtime& runtime, bool former) {
 }
 
 void PrintRuntimes(const Json& runtimes) {
-  Table table({"runtime", "Python", "packages", "MB", "digest", "folder"});
-  for (const Json& row : runtimes) {
-    const bool known = row["digest"].is_string();
-    const std::string digest = known ? row["digest"].get<std::string>().substr(0, 12) : "unknown";
-    table.Add({Cell(row, "runtime"), known ? Cell(row, "python") : "-",
-               known ? std::to_string(row["packages"].size()) : "-",
-               known ? absl::StrFormat("%.0f", static_cast<double>(row["bytes"]) / 1e6) : "-",
-               absl::StrCat(digest, row.value("former", false) ? " (former)" : ""),
-               Cell(row, "folder")});
-  }
-  table.Print();
+  const auto packages = [](const Json& row) {
+    return row["digest"].is_string() ? std::to_string(row["packages"].size()) : "-";
+  };
+  const auto megabytes = [](const Json& row) {
+    return row["digest"].is_string()
+               ? absl::StrFormat("%.0f", static_cast<double>(row["bytes"]) / 1e6)
+               : "-";
+  };
+  const auto digest = [](const Json& row) {
+    return absl::StrCat(row["digest"].is_string() ? HashText(row["digest"], false) : "unknown",
+                        row.value("former", false) ? " (former)" : "");
+  };
+  PrintRows(runtimes, {"runtime", "Python=python", RowColumn("packages", packages),
+                       RowColumn("MB", megabytes), RowColumn("digest", digest), "folder"});
 }
 
-int List(const RuntimeOptions& options) {
-  const absl::StatusOr<ServerConfig> config = ConfigOf(options);
-  if (!config.ok()) return ReportError(config.status());
-  const Runtimes runtimes(config->runtimes, config->runtimes_dir);
+absl::StatusOr<int> List(const RuntimeOptions& options) {
+  ASSIGN_OR_RETURN(const ServerConfig config, ConfigOf(options));
+  const Runtimes runtimes(config.runtimes, config.runtimes_dir);
   Json rows = Json::array();
   for (const Runtime& runtime : runtimes.List()) rows.push_back(RuntimeRow(runtime, false));
   for (const Runtime& runtime : runtimes.Former()) rows.push_back(RuntimeRow(runtime, true));
   if (options.json) {
-    PrintJson({{"dir", config->runtimes_dir}, {"runtimes", rows}});
+    PrintJson({{"dir", config.runtimes_dir}, {"runtimes", rows}});
   } else if (rows.empty()) {
     std::cout << "There is no runtime; myograde runtime add makes one." << std::endl;
   } else {
     PrintRuntimes(rows);
   }
   return kDone;
-}
-
-CLI::App* AddPart(CLI::App& verb, const std::string& name, const std::string& does,
-                  const std::string& example, RuntimeOptions& options) {
-  CLI::App* part = verb.add_subcommand(name, does);
-  part->footer("Example:\n  " + example);
-  AddJson(*part, name == "add" ? "runtime" : name == "list" ? "runtimes" : "runtime-remove",
-          options.json);
-  AddHostOptions(*part, options.host);
-  return part;
 }
 
 void AddMaking(CLI::App& part, RuntimeOptions& options) {
@@ -192,22 +182,23 @@ void AddMaking(CLI::App& part, RuntimeOptions& options) {
 }  // namespace
 
 Action AddRuntime(CLI::App& verb) {
-  auto options = std::make_shared<RuntimeOptions>();
-  auto chosen = std::make_shared<Action>();
-  verb.require_subcommand(1);
-  CLI::App* add = AddPart(verb, "add", "Make a runtime from a requirements file",
-                          "myograde runtime add torch-cpu", *options);
-  AddMaking(*add, *options);
-  add->callback([=] { *chosen = [=] { return Add(*options); }; });
-  CLI::App* list = AddPart(verb, "list", "List the runtimes of this host",
-                           "myograde runtime list", *options);
-  list->callback([=] { *chosen = [=] { return List(*options); }; });
-  CLI::App* remove = AddPart(verb, "remove", "Remove a runtime and its former versions",
-                             "myograde runtime remove torch", *options);
-  remove->add_option("NAME", options->name, "Its name")->required();
-  remove->add_flag("--former", options->former, "Only those that were replaced");
-  remove->callback([=] { *chosen = [=] { return Remove(*options); }; });
-  return [chosen] { return (*chosen)(); };
+  Parts<RuntimeOptions> parts(verb);
+  RuntimeOptions& options = parts.options();
+  const auto add = [&](const char* name, const char* does, const char* example, const char* schema,
+                       absl::StatusOr<int> (*action)(const RuntimeOptions&)) {
+    CLI::App* part = parts.Add(name, does, example, action);
+    AddJson(*part, schema, options.json);
+    AddHostOptions(*part, options.host);
+    return part;
+  };
+  AddMaking(*add("add", "Make a runtime from a requirements file", "add torch-cpu", "runtime", Add),
+            options);
+  add("list", "List the runtimes of this host", "list", "runtimes", List);
+  CLI::App* remove = add("remove", "Remove a runtime and its former versions", "remove torch",
+                         "runtime-remove", Remove);
+  remove->add_option("NAME", options.name, "Its name")->required();
+  remove->add_flag("--former", options.former, "Only those that were replaced");
+  return parts.Chosen();
 }
 
 }  // namespace myograde::server

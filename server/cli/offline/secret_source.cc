@@ -5,13 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/file.h"
-#include "server/cli/client/challenge_phase.h"
+#include "server/cli/client/challenges.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {
 namespace {
-
-using Json = nlohmann::json;
 
 constexpr size_t kMaxSecretFileBytes = 4096;
 

@@ -1,13 +1,13 @@
 // myograde serve: becomes the daemon.
+#include <absl/strings/str_cat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <memory>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/spawn.h"
+#include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
@@ -23,10 +23,9 @@ struct ServeOptions {
   bool adopt = false;
 };
 
-int Serve(const ServeOptions& options) {
-  const absl::StatusOr<std::string> bin = BinDir();
-  if (!bin.ok()) return ReportError(HostStatus("", bin.status()));
-  std::vector<std::string> words = {*bin + "/myograded"};
+absl::StatusOr<int> Serve(const ServeOptions& options) {
+  ASSIGN_OR_RETURN(const std::string bin, HostStatus("", BinDir()));
+  std::vector<std::string> words = {bin + "/myograded"};
   const auto pass = [&](const char* name, const std::string& value) {
     if (!value.empty()) words.insert(words.end(), {name, value});
   };
@@ -36,8 +35,8 @@ int Serve(const ServeOptions& options) {
   pass("--cache", options.host.cache);
   if (options.adopt) words.emplace_back("--adopt");
   ::execv(words[0].c_str(), ExecVector(words).data());
-  return ReportError(absl::InternalError(absl::StrCat("the daemon's program ", words[0],
-                                                   " can't be started: ", std::strerror(errno))));
+  return absl::InternalError(
+      absl::StrCat("the daemon's program ", words[0], " can't be started: ", std::strerror(errno)));
 }
 
 }  // namespace

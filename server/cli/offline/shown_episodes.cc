@@ -1,11 +1,10 @@
 #include "server/cli/offline/shown_episodes.h"
 
-#include <map>
+#include <absl/strings/str_cat.h>
+
 #include <optional>
 #include <string_view>
 #include <utility>
-
-#include <absl/strings/str_cat.h>
 
 #include "protocol/base/outcome.h"
 #include "protocol/base/status_macros.h"
@@ -13,6 +12,7 @@
 #include "protocol/tracks/registry.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/play_logs.h"
+#include "server/cli/terminal/text.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"
@@ -21,38 +21,11 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
-
-std::string RowText(const Json& row, const char* key) {
-  const Json value = row.value(key, Json());
-  return value.is_string() ? value.get<std::string>() : "";
-}
-
 // "failure: dropped"; "" where the phase withholds it.
 std::string RowVerdict(const Json& row) {
-  const std::string outcome = RowText(row, "outcome");
-  const std::string reason = RowText(row, "reason");
+  const std::string outcome = TextAt(row, "outcome");
+  const std::string reason = TextAt(row, "reason");
   return reason.empty() ? outcome : absl::StrCat(outcome, ": ", reason);
-}
-
-// A log of an evaluation in a file, with what is in it.
-struct FetchedLog {
-  std::string path;
-  EpisodeLog log;
-};
-
-absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t index,
-                                    const std::string& folder) {
-  ASSIGN_OR_RETURN(const Json row, RowOf(evaluation, index));
-  const absl::StatusOr<std::string> bytes = LogBytesOf(client, row);
-  ASSIGN_OR_RETURN(EpisodeLog log, ParseLog(bytes));
-  const Json hashes = evaluation.value("hashes", Json::object());
-  if (log.header.config != hashes.value("config", "") || log.header.episode != index) {
-    return absl::DataLossError(absl::StrCat(
-        "episode ", index, ": the log is of another episode or config than its record"));
-  }
-  ASSIGN_OR_RETURN(ReplayLogFile file, SaveLog(folder, *bytes, log.header));
-  return FetchedLog{file.path, std::move(log)};
 }
 
 absl::Status CheckHasSteps(const EpisodeLog& log) {
@@ -62,37 +35,15 @@ absl::Status CheckHasSteps(const EpisodeLog& log) {
                                           "\" before the first"));
 }
 
-struct FetchedEpisode {
-  ShownEpisode shown;
-  TrackConfig track;
-};
-
-absl::StatusOr<FetchedEpisode> FetchEpisode(const Client& client, const Json& evaluation,
-                                            int64_t index, const std::string& folder) {
-  ASSIGN_OR_RETURN(FetchedLog own, FetchLog(client, evaluation, index, folder));
-  RETURN_IF_ERROR(CheckHasSteps(own.log));
-  FetchedEpisode fetched = {{.index = index, .place = "", .order = {}, .steps = own.log.steps()},
-                            std::move(own.log.header.track)};
-  if (CarriesOver(fetched.track)) {
-    for (int64_t before = FirstOfLease(fetched.track, index); before < index; ++before) {
-      ASSIGN_OR_RETURN(const FetchedLog log, FetchLog(client, evaluation, before, folder));
-      fetched.shown.order.logs.push_back(log.path);
-    }
-  }
-  fetched.shown.order.logs.push_back(own.path);
-  fetched.shown.order.verdict = RowVerdict(*RowOf(evaluation, index));
-  return fetched;
-}
-
 bool CanBeShown(const Json& row) {
   const Json log = row.value("log", Json());
-  return log.is_object() && log.value("steps", int64_t{0}) > 0 && RowText(row, "end") != kPhantom;
+  return log.is_object() && log.value("steps", int64_t{0}) > 0 && TextAt(row, "end") != kPhantom;
 }
 
 // What scoring reads of a row, from what the API shows of it; nullopt if the phase withholds that.
 std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
-  const std::optional<Outcome> outcome = ParseOutcome(RowText(row, "outcome"));
-  const std::optional<FailureReason> reason = ParseFailureReason(RowText(row, "reason"));
+  const std::optional<Outcome> outcome = ParseOutcome(TextAt(row, "outcome"));
+  const std::optional<FailureReason> reason = ParseFailureReason(TextAt(row, "reason"));
   if (!outcome.has_value() || !reason.has_value() || !row.value("metrics", Json()).is_object()) {
     return std::nullopt;
   }
@@ -138,8 +89,19 @@ absl::StatusOr<ShownEpisodes> EpisodeOfFile(const std::string& path) {
 
 absl::StatusOr<ShownEpisodes> EpisodeOfEvaluation(const Client& client, const Json& evaluation,
                                                   int64_t index, const std::string& folder) {
-  ASSIGN_OR_RETURN(FetchedEpisode fetched, FetchEpisode(client, evaluation, index, folder));
-  return ShownEpisodes{std::move(fetched.track), {std::move(fetched.shown)}};
+  ASSIGN_OR_RETURN(FetchedLog own, FetchLog(client, evaluation, index, folder));
+  RETURN_IF_ERROR(CheckHasSteps(own.log));
+  ShownEpisode shown = {.index = index, .place = "", .order = {}, .steps = own.log.steps()};
+  TrackConfig& track = own.log.header.track;
+  if (CarriesOver(track)) {
+    for (int64_t before = FirstOfLease(track, index); before < index; ++before) {
+      ASSIGN_OR_RETURN(const FetchedLog log, FetchLog(client, evaluation, before, folder));
+      shown.order.logs.push_back(log.file.path);
+    }
+  }
+  shown.order.logs.push_back(own.file.path);
+  shown.order.verdict = RowVerdict(*RowOf(evaluation, index));
+  return ShownEpisodes{std::move(track), {std::move(shown)}};
 }
 
 absl::StatusOr<ShownEpisodes> StripOfEvaluation(const Client& client, const Json& evaluation,
@@ -159,11 +121,12 @@ absl::StatusOr<ShownEpisodes> StripOfEvaluation(const Client& client, const Json
   ShownEpisodes strip;
   strip.track = any.log.header.track;
   for (const PickedEpisode& picked : BestMedianWorst(order)) {
-    ASSIGN_OR_RETURN(FetchedEpisode fetched,
-                     FetchEpisode(client, evaluation, picked.index, folder));
-    fetched.shown.place = picked.place;
-    fetched.shown.order.title = absl::StrCat(std::string(picked.place), ": episode ", picked.index);
-    strip.episodes.push_back(std::move(fetched.shown));
+    ASSIGN_OR_RETURN(ShownEpisodes fetched,
+                     EpisodeOfEvaluation(client, evaluation, picked.index, folder));
+    ShownEpisode& shown = fetched.episodes.front();
+    shown.place = picked.place;
+    shown.order.title = absl::StrCat(std::string(picked.place), ": episode ", picked.index);
+    strip.episodes.push_back(std::move(shown));
   }
   return strip;
 }

@@ -1,12 +1,13 @@
 // myograde spec
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
 #include <algorithm>
 #include <iostream>
 #include <map>
 #include <memory>
 
-#include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
-
+#include "protocol/base/status_macros.h"
 #include "protocol/policy/layout.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
@@ -20,7 +21,6 @@
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
 using nlohmann::literals::operator""_json_pointer;
 
 struct SpecOptions {
@@ -240,17 +240,16 @@ int ListTracksOnOffer(const Tracks& tracks, bool json) {
   return kDone;
 }
 
-int Spec(const SpecOptions& options) {
-  const absl::StatusOr<Tracks> tracks = Tracks::Load(options.host.configs_dir() + "/tracks");
-  if (!tracks.ok()) return ReportError(HostStatus("", tracks.status()));
-  if (options.track.empty()) return ListTracksOnOffer(*tracks, options.json);
-  const absl::StatusOr<TrackPtr> track = tracks->Find(options.track, options.profile);
-  if (!track.ok()) return ReportError(track.status());
-  const Tracks::Entry entry = tracks->entries().at(options.track);
+absl::StatusOr<int> Spec(const SpecOptions& options) {
+  ASSIGN_OR_RETURN(const Tracks tracks,
+                   HostStatus("", Tracks::Load(options.host.configs_dir() + "/tracks")));
+  if (options.track.empty()) return ListTracksOnOffer(tracks, options.json);
+  ASSIGN_OR_RETURN(const TrackPtr track, tracks.Find(options.track, options.profile));
+  const Tracks::Entry entry = tracks.entries().at(options.track);
   if (options.json) {
-    PrintJson(SpecJson((*track)->config, entry));
+    PrintJson(SpecJson(track->config, entry));
   } else {
-    PrintSpec((*track)->config, entry, options.full_hashes);
+    PrintSpec(track->config, entry, options.full_hashes);
   }
   return kDone;
 }

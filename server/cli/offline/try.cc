@@ -1,16 +1,13 @@
 // myograde try: a policy graded on this host, and a folder with a report and films to look at.
-#include <algorithm>
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <absl/strings/match.h>
-#include <absl/strings/str_cat.h>
-#include <absl/strings/strip.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/status_macros.h"
 #include "protocol/tracks/registry.h"
@@ -31,12 +28,7 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
-
 constexpr mode_t kReportMode = 0644;
-constexpr size_t kMostRenderOutput = size_t{1} << 20;
-constexpr absl::Duration kRenderTime = absl::Hours(24);  // "render" has a deadline of its own
-constexpr int kRenderNice = 10;
 constexpr char kFilmSize[] = "640x360";  // drawn in a quarter of the time that "render" takes as a rule
 
 struct TryOptions : LocalOptions {
@@ -89,20 +81,13 @@ std::string LogOf(const LocalGrade& grade, int64_t episode) {
 
 // "myograde render" of a log into a file. CancelledError after a stop signal.
 absl::Status Render(const TryOptions& options, const std::string& log, const std::string& file) {
-  std::vector<std::string> words = {"render", log, "-o", file, "--cache", options.host.cache_dir()};
+  std::vector<std::string> words = {log, "-o", file, "--cache", options.host.cache_dir()};
   if (absl::EndsWith(file, ".png")) {
     words.push_back("--strip");
   } else {
     words.insert(words.end(), {"--size", kFilmSize});
   }
-  ASSIGN_OR_RETURN(const ProgramEnd run, RunProgram({.program = "myograde",
-                                                     .words = std::move(words),
-                                                     .most_output = kMostRenderOutput,
-                                                     .deadline = kRenderTime,
-                                                     .nice = kRenderNice},
-                                                    StopRequested));
-  if (run.exit_status == 0) return absl::OkStatus();
-  return absl::InternalError(absl::StripPrefix(WhyItFailed(run), "myograde: error: "));
+  return RunRender(std::move(words));
 }
 
 // What the folder holds beside the logs, and what it lacks, each in a sentence.
@@ -163,9 +148,7 @@ absl::Status AddReportFile(const LocalGrade& grade, const std::string& folder, C
     return absl::OkStatus();
   }
   const std::string path = folder + "/report.html";
-  NewFile file(path, kReportMode);
-  if (!file.opened() || !file.Write(drawn->file)) return CantWrite(path);
-  if (const auto kept = file.Keep(); !kept.ok()) return kept.status();
+  RETURN_IF_ERROR(WriteNewFile(path, drawn->file, kReportMode).status());
   contents.report = "report.html";
   return absl::OkStatus();
 }
@@ -192,34 +175,33 @@ void PrintContents(const std::string& folder, const Contents& contents) {
   }
 }
 
-int Try(TryOptions options) {
-  const absl::StatusOr<std::string> folder = MakeFolder(options);
-  if (!folder.ok()) return ReportError(folder.status());
-  options.logs = *folder + "/logs";
+absl::StatusOr<int> Try(TryOptions options) {
+  ASSIGN_OR_RETURN(const std::string folder, MakeFolder(options));
+  options.logs = folder + "/logs";
   const absl::StatusOr<LocalGrade> grade = GradeLocally(options);
   if (!grade.ok()) {
     std::error_code ignored;
     fs::remove_all(options.logs, ignored);
-    fs::remove(*folder, ignored);
-    return ReportError(grade.status());
+    fs::remove(folder, ignored);
+    return grade.status();
   }
   if (!options.json) PrintLocalGrade(grade->json, options.full_hashes);
   Contents contents;
   absl::Status added = grade->interrupted ? absl::CancelledError("interrupted")
-                                          : AddFilms(options, *grade, *folder, contents);
-  if (added.ok()) added = AddReportFile(*grade, *folder, contents);
-  if (!added.ok() && !absl::IsCancelled(added)) return ReportError(added);
+                                          : AddFilms(options, *grade, folder, contents);
+  if (added.ok()) added = AddReportFile(*grade, folder, contents);
+  if (!added.ok() && !absl::IsCancelled(added)) return added;
   if (!added.ok()) contents.missing.push_back("It was interrupted.");
   if (options.json) {
-    const std::string first = FirstToOpen(*folder, contents);
-    PrintJson({{"folder", *folder},
-               {"report", contents.report.empty() ? Json() : Json(contents.report)},
+    const std::string first = FirstToOpen(folder, contents);
+    PrintJson({{"folder", folder},
+               {"report", TextOrNull(contents.report)},
                {"films", contents.films},
                {"missing", contents.missing},
-               {"open", first.empty() ? Json() : Json(first)},
+               {"open", TextOrNull(first)},
                {"result", grade->json}});
   } else {
-    PrintContents(*folder, contents);
+    PrintContents(folder, contents);
   }
   const int status = ExitOfLocalGrade(*grade);
   return absl::IsCancelled(added) ? kNoScore : status;
@@ -231,20 +213,14 @@ Action AddTry(CLI::App& verb) {
   auto options = std::make_shared<TryOptions>();
   options->track = TrackNames().back();  // the quickest, and the one that newcomers begin with
   options->episodes = 5;
-  verb.add_option("POLICY", options->path,
-                  "An executable file, a folder with a policy.json, an archive of such a folder, or "
-                  "a container image as podman save writes it")
-      ->required();
-  verb.add_option("--track", options->track,
-                  "Name of the track, as \"myograde spec\" lists them (default: " + options->track + ")");
-  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  AddLocalOptions(verb, *options, "POLICY", "try");
+  verb.add_option(
+      "--track", options->track,
+      "Name of the track, as \"myograde spec\" lists them (default: " + options->track + ")");
   verb.add_option("--episodes", options->episodes, "Play the first N seeds of the track (default: 5)")
       ->check(CLI::Range(1, 10'000));
   verb.add_option("-o,--output", options->folder,
                   "The folder to write, new or empty (default: try-NAME after the policy's file)");
-  AddFullHashes(verb, options->full_hashes);
-  AddJson(verb, "try", options->json);
-  AddHostOptions(verb, options->host);
   return [options] { return Try(*options); };
 }
 

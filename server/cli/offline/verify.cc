@@ -1,16 +1,18 @@
 // myograde verify
+#include <absl/strings/str_cat.h>
 #include <openssl/rand.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
 #include <optional>
 #include <set>
-
-#include <absl/strings/str_cat.h>
+#include <utility>
 
 #include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
 #include "server/artefact/adapters.h"
@@ -20,7 +22,7 @@
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/offline/log_source.h"
+#include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/play_logs.h"
 #include "server/cli/offline/secret_source.h"
 #include "server/cli/offline/verbs.h"
@@ -29,11 +31,90 @@
 #include "server/cli/terminal/text.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/receipt.h"
+#include "server/proof/logs.h"
+#include "server/runner/log_keeper.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
+bool Names(const Json& receipt, const std::string& hash) {
+  const Json& episodes = receipt["episodes"];
+  return std::any_of(episodes.begin(), episodes.end(),
+                     [&](const Json& entry) { return entry.value("log", Json()) == Json(hash); });
+}
+
+// Why the file at `path`, with that hash, is not one of the receipt's.
+std::string UnknownText(const std::string& path, const std::string& hash) {
+  const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(path));
+  if (!log.ok()) return std::string(log.status().message());
+  return absl::StrCat("the log of episode ", log->header.episode, " has the SHA-256 ", hash,
+                      ", which the receipt does not name");
+}
+
+absl::StatusOr<std::string> ReadAs(const std::string& hash, const std::string& path) {
+  absl::StatusOr<std::string> log = ReadLog(path);
+  if (log.ok() && Sha256Hex(*log) != hash) {
+    return absl::DataLossError(absl::StrCat(path, ": was altered: its SHA-256 is ", Sha256Hex(*log),
+                                            ", the receipt says ", hash));
+  }
+  return log;
+}
+
+// Finds logs by the hash of their content: in the files and folders `given`, or at the daemon if
+// none are. What is found is checked against the hash, so it need not be trusted.
+class LogSource {
+ public:
+  LogSource(const std::vector<std::string>& given, Client client);
+
+  // One check for each file that was given: files that can't be read, and those that the receipt
+  // does not name because they were altered or belong to another evaluation, are not valid.
+  std::vector<ReceiptCheck> Check(const Json& receipt) const;
+
+  // The log of that SHA-256. NotFoundError if it is not among those given, DataLossError if it was
+  // altered, or the daemon's error.
+  absl::StatusOr<std::string> Find(const std::string& hash) const;
+
+ private:
+  const Client client_;
+  std::vector<std::string> folders_;
+  std::map<std::string, std::string> files_;  // paths, by the hash of what is in them
+  std::vector<ReceiptCheck> unreadable_;
+  const bool given_;
+};
+
+LogSource::LogSource(const std::vector<std::string>& given, Client client)
+    : client_(std::move(client)), given_(!given.empty()) {
+  for (const std::string& path : given) {
+    if (std::filesystem::is_directory(path)) {
+      folders_.push_back(path);
+    } else if (absl::StatusOr<std::string> log = ReadLog(path); log.ok()) {
+      files_[Sha256Hex(*log)] = path;
+    } else {
+      unreadable_.push_back({"log " + path, false, std::string(log.status().message())});
+    }
+  }
+}
+
+std::vector<ReceiptCheck> LogSource::Check(const Json& receipt) const {
+  std::vector<ReceiptCheck> checks = unreadable_;
+  for (const auto& [hash, path] : files_) {
+    const bool named = Names(receipt, hash);
+    checks.push_back({absl::StrCat("log ", hash), named, named ? "" : UnknownText(path, hash)});
+  }
+  return checks;
+}
+
+absl::StatusOr<std::string> LogSource::Find(const std::string& hash) const {
+  if (const auto it = files_.find(hash); it != files_.end()) return ReadAs(hash, it->second);
+  for (const std::string& folder : folders_) {
+    const std::string path = absl::StrCat(folder, "/", LogFileName(hash));
+    if (std::filesystem::exists(path)) return ReadAs(hash, path);
+  }
+  if (given_) {
+    return absl::NotFoundError(absl::StrCat("the log ", hash, " is not among those of --logs"));
+  }
+  return LogBytesOf(client_, hash);
+}
 
 // Of a receipt of the longest evaluation, 10,000 episodes, 7 million are needed.
 constexpr size_t kMaxReceiptBytes = 16u << 20;
@@ -63,10 +144,7 @@ std::set<int64_t> Sample(int64_t episodes, int64_t count) {
 }
 
 Json Played(int64_t episode, bool equal, const Json& step, const std::string& detail) {
-  return {{"index", episode},
-          {"equal", equal},
-          {"step", step},
-          {"detail", detail.empty() ? Json() : Json(detail)}};
+  return {{"index", episode}, {"equal", equal}, {"step", step}, {"detail", TextOrNull(detail)}};
 }
 
 // The sampled episodes played again: each log must be the one that the receipt names, and end in
@@ -101,8 +179,7 @@ absl::StatusOr<Json> Resimulate(const VerifyOptions& options, const Json& receip
       outcomes[episode] = Played(episode, false, nullptr, std::string(log.status().message()));
       continue;
     }
-    ASSIGN_OR_RETURN(ReplayLogFile file, SaveLog(temp.path(), *bytes, std::move(log->header)));
-    files[episode] = std::move(file);
+    ASSIGN_OR_RETURN(files[episode], SaveLog(temp.path(), *bytes, std::move(log->header)));
   }
   ASSIGN_OR_RETURN(std::vector<ReplayRecord> records, PlayLogs(files, options.host, options.slots));
   for (const ReplayRecord& record : records) {
@@ -117,32 +194,44 @@ absl::StatusOr<Json> Resimulate(const VerifyOptions& options, const Json& receip
   return list;
 }
 
-int ReportVerified(const VerifyOptions& options, const Json& receipt,
-           const std::vector<ReceiptCheck>& checks, const Json& resimulated) {
-  bool valid = true;
+Json ReceiptChecksJson(const std::vector<ReceiptCheck>& checks) {
   Json list = Json::array();
   for (const ReceiptCheck& check : checks) {
-    valid = valid && check.valid;
-    list.push_back({{"name", check.name},
-                    {"valid", check.valid},
-                    {"detail", check.detail.empty() ? Json() : Json(check.detail)}});
+    list.push_back(
+        {{"name", check.name}, {"valid", check.valid}, {"detail", TextOrNull(check.detail)}});
   }
+  return list;
+}
+
+void PrintReceiptChecks(const std::vector<ReceiptCheck>& checks) {
+  for (const ReceiptCheck& check : checks) {
+    const std::string detail = Harmless(check.detail);
+    std::cout << Harmless(check.name) << ": "
+              << (!check.valid     ? "WRONG: " + detail
+                  : detail.empty() ? "good"
+                                   : "note: " + detail)
+              << '\n';
+  }
+}
+
+bool AllValid(const std::vector<ReceiptCheck>& checks) {
+  return std::all_of(checks.begin(), checks.end(),
+                     [](const ReceiptCheck& check) { return check.valid; });
+}
+
+int ReportVerified(const VerifyOptions& options, const Json& receipt,
+                   const std::vector<ReceiptCheck>& checks, const Json& resimulated) {
+  bool valid = AllValid(checks);
   for (const Json& entry : resimulated) valid = valid && entry["equal"].get<bool>();
   if (options.json) {
     PrintJson({{"file", options.file},
                {"valid", valid},
                {"merkle_root", receipt.is_object() ? receipt.value("merkle_root", Json()) : Json()},
-               {"checks", list},
+               {"checks", ReceiptChecksJson(checks)},
                {"resimulated", resimulated}});
     return valid ? kDone : kNoScore;
   }
-  for (const Json& check : list) {
-    std::cout << Cell(check, "name") << ": "
-              << (!check["valid"]            ? "WRONG: " + Cell(check, "detail")
-                  : check["detail"].is_null() ? "good"
-                                              : "note: " + Cell(check, "detail"))
-              << '\n';
-  }
+  PrintReceiptChecks(checks);
   for (const Json& entry : resimulated) {
     std::cout << "episode " << entry["index"] << ": "
               << (entry["equal"] ? "came out as the receipt says"
@@ -167,9 +256,7 @@ absl::StatusOr<std::string> SecretFor(const VerifyOptions& options, const Json& 
 }
 
 void PrintRecordReport(const RecordReport& report) {
-  for (const ReceiptCheck& check : report.checks) {
-    std::cout << check.name << ": " << (check.valid ? "good" : "WRONG: " + Harmless(check.detail)) << '\n';
-  }
+  PrintReceiptChecks(report.checks);
   if (report.valid()) {
     for (const std::string& what : report.not_checked) std::cout << "not checked: " << what << '\n';
     std::cout << Counted(report.size, "entry", "entries") << ", "
@@ -188,24 +275,18 @@ int ExitOfRecord(const RecordReport& report) {
   return report.not_checked.empty() ? kDone : kIncomplete;
 }
 
-int VerifyAll(const VerifyOptions& options, const PublicKey& key) {
-  const absl::StatusOr<std::string> pem = ReadFile(options.key, kMaxKeyBytes);
-  if (!pem.ok()) return ReportError(pem.status());
+absl::StatusOr<int> VerifyAll(const VerifyOptions& options, const PublicKey& key) {
+  ASSIGN_OR_RETURN(const std::string pem, ReadFile(options.key, kMaxKeyBytes));
   std::optional<std::string> earlier;
   if (!options.head.empty()) {
-    absl::StatusOr<std::string> text = ReadFile(options.head, kMaxKeyBytes);
-    if (!text.ok()) return ReportError(text.status());
-    earlier = *std::move(text);
+    ASSIGN_OR_RETURN(earlier, ReadFile(options.head, kMaxKeyBytes));
   }
   const absl::StatusOr<RecordFolder> folder = RecordFolder::Open(options.folder);
-  if (absl::IsNotFound(folder.status())) return ReportError(folder.status());
+  if (absl::IsNotFound(folder.status())) return folder.status();
   RecordReport report;
   if (folder.ok()) {
     Progress progress("receipts");
-    RecordVerifier verifier(*folder, *pem, key, [&](int64_t done, int64_t total) {
-      progress.Show(done, total, "");
-    });
-    report = verifier.Run(earlier);
+    report = RecordVerifier(*folder, pem, key, progress.Listener()).Run(earlier);
   } else {
     report.checks.push_back({"folder", false, std::string(folder.status().message())});
   }
@@ -213,76 +294,61 @@ int VerifyAll(const VerifyOptions& options, const PublicKey& key) {
     PrintRecordReport(report);
     return ExitOfRecord(report);
   }
-  Json checks = Json::array();
-  for (const ReceiptCheck& check : report.checks) {
-    checks.push_back({{"name", check.name},
-                      {"valid", check.valid},
-                      {"detail", check.detail.empty() ? Json() : Json(check.detail)}});
-  }
   PrintJson({{"folder", options.folder},
              {"valid", report.valid()},
              {"complete", report.valid() && report.not_checked.empty()},
-             {"checks", std::move(checks)},
+             {"checks", ReceiptChecksJson(report.checks)},
              {"not_checked", report.not_checked},
              {"size", report.size},
-             {"root", report.root.empty() ? Json() : Json(report.root)},
+             {"root", TextOrNull(report.root)},
              {"receipts", report.receipts},
              {"withheld", report.withheld},
              {"boards", report.boards}});
   return ExitOfRecord(report);
 }
 
-int Verify(const VerifyOptions& options) {
+absl::StatusOr<int> Verify(const VerifyOptions& options) {
   if (options.file.empty() == options.folder.empty()) {
-    return ReportError(absl::InvalidArgumentError(
-        "name a receipt's file, or with --all the folder of a whole record"));
+    return absl::InvalidArgumentError(
+        "name a receipt's file, or with --all the folder of a whole record");
   }
   if (options.key.empty()) {
-    return ReportError(absl::InvalidArgumentError(
+    return absl::InvalidArgumentError(
         "--key: give the file of the key that the organiser published; without it, anybody could "
-        "have made the receipt"));
+        "have made the receipt");
   }
-  const absl::StatusOr<PublicKey> key = PublicKey::Read(options.key);
-  if (!key.ok()) return ReportError(key.status());
-  if (!options.folder.empty()) return VerifyAll(options, *key);
+  ASSIGN_OR_RETURN(const PublicKey key, PublicKey::Read(options.key));
+  if (!options.folder.empty()) return VerifyAll(options, key);
   const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
   if (absl::IsInvalidArgument(text.status())) {
-    return ReportError(absl::InvalidArgumentError(
-        absl::StrCat(text.status().message(), ", so it is no receipt")));
+    return absl::InvalidArgumentError(
+        absl::StrCat(text.status().message(), ", so it is no receipt"));
   }
-  if (!text.ok()) return ReportError(text.status());
+  if (!text.ok()) return text.status();
   const absl::StatusOr<Json> receipt = ParseReceipt(*text);
   if (!receipt.ok()) {
     return ReportVerified(options, nullptr,
                   {{"format", false, std::string(receipt.status().message())}}, Json::array());
   }
-  const absl::StatusOr<std::string> secret = SecretFor(options, *receipt);
-  if (!secret.ok()) return ReportError(secret.status());
-  std::vector<ReceiptCheck> checks = CheckReceipt(*text, *key, *secret);
+  ASSIGN_OR_RETURN(const std::string secret, SecretFor(options, *receipt));
+  std::vector<ReceiptCheck> checks = CheckReceipt(*text, key, secret);
   const LogSource source(options.logs, options.client());
   for (ReceiptCheck& check : source.Check(*receipt)) checks.push_back(std::move(check));
   Json resimulated = Json::array();
-  const bool sound = std::all_of(checks.begin(), checks.end(),
-                                 [](const ReceiptCheck& check) { return check.valid; });
-  if (options.resimulate > 0 && sound) {
+  if (options.resimulate > 0 && AllValid(checks)) {
     const Json grader = GraderBuild(options.host.cache_dir(), AdapterNames());
     for (ReceiptCheck& check : CompareGraders(*receipt, grader)) {
       checks.push_back(std::move(check));
     }
-    const bool same_models = std::all_of(checks.begin(), checks.end(),
-                                         [](const ReceiptCheck& check) { return check.valid; });
-    if (!same_models) return ReportVerified(options, *receipt, checks, resimulated);
-    if (HidesSeeds(*receipt) && secret->empty()) {
-      return ReportError(absl::InvalidArgumentError(
+    if (!AllValid(checks)) return ReportVerified(options, *receipt, checks, resimulated);
+    if (HidesSeeds(*receipt) && secret.empty()) {
+      return absl::InvalidArgumentError(
           "--resimulate: the phase's seeds are not revealed to you yet, and an episode can't be "
-          "simulated without its seed; once they are, give --secret"));
+          "simulated without its seed; once they are, give --secret");
     }
-    const absl::StatusOr<Json> whole =
-        HidesSeeds(*receipt) ? OpenedReceipt(*receipt, *secret) : *receipt;
-    if (!whole.ok()) return ReportError(whole.status());
-    absl::StatusOr<Json> list = Resimulate(options, *whole, source);
-    if (!list.ok()) return ReportError(list.status());
-    resimulated = *std::move(list);
+    ASSIGN_OR_RETURN(const Json whole,
+                     HidesSeeds(*receipt) ? OpenedReceipt(*receipt, secret) : *receipt);
+    ASSIGN_OR_RETURN(resimulated, Resimulate(options, whole, source));
   }
   return ReportVerified(options, *receipt, checks, resimulated);
 }

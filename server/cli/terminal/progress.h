@@ -1,11 +1,12 @@
 // How far something is.
 #pragma once
 
+#include <absl/time/time.h>
+
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
-
-#include <absl/time/time.h>
 
 namespace myograde::server {
 
@@ -24,6 +25,11 @@ class Progress {
 
   // `note` stands behind the counts: what is going on, in a few words. `total` 0: not known.
   void Show(int64_t done, int64_t total, const std::string& note);
+
+  // Calls Show without a note. This object must outlive it.
+  std::function<void(int64_t done, int64_t total)> Listener() {
+    return [this](int64_t done, int64_t total) { Show(done, total, ""); };
+  }
 
   // The same while nothing can go on (a queue): that time says nothing of the pace.
   void ShowWaiting(int64_t done, int64_t total, const std::string& note);

@@ -1,9 +1,11 @@
 #include "server/cli/terminal/table.h"
 
+#include <absl/strings/str_split.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <iostream>
+#include <utility>
 
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
@@ -118,6 +120,35 @@ std::vector<std::string> Table::Blocks(size_t most) const {
 void Table::Print() const {
   for (const std::string& line : Lines(TerminalColumns(STDOUT_FILENO))) std::cout << line << '\n';
   std::cout.flush();
+}
+
+RowColumn::RowColumn(const char* column) {
+  const std::pair<std::string, std::string> parts = absl::StrSplit(column, absl::MaxSplits('=', 1));
+  *this = RowColumn(parts.first, parts.second.empty() ? parts.first : parts.second, 4);
+}
+
+RowColumn::RowColumn(std::string head_text, std::string key, int digits)
+    : RowColumn(std::move(head_text), [key = std::move(key), digits](const Json& row) {
+        return Cell(row, key, digits);
+      }) {}
+
+RowColumn ColumnOfPart(std::string part, RowColumn column) {
+  return {std::move(column.head),
+          [part = std::move(part), cell = std::move(column.cell)](const Json& row) {
+            return cell(row.value(part, Json::object()));
+          }};
+}
+
+void PrintRows(const Json& rows, const std::vector<RowColumn>& columns) {
+  std::vector<std::string> head;
+  for (const RowColumn& column : columns) head.push_back(column.head);
+  Table table(std::move(head));
+  for (const Json& row : rows) {
+    std::vector<std::string> cells;
+    for (const RowColumn& column : columns) cells.push_back(column.cell(row));
+    table.Add(std::move(cells));
+  }
+  table.Print();
 }
 
 }  // namespace myograde::server

@@ -2,8 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
@@ -30,5 +34,23 @@ class Table {
 
   std::vector<std::vector<std::string>> rows_;
 };
+
+// A column of a table of JSON objects: what it says of each.
+struct RowColumn {
+  // "HEAD=KEY", or a key that is the head, too: its cells are Cell (text.h) of the key.
+  RowColumn(const char* column);  // NOLINT: tables are lists of them
+  RowColumn(std::string head_text, std::string key, int digits);
+  RowColumn(std::string head_text, std::function<std::string(const Json& row)> cell_of)
+      : head(std::move(head_text)), cell(std::move(cell_of)) {}
+
+  std::string head;
+  std::function<std::string(const Json& row)> cell;
+};
+
+// The same column of the objects that stand in others at the key `part`.
+RowColumn ColumnOfPart(std::string part, RowColumn column);
+
+// Prints `rows`, an array of objects, as a table.
+void PrintRows(const Json& rows, const std::vector<RowColumn>& columns);
 
 }  // namespace myograde::server

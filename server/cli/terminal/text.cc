@@ -36,7 +36,12 @@ std::string Bold(const std::string& text) {
   return HasColour() ? "\033[1m" + text + "\033[0m" : text;
 }
 
-std::string Cell(const nlohmann::json& object, const std::string& key, int digits) {
+std::string TextAt(const Json& object, const char* key) {
+  const auto it = object.find(key);
+  return it != object.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
+std::string Cell(const Json& object, const std::string& key, int digits) {
   const auto it = object.is_object() ? object.find(key) : object.end();
   if (!object.is_object() || it == object.end() || it->is_null()) return "-";
   if (it->is_string()) {
@@ -47,6 +52,16 @@ std::string Cell(const nlohmann::json& object, const std::string& key, int digit
   return it->dump();
 }
 
+std::string ListCell(const Json& object, const std::string& key) {
+  std::string list;
+  const auto it = object.find(key);
+  for (const Json& entry : it == object.end() ? Json() : *it) {
+    if (!entry.is_string()) continue;
+    absl::StrAppend(&list, list.empty() ? "" : ", ", Harmless(entry.get<std::string>()));
+  }
+  return list.empty() ? "-" : list;
+}
+
 std::string DurationText(double seconds) {
   const auto whole = static_cast<int64_t>(std::llround(std::max(0.0, seconds)));
   if (whole < 60) return absl::StrCat(whole, " s");
@@ -54,7 +69,7 @@ std::string DurationText(double seconds) {
   return absl::StrCat(whole / 3600, " h ", whole / 60 % 60, " min");
 }
 
-std::string CountCell(const nlohmann::json& object, const std::string& key, const char* one) {
+std::string CountCell(const Json& object, const std::string& key, const char* one) {
   const auto it = object.is_object() ? object.find(key) : object.end();
   if (!object.is_object() || it == object.end() || !it->is_number_integer()) {
     return absl::StrCat(Cell(object, key), " ", one, "s");

@@ -1,7 +1,6 @@
 // Text for people: foreign lines, and how values are written.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -10,6 +9,8 @@
 #include "server/base/plain_text.h"  // Harmless, which goes with these
 
 namespace myograde::server {
+
+using Json = nlohmann::json;  // in all of server/cli
 
 // What lines that somebody else wrote begin with, so that none looks like a line of this program.
 inline constexpr std::string_view kForeignMark = "  | ";
@@ -21,11 +22,17 @@ std::string Marked(std::string_view text);
 // Bold on a terminal, unless NO_COLOR is set.
 std::string Bold(const std::string& text);
 
+// The string at `key` as it is; "" if there is none.
+std::string TextAt(const Json& object, const char* key);
+
 // A JSON number or string as a table cell; "-" for null or a missing key.
-std::string Cell(const nlohmann::json& object, const std::string& key, int digits = 4);
+std::string Cell(const Json& object, const std::string& key, int digits = 4);
+
+// An array of strings as a table cell: "a, b"; "-" for an empty one, null or a missing key.
+std::string ListCell(const Json& object, const std::string& key);
 
 // A JSON count with its word (counted.h): "1 episode"; "- episodes" for null or a missing key.
-std::string CountCell(const nlohmann::json& object, const std::string& key, const char* one);
+std::string CountCell(const Json& object, const std::string& key, const char* one);
 
 // 75 -> "1 min 15 s".
 std::string DurationText(double seconds);

@@ -14,7 +14,6 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
-#include "server/base/program_run.h"
 
 namespace myograde::server {
 namespace {

@@ -1,7 +1,7 @@
 // Suggestions for mistyped words.
 #include <gtest/gtest.h>
 
-#include "server/cli/base/did_you_mean.h"
+#include "server/cli/base/usage_error.h"
 
 namespace myograde::server {
 namespace {

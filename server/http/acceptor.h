@@ -1,0 +1,57 @@
+// Accepts connections and finds out who is at the other end, also when no descriptor is left but a
+// few that are kept for that.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "protocol/base/fd.h"
+#include "server/http/api_error.h"
+#include "server/http/peer.h"
+#include "server/http/tls.h"
+
+namespace myograde::server {
+
+// A socket that connections come in at.
+struct Listener {
+  int fd = -1;  // must not block
+  // Who is at the other end of an accepted socket; nullopt: hang up.
+  std::function<std::optional<Peer>(int fd)> peer_of;
+  // The certificate of its connections; empty: plain HTTP.
+  std::function<std::shared_ptr<TlsContext>()> tls_of = {};
+};
+
+// A connection of which nothing was read.
+struct AcceptedSocket {
+  Fd socket;
+  Peer peer;
+  const Listener* from = nullptr;  // nullptr: of plain HTTP
+};
+
+// Tells why it is closed, if the socket takes that at once. With TLS nothing can be said before a
+// handshake.
+void Reject(const AcceptedSocket& accepted, const ApiError& error);
+
+class Acceptor {
+ public:
+  Acceptor();
+
+  // kAccepted: `accepted` was filled in. kRejected: there was one, and it was rejected. kNone: none
+  // waits. kUnable: there are no descriptors or no memory, and trying again at once would only burn
+  // time.
+  enum class Outcome { kAccepted, kRejected, kNone, kUnable };
+  // `listener` must outlive what was accepted.
+  Outcome Accept(const Listener& listener, AcceptedSocket& accepted);
+  // Opens the kept descriptors that were given up, as far as there are any again. Accept does so
+  // too, as whatever gets free is theirs first.
+  void RestoreSpare();
+
+ private:
+  Outcome AcceptWithSpare(const Listener& listener, AcceptedSocket& accepted);
+
+  std::vector<Fd> spare_;  // descriptors to give up when there are no others
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,60 @@
+// The daemon's TCP port, with TLS, or with plain HTTP for a proxy on this host.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/mutex.h"
+#include "server/http/acceptor.h"
+#include "server/http/tls.h"
+#include "server/config/server_config.h"
+
+namespace myograde::server {
+
+// Whether `config` names a certificate and a key that belong together; nothing if it is for plain
+// HTTP. As Open, but touches no socket.
+absl::Status CheckCertificate(const ListenConfig& config);
+
+class TcpListener {
+ public:
+  // Reads the certificate and listens on the port, or takes `handed`, a TCP socket that listens
+  // already, in place of the config's address and port. Errors are one sentence each:
+  // InvalidArgumentError about the certificate, its key or the address, AlreadyExistsError if the
+  // port is taken.
+  static absl::StatusOr<std::unique_ptr<TcpListener>> Open(const ListenConfig& config,
+                                                           Fd handed = Fd());
+  ~TcpListener();
+  TcpListener(const TcpListener&) = delete;
+  TcpListener& operator=(const TcpListener&) = delete;
+
+  // For the server, which must be gone before this object is.
+  Listener listener();
+  // With the port that was chosen, if it was left to the kernel: "https://192.0.2.1:8443".
+  const std::string& url() const { return url_; }
+
+  // From any thread, and from a signal handler: reads certificate and key again soon. Connections
+  // from then on get the new ones; a pair that can't be used is logged and changes nothing.
+  void Reload();
+
+ private:
+  TcpListener(ListenConfig config, Fd socket, std::string url,
+              std::shared_ptr<TlsContext> context);
+  void AwaitReloads();
+  void ReadAgain();
+
+  const ListenConfig config_;
+  const Fd socket_;
+  const std::string url_;
+  Fd wake_;
+  Mutex mutex_;
+  std::shared_ptr<TlsContext> context_ ABSL_GUARDED_BY(mutex_);  // nullptr: plain HTTP
+  std::thread reloader_;
+};
+
+}  // namespace myograde::server
