@@ -219,7 +219,7 @@ absl::StatusOr<Json> SubmissionStatus(Reader& reader, const ApiContext& context,
   json["history"] = std::move(history);
   std::set<int64_t> ids;
   for (const LeaseRow& lease : leases) ids.insert(lease.id);
-  const std::map<int64_t, LiveLease> running = context.engine.RunningAmong(ids);
+  const std::map<int64_t, LiveLease> running = context.engine.Running(&ids);
   json["leases"] = Json::array();
   for (const LeaseRow& lease : leases) {
     const auto live = running.find(lease.id);

@@ -238,10 +238,11 @@ void ControlGroup::RemoveStale(const CgroupHost& host) {
   }
   std::error_code error;
   for (const std::string& parent : parents) {
-    for (const auto& entry : std::filesystem::directory_iterator(parent, error)) {
-      if (!IsGroupName(entry.path().filename())) continue;
+    std::filesystem::directory_iterator entry(parent, error);
+    for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+      if (!IsGroupName(entry->path().filename())) continue;
       ControlGroup stale(host);  // if it can be locked
-      stale.Lock(entry.path(), LOCK_EX | LOCK_NB);
+      stale.Lock(entry->path(), LOCK_EX | LOCK_NB);
     }
   }
 }

@@ -21,7 +21,7 @@
 #include "server/cli/offline/figure_sources.h"
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
-#include "server/grading/results.h"
+#include "server/grading/leaderboard.h"
 
 namespace myograde::server {
 namespace {

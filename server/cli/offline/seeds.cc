@@ -15,6 +15,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
+#include "server/base/secret.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/options.h"
@@ -26,7 +27,7 @@
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/seed_list.h"
-#include "server/store/lock.h"
+#include "server/store/data_folder.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 
@@ -57,7 +58,7 @@ absl::Status WriteSecret(const std::string& path, const std::string& secret) {
 }
 
 absl::StatusOr<std::string> MakeSecret(const std::string& path) {
-  ASSIGN_OR_RETURN(const std::string secret, NewSeedSecret());
+  ASSIGN_OR_RETURN(const std::string secret, RandomBytes(kSeedSecretBytes));
   RETURN_IF_ERROR(WriteSecret(path, secret));
   return secret;
 }
