@@ -27,9 +27,7 @@ bool NoneWaits(int error) { return error == EAGAIN || error == EWOULDBLOCK; }
 
 void Reject(const AcceptedSocket& accepted, const ApiError& error) {
   if (accepted.from != nullptr && accepted.from->tls_of) return;
-  const std::string text = RefusalBytes(error);
-  [[maybe_unused]] const ssize_t n =
-      ::send(accepted.socket.get(), text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+  SendRefusal(accepted.socket.get(), error);
 }
 
 Acceptor::Acceptor() { RestoreSpare(); }

@@ -16,9 +16,9 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/mutex.h"
+#include "server/config/server_config.h"
 #include "server/http/api_error.h"
 #include "server/http/peer.h"
-#include "server/config/server_config.h"
 
 namespace myograde::server {
 

@@ -9,7 +9,6 @@
 #include <tuple>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
 #include <boost/asio/as_tuple.hpp>
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/co_spawn.hpp>
@@ -30,7 +29,7 @@ using boost::system::error_code;
 constexpr auto kAwait = asio::as_tuple(asio::use_awaitable);
 constexpr size_t kHeadPiece = 4 << 10;   // read at once of heads
 constexpr size_t kBodyPiece = 64 << 10;  // of bodies in memory
-constexpr size_t kDiskPiece = 256 << 10; // moved to or from the disk at once
+constexpr size_t kDiskPiece = 256 << 10;  // moved to or from the disk at once
 // Answers that a peer has not read yet; more is asked for in vain.
 constexpr int64_t kMaxUnsent = int64_t{64} << 20;
 constexpr absl::Duration kGoodbye = absl::Seconds(1);
@@ -212,31 +211,24 @@ awaitable<void> Connection::SendStream(Stream& stream) {
 
 awaitable<void> Connection::DropInput() {
   std::array<char, 512> dropped;
-  error_code error;
-  while (!error && !closed_) {
-    size_t n = 0;
-    if (tls_ != nullptr) {
-      std::tie(error, n) = co_await tls_->async_read_some(asio::buffer(dropped), kAwait);
-    } else {
-      std::tie(error, n) = co_await socket_.async_read_some(asio::buffer(dropped), kAwait);
-    }
+  while (!closed_) {
+    const auto [error, n] = co_await ReadSome(asio::buffer(dropped));
+    if (error) co_return;
   }
 }
 
 // --- bytes ------------------------------------------------------------------------
 
+awaitable<std::tuple<error_code, size_t>> Connection::ReadSome(asio::mutable_buffer buffer) {
+  if (tls_ != nullptr) co_return co_await tls_->async_read_some(buffer, kAwait);
+  co_return co_await socket_.async_read_some(buffer, kAwait);
+}
+
 awaitable<bool> Connection::Receive(size_t most) {
   if (closed_) co_return false;
   buffer_.resize(most);
-  const auto buffer = asio::buffer(buffer_);
-  error_code error;
-  size_t n = 0;
   waiting_since_ = MonotonicNow();
-  if (tls_ != nullptr) {
-    std::tie(error, n) = co_await tls_->async_read_some(buffer, kAwait);
-  } else {
-    std::tie(error, n) = co_await socket_.async_read_some(buffer, kAwait);
-  }
+  const auto [error, n] = co_await ReadSome(asio::buffer(buffer_));
   waited_ += std::max(MonotonicNow() - waiting_since_, absl::ZeroDuration());
   moved_ += static_cast<int64_t>(n);
   in_.append(buffer_, 0, n);
@@ -325,11 +317,8 @@ void Connection::Close() {
 }
 
 void Connection::CloseForStop() {
-  if (state_ == State::kReceiving && tls_ == nullptr && !at_work_) {
-    const std::string text = RefusalBytes(kStoppingError);
-    [[maybe_unused]] const ssize_t n =
-        ::send(socket_.native_handle(), text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-  }
+  const bool hears = state_ == State::kReceiving && tls_ == nullptr && !at_work_ && !closed_;
+  if (hears) SendRefusal(socket_.native_handle(), kStoppingError);
   Close();
 }
 

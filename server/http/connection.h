@@ -11,9 +11,11 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 
 #include <absl/time/time.h>
 #include <boost/asio/awaitable.hpp>
+#include <boost/asio/buffer.hpp>
 #include <boost/asio/generic/stream_protocol.hpp>
 #include <boost/asio/ssl/stream.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -21,9 +23,9 @@
 
 #include "protocol/base/fd.h"
 #include "server/http/body.h"
+#include "server/http/peer.h"
 #include "server/http/request.h"
 #include "server/http/response.h"
-#include "server/http/peer.h"
 #include "server/http/tls.h"
 #include "server/http/work_queue.h"
 
@@ -106,6 +108,9 @@ class Connection {
   Awaitable<bool> ReadBody();
   Awaitable<bool> Answer();
   Awaitable<bool> SendFile(FilePart& file);
+  // What one read gives.
+  Awaitable<std::tuple<boost::system::error_code, size_t>> ReadSome(
+      boost::asio::mutable_buffer buffer);
   // Waits for bytes, which follow those in in_, at most `most`.
   Awaitable<bool> Receive(size_t most);
   Awaitable<bool> Send(std::string_view bytes);
@@ -152,7 +157,7 @@ class Connection {
   std::string buffer_;    // for what comes
   std::optional<ApiError> refusal_;
   int64_t left_to_read_ = 0;  // bytes of a refused request
-  int64_t unsent_ = 0;    // bytes of the peer's that are of this connection
+  int64_t unsent_ = 0;        // bytes of the peer's that are of this connection
   RequestParser parser_;
   BodyRule rule_;
 

@@ -5,9 +5,9 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "server/base/ip_address.h"
 #include "server/http/connection.h"
 #include "server/http/connection_table.h"
-#include "server/base/ip_address.h"
 
 namespace myograde::server {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "server/config/server_config.h"
 #include "server/http/connection.h"
 #include "server/http/peer.h"
-#include "server/config/server_config.h"
 
 namespace myograde::server {
 

@@ -20,6 +20,7 @@
 #include <boost/asio/thread_pool.hpp>
 
 #include "protocol/base/fd.h"
+#include "server/config/server_config.h"
 #include "server/http/acceptor.h"
 #include "server/http/arrival_rate.h"
 #include "server/http/connection.h"
@@ -28,7 +29,6 @@
 #include "server/http/tcp_listener.h"
 #include "server/http/waiting_connections.h"
 #include "server/http/work_queue.h"
-#include "server/config/server_config.h"
 
 namespace myograde::server {
 

@@ -1,6 +1,7 @@
 #include "server/http/response.h"
 
 #include <fcntl.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -121,6 +122,12 @@ std::string RefusalBytes(const ApiError& error) {
   Response response;
   response.SetError(error);
   return response.TakeBytes(/*bodiless=*/false, /*close=*/true);
+}
+
+void SendRefusal(int socket, const ApiError& error) {
+  const std::string text = RefusalBytes(error);
+  [[maybe_unused]] const ssize_t n =
+      ::send(socket, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
 }  // namespace myograde::server

@@ -71,5 +71,7 @@ class Response {
 
 // An answer that tells of an error and that nothing more is read on the connection.
 std::string RefusalBytes(const ApiError& error);
+// Sends it as far as the socket takes it at once.
+void SendRefusal(int socket, const ApiError& error);
 
 }  // namespace myograde::server

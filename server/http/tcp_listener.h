@@ -11,9 +11,9 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/mutex.h"
+#include "server/config/server_config.h"
 #include "server/http/acceptor.h"
 #include "server/http/tls.h"
-#include "server/config/server_config.h"
 
 namespace myograde::server {
 
