@@ -10,8 +10,8 @@
 
 #include "scoring/track.h"
 #include "server/api/context.h"
-#include "server/http/request.h"
 #include "server/grading/tracks.h"
+#include "server/http/request.h"
 #include "server/store/boards.h"
 #include "server/store/reader.h"
 

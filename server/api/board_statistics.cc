@@ -11,10 +11,10 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
-#include "server/http/http_server.h"
 #include "server/challenge/challenge.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
+#include "server/http/http_server.h"
 #include "server/store/quota.h"
 
 namespace myograde::server {

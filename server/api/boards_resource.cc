@@ -16,10 +16,10 @@
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
 #include "server/api/requests.h"
-#include "server/http/http_server.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
+#include "server/http/http_server.h"
 
 namespace myograde::server {
 namespace {

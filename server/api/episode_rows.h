@@ -12,8 +12,8 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/aggregate.h"
-#include "server/http/request.h"
 #include "server/grading/tracks.h"
+#include "server/http/request.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {

@@ -18,10 +18,10 @@
 #include "server/access/identity.h"
 #include "server/access/rate_limit.h"
 #include "server/api/access_log.h"
+#include "server/config/server_config.h"
 #include "server/http/api_error.h"
 #include "server/http/connection.h"
 #include "server/http/router.h"
-#include "server/config/server_config.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {

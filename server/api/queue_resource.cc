@@ -21,8 +21,8 @@
 #include "server/api/readiness.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/http/http_server.h"
 #include "server/api/views.h"
+#include "server/http/http_server.h"
 #include "server/store/damage.h"
 
 namespace myograde::server {

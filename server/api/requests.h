@@ -13,8 +13,8 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/admission/admission.h"
-#include "server/http/request.h"
 #include "server/base/plain_text.h"
+#include "server/http/request.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 

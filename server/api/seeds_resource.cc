@@ -18,10 +18,10 @@
 #include "server/api/board_statistics.h"
 #include "server/api/rejudge_plan.h"
 #include "server/api/requests.h"
-#include "server/http/http_server.h"
 #include "server/api/views.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"
+#include "server/http/http_server.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {

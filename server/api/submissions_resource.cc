@@ -15,10 +15,10 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
-#include "server/http/http_server.h"
 #include "server/api/views.h"
-#include "server/base/this_host.h"
 #include "server/base/names.h"
+#include "server/base/this_host.h"
+#include "server/http/http_server.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 

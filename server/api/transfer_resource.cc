@@ -20,8 +20,8 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
-#include "server/http/http_server.h"
 #include "server/engine/stored.h"
+#include "server/http/http_server.h"
 #include "server/store/transfer.h"
 
 namespace myograde::server {

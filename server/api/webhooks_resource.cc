@@ -8,8 +8,8 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/api/requests.h"
-#include "server/http/http_server.h"
 #include "server/api/views.h"
+#include "server/http/http_server.h"
 
 namespace myograde::server {
 namespace {

@@ -9,8 +9,8 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/fd.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/program_head.h"
 #include "protocol/base/status_macros.h"

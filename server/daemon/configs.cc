@@ -10,11 +10,11 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/access/identity.h"
-#include "server/http/tcp_listener.h"
 #include "server/base/paths.h"
 #include "server/base/secret.h"
 #include "server/config/server_config.h"
 #include "server/daemon/daemon.h"
+#include "server/http/tcp_listener.h"
 #include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {

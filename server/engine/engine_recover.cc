@@ -5,9 +5,9 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/base/peer_key.h"
 #include "server/engine/engine_core.h"
 #include "server/grading/results.h"
-#include "server/base/peer_key.h"
 
 namespace myograde::server {
 

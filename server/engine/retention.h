@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/engine/engine.h"
 #include "server/config/server_config.h"
+#include "server/engine/engine.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {

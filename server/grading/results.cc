@@ -7,10 +7,10 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 #include "protocol/tracks/registry.h"
-#include "protocol/base/sha256.h"
 #include "server/proof/merkle_tree.h"
 #include "server/store/damage.h"
 #include "server/store/differences.h"

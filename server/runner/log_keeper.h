@@ -9,8 +9,8 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "protocol/tracks/episode_facts.h"
 #include "protocol/base/fd.h"
+#include "protocol/tracks/episode_facts.h"
 
 namespace myograde::server {
 

@@ -9,12 +9,12 @@
 
 #include <absl/status/statusor.h>
 
-#include "protocol/tracks/episode_facts.h"
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
+#include "protocol/tracks/episode_facts.h"
+#include "server/base/output_tail.h"
 #include "server/runner/log_keeper.h"
 #include "server/runner/trajectory_file.h"
-#include "server/base/output_tail.h"
 #include "server/sandbox/policy_sandbox.h"
 #include "server/sandbox/process_tree.h"
 

@@ -22,7 +22,6 @@
 #include "protocol/base/file.h"
 #include "protocol/base/set_up.h"
 #include "server/base/child_process.h"
-#include "server/base/child_process.h"
 #include "server/base/temp_folder.h"
 #include "server/sandbox/child.h"
 

@@ -10,9 +10,9 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/pinned_maths.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/policy/channels.h"
-#include "protocol/base/pinned_maths.h"
 #include "server/base/paths.h"
 #include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/kernel_files.h"

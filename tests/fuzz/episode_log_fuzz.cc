@@ -5,9 +5,9 @@
 #include <cstring>
 
 #include "protocol/base/config_reader.h"
-#include "protocol/policy/channels.h"
 #include "protocol/log/episode_log.h"
 #include "protocol/log/event_log.h"
+#include "protocol/policy/channels.h"
 #include "protocol/policy/layout.h"
 #include "server/proof/logs.h"
 #include "tests/fuzz/fuzz.h"

@@ -24,7 +24,6 @@
 #include "server/grading/tracks.h"
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
-#include "server/sandbox/doctor.h"
 #include "server/store/reader.h"
 #include "server/store/record.h"
 

@@ -13,7 +13,6 @@
 #include "server/cli/base/print_json.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
-#include "server/proof/release.h"
 
 namespace myograde::server {
 namespace {

@@ -30,8 +30,8 @@
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/grader_build.h"
-#include "server/proof/receipt.h"
 #include "server/proof/logs.h"
+#include "server/proof/receipt.h"
 #include "server/runner/log_keeper.h"
 
 namespace myograde::server {

@@ -5,8 +5,8 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/strings/str_cat.h>
 
-#include "server/grading/leaderboard.h"
 #include "server/engine/stored.h"
+#include "server/grading/leaderboard.h"
 
 namespace myograde::server {
 namespace {

@@ -7,8 +7,8 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
-#include "protocol/lease/policy_seed.h"
 #include "protocol/base/sha256.h"
+#include "protocol/lease/policy_seed.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {

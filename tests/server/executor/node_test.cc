@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
-#include "server/executor/slurm/srun.h"
 #include "server/executor/slurm/node_dir.h"
+#include "server/executor/slurm/srun.h"
 #include "tests/server/artefact/archives.h"
 
 namespace myograde::server {
