@@ -1,10 +1,17 @@
 #include "server/cli/base/exit_status.h"
 
+#include <signal.h>
+
 #include <absl/strings/str_cat.h>
 
 #include "server/cli/terminal/screen.h"
 
 namespace myograde::server {
+namespace {
+
+volatile sig_atomic_t g_stop_requested = 0;
+
+}  // namespace
 
 int ExitOf(const absl::Status& status) {
   switch (status.code()) {
@@ -41,5 +48,13 @@ absl::StatusOr<int> ExitOfLogError(const absl::Status& status) {
   ReportError(status);
   return kNoScore;
 }
+
+void CatchStopSignals() {
+  struct sigaction action = {};
+  action.sa_handler = [](int) { g_stop_requested = 1; };  // no SA_RESTART, so that poll returns
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
+}
+
+bool StopRequested() { return g_stop_requested != 0; }
 
 }  // namespace myograde::server

@@ -1,4 +1,4 @@
-// Exit statuses of the command line tool, and how errors are reported.
+// How a verb ends: exit statuses, how errors are reported, and stopping by Ctrl-C and the like.
 #pragma once
 
 #include <absl/status/status.h>
@@ -42,5 +42,11 @@ absl::StatusOr<T> HostStatus(std::string_view what, absl::StatusOr<T> result) {
 // Of a verb about a log: one that is damaged is no trouble of the host. That is reported, and
 // kNoScore; any other error is returned.
 absl::StatusOr<int> ExitOfLogError(const absl::Status& status);
+
+// From now on SIGINT, SIGTERM and SIGHUP end no process but make StopRequested true; system calls
+// that wait return early.
+void CatchStopSignals();
+
+bool StopRequested();
 
 }  // namespace myograde::server

@@ -1,10 +1,11 @@
 #include "server/cli/base/options.h"
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
-#include <cstdlib>
+#include <algorithm>
 #include <filesystem>
 
 #include "server/base/paths.h"
@@ -30,6 +31,14 @@ CLI::Validator WholeNumber(int64_t least, const std::string& what) {
       "");
 }
 
+bool IsPlainName(const std::string& text, size_t most, bool any_first) {
+  const auto plain = [](unsigned char c) {
+    return absl::ascii_isalnum(c) || c == '.' || c == '_' || c == '-';
+  };
+  return !text.empty() && text.size() <= most && std::all_of(text.begin(), text.end(), plain) &&
+         (any_first || absl::ascii_isalnum(static_cast<unsigned char>(text.front())));
+}
+
 std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text) {
   const std::pair<std::string, std::string> ends = absl::StrSplit(text, absl::MaxSplits("..", 1));
   std::pair<int64_t, int64_t> range;
@@ -38,6 +47,13 @@ std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text) {
     return std::nullopt;
   }
   return range;
+}
+
+absl::Status RefuseIf(std::initializer_list<std::pair<bool, std::string>> mistakes) {
+  for (const auto& [wrong, sentence] : mistakes) {
+    if (wrong) return absl::InvalidArgumentError(sentence);
+  }
+  return absl::OkStatus();
 }
 
 void AddJson(CLI::App& verb, const std::string& schema, bool& json, const std::string& help) {
@@ -50,17 +66,8 @@ void AddFullHashes(CLI::App& verb, bool& full) {
 }
 
 std::string DataDir(const std::string& option) {
-  if (!option.empty()) return option;
-  if (const std::string folder = EnvironmentVariable("MYOGRADE_DATA"); !folder.empty()) return folder;
-  return UsualDataDir();
-}
-
-std::string CacheDir(const std::string& option) {
-  if (!option.empty()) return std::filesystem::absolute(option).string();
-  if (const std::string folder = EnvironmentVariable("MYOGRADE_CACHE"); !folder.empty()) {
-    return std::filesystem::absolute(folder).string();
-  }
-  return UsualCacheDir();
+  const std::string folder = option.empty() ? EnvironmentVariable("MYOGRADE_DATA") : option;
+  return folder.empty() ? UsualDataDir() : folder;
 }
 
 std::string SocketPath(const std::string& socket_option, const std::string& data_option) {
@@ -74,7 +81,10 @@ std::string SocketPath(const std::string& socket_option, const std::string& data
 
 std::string HostOptions::configs_dir() const { return configs.empty() ? ConfigDir() : configs; }
 
-std::string HostOptions::cache_dir() const { return CacheDir(cache); }
+std::string HostOptions::cache_dir() const {
+  const std::string folder = cache.empty() ? EnvironmentVariable("MYOGRADE_CACHE") : cache;
+  return folder.empty() ? UsualCacheDir() : std::filesystem::absolute(folder).string();
+}
 
 void AddHostOptions(CLI::App& verb, HostOptions& options) {
   verb.add_option("--configs", options.configs,

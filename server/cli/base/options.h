@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,8 +21,16 @@ namespace myograde::server {
 // text is not: "no episode".
 CLI::Validator WholeNumber(int64_t least, const std::string& what);
 
+// Whether `text` is 1 to `most` letters, digits, ".", "_" and "-", and begins with a letter or a digit
+// or, if `any_first`, with any of them.
+bool IsPlainName(const std::string& text, size_t most, bool any_first = false);
+
 // The two numbers of "A..B"; nullopt if it is no such text.
 std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text);
+
+// Options that can't be used together: InvalidArgumentError with the first sentence whose condition is
+// true.
+absl::Status RefuseIf(std::initializer_list<std::pair<bool, std::string>> mistakes);
 
 // Adds --json; the output is described by configs/schema/SCHEMA.json.
 void AddJson(CLI::App& verb, const std::string& schema, bool& json,
@@ -30,10 +39,8 @@ void AddJson(CLI::App& verb, const std::string& schema, bool& json,
 // Adds --full-hashes.
 void AddFullHashes(CLI::App& verb, bool& full);
 
-// Where the data folder, its socket and the cache are. Each takes the value of its option, "" if
-// not given.
-std::string DataDir(const std::string& option);   // --data, MYOGRADE_DATA, or the default
-std::string CacheDir(const std::string& option);  // --cache, MYOGRADE_CACHE, or the default
+// Where the data folder and its socket are. Each takes the value of its option, "" if not given.
+std::string DataDir(const std::string& option);  // --data, MYOGRADE_DATA, or the default
 std::string SocketPath(const std::string& socket_option, const std::string& data_option);
 
 // Where this host's configs and models are.
@@ -42,7 +49,7 @@ struct HostOptions {
   std::string cache;
 
   std::string configs_dir() const;
-  std::string cache_dir() const;
+  std::string cache_dir() const;  // --cache, MYOGRADE_CACHE, or the default
 };
 
 // Adds --configs and --cache.

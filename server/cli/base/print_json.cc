@@ -3,10 +3,10 @@
 #include <absl/strings/str_format.h>
 
 #include <cstdint>
-#include <ostream>
+#include <iostream>
+#include <utility>
 
 #include "server/base/plain_text.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/terminal/screen.h"
 
 namespace myograde::server {
@@ -34,15 +34,21 @@ void PrintJson(const Json& json) { PlainOutput() << ShownJson(json) << std::endl
 
 Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
+AnswerPrinter Sentence(std::string text) {
+  return [text = std::move(text)](const Json& answer) {
+    std::cout << Filled(answer, text) << std::endl;
+  };
+}
+
 absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
-                                const std::function<void(const Json&)>& print) {
+                                const AnswerPrinter& print, int exit) {
   if (!answer.ok()) return answer.status();
   if (json) {
     PrintJson(*answer);
   } else {
     print(*answer);
   }
-  return kDone;
+  return exit;
 }
 
 }  // namespace myograde::server

@@ -6,6 +6,7 @@
 #include <functional>
 #include <string>
 
+#include "server/cli/base/exit_status.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
@@ -20,9 +21,14 @@ void PrintJson(const Json& json);
 // `text`, or null if it is "".
 Json TextOrNull(const std::string& text);
 
-// How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns kDone,
+using AnswerPrinter = std::function<void(const Json& answer)>;
+
+// Prints `text` as Filled (text.h) makes it of an answer, on a line of its own.
+AnswerPrinter Sentence(std::string text);
+
+// How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns `exit`,
 // or the error in place of an answer.
 absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
-                                const std::function<void(const Json&)>& print);
+                                const AnswerPrinter& print, int exit = kDone);
 
 }  // namespace myograde::server

@@ -9,8 +9,6 @@
 #include <absl/strings/str_join.h>
 
 #include "server/base/counted.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
@@ -18,25 +16,26 @@ namespace {
 constexpr size_t kMaxFaultsShown = 5;  // of different kinds
 
 void PrintPair(const std::string& name, const std::string& value) {
-  constexpr size_t kColumn = 20;  // the longest name and two spaces
-  std::cout << "  " << name << std::string(kColumn - std::min(name.size(), kColumn - 1), ' ')
-            << value << '\n';
+  // As wide as the longest name and two spaces.
+  std::cout << absl::StrFormat("  %-19s ", name) << value << '\n';
 }
 
 // "1.25 s", or "" if there is none.
 std::string ValueText(const Json& values, const Json& metric) {
   const std::string name = metric.value("name", "");
-  if (!values.contains(name) || values[name].is_null()) return "";
+  if (values.value(name, Json()).is_null()) return "";
   const std::string unit = Harmless(metric.value("unit", ""));
   return absl::StrCat(Cell(values, name, metric.value("digits", 4)), unit.empty() ? "" : " ", unit);
 }
 
-std::string CountsOf(const Json& counts) {
-  std::string text;
-  for (const auto& [name, count] : counts.items()) {
-    absl::StrAppend(&text, text.empty() ? "" : ", ", count.dump(), " ", Harmless(name));
+// "3 done, 1 dropped" of an object at `key`, on a line called `name` unless it is empty.
+void PrintCounts(const char* name, const Json& result, const char* key) {
+  std::vector<std::string> counts;
+  const Json object = result.value(key, Json::object());
+  for (const auto& [of, count] : object.items()) {
+    counts.push_back(absl::StrCat(count.dump(), " ", Harmless(of)));
   }
-  return text;
+  if (!counts.empty()) PrintPair(name, absl::StrJoin(counts, ", "));
 }
 
 void PrintOutput(const Json& outputs) {
@@ -46,8 +45,7 @@ void PrintOutput(const Json& outputs) {
       if (text.empty()) continue;
       std::cout << Bold(absl::StrCat("The policy's last output on ",
                                      stream[3] == 'e' ? "standard error" : "standard output",
-                                     " (episodes ", Cell(output, "first"), " to ",
-                                     Cell(output, "last"), ")"))
+                                     Filled(output, " (episodes {first} to {last})")))
                 << '\n'
                 << Marked(text);
       return;  // one block is enough to see what went wrong; --json has them all
@@ -89,7 +87,7 @@ void PrintFaults(const Json& rows) {
   std::vector<std::string> details;
   std::map<std::string, std::vector<std::string>> episodes;
   for (const Json& row : rows) {
-    if (!row.contains("fault") || !row["fault"].is_object()) continue;
+    if (!row.value("fault", Json()).is_object()) continue;
     const std::string detail = Cell(row["fault"], "detail");
     if (episodes[detail].empty()) details.push_back(detail);
     episodes[detail].push_back(Cell(row, "index"));
@@ -106,9 +104,9 @@ void PrintFaults(const Json& rows) {
   }
 }
 
-std::string CountsText(const Json& episodes) {
-  std::string text =
-      absl::StrCat(Cell(episodes, "done"), "/", CountCell(episodes, "total", "episode"));
+std::string CountsText(const Json& submission) {
+  const Json episodes = submission.value("episodes", Json::object());
+  std::string text = Filled(episodes, "{done}/{total:episode}");
   // Null: the phase withholds it.
   const Json successes = episodes.value("success", Json(0));
   if (successes.is_null()) return text;
@@ -125,20 +123,15 @@ void PrintResult(const Json& result, bool full_hashes) {
   if (!aggregate.is_object()) {
     std::cout << (withheld == "-" ? "  no episode has a result yet\n" : "  no result to see yet\n");
   } else {
-    PrintPair("successes", absl::StrCat(Cell(aggregate, "successes"), " of ",
-                                        CountCell(aggregate, "episodes", "episode")));
+    PrintPair("successes", Filled(aggregate, "{successes} of {episodes:episode}"));
     PrintPlayed(aggregate, result.value("reasons", Json()));
     for (const Json& metric : result.value("metrics", Json::array())) {
       const std::string text = ValueText(aggregate, metric);
       if (!text.empty()) PrintPair(Harmless(metric.value("title", "")), text);
     }
   }
-  if (result.contains("outcomes") && !result["outcomes"].empty()) {
-    PrintPair("outcomes", CountsOf(result["outcomes"]));
-  }
-  if (result.contains("reasons") && !result["reasons"].empty()) {
-    PrintPair("failures by reason", CountsOf(result["reasons"]));
-  }
+  PrintCounts("outcomes", result, "outcomes");
+  PrintCounts("failures by reason", result, "reasons");
   const Json hashes = result.value("hashes", Json::object());
   for (const auto& [name, unused] : hashes.items()) {
     PrintPair(name + " hash", HashText(Cell(hashes, name), full_hashes));
@@ -181,17 +174,14 @@ void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes) {
 void PrintComparison(const Json& comparison) {
   if (!comparison.is_object()) return;
   for (const Json& episode : comparison.value("episodes", Json::array())) {
-    std::cout << "  episode " << Cell(episode, "index") << ": ";
+    std::cout << Filled(episode, "  episode {index}: ");
     if (episode.value("equal", false)) {
       std::cout << "equal\n";
       continue;
     }
-    const Json before = episode.value("original", Json::object());
-    const Json after = episode.value("rerun", Json::object());
-    std::cout << "differs in " << ListCell(episode, "differs") << " (was "
-              << Cell(before, "outcome") << " after " << CountCell(before, "steps", "step")
-              << ", now " << Cell(after, "outcome") << " after "
-              << CountCell(after, "steps", "step") << ")\n";
+    std::cout << "differs in " << ListCell(episode, "differs")
+              << Filled(episode, " (was {original.outcome} after {original.steps:step}, now "
+                                 "{rerun.outcome} after {rerun.steps:step})\n");
   }
   if (!comparison.value("equal", Json(0)).is_number()) {
     std::cout << "  the phase withholds the comparison" << std::endl;
@@ -201,18 +191,14 @@ void PrintComparison(const Json& comparison) {
   std::cout << "  " << equal << " of " << CountCell(comparison, "compared", "episode")
             << (equal == 1 ? " is equal" : " are equal");
   if (comparison.value("missing", 0) > 0) {
-    std::cout << "; " << Cell(comparison, "missing") << " can't be compared";
+    std::cout << Filled(comparison, "; {missing} can't be compared");
   }
   std::cout << std::endl;
 }
 
 void PrintUnreadable(const Json& answer) {
   for (const Json& entry : answer.value("unreadable", Json::array())) {
-    std::cout << "  Left out: ";
-    if (entry.contains("evaluation")) {
-      std::cout << "evaluation " << Cell(entry, "evaluation") << ": ";
-    }
-    std::cout << Cell(entry, "message") << '\n';
+    std::cout << Filled(entry, "  Left out: [evaluation {evaluation}: ]{message}\n");
   }
   std::cout.flush();
 }
@@ -226,6 +212,45 @@ void PrintList(const Json& answer, const std::string& key, const std::string& no
     PrintRows(rows, columns);
   }
   PrintUnreadable(answer);
+}
+
+bool HasFinding(const std::vector<Finding>& findings, FindingState state) {
+  return std::any_of(findings.begin(), findings.end(),
+                     [&](const Finding& finding) { return finding.state == state; });
+}
+
+FindingState WorstOf(const std::vector<Finding>& findings) {
+  FindingState worst = FindingState::kOk;
+  for (const Finding& finding : findings) worst = std::max(worst, finding.state);
+  return worst;
+}
+
+const char* FindingStateName(FindingState state) {
+  constexpr const char* kNames[] = {"ok", "warning", "unknown", "fails"};
+  return kNames[static_cast<size_t>(state)];
+}
+
+Json FindingsJson(const std::vector<Finding>& findings) {
+  Json list = Json::array();
+  for (const Finding& finding : findings) {
+    list.push_back({{"name", finding.check},
+                    {"state", FindingStateName(finding.state)},
+                    {"found", finding.found},
+                    {"todo", finding.todo}});
+  }
+  return list;
+}
+
+void PrintFindings(const std::vector<Finding>& findings) {
+  PrintRows(FindingsJson(findings), {"check=name", "state", "found"});
+  for (const FindingState state :
+       {FindingState::kFails, FindingState::kUnknown, FindingState::kWarning}) {
+    for (const Finding& finding : findings) {
+      if (finding.state != state || finding.todo.empty()) continue;
+      std::cout << Bold(absl::StrCat(finding.check, ": ", FindingStateName(state))) << ": "
+                << Harmless(finding.todo) << '\n';
+    }
+  }
 }
 
 }  // namespace myograde::server

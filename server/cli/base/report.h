@@ -1,4 +1,4 @@
-// Results as text, from the JSON of the API or of a local run.
+// Results and findings as text, from the JSON of the API or of a local run.
 #pragma once
 
 #include <string>
@@ -35,7 +35,38 @@ void PrintUnreadable(const Json& answer);
 void PrintList(const Json& answer, const std::string& key, const std::string& none,
                const std::vector<RowColumn>& columns);
 
-// "31/100 episodes, 4 successes" of the counts of a submission.
-std::string CountsText(const Json& episodes);
+// "31/100 episodes, 4 successes" of the counts in `episodes` of a submission.
+std::string CountsText(const Json& submission);
+
+enum class FindingState {
+  kOk,
+  kWarning,  // it would be accepted, and is worth a look
+  kUnknown,  // it could not be checked here
+  kFails,
+};
+
+// What a check found, in words: for verbs that report everything at once rather than end at the first
+// mistake.
+struct Finding {
+  std::string check;  // one word
+  FindingState state = FindingState::kOk;
+  std::string found;      // a sentence without a full stop
+  std::string todo = {};  // what to do about it; "" if nothing
+};
+
+// True if a finding of that state is among them.
+bool HasFinding(const std::vector<Finding>& findings, FindingState state);
+
+// The worst state of all, in the order of FindingState.
+FindingState WorstOf(const std::vector<Finding>& findings);
+
+// "ok", "warning", "unknown" or "fails".
+const char* FindingStateName(FindingState state);
+
+// An array of {"name", "state", "found", "todo"}.
+Json FindingsJson(const std::vector<Finding>& findings);
+
+// A table, then for each that is not ok what to do.
+void PrintFindings(const std::vector<Finding>& findings);
 
 }  // namespace myograde::server

@@ -5,19 +5,27 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 #include <fcntl.h>
+#include <grp.h>
+#include <openssl/x509.h>
+#include <pwd.h>
 #include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
+#include <filesystem>
 #include <limits>
 #include <utility>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/http_client.h"
 #include "server/base/secret.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/client/connect.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
@@ -33,9 +41,9 @@ constexpr int kPollsInAWait = 20;
 constexpr absl::Duration kPatience = absl::Seconds(30);
 
 std::string NoteOf(const Json& status) {
-  const Json waiting = status.value("waiting", Json());
-  if (status.value("state", "") != "queued") return status.value("state", "");
-  return waiting.is_string() ? "queued: " + waiting.get<std::string>() : "queued";
+  const std::string state = status.value("state", "");
+  const std::string waiting = TextAt(status, "waiting");
+  return state != "queued" || waiting.empty() ? state : "queued: " + waiting;
 }
 
 // The daemon answers a request in 30 s and an upload in 900 s (server.json); a
@@ -46,11 +54,165 @@ constexpr absl::Duration kUpload = absl::Seconds(960);
 constexpr absl::Duration kBeforeRetry = absl::Seconds(1);
 constexpr char kCodeKey[] = "myograde/answered-code";
 
-absl::StatusOr<HttpRequest> MakeRequest(const absl::StatusOr<ServerChoice>& choice,
-                                        const std::string& path,
-                                        absl::Duration silence = kAnswer) {
+std::string UserName(uid_t uid) {
+  const passwd* user = ::getpwuid(uid);
+  return user != nullptr ? user->pw_name : absl::StrCat("uid ", uid);
+}
+
+// By /etc/group, which a session that is open reads no more.
+bool IsMember(const std::string& user, const group& of) {
+  for (char** member = of.gr_mem; *member != nullptr; ++member) {
+    if (user == *member) return true;
+  }
+  return false;
+}
+
+// What stands in the way of a socket that may not be reached, and what to do.
+std::string ClosedSocket(const std::string& socket) {
+  std::string closed = socket;  // the topmost that lets this user no further
+  for (std::filesystem::path folder = std::filesystem::absolute(socket).parent_path();
+       !folder.empty(); folder = folder.parent_path()) {
+    if (::access(folder.c_str(), X_OK) != 0) closed = folder.string();
+    if (folder == folder.root_path()) break;
+  }
+  struct stat info = {};
+  const bool seen = ::stat(closed.c_str(), &info) == 0;
+  // The group, other than root's, whose members may go on there.
+  const mode_t rights = closed == socket ? S_IRGRP | S_IWGRP : S_IXGRP;
+  const bool shared = seen && (info.st_mode & rights) == rights && info.st_gid != 0;
+  const group* members = shared ? ::getgrgid(info.st_gid) : nullptr;
+  const std::string beginning =
+      absl::StrCat("this user may not talk to the daemon on ", socket, ": ", closed, " is open to ");
+  if (members != nullptr) {
+    const std::string name = members->gr_name;
+    const std::string user = UserName(::geteuid());
+    return absl::StrCat(beginning, "the group ", name, ", and ", user,
+                        IsMember(user, *members)
+                            ? absl::StrCat(" joined it after this session began; log in anew, or "
+                                           "type: newgrp ", name)
+                            : absl::StrCat(" is not in it; ask the administrator to type: adduser ",
+                                           user, " ", name, ", then log in anew"));
+  }
+  const std::string owner = seen ? UserName(info.st_uid) : "another user";
+  return absl::StrCat(beginning, owner, " alone; run this as ", owner,
+                      ", or ask the organiser to start the daemon with --socket in a folder that "
+                      "others may enter, and give that here with --socket");
+}
+
+absl::Status CheckSocket(const std::string& socket) {
+  if (socket.size() >= sizeof(sockaddr_un::sun_path)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the socket's path ", socket, " is longer than ", sizeof(sockaddr_un::sun_path) - 1,
+        " bytes, the most that a Unix socket can have; give a shorter one with --socket"));
+  }
+  if (::access(socket.c_str(), R_OK | W_OK) == 0) return absl::OkStatus();
+  if (errno == EACCES) return absl::UnavailableError(ClosedSocket(socket));
+  return absl::UnavailableError(absl::StrCat(
+      "no daemon can be reached: there is no socket ", socket,
+      "; start one with \"myograde serve\", or say where it is with --data, --socket or --server"));
+}
+
+absl::Status CheckCaFile(const std::string& file) {
+  if (file.empty() || ::access(file.c_str(), R_OK) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(file, ": the file of authorities to trust can't be read (", std::strerror(errno),
+                   "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
+}
+
+// What is wrong with the server's certificate; `code` is OpenSSL's.
+std::string CertificateTrouble(const ServerChoice& choice, long code) {
+  const std::string server = choice.address.Text();
+  const std::string beginning = absl::StrCat("the certificate of ", server, " ");
+  switch (code) {
+    case X509_V_ERR_CERT_HAS_EXPIRED:
+      return beginning +
+             "has expired; its organiser has to renew it (or this host's clock is wrong)";
+    case X509_V_ERR_CERT_NOT_YET_VALID:
+      return beginning + "is not valid yet; check this host's clock";
+    case X509_V_OK:  // libcurl's own check of the host
+    case X509_V_ERR_HOSTNAME_MISMATCH:
+    case X509_V_ERR_IP_ADDRESS_MISMATCH:
+      return absl::StrCat(beginning, "is not for ", choice.address.host,
+                          "; write the address with the name that the certificate has, which its "
+                          "organiser can tell");
+    case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
+    case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
+    case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
+    case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
+    case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:
+      if (!choice.ca_file.empty()) {
+        return absl::StrCat(beginning, "is not signed by an authority in ", choice.ca_file,
+                            "; ask the organiser for the right file");
+      }
+      return beginning +
+             "is signed by nobody whom this host trusts; if the lab has an authority of "
+             "its own, give its certificate with --ca-file";
+    default:
+      return absl::StrCat(beginning, "can't be trusted (", X509_verify_cert_error_string(code),
+                          ")");
+  }
+}
+
+std::string NetworkTrouble(const ServerChoice& choice, const HttpAnswer& answer) {
+  using Failure = HttpAnswer::Failure;
+  const std::string server = choice.address.Text();
+  switch (answer.failure) {
+    case Failure::kUnreachable:
+      return absl::StrCat("no server can be reached at ", server,
+                          "; check the address and the network, or ask its organiser");
+    case Failure::kCaFile:
+      return absl::StrCat(choice.ca_file,
+                          ": holds no certificates in PEM; correct --ca-file, "
+                          "MYOGRADE_CA_FILE, or the login");
+    case Failure::kTls:
+      return absl::StrCat(
+          "no TLS connection to ", server,
+          " could be made: it may speak plain HTTP "
+          "or an old TLS there, or have too many connections; check the address, or "
+          "try again in a minute");
+    case Failure::kCertificate:
+      return CertificateTrouble(choice, answer.certificate);
+    default:
+      return absl::StrCat("the server at ", server, " did not answer (", answer.problem,
+                          "); try again, or ask its organiser");
+  }
+}
+
+// A request for `path` of `choice`, which ends when nothing moves for `silence`. It shows the token
+// there. UnavailableError or InvalidArgumentError: the socket or the file of authorities can't be used.
+absl::StatusOr<HttpRequest> RequestTo(const absl::StatusOr<ServerChoice>& choice,
+                                      const std::string& path,
+                                      absl::Duration silence = kAnswer) {
   if (!choice.ok()) return choice.status();
-  return RequestTo(*choice, path, silence);
+  HttpRequest request = {.url = absl::StrCat("http://myograde", path),
+                         .silence = silence,
+                         .most_text = std::numeric_limits<size_t>::max()};
+  if (choice->address.network()) {
+    RETURN_IF_ERROR(CheckCaFile(choice->ca_file));
+    request.url = choice->address.Text() + path;
+    request.ca_file = choice->ca_file;
+  } else {
+    RETURN_IF_ERROR(CheckSocket(choice->address.socket));
+    request.unix_socket = choice->address.socket;
+  }
+  if (!choice->token.empty()) request.headers = {"Authorization: Bearer " + choice->token};
+  return request;
+}
+
+// Why a request to `choice` failed: UnavailableError with a sentence that says what to do.
+absl::Status NoAnswer(const ServerChoice& choice, const HttpAnswer& answer) {
+  const std::string where = choice.address.Text();
+  if (choice.address.network()) {
+    return absl::UnavailableError(absl::StrCat(
+        NetworkTrouble(choice, answer),
+        choice.by_login ? "; \"myograde logout\" returns to the daemon of this host" : ""));
+  }
+  if (answer.failure == HttpAnswer::Failure::kUnreachable) {
+    return absl::UnavailableError(
+        absl::StrCat("no daemon listens on ", where, "; start one with \"myograde serve\""));
+  }
+  return absl::UnavailableError(absl::StrCat("the daemon on ", where, " did not answer (",
+                                             answer.problem, "); look at its log, or try again"));
 }
 
 absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice) {
@@ -89,12 +251,6 @@ bool IsLost(const HttpAnswer& answer) {
   return answer.failure != HttpAnswer::Failure::kNone && answer.sent;
 }
 
-// Of a request, which no other one has.
-absl::StatusOr<std::string> NewKey() {
-  ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(16));
-  return absl::BytesToHexString(bytes);
-}
-
 void AddRows(const Json& page, const std::string& key, Json& all) {
   const Json rows = page.value(key, Json::array());
   if (rows.is_array()) all[key].insert(all[key].end(), rows.begin(), rows.end());
@@ -102,17 +258,9 @@ void AddRows(const Json& page, const std::string& key, Json& all) {
 
 }  // namespace
 
-bool IsFinalState(const std::string& state) { return state != "queued" && state != "running"; }
-
 int ExitOfState(const std::string& state) {
   if (state == "done") return kDone;
   return state == "grader_error" ? kTrouble : kNoScore;
-}
-
-absl::StatusOr<Json> Follow(const Client& client, const std::string& path,
-                            const std::string& what) {
-  return FollowUntil(client, path, what,
-                     [](const Json& status) { return IsFinalState(status.value("state", "")); });
 }
 
 absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
@@ -130,11 +278,7 @@ absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
       const std::string state = status->value("state", "");
       const auto done = counts.value("done", int64_t{0});
       const auto total = counts.value("total", int64_t{0});
-      if (state == "queued") {
-        progress.ShowWaiting(done, total, NoteOf(*status));
-      } else {
-        progress.Show(done, total, NoteOf(*status));
-      }
+      progress.Show(done, total, NoteOf(*status), /*waiting=*/state == "queued");
       if (final(*status)) return status;
     } else if (status.status().code() == absl::StatusCode::kInvalidArgument ||
                clock.Monotonic() - heard > kPatience) {
@@ -149,48 +293,41 @@ std::string AnsweredCode(const absl::Status& status) {
   return std::string(status.GetPayload(kCodeKey).value_or(absl::Cord()));
 }
 
-Client::Client(std::string socket) : choice_(ServerChoice()) {
-  choice_->address.socket = std::move(socket);
-}
-
 Client::Client(absl::StatusOr<ServerChoice> choice) : choice_(std::move(choice)) {}
 
 absl::StatusOr<Json> Client::Get(const std::string& path) const {
-  absl::StatusOr<ServerChoice> choice = choice_;
-  absl::StatusOr<Json> answer = absl::UnknownError("");
-  for (bool again = false;; again = true) {
-    ASSIGN_OR_RETURN(const HttpRequest request, MakeRequest(choice, path));
-    const absl::StatusOr<Json> own = JsonOf(HttpClient().Ask(request), *choice);
-    if (!again) answer = own;
-    if (again && own.ok()) {
-      PrintToErrors(absl::StrCat("myograde: note: ", std::string(answer.status().message()),
-                                 ". This is what everybody sees; \"myograde login\" takes a new token, "
-                                 "\"myograde logout\" forgets this one."));
-      return own;
-    }
-    // A token that is not valid any more should not hide what is public; who one is, is about the token.
-    if (again || AnsweredCode(answer.status()) != "bad_token" || choice->token.empty() ||
-        path == "/v1/whoami") {
-      return answer;
-    }
-    choice->token.clear();
+  ASSIGN_OR_RETURN(const HttpRequest request, RequestTo(choice_, path));
+  const absl::StatusOr<Json> answer = JsonOf(HttpClient().Ask(request), *choice_);
+  // A token that is not valid any more should not hide what is public; who one is, is about the token.
+  if (AnsweredCode(answer.status()) != "bad_token" || choice_->token.empty() ||
+      path == "/v1/whoami") {
+    return answer;
   }
+  ServerChoice nobody = *choice_;
+  nobody.token.clear();
+  ASSIGN_OR_RETURN(const HttpRequest again, RequestTo(nobody, path));
+  absl::StatusOr<Json> shown = JsonOf(HttpClient().Ask(again), nobody);
+  if (!shown.ok()) return answer;
+  PrintToErrors(absl::StrCat("myograde: note: ", answer.status().message(),
+                             ". This is what everybody sees; \"myograde login\" takes a new token, "
+                             "\"myograde logout\" forgets this one."));
+  return shown;
 }
 
 absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {
-  ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path));
+  ASSIGN_OR_RETURN(HttpRequest request, RequestTo(choice_, path));
   const std::string text = TextOf(body);
   request.body = text;
   return JsonOf(HttpClient().Ask(request), *choice_);
 }
 
 absl::StatusOr<Json> Client::PostOnce(const std::string& path, const Json& body) const {
-  ASSIGN_OR_RETURN(const std::string key, NewKey());
+  ASSIGN_OR_RETURN(const std::string key, RandomBytes(16));  // which no other request has
   const std::string text = TextOf(body);
   for (bool again = false;; again = true) {
-    ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path));
+    ASSIGN_OR_RETURN(HttpRequest request, RequestTo(choice_, path));
     request.body = text;
-    request.headers.push_back("Idempotency-Key: " + key);
+    request.headers.push_back("Idempotency-Key: " + absl::BytesToHexString(key));
     const HttpAnswer answer = HttpClient().Ask(request);
     if (again || !IsLost(answer)) return JsonOf(answer, *choice_);
     absl::SleepFor(kBeforeRetry);
@@ -205,7 +342,7 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
   if (!input.valid() || ::fstat(input.get(), &info) != 0) {
     return absl::InternalError(absl::StrCat(file, ": can't be read"));
   }
-  ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path, kUpload));
+  ASSIGN_OR_RETURN(HttpRequest request, RequestTo(choice_, path, kUpload));
   request.body_file = input.get();
   request.type = type;
   request.progress = progress;
@@ -223,7 +360,7 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
 absl::StatusOr<int64_t> Client::Download(
     const std::string& path, const std::function<bool(const char*, size_t)>& sink,
     const std::function<void(int64_t, int64_t)>& progress) const {
-  ASSIGN_OR_RETURN(HttpRequest request, MakeRequest(choice_, path, kUpload));
+  ASSIGN_OR_RETURN(HttpRequest request, RequestTo(choice_, path, kUpload));
   int64_t done = 0;
   request.progress = progress;
   request.sink = [&](std::string_view piece) {
@@ -254,6 +391,28 @@ absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
     if (!next.is_number_integer() || next.get<int64_t>() >= before) return all;
     before = next.get<int64_t>();
   }
+}
+
+Json AllPhases(const Json& answer) {
+  Json phases = Json::array();
+  for (const Json& challenge : answer.value("challenges", Json::array())) {
+    const Json own = challenge.value("phases", Json::array());
+    phases.insert(phases.end(), own.begin(), own.end());
+  }
+  return phases;
+}
+
+Json PhaseIn(const Json& answer, const std::string& name) {
+  return RowWith(AllPhases(answer), "phase", name);
+}
+
+absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase) {
+  ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/challenges"));
+  Json known = PhaseIn(answer, phase);
+  if (known.is_object()) return known;
+  return absl::InvalidArgumentError(
+      absl::StrCat("there is no phase \"", phase,
+                   "\"; \"myograde challenge status\" lists those that there are"));
 }
 
 }  // namespace myograde::server

@@ -18,8 +18,6 @@ namespace myograde::server {
 // refuses the request, InternalError if the daemon is in trouble.
 class Client {
  public:
-  // Of the daemon at the Unix socket of that path.
-  explicit Client(std::string socket);
   // An error is that of every request.
   explicit Client(absl::StatusOr<ServerChoice> choice);
 
@@ -56,20 +54,30 @@ std::string AnsweredCode(const absl::Status& status);
 absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
                                  const std::string& rows);
 
-// True for a state that an evaluation does not leave.
-bool IsFinalState(const std::string& state);
-
 // The exit status that a final state stands for.
 int ExitOfState(const std::string& state);
 
-// Asks for `path` (a submission's status or an evaluation) until its state is
-// final, showing progress named `what`; the last answer. A daemon that stays
-// silent for 30 s in a row ends the waiting; one that restarts does not.
-absl::StatusOr<Json> Follow(const Client& client, const std::string& path, const std::string& what);
+// The phases of all challenges in an answer of GET /v1/challenges.
+Json AllPhases(const Json& answer);
 
-// The same for anything that is in progress: until an answer is `final`.
+// The one called `name`; null if there is none.
+Json PhaseIn(const Json& answer, const std::string& name);
+
+// A phase as GET /v1/challenges has it. InvalidArgumentError: there is none of that name; else an
+// error of Client::Get.
+absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase);
+
+// Whether an evaluation or a submission has ended, of which this is the status.
+inline bool HasEnded(const Json& status) {
+  const std::string state = status.value("state", "");
+  return state != "queued" && state != "running";
+}
+
+// Asks for `path`, something that is in progress, until an answer is `final`, showing progress named
+// `what`; the last answer. A daemon that stays silent for 30 s in a row ends the waiting; one that
+// restarts does not.
 absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
                                  const std::string& what,
-                                 const std::function<bool(const Json&)>& final);
+                                 const std::function<bool(const Json&)>& final = HasEnded);
 
 }  // namespace myograde::server

@@ -2,12 +2,23 @@
 
 #include <absl/strings/str_cat.h>
 
-#include <utility>
-
 #include "server/base/http_client.h"
-#include "server/cli/base/print_json.h"
+#include "server/cli/base/report.h"
 
 namespace myograde::server {
+
+std::string QueryOf(const std::vector<std::pair<const char*, std::string>>& values) {
+  std::string query;
+  for (const auto& [key, value] : values) {
+    if (value.empty()) continue;
+    absl::StrAppend(&query, query.empty() ? "?" : "&", key, "=", QueryValue(value));
+  }
+  return query;
+}
+
+void SetIfGiven(Json& body, const char* key, const std::string& value) {
+  if (!value.empty()) body[key] = value;
+}
 
 Client DaemonOptions::client() const { return Client(ChooseServer(*this)); }
 
@@ -19,6 +30,14 @@ absl::StatusOr<int> DaemonOptions::GetAndPrint(const std::string& path,
 absl::StatusOr<int> DaemonOptions::PostAndPrint(const std::string& path, const Json& body,
                                                 const AnswerPrinter& print) const {
   return PrintAnswer(client().Post(path, body), json, print);
+}
+
+absl::StatusOr<int> DaemonOptions::ListAndPrint(const std::string& path, const std::string& rows,
+                                                const std::string& none,
+                                                const std::vector<RowColumn>& columns) const {
+  return PrintAnswer(GetAllPages(client(), path, rows), json, [&](const Json& answer) {
+    PrintList(answer, rows, none, columns);
+  });
 }
 
 void AddCaFile(CLI::App& verb, std::string& file) {
@@ -49,17 +68,12 @@ void AddPlaces(CLI::App& verb, DaemonOptions& options) {
 }
 
 std::string BoardChoice::Query() const {
-  std::string query;
-  const std::pair<const char*, const std::string*> parts[] = {{"track", &track},
-                                                              {"board", &board},
-                                                              {"phase", &phase},
-                                                              {"profile", &profile},
-                                                              {"config", &config}};
-  for (const auto& [key, value] : parts) {
-    if (value->empty()) continue;
-    absl::StrAppend(&query, query.empty() ? "?" : "&", key, "=", QueryValue(*value));
-  }
-  return query;
+  return QueryOf({{"track", track},
+                  {"board", board},
+                  {"phase", phase},
+                  {"profile", profile},
+                  {"config", config},
+                  {"at", at}});
 }
 
 void AddBoardChoice(CLI::App& verb, BoardChoice& choice, const std::string& track_help,

@@ -8,25 +8,39 @@
 #include <functional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/server_choice.h"
+#include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
-using AnswerPrinter = std::function<void(const Json& answer)>;
+// What acts ask for and keep.
+inline constexpr char kReasonHelp[] = "Why, for the record; up to 200 bytes";
+
+// "?key=value&key=value" of the values that are not "".
+std::string QueryOf(const std::vector<std::pair<const char*, std::string>>& values);
+
+// Sets `key` of a request's body, unless the value is "".
+void SetIfGiven(Json& body, const char* key, const std::string& value);
 
 struct DaemonOptions : ServerOptions {
   bool json = false;
 
   Client client() const;
 
-  // Ask the daemon once and print what it answers (print_json.h). Errors of Client.
+  // Ask the daemon and print what it answers (print_json.h). Errors of Client.
   absl::StatusOr<int> GetAndPrint(const std::string& path, const AnswerPrinter& print) const;
   absl::StatusOr<int> PostAndPrint(const std::string& path, const Json& body,
                                    const AnswerPrinter& print) const;
+  // All pages of a list, as PrintList (report.h) prints one.
+  absl::StatusOr<int> ListAndPrint(const std::string& path, const std::string& rows,
+                                   const std::string& none,
+                                   const std::vector<RowColumn>& columns) const;
 };
 
 // Adds --ca-file.
@@ -63,6 +77,7 @@ struct BoardChoice {
   std::string phase;
   std::string board = "main";
   std::string config;  // its hash, or the first digits of it
+  std::string at;      // as it was at that moment; "": as it is now
 
   bool named() const { return !track.empty() || !phase.empty() || !config.empty(); }
   std::string Query() const;  // "?board=main&phase=final"

@@ -1,9 +1,9 @@
 // myograde leaderboard
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -24,15 +24,13 @@
 namespace myograde::server {
 namespace {
 
-// "Leaderboard of TRACK, profile P, phase X, board main, 100 episodes"; `as_of` stands behind the
-// phase.
+// "Leaderboard of TRACK, profile P, phase X, board main, 100 episodes"; `as_of`, which only phases
+// have, stands behind the phase.
 void PrintHead(const char* what, const Json& answer, const std::string& as_of,
                const std::string& moment) {
-  const bool phase = answer.value("phase", Json()).is_string();
   std::cout << Bold(absl::StrCat(
-                   what, " of ", Cell(answer, "track"), ", profile ", Cell(answer, "profile"),
-                   phase ? absl::StrCat(", phase ", Cell(answer, "phase"), as_of) : "", ", board ",
-                   Cell(answer, "board"), ", ", CountCell(answer, "episodes", "episode"), moment))
+                   what, Filled(answer, " of {track}, profile {profile}[, phase {phase}]"), as_of,
+                   Filled(answer, ", board {board}, {episodes:episode}"), moment))
             << '\n';
 }
 
@@ -42,17 +40,12 @@ std::string RankText(const Json& row) {
 
 constexpr int kMostDigits = 9;
 
-int DigitsOf(const Json& criterion) {
-  return static_cast<int>(
-      std::clamp(criterion.value("digits", int64_t{4}), int64_t{0}, int64_t{kMostDigits}));
-}
-
 // "0.310 [0.228, 0.406]".
 std::string IntervalCell(const Json& row, const Json& criterion) {
   const Json interval =
       row.value("intervals", Json::object()).value(criterion.value("name", ""), Json());
   if (!interval.is_object()) return "-";
-  const int digits = DigitsOf(criterion);
+  const int digits = std::clamp(criterion.value("digits", 4), 0, kMostDigits);
   return absl::StrCat(Cell(interval, "value", digits), " [", Cell(interval, "low", digits), ", ",
                       Cell(interval, "high", digits), "]");
 }
@@ -62,9 +55,8 @@ std::string TestCell(const Json& row, const char* key) {
   const Json test = row.value(key, Json());
   if (!test.is_object()) return "-";
   const double p = test.value("p_adjusted", 1.0);
-  char text[32];
-  std::snprintf(text, sizeof(text), p < 1e-4 ? "%.1e" : "%.4f", p);
-  return absl::StrCat(text, test.value("decided", false) ? " *" : "",
+  return absl::StrCat(p < 1e-4 ? absl::StrFormat("%.1e", p) : absl::StrFormat("%.4f", p),
+                      test.value("decided", false) ? " *" : "",
                       test.value("reversed", false) ? " reversed" : "");
 }
 
@@ -88,10 +80,10 @@ void PrintPlaces(const Json& answer) {
 
 void PrintMeaning(const Json& answer) {
   const Json used = answer.value("statistics", Json::object());
-  std::cout << "  Intervals are 95 %. p: paired permutation test over the same episodes, corrected "
-               "(Holm) for "
-            << Counted(used.value("tests", int64_t{0}), "test") << " of the first "
-            << Cell(used, "places") << " places; * decides at the level "
+  std::cout << Filled(used,
+                      "  Intervals are 95 %. p: paired permutation test over the same episodes, "
+                      "corrected (Holm) for {tests:test} of the first {places} places; * decides at "
+                      "the level ")
             << absl::StrCat(used.value("level", 0.0)) << ".\n";
   if (used.value("spending", Json()) == "halving") {
     std::cout << "  Further episodes are another look: the first look at a pair may use half of "
@@ -117,8 +109,8 @@ void PrintStatistics(const Json& answer) {
     PrintMeaning(answer);
   }
   if (!answer.value("complete", true)) {
-    std::cout << "  The board is frozen as of " << Cell(answer, "frozen_at")
-              << ": what ended later does not count yet.\n";
+    std::cout << Filled(answer, "  The board is frozen as of {frozen_at}: what ended later does not "
+                                "count yet.\n");
   }
   PrintUnreadable(answer);
   std::cout.flush();
@@ -134,7 +126,6 @@ std::string ShortHash(const Json& of, const char* key) {
 
 struct BoardOptions : DaemonOptions {
   BoardChoice board;
-  std::string at;
   std::vector<std::string> explain;  // two rows, or none
   bool statistics = false;
   bool rebuild = false;
@@ -142,10 +133,7 @@ struct BoardOptions : DaemonOptions {
 
 // What makes it another board than that of now.
 std::string MomentOf(const Json& board) {
-  std::string moment;
-  if (board.value("at", Json()).is_string()) {
-    moment = absl::StrCat(", as it was at ", Cell(board, "at"));
-  }
+  std::string moment = Filled(board, "[, as it was at {at}]");
   if (Cell(board, "config") != Cell(board, "config_in_force")) {
     absl::StrAppend(&moment, ", under the config ", ShortHash(board, "config"));
   }
@@ -157,9 +145,9 @@ void PrintOthers(const Json& board) {
   const Json builds = board.value("builds", Json::array());
   for (const Json& build : builds) {
     if (&build == &builds.front()) continue;
-    std::cout << "  " << kOtherBuild << " " << CountCell(build, "rows", "row")
-              << " played by the build " << Cell(build, "build") << ", the others by "
-              << Cell(builds.front(), "build") << ": builds may differ in results\n";
+    std::cout << "  " << kOtherBuild
+              << Filled(build, " {rows:row} played by the build {build}, the others by ")
+              << Filled(builds.front(), "{build}: builds may differ in results\n");
   }
   if (const auto others = board.value("other_config", int64_t{0}); others > 0) {
     std::cout << "  " << Counted(others, "evaluation")
@@ -167,12 +155,13 @@ void PrintOthers(const Json& board) {
               << " not on it.\n";
   }
   for (const Json& other : board.value("other_configs", Json::array())) {
-    const bool in_force = other.value("in_force", false);
-    std::cout << "  Under " << (in_force ? "the config in force, " : "the config ")
-              << ShortHash(other, "config") << ": " << CountCell(other, "submissions", "submission")
-              << " of " << CountCell(other, "teams", "team") << ", accepted from "
-              << Cell(other, "from") << " to " << Cell(other, "to") << "; see it with --config "
-              << ShortHash(other, "config") << '\n';
+    const std::string hash = ShortHash(other, "config");
+    std::cout << (other.value("in_force", false) ? "  Under the config in force, "
+                                                 : "  Under the config ")
+              << hash
+              << Filled(other, ": {submissions:submission} of {teams:team}, accepted from {from} to "
+                               "{to}; see it with --config ")
+              << hash << '\n';
   }
 }
 
@@ -192,14 +181,12 @@ void PrintRanking(const Json& board, const Json& rows) {
                   [](const Json& row) { return row.value("baseline", false); })) {
     std::cout << "  base: a baseline of the organiser, shown for comparison\n";
   }
-  if (const std::string order = Cell(board, "order"); order != "-") {
-    std::cout << "  " << order << '\n';
-  }
+  std::cout << Filled(board, "[  {order}\n]");
 }
 
 void PrintBoard(const Json& board) {
   PrintHead("Leaderboard", board,
-            board.value("complete", true) ? "" : ", as of " + Cell(board, "frozen_at"),
+            board.value("complete", true) ? "" : Filled(board, ", as of {frozen_at}"),
             MomentOf(board));
   const Json rows = board.value("rows", Json::array());
   if (rows.empty()) {
@@ -208,9 +195,8 @@ void PrintBoard(const Json& board) {
     PrintRanking(board, rows);
   }
   for (const Json& row : board.value("disqualified", Json::array())) {
-    std::cout << "  Disqualified: submission " << Cell(row, "submission") << " of "
-              << Cell(row, "team") << " (" << Cell(row, "name") << "): " << Cell(row, "reason")
-              << '\n';
+    std::cout << Filled(row,
+                        "  Disqualified: submission {submission} of {team} ({name}): {reason}\n");
   }
   if (board.value("frozen_at", Json()).is_string()) {
     std::cout << (board.value("complete", true)
@@ -223,11 +209,6 @@ void PrintBoard(const Json& board) {
   std::cout.flush();
 }
 
-std::string QueryOf(const BoardOptions& options) {
-  return absl::StrCat(options.board.Query(),
-                      options.at.empty() ? "" : "&at=" + QueryValue(options.at));
-}
-
 absl::StatusOr<int> Explain(BoardOptions options) {
   BoardChoice& board = options.board;
   int64_t id = 0;
@@ -236,32 +217,14 @@ absl::StatusOr<int> Explain(BoardOptions options) {
                      options.client().Get(absl::StrCat("/v1/submissions/", id)));
     board.track = submission.value("track", "");
     if (board.profile.empty()) board.profile = submission.value("profile", "");
-    const Json phase = submission.value("phase", Json());
-    if (phase.is_string()) board.phase = phase.get<std::string>();
+    board.phase = TextAt(submission, "phase");
   }
-  if (!board.named()) {
-    return absl::InvalidArgumentError("teams are compared on one board: give --track or --phase");
-  }
+  RETURN_IF_ERROR(RefuseIf(
+      {{!board.named(), "teams are compared on one board: give --track or --phase"}}));
   return options.GetAndPrint(
-      absl::StrCat("/v1/leaderboard/explain", QueryOf(options), "&a=",
+      absl::StrCat("/v1/leaderboard/explain", board.Query(), "&a=",
                    QueryValue(options.explain.front()), "&b=", QueryValue(options.explain.back())),
       [](const Json& answer) { std::cout << Harmless(answer.value("why", "")) << std::endl; });
-}
-
-absl::StatusOr<int> Rebuild(const BoardOptions& options) {
-  return options.PostAndPrint("/v1/leaderboard/rebuild", Json::object(), [](const Json& answer) {
-    std::cout << "The boards were rebuilt from the episodes of "
-              << CountCell(answer, "rebuilt", "evaluation") << "." << std::endl;
-    PrintUnreadable(answer);
-  });
-}
-
-absl::StatusOr<int> Statistics(const BoardOptions& options) {
-  if (!options.board.named()) {
-    return absl::InvalidArgumentError(
-        "--statistics are of one board: give --track, --phase or --config");
-  }
-  return options.GetAndPrint("/v1/leaderboard/statistics" + QueryOf(options), PrintStatistics);
 }
 
 absl::StatusOr<int> AllBoards(BoardOptions options) {
@@ -273,36 +236,41 @@ absl::StatusOr<int> AllBoards(BoardOptions options) {
     // Asked for by name, a profile or board that a track lacks is a mistake; here it is skipped.
     const Json names = track.value("boards", Json::array());
     if (std::find(names.begin(), names.end(), wanted.board) == names.end()) continue;
-    bool has_profile = wanted.profile.empty();
-    for (const Json& profile : track.value("profiles", Json::array())) {
-      has_profile |= profile.value("profile", "") == wanted.profile;
-    }
-    if (!has_profile) continue;
+    const Json profiles = track.value("profiles", Json::array());
+    if (!wanted.profile.empty() && RowWith(profiles, "profile", wanted.profile).is_null()) continue;
     options.board.track = track.value("track", "");
-    ASSIGN_OR_RETURN(Json board, client.Get("/v1/leaderboard" + QueryOf(options)));
+    ASSIGN_OR_RETURN(Json board, client.Get("/v1/leaderboard" + wanted.Query()));
     boards.push_back(std::move(board));
   }
   if (boards.empty()) {
     return absl::InvalidArgumentError(absl::StrCat("no track has a board \"", wanted.board,
                                                    "\" in the profile \"", wanted.profile, "\""));
   }
-  if (options.json) {
-    PrintJson({{"leaderboards", boards}});
-    return kDone;
-  }
-  for (const Json& board : boards) {
-    if (&board != &boards.front()) std::cout << '\n';
-    PrintBoard(board);
-  }
-  return kDone;
+  return PrintAnswer(Json{{"leaderboards", boards}}, options.json, [&](const Json&) {
+    for (const Json& board : boards) {
+      if (&board != &boards.front()) std::cout << '\n';
+      PrintBoard(board);
+    }
+  });
 }
 
 absl::StatusOr<int> Leaderboard(const BoardOptions& options) {
-  if (options.rebuild) return Rebuild(options);
+  if (options.rebuild) {
+    return options.PostAndPrint("/v1/leaderboard/rebuild", Json::object(), [](const Json& answer) {
+      std::cout << Filled(answer,
+                          "The boards were rebuilt from the episodes of {rebuilt:evaluation}.\n");
+      PrintUnreadable(answer);
+    });
+  }
   if (!options.explain.empty()) return Explain(options);
-  if (options.statistics) return Statistics(options);
+  RETURN_IF_ERROR(RefuseIf({{options.statistics && !options.board.named(),
+                             "--statistics are of one board: give --track, --phase or --config"}}));
+  if (options.statistics) {
+    return options.GetAndPrint("/v1/leaderboard/statistics" + options.board.Query(),
+                               PrintStatistics);
+  }
   if (!options.board.named()) return AllBoards(options);
-  return options.GetAndPrint("/v1/leaderboard" + QueryOf(options), PrintBoard);
+  return options.GetAndPrint("/v1/leaderboard" + options.board.Query(), PrintBoard);
 }
 
 }  // namespace
@@ -311,7 +279,7 @@ Action AddLeaderboard(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
   AddBoardChoice(verb, options->board, "Name of the track (default: all)",
                  "Phase of a challenge, also of one that is over (default: the track's own board)");
-  verb.add_option("--at", options->at,
+  verb.add_option("--at", options->board.at,
                   "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
   verb.add_option("--explain", options->explain,
                   "Say why one of two submissions (or teams) stands above the other")

@@ -1,4 +1,4 @@
-// myograde login, logout, whoami
+// myograde login, logout, whoami, token: how people are known over the network
 #include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <signal.h>
@@ -6,13 +6,13 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
 
 #include "protocol/base/status_macros.h"
-#include "server/base/paths.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
@@ -20,6 +20,7 @@
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/server_choice.h"
 #include "server/cli/client/verbs.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
@@ -91,20 +92,17 @@ struct LoginOptions {
 std::string RoleText(const Json& who) {
   const std::string role = Cell(who, "role");
   if (role == "public") return "one of the public, who may read public boards";
-  const bool vowel = role.find_first_of("aeiou") == 0;
   const std::string teams = ListCell(who, "teams");
-  return absl::StrCat(vowel ? "an " : "a ", role, teams == "-" ? "" : " of " + teams);
+  return absl::StrCat(role.find_first_of("aeiou") == 0 ? "an " : "a ", role,
+                      teams == "-" ? "" : " of " + teams);
 }
 
 void PrintWho(const Json& who) {
-  std::cout << "To " << Cell(who, "server") << " you are " << RoleText(who) << " ("
-            << Cell(who, "caller") << ").\n";
+  std::cout << Filled(who, "To {server} you are ") << RoleText(who) << Filled(who, " ({caller}).\n");
   const Json token = who.value("token", Json());
   if (token.is_object()) {
-    std::cout << "Your token is number " << Cell(token, "id") << ", \"" << Cell(token, "label")
-              << "\"";
-    const bool ends = token.contains("expires_at") && token["expires_at"].is_string();
-    std::cout << (ends ? ", valid until " + Cell(token, "expires_at") : "") << ".\n";
+    std::cout << Filled(token,
+                        "Your token is number {id}, \"{label}\"[, valid until {expires_at}].\n");
   }
   std::cout.flush();
 }
@@ -123,8 +121,7 @@ absl::StatusOr<ServerChoice> Target(const LoginOptions& options) {
         "a login is for a server over the network, https://HOST:PORT; a daemon of this host knows "
         "you by your user, without a token");
   }
-  ServerChoice choice = {.address = std::move(address), .token = "", .ca_file = ""};
-  choice.ca_file = options.ca_file.empty() ? EnvironmentVariable("MYOGRADE_CA_FILE") : options.ca_file;
+  ServerChoice choice = {.address = std::move(address), .token = "", .ca_file = CaFile(options.ca_file)};
   if (!choice.ca_file.empty()) choice.ca_file = std::filesystem::absolute(choice.ca_file).string();
   return choice;
 }
@@ -147,8 +144,7 @@ absl::StatusOr<Json> LogIn(const LoginOptions& options) {
 
 void PrintLogin(const Json& who) {
   PrintWho(who);
-  std::cout << "The login is kept in " << Cell(who, "file")
-            << "; \"myograde logout\" removes it.\n";
+  std::cout << Filled(who, "The login is kept in {file}; \"myograde logout\" removes it.\n");
 }
 
 absl::StatusOr<Json> LogOut() {
@@ -166,9 +162,70 @@ void PrintLogout(const Json& answer) {
     std::cout << "There was no login." << std::endl;
     return;
   }
-  std::cout << "The login" << (answer["server"].is_null() ? "" : " to " + Cell(answer, "server"))
-            << " is removed. Its token stays valid until it expires or the organiser revokes it."
+  std::cout << Filled(answer, "The login[ to {server}] is removed. Its token stays valid until it "
+                              "expires or the organiser revokes it.")
             << std::endl;
+}
+
+struct TokenOptions : DaemonOptions {
+  std::string role = "participant";
+  std::string team;
+  std::string label;
+  std::string expires;
+  int64_t days = 0;  // 0: not given
+  int64_t id = 0;
+};
+
+void PrintCreated(const Json& token) {
+  const bool of_team = !token.value("team", Json()).is_null();
+  const bool ends = !token.value("expires_at", Json()).is_null();
+  std::cout << Filled(token, of_team ? "Token {id} for team {team}" : "Token {id} for an {role}")
+            << Filled(token, ends ? ", until {expires_at}" : ", without an end")
+            << ". It is shown this once:" << std::endl;
+  // Whole, so that it can be copied.
+  PlainOutput() << Cell(token, "token") << std::endl;
+  std::cout << Filled(token, "Hand it over in private; whoever has it acts with it. \"myograde token "
+                             "revoke {id}\" ends it.")
+            << std::endl;
+}
+
+void PrintRevoked(const Json& token) {
+  std::cout << Filled(token, token.value("changed", true)
+                                 ? "Token {id} is revoked."
+                                 : "Token {id} was revoked already; nothing changed.")
+            << std::endl;
+}
+
+absl::StatusOr<int> CreateToken(const TokenOptions& options) {
+  Json body = {{"role", options.role}, {"label", options.label}};
+  SetIfGiven(body, "team", options.team);
+  SetIfGiven(body, "expires_at", options.expires);
+  if (options.days != 0) body["valid_days"] = options.days;
+  const Client client = options.client();
+  const absl::StatusOr<Json> token = client.Post("/v1/tokens", body);
+  const absl::StatusOr<int> status = PrintAnswer(token, options.json, PrintCreated);
+  const int error = FlushStandardOutput();
+  if (!token.ok() || error == 0) return status;
+  // Nobody has seen it, so nobody should find it among those that are valid.
+  const absl::Status revoked =
+      client.Post(absl::StrCat("/v1/tokens/", Cell(*token, "id"), "/revoke"), Json::object())
+          .status();
+  return absl::InternalError(absl::StrCat(
+      "token ", Cell(*token, "id"), " could not be printed (", std::strerror(error), "), so it ",
+      revoked.ok() ? "is revoked; make another where its output can be written"
+                   : absl::StrCat("should be revoked, which failed: ", revoked.message())));
+}
+
+absl::StatusOr<int> ListTokens(const TokenOptions& options) {
+  return options.ListAndPrint("/v1/tokens", "tokens",
+                              "There are no tokens yet; \"myograde token create\" makes one.",
+                              {"token=id", "role", "team", "label", "state", "made by=created_by",
+                               "until=expires_at", "last used=last_used_at"});
+}
+
+absl::StatusOr<int> RevokeToken(const TokenOptions& options) {
+  return options.PostAndPrint(absl::StrCat("/v1/tokens/", options.id, "/revoke"), Json::object(),
+                              PrintRevoked);
 }
 
 }  // namespace
@@ -191,6 +248,34 @@ Action AddWhoami(CLI::App& verb) {
   auto options = std::make_shared<DaemonOptions>();
   AddDaemonOptions(verb, "whoami", *options);
   return [options] { return PrintAnswer(AskWho(options->client()), options->json, PrintWho); };
+}
+
+Action AddToken(CLI::App& verb) {
+  DaemonParts<TokenOptions> parts(verb);
+  TokenOptions& options = parts.options();
+  CLI::App* create = parts.Add("create", "Make a token, which is shown once",
+                               "create --team \"Team Blue\" --label \"Ada's laptop\" --days 90",
+                               "token", CreateToken);
+  create
+      ->add_option("--role", options.role,
+                   "participant, organiser or operator (default: participant)")
+      ->check(CLI::IsMember({"participant", "organiser", "operator"}));
+  create->add_option("--team", options.team, "The team that a participant's token acts for");
+  create->add_option("--label", options.label, "Who will have it, or where; up to 100 bytes")
+      ->required();
+  CLI::Option* days = create
+                          ->add_option("--days", options.days,
+                                       "Days that it is valid for (default: it never expires)")
+                          ->check(CLI::Range(1, 3650));
+  create->add_option("--expires", options.expires, "When it expires, as in 2026-12-01T00:00:00Z")
+      ->excludes(days);
+  parts.Add("list", "List the tokens, without their texts", "list", "tokens", ListTokens);
+  parts.Add("revoke", "Revoke a token at once", "revoke 7", "token", RevokeToken)
+      ->add_option("ID", options.id, "The token")
+      ->required()
+      ->type_name("NUMBER")
+      ->check(WholeNumber(1, "no token's number, as \"myograde token list\" lists them"));
+  return parts.Chosen();
 }
 
 }  // namespace myograde::server

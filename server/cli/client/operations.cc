@@ -1,4 +1,5 @@
-// What operators look after: myograde events; webhook: list, test; cluster: nodes, drain, admit
+// What organisers and operators do: myograde phase: pause, resume, publish; evaluate: further episodes
+// for places that are close; events; webhook: list, test; cluster: nodes, drain, admit
 #include <absl/strings/str_cat.h>
 
 #include <iostream>
@@ -6,14 +7,111 @@
 #include <string>
 
 #include "protocol/base/status_macros.h"
+#include "server/base/counted.h"
+#include "server/base/http_client.h"
+#include "server/cli/base/exit_status.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
+#include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
+
+struct PhaseOptions : DaemonOptions {
+  std::string name;
+  std::string reason;
+  bool all = false;
+};
+
+void PrintAct(const Json& answer) {
+  const bool all = answer.value("phase", Json()).is_null();
+  const std::string event = Cell(answer, "event");
+  const bool changed = answer.value("changed", false);
+  std::cout << Filled(answer, all ? "Submissions are " : "Phase {phase} is ")
+            << (event == "resumed" ? (changed ? "no longer paused" : "not paused")
+                                   : (changed ? "now " : "already ") + event)
+            << (changed ? "." : "; nothing changed.");
+  if (event == "resumed" && Cell(answer, "state") == "paused") {
+    std::cout << " It stays paused, as all submissions are.";
+  }
+  std::cout << std::endl;
+}
+
+// `act`: "pause", "resume" or "publish".
+absl::StatusOr<int> ActOnPhase(const PhaseOptions& options, const std::string& act) {
+  if (options.all == !options.name.empty()) {
+    return absl::InvalidArgumentError("name one phase, or give --all for all submissions");
+  }
+  const std::string of = options.all ? "" : absl::StrCat("phases/", QueryValue(options.name), "/");
+  return options.PostAndPrint(absl::StrCat("/v1/", of, act), {{"reason", options.reason}},
+                              PrintAct);
+}
+
+struct EvaluateOptions : DaemonOptions {
+  std::string phase;
+  std::string board = "main";
+  int64_t more_seeds = 0;
+  std::string places;  // "A..B", or "" for all that are undecided
+  std::string reason = "close places";
+  bool wait = false;
+};
+
+absl::StatusOr<Json> PlacesOf(const std::string& text) {
+  const auto range = ParseRange(text);
+  if (range.has_value() && range->first >= 1 && range->second > range->first) {
+    return Json{range->first, range->second};
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("--places: \"", Harmless(text), "\" is not two ranks as in 2..4"));
+}
+
+void PrintFurther(const Json& answer) {
+  for (const Json& rejudge : answer.value("rejudges", Json::array())) {
+    const Json submissions = rejudge.value("submissions", Json::array());
+    std::cout << Filled(rejudge, "Rejudge {rejudge} plays {episodes:further episode} of ")
+              << Counted(std::ssize(submissions), "submission") << ":";
+    for (const Json& submission : submissions) std::cout << ' ' << submission;
+    std::cout << "\n";
+    const Json lost = rejudge.value("without_files", Json::array());
+    if (!lost.empty()) {
+      std::cout << "  The files of " << Counted(std::ssize(lost), "submission")
+                << " are not on this host any more, so it gets none.\n";
+    }
+  }
+  std::cout << Filled(answer, "No rank by the rules changes. Once they have ended, \"myograde "
+                              "leaderboard --phase {phase} --statistics\" takes them in.")
+            << std::endl;
+}
+
+// Until all of them have been played, or were dropped.
+absl::Status AwaitFurther(const Client& client, const Json& answer) {
+  for (const Json& rejudge : answer.value("rejudges", Json::array())) {
+    const std::string id = Cell(rejudge, "rejudge");
+    RETURN_IF_ERROR(FollowUntil(client, "/v1/rejudges/" + id, "rejudge " + id, [](const Json& now) {
+                      return now.value("complete", false) || now.value("state", "") == "dropped";
+                    }).status());
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<int> Evaluate(const EvaluateOptions& options) {
+  Json body = {
+      {"episodes", options.more_seeds}, {"board", options.board}, {"reason", options.reason}};
+  if (!options.places.empty()) {
+    ASSIGN_OR_RETURN(body["places"], PlacesOf(options.places));
+  }
+  const Client client = options.client();
+  ASSIGN_OR_RETURN(
+      const Json asked,
+      client.Post(absl::StrCat("/v1/phases/", QueryValue(options.phase), "/more-seeds"), body));
+  if (options.wait) {
+    RETURN_IF_ERROR(AwaitFurther(client, asked));
+  }
+  return PrintAnswer(asked, options.json, PrintFurther);
+}
 
 struct EventsOptions : DaemonOptions {
   std::string kind;
@@ -24,29 +122,23 @@ struct EventsOptions : DaemonOptions {
 void PrintEvents(const Json& answer) {
   PrintList(answer, "events", "Nothing was denied, and no organiser did anything.",
             {"id", "at", "kind", "who", "role", "action", "subject", "detail", "times=count"});
-  if (answer.contains("next_before") && answer["next_before"].is_number()) {
-    std::cout << "Older ones: --before " << Cell(answer, "next_before") << std::endl;
-  }
+  std::cout << Filled(answer, "[Older ones: --before {next_before}\n]");
 }
 
 absl::StatusOr<int> Events(const EventsOptions& options) {
-  std::string path = absl::StrCat("/v1/events?limit=", options.limit);
-  if (options.before != 0) absl::StrAppend(&path, "&before=", options.before);
-  if (!options.kind.empty()) absl::StrAppend(&path, "&kind=", options.kind);
-  return options.GetAndPrint(path, PrintEvents);
+  const std::string before = options.before == 0 ? "" : absl::StrCat(options.before);
+  return options.GetAndPrint("/v1/events" + QueryOf({{"limit", absl::StrCat(options.limit)},
+                                                     {"before", before},
+                                                     {"kind", options.kind}}),
+                             PrintEvents);
 }
 
-constexpr char kAlphanumeric[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
-
-// A check of names of 1 to `most` letters, digits, ".", "_" and "-", which begin with one of
-// `first`.
-CLI::Validator PlainName(size_t most, const std::string& first, const std::string& what) {
+// A check by IsPlainName; `what` says in the error what the text is not.
+CLI::Validator NameOf(size_t most, bool any_first, const std::string& what) {
   return CLI::Validator(
       [=](const std::string& text) {
-        const bool fits =
-            text.size() <= most && text.find_first_of(first) == 0 &&
-            text.find_first_not_of(absl::StrCat(kAlphanumeric, "._-")) == std::string::npos;
-        return fits ? "" : absl::StrCat("\"", text, "\" is no ", what);
+        return IsPlainName(text, most, any_first) ? ""
+                                                  : absl::StrCat("\"", text, "\" is no ", what);
       },
       "");
 }
@@ -61,9 +153,8 @@ void PrintWebhooks(const Json& answer) {
     std::cout << "There are no webhooks; \"webhooks\" of server.json names them." << std::endl;
   }
   for (const Json& webhook : webhooks) {
-    std::cout << Cell(webhook, "webhook") << " at " << Cell(webhook, "url") << ": "
-              << Cell(webhook, "waiting") << " waiting, " << Cell(webhook, "delivered")
-              << " delivered, " << Cell(webhook, "given_up") << " given up" << std::endl;
+    std::cout << Filled(webhook, "{webhook} at {url}: {waiting} waiting, {delivered} delivered, "
+                                 "{given_up} given up\n");
     const Json deliveries = webhook.value("deliveries", Json::array());
     if (deliveries.empty()) continue;
     PrintRows(deliveries, {"delivery", "event", "at", "state", "attempts",
@@ -77,17 +168,11 @@ absl::StatusOr<int> TestWebhook(const WebhookOptions& options) {
       const Json answer,
       options.client().Post(absl::StrCat("/v1/webhooks/", options.name, "/test"), Json::object()));
   const bool delivered = answer.value("delivered", false);
-  if (options.json) {
-    PrintJson(answer);
-  } else if (delivered) {
-    std::cout << "Webhook " << Harmless(options.name) << " took the event \"test\" (status "
-              << Cell(answer, "status") << ")." << std::endl;
-  } else {
-    std::cout << "Webhook " << Harmless(options.name)
-              << " did not take the event \"test\": " << Cell(answer, "problem") << "."
-              << std::endl;
-  }
-  return delivered ? kDone : kNoScore;
+  return PrintAnswer(answer, options.json,
+                     Sentence(absl::StrCat("Webhook ", options.name,
+                                           delivered ? " took the event \"test\" (status {status})."
+                                                     : " did not take the event \"test\": {problem}.")),
+                     delivered ? kDone : kNoScore);
 }
 
 struct ClusterOptions : DaemonOptions {
@@ -102,7 +187,7 @@ void PrintNodes(const Json& answer) {
               << std::endl;
     return;
   }
-  if (answer.contains("message") && answer["message"].is_string()) {
+  if (answer.value("message", Json()).is_string()) {
     std::cout << Bold(Cell(answer, "message")) << '\n';
   }
   PrintList(answer, "nodes",
@@ -110,18 +195,61 @@ void PrintNodes(const Json& answer) {
             {"node", "state", "running", "done", "faults", "processor", "reason", "by=drained_by"});
 }
 
-absl::StatusOr<int> SetNode(const ClusterOptions& options, const Json& body) {
+absl::StatusOr<int> DrainNode(const ClusterOptions& options) {
   return options.PostAndPrint(
-      absl::StrCat("/v1/nodes/", options.node), body, [](const Json& answer) {
-        std::cout << "Node " << Cell(answer, "node")
-                  << (answer.value("state", "") == "drained"
-                          ? " gets no more leases; those that run there go on."
-                          : " gets leases again, once it has proved itself.")
-                  << std::endl;
-      });
+      "/v1/nodes/" + options.node, {{"state", "drained"}, {"reason", options.reason}},
+      Sentence("Node {node} gets no more leases; those that run there go on."));
+}
+
+absl::StatusOr<int> AdmitNode(const ClusterOptions& options) {
+  return options.PostAndPrint(
+      "/v1/nodes/" + options.node, {{"state", "admitted"}},
+      Sentence("Node {node} gets leases again, once it has proved itself."));
 }
 
 }  // namespace
+
+Action AddPhase(CLI::App& verb) {
+  DaemonParts<PhaseOptions> parts(verb);
+  const auto add = [&](const std::string& name, const char* does, const char* example, bool all) {
+    CLI::App* part = parts.Add(name, does, example, "phase", [name](const PhaseOptions& options) {
+      return ActOnPhase(options, name);
+    });
+    part->add_option("NAME", parts.options().name,
+                     "The phase, as \"myograde challenge status\" lists it");
+    part->add_option("--reason", parts.options().reason,
+                     "Why, for those who submit and for the record; up to 200 bytes")
+        ->required();
+    if (!all) return;
+    part->add_flag("--all", parts.options().all, "All submissions, of every track and phase");
+  };
+  add("pause", "Refuse submissions for now; those that were accepted are played",
+      "pause final --reason \"a slot is broken\"", /*all=*/true);
+  add("resume", "Accept submissions again", "resume final --reason \"it is repaired\"",
+      /*all=*/true);
+  add("publish", "Show everybody a frozen board, and what the phase withheld; can't be undone",
+      "publish final --reason \"closing ceremony\"", /*all=*/false);
+  return parts.Chosen();
+}
+
+Action AddEvaluate(CLI::App& verb) {
+  auto options = std::make_shared<EvaluateOptions>();
+  verb.add_option("--phase", options->phase, "The phase whose places are close")->required();
+  verb.add_option("--more-seeds", options->more_seeds,
+                  "Further episodes of each submission in total, on seeds that follow the "
+                  "phase's own")
+      ->required()
+      ->type_name("N");
+  verb.add_option("--places", options->places,
+                  "First and last rank (default: all that share a group)")
+      ->type_name("A..B");
+  verb.add_option("--board", options->board, "Name of the board (default: main)");
+  verb.add_option("--reason", options->reason,
+                  "Why, for the record; up to 200 bytes (default: \"close places\")");
+  verb.add_flag("--wait", options->wait, "Wait until they have been played");
+  AddDaemonOptions(verb, "evaluate", *options);
+  return [options] { return Evaluate(*options); };
+}
 
 Action AddEvents(CLI::App& verb) {
   auto options = std::make_shared<EventsOptions>();
@@ -149,8 +277,8 @@ Action AddWebhook(CLI::App& verb) {
       ->add_option("NAME", parts.options().name, "The webhook, as server.json names it")
       ->required()
       ->type_name("TEXT")
-      ->check(PlainName(64, absl::StrCat(kAlphanumeric, "._-"),
-                        "webhook's name, as \"myograde webhook list\" lists them"));
+      ->check(NameOf(64, /*any_first=*/true,
+                     "webhook's name, as \"myograde webhook list\" lists them"));
   return parts.Chosen();
 }
 
@@ -160,8 +288,8 @@ Action AddCluster(CLI::App& verb) {
     part->add_option("NODE", parts.options().node, "The node, as the cluster names it")
         ->required()
         ->type_name("TEXT")
-        ->check(
-            PlainName(255, kAlphanumeric, "node's name, as \"myograde cluster nodes\" lists them"));
+        ->check(NameOf(255, /*any_first=*/false,
+                       "node's name, as \"myograde cluster nodes\" lists them"));
   };
   parts.Add("nodes", "List the nodes that had leases, and those that are drained", "nodes",
             "cluster-nodes", [](const ClusterOptions& options) {
@@ -169,17 +297,12 @@ Action AddCluster(CLI::App& verb) {
             });
   CLI::App* drain =
       parts.Add("drain", "Start no more leases on a node; those that run there go on",
-                "drain node17 --reason \"a fan is broken\"", "cluster-node",
-                [](const ClusterOptions& options) {
-                  return SetNode(options, {{"state", "drained"}, {"reason", options.reason}});
-                });
+                "drain node17 --reason \"a fan is broken\"", "cluster-node", DrainNode);
   add_node(drain);
   drain->add_option("--reason", parts.options().reason, "Why, for those who list the nodes")
       ->required();
   add_node(parts.Add("admit", "Let a node have leases again, once it has proved itself",
-                     "admit node17", "cluster-node", [](const ClusterOptions& options) {
-                       return SetNode(options, {{"state", "admitted"}});
-                     }));
+                     "admit node17", "cluster-node", AdmitNode));
   return parts.Chosen();
 }
 

@@ -1,14 +1,17 @@
-// myograde team, myograde token
+// myograde team, quota
 #include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <unistd.h>
 
-#include <cstring>
 #include <functional>
 #include <iostream>
+#include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "protocol/base/status_macros.h"
+#include "server/base/counted.h"
 #include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
@@ -24,6 +27,8 @@
 namespace myograde::server {
 namespace {
 
+constexpr const char* kBudgets[] = {"official", "practice", "failed"};
+
 struct TeamOptions : DaemonOptions {
   std::string team;
   std::string name;  // rename: the new one
@@ -37,8 +42,8 @@ struct TeamOptions : DaemonOptions {
     return absl::StrCat("/v1/teams/", QueryValue(team), part);
   }
   // With the reason, if there is one.
-  Json Body(Json body = Json::object()) const {
-    if (!reason.empty()) body["reason"] = reason;
+  Json Body(Json body) const {
+    SetIfGiven(body, "reason", reason);
     return body;
   }
 };
@@ -48,18 +53,15 @@ RowColumn ListColumn(const char* head, const char* key) {
 }
 
 std::string StateText(const Json& team) {
-  if (!team.value("merged_into", Json()).is_null()) {
-    return "merged into " + Cell(team, "merged_into");
-  }
-  return team.value("banned", false) ? "banned" : "-";
+  const std::string merged = Filled(team, "[merged into {merged_into}]");
+  return !merged.empty() ? merged : team.value("banned", false) ? "banned" : "-";
 }
 
 void PrintTeam(const Json& team) {
-  std::cout << Bold(absl::StrCat("Team ", Cell(team, "team"))) << '\n'
+  std::cout << Bold(Filled(team, "Team {team}")) << '\n'
             << "state        " << (team.value("banned", false) ? "banned" : "active") << '\n'
-            << "created      " << Cell(team, "created_at") << '\n'
-            << "other names  " << ListCell(team, "other_names") << '\n'
-            << "submissions  " << Cell(team, "submissions") << '\n';
+            << Filled(team, "created      {created_at}\nother names  ")
+            << ListCell(team, "other_names") << Filled(team, "\nsubmissions  {submissions}\n");
   const Json memberships = team.value("memberships", Json::array());
   if (memberships.empty()) {
     std::cout << "members      none\n";
@@ -74,75 +76,61 @@ void PrintTeam(const Json& team) {
 }
 
 // Of a verb that changes a team: one sentence.
-std::function<void(const Json&)> Sentence(const std::string& what) {
+AnswerPrinter Changed(const std::string& what) {
   return [what](const Json& team) {
     std::cout << "Team " << Cell(team, "team") << " " << Harmless(what)
               << (team.value("changed", true) ? "." : " already; nothing changed.") << std::endl;
   };
 }
 
-absl::StatusOr<int> CreateTeam(const TeamOptions& options) {
-  return options.PostAndPrint("/v1/teams", options.Body({{"team", options.team}}),
-                              Sentence("is created"));
-}
-
 absl::StatusOr<int> ListTeams(const TeamOptions& options) {
-  return PrintAnswer(
-      GetAllPages(options.client(), "/v1/teams", "teams"), options.json, [](const Json& answer) {
-        PrintList(answer, "teams",
-                  "There are no teams yet; \"myograde team create NAME\" makes one.",
-                  {"team", ListColumn("members", "members"),
-                   ListColumn("other names", "other_names"), RowColumn("state", StateText)});
-      });
-}
-
-absl::StatusOr<int> ShowTeam(const TeamOptions& options) {
-  return options.GetAndPrint(options.Resource(), PrintTeam);
+  return options.ListAndPrint("/v1/teams", "teams",
+                              "There are no teams yet; \"myograde team create NAME\" makes one.",
+                              {"team", ListColumn("members", "members"),
+                               ListColumn("other names", "other_names"),
+                               RowColumn("state", StateText)});
 }
 
 absl::StatusOr<int> RenameTeam(const TeamOptions& options) {
   return options.PostAndPrint(
       options.Resource("/rename"), options.Body({{"name", options.name}}),
-      Sentence(absl::StrCat("has this name; \"", options.team, "\" still finds it")));
+      Changed(absl::StrCat("has this name; \"", options.team, "\" still finds it")));
 }
 
 absl::StatusOr<int> SetTeamMember(const TeamOptions& options, bool belongs) {
   return options.PostAndPrint(
       options.Resource("/members"), {{"person", options.person}, {"belongs", belongs}},
-      Sentence(absl::StrCat(belongs ? "has" : "does not have", " the member ", options.person)));
+      Changed(absl::StrCat(belongs ? "has" : "does not have", " the member ", options.person)));
 }
 
 absl::StatusOr<int> BanTeam(const TeamOptions& options, bool banned) {
   return options.PostAndPrint(options.Resource("/ban"), options.Body({{"banned", banned}}),
-                              Sentence(banned ? "is banned" : "is not banned"));
+                              Changed(banned ? "is banned" : "is not banned"));
 }
 
 // "3 + 4 = 7 of 5".
 std::string SumText(const Json& sum) {
-  return absl::StrCat(Cell(sum, "used_by_into"), " + ", Cell(sum, "used_by_team"), " = ",
-                      Cell(sum, "used"), " of ",
+  return absl::StrCat(Filled(sum, "{used_by_into} + {used_by_team} = {used} of "),
                       sum.value("limit", int64_t{0}) + sum.value("granted", int64_t{0}));
 }
 
 void PrintConsequences(const Json& merge) {
-  const std::string team = Cell(merge, "team");
-  const std::string into = Cell(merge, "into");
-  std::cout << Bold(absl::StrCat("Merging ", team, " into ", into)) << '\n'
-            << "submissions  " << Cell(merge, "submissions") << ", "
-            << Cell(merge, "submissions_of_team") << " of them of " << team
-            << "; the boards rank them as one team's\n"
-            << "members      " << ListCell(merge, "members") << '\n'
-            << "tokens       " << CountCell(merge, "tokens_of_team", "token") << " of " << team
-            << " will act for " << into << '\n'
-            << "names        " << team << " will find " << into << "; a merge can't be undone\n"
-            << "quota        units that both have used add up, and so do grants; the limits stay "
-               "those of one team\n";
+  std::cout << Bold(Filled(merge, "Merging {team} into {into}"))
+            << Filled(merge,
+                      "\nsubmissions  {submissions}, {submissions_of_team} of them of {team}; the "
+                      "boards rank them as one team's\nmembers      ")
+            << ListCell(merge, "members")
+            << Filled(merge,
+                      "\ntokens       {tokens_of_team:token} of {team} will act for {into}\n"
+                      "names        {team} will find {into}; a merge can't be undone\n"
+                      "quota        units that both have used add up, and so do grants; the limits "
+                      "stay those of one team\n");
   Table table({"track or phase", "budget", "used today", "used in all", "left today"});
   for (const char* kind : {"tracks", "phases"}) {
     for (const Json& place : merge.value(kind, Json::array())) {
-      for (const char* budget : {"official", "practice", "failed"}) {
+      for (const char* budget : kBudgets) {
         if (!place.contains(budget)) continue;
-        const Json sums = place.value(budget, Json::object());
+        const Json& sums = place[budget];
         const Json today = sums.value("per_day", Json::object());
         table.Add({Cell(place, place.contains("phase") ? "phase" : "track"), budget, SumText(today),
                    SumText(sums.value("total", Json::object())), Cell(today, "left")});
@@ -150,7 +138,6 @@ void PrintConsequences(const Json& merge) {
     }
   }
   table.Print();
-  std::cout.flush();
 }
 
 absl::StatusOr<Json> AskMerge(const TeamOptions& options, bool dry_run) {
@@ -164,8 +151,8 @@ bool Confirmed() {
   PlainOutput() << "Merge them? [y/N] " << std::flush;
   std::string answer;
   std::getline(std::cin, answer);
-  const std::string word = absl::AsciiStrToLower(absl::StripAsciiWhitespace(answer));
-  return word == "y" || word == "yes";
+  answer = absl::AsciiStrToLower(absl::StripAsciiWhitespace(answer));
+  return answer == "y" || answer == "yes";
 }
 
 absl::StatusOr<int> MergeTeam(const TeamOptions& options) {
@@ -179,19 +166,13 @@ absl::StatusOr<int> MergeTeam(const TeamOptions& options) {
     return PrintAnswer(plan, options.json, PrintConsequences);
   }
   if (!options.json) PrintConsequences(*plan);
-  if (options.dry_run) {
+  if (options.dry_run || (!options.yes && !Confirmed())) {
     std::cout << "Nothing was changed." << std::endl;
-    return kDone;
+    return options.dry_run ? kDone : kNoScore;
   }
-  if (!options.yes && !Confirmed()) {
-    std::cout << "Nothing was changed." << std::endl;
-    return kNoScore;
-  }
-  return PrintAnswer(AskMerge(options, /*dry_run=*/false), options.json, [](const Json& merge) {
-    std::cout << "Team " << Cell(merge, "team") << " is now a part of team " << Cell(merge, "into")
-              << ", which has " << CountCell(merge, "submissions", "submission") << "."
-              << std::endl;
-  });
+  return PrintAnswer(AskMerge(options, /*dry_run=*/false), options.json,
+                     Sentence("Team {team} is now a part of team {into}, which has "
+                              "{submissions:submission}."));
 }
 
 // The parts of the verb that are about one team.
@@ -207,7 +188,7 @@ class TeamParts : public DaemonParts<TeamOptions> {
     return part;
   }
   CLI::Option* AddReason(CLI::App* part) {
-    return part->add_option("--reason", options().reason, "Why, for the record; up to 200 bytes");
+    return part->add_option("--reason", options().reason, kReasonHelp);
   }
 };
 
@@ -238,78 +219,108 @@ void AddBanParts(TeamParts& parts) {
   }
 }
 
-struct TokenOptions : DaemonOptions {
-  std::string role = "participant";
+struct QuotaOptions : DaemonOptions {
   std::string team;
-  std::string label;
-  std::string expires;
-  int64_t days = 0;  // 0: not given
-  int64_t id = 0;
+  std::string track;
+  std::string phase;
+  int64_t grant = 0;  // 0: not given
+  std::string budget = "official";
+  std::string reason;
+  int64_t limit = 20;
 };
 
-void PrintCreated(const Json& token) {
-  std::cout << "Token " << Cell(token, "id") << " for "
-            << (token.value("team", Json()).is_null() ? "an " + Cell(token, "role")
-                                                      : "team " + Cell(token, "team"))
-            << (token.value("expires_at", Json()).is_null()
-                    ? ", without an end"
-                    : ", until " + Cell(token, "expires_at"))
-            << ". It is shown this once:" << std::endl;
-  // Whole, so that it can be copied.
-  PlainOutput() << Cell(token, "token") << std::endl;
-  std::cout << "Hand it over in private; whoever has it acts with it. \"myograde token revoke "
-            << Cell(token, "id") << "\" ends it." << std::endl;
+// "2 of 5 (1 of them open)".
+std::string UseText(const Json& use) {
+  const auto number = [&](const char* key) { return use.value(key, int64_t{0}); };
+  return absl::StrCat(number("used") + number("open"), " of ", number("limit") + number("granted"),
+                      number("open") > 0 ? Filled(use, " ({open} open)") : "");
 }
 
-void PrintRevoked(const Json& token) {
-  std::cout << "Token " << Cell(token, "id")
-            << (token.value("changed", true) ? " is revoked."
-                                             : " was revoked already; nothing changed.")
-            << std::endl;
+// Whether anything of a track's budgets was ever used or granted.
+bool IsUsed(const Json& place) {
+  for (const char* budget : kBudgets) {
+    const Json total = place.value(budget, Json::object()).value("total", Json::object());
+    for (const char* kind : {"used", "open", "granted"}) {
+      if (total.value(kind, int64_t{0}) != 0) return true;
+    }
+  }
+  return false;
 }
 
-absl::StatusOr<int> CreateToken(const TokenOptions& options) {
-  Json body = {{"role", options.role}, {"label", options.label}};
-  if (!options.team.empty()) body["team"] = options.team;
-  if (!options.expires.empty()) body["expires_at"] = options.expires;
-  if (options.days != 0) body["valid_days"] = options.days;
-  const Client client = options.client();
-  const absl::StatusOr<Json> token = client.Post("/v1/tokens", body);
-  const absl::StatusOr<int> status = PrintAnswer(token, options.json, PrintCreated);
-  const int error = FlushStandardOutput();
-  if (!token.ok() || error == 0) return status;
-  // Nobody has seen it, so nobody should find it among those that are valid.
-  const absl::Status revoked =
-      client.Post(absl::StrCat("/v1/tokens/", Cell(*token, "id"), "/revoke"), Json::object())
-          .status();
-  return absl::InternalError(absl::StrCat(
-      "token ", Cell(*token, "id"), " could not be printed (", std::strerror(error), "), so it ",
-      revoked.ok() ? "is revoked; make another where its output can be written"
-                   : absl::StrCat("should be revoked, which failed: ", revoked.message())));
+// The budgets of a track or a phase.
+void AddPlace(const Json& place, Table& table) {
+  const std::string track = Cell(place, "track");
+  const std::string phase = Cell(place, "phase");
+  for (const char* budget : kBudgets) {
+    if (!place.contains(budget)) continue;
+    const Json& uses = place[budget];
+    table.Add({track, phase, budget, UseText(uses.value("per_day", Json::object())),
+               UseText(uses.value("total", Json::object()))});
+  }
+  table.Add({track, phase, "waiting", Filled(place, "{waiting.used} of {waiting.limit}"), "-"});
 }
 
-absl::StatusOr<int> ListTokens(const TokenOptions& options) {
-  return PrintAnswer(
-      GetAllPages(options.client(), "/v1/tokens", "tokens"), options.json, [](const Json& answer) {
-        PrintList(answer, "tokens", "There are no tokens yet; \"myograde token create\" makes one.",
-                  {"token=id", "role", "team", "label", "state", "made by=created_by",
-                   "until=expires_at", "last used=last_used_at"});
-      });
+void PrintQuota(const Json& quota) {
+  std::cout << Bold(Filled(quota, "Quota of {team} on {day} (UTC)")) << '\n';
+  Table table({"track", "phase", "budget", "today", "in all"});
+  const Json phases = quota.value("phases", Json::array());
+  for (const Json& place : phases) AddPlace(place, table);
+  // In a challenge, the tracks themselves matter to few.
+  int64_t left_out = 0;
+  for (const Json& place : quota.value("tracks", Json::array())) {
+    const bool shown = phases.empty() || IsUsed(place);
+    if (shown) AddPlace(place, table);
+    if (!shown) ++left_out;
+  }
+  table.Print();
+  if (left_out > 0) {
+    std::cout << "Left out: " << Counted(left_out, "track")
+              << " that this team has not used outside the phases; --json has them.\n";
+  }
+  std::cout << Filled(quota, "The next day begins at {next_day_at}.\n");
+  PrintUnreadable(quota);
+  const Json ledger = quota.value("ledger", Json::array());
+  if (ledger.empty()) {
+    std::cout << "The ledger is empty." << std::endl;
+    return;
+  }
+  std::cout << Bold("Ledger, newest first") << '\n';
+  PrintRows(ledger, {"row=id", "at", "track", "phase", "budget", "entry", "amount", "submission",
+                     "who", "why"});
 }
 
-absl::StatusOr<int> RevokeToken(const TokenOptions& options) {
-  return options.PostAndPrint(absl::StrCat("/v1/tokens/", options.id, "/revoke"), Json::object(),
-                              PrintRevoked);
+absl::StatusOr<Json> Grant(const QuotaOptions& options) {
+  RETURN_IF_ERROR(RefuseIf({{options.track.empty() || options.reason.empty(),
+                             "a grant needs --track and --reason"}}));
+  Json grant = {{"team", options.team},
+                {"track", options.track},
+                {"budget", options.budget},
+                {"amount", options.grant},
+                {"reason", options.reason}};
+  SetIfGiven(grant, "phase", options.phase);
+  return options.client().Post("/v1/quota/grants", grant);
+}
+
+absl::StatusOr<Json> QuotaOf(const QuotaOptions& options) {
+  return options.client().Get("/v1/quota" + QueryOf({{"team", options.team},
+                                                     {"limit", absl::StrCat(options.limit)},
+                                                     {"track", options.track}}));
 }
 
 }  // namespace
 
 Action AddTeam(CLI::App& verb) {
   TeamParts parts(verb);
-  parts.AddReason(parts.AddOfTeam("create", "Make a team", "create \"Team Blue\"", CreateTeam));
+  parts.AddReason(parts.AddOfTeam(
+      "create", "Make a team", "create \"Team Blue\"", [](const TeamOptions& options) {
+        return options.PostAndPrint("/v1/teams", options.Body({{"team", options.team}}),
+                                    Changed("is created"));
+      }));
   parts.Add("list", "List all teams with their members", "list", "teams", ListTeams);
   parts.AddOfTeam("show", "Show a team with its members and all that was done to it",
-                  "show \"Team Blue\"", ShowTeam);
+                  "show \"Team Blue\"", [](const TeamOptions& options) {
+                    return options.GetAndPrint(options.Resource(), PrintTeam);
+                  });
   CLI::App* rename = parts.AddOfTeam("rename", "Rename a team; its old name still finds it",
                                      "rename \"Team Blue\" \"Team Green\"", RenameTeam);
   rename->add_option("NEW", parts.options().name, "The new name")->required()->type_name("TEXT");
@@ -326,32 +337,31 @@ Action AddTeam(CLI::App& verb) {
   return parts.Chosen();
 }
 
-Action AddToken(CLI::App& verb) {
-  DaemonParts<TokenOptions> parts(verb);
-  TokenOptions& options = parts.options();
-  CLI::App* create = parts.Add("create", "Make a token, which is shown once",
-                               "create --team \"Team Blue\" --label \"Ada's laptop\" --days 90",
-                               "token", CreateToken);
-  create
-      ->add_option("--role", options.role,
-                   "participant, organiser or operator (default: participant)")
-      ->check(CLI::IsMember({"participant", "organiser", "operator"}));
-  create->add_option("--team", options.team, "The team that a participant's token acts for");
-  create->add_option("--label", options.label, "Who will have it, or where; up to 100 bytes")
-      ->required();
-  CLI::Option* days = create
-                          ->add_option("--days", options.days,
-                                       "Days that it is valid for (default: it never expires)")
-                          ->check(CLI::Range(1, 3650));
-  create->add_option("--expires", options.expires, "When it expires, as in 2026-12-01T00:00:00Z")
-      ->excludes(days);
-  parts.Add("list", "List the tokens, without their texts", "list", "tokens", ListTokens);
-  parts.Add("revoke", "Revoke a token at once", "revoke 7", "token", RevokeToken)
-      ->add_option("ID", options.id, "The token")
-      ->required()
-      ->type_name("NUMBER")
-      ->check(WholeNumber(1, "no token's number, as \"myograde token list\" lists them"));
-  return parts.Chosen();
+Action AddQuota(CLI::App& verb) {
+  auto options = std::make_shared<QuotaOptions>();
+  verb.add_option("--team", options->team, "Name of the team")->required();
+  verb.add_option("--track", options->track, "Name of the track (default: all)");
+  verb.add_option("--limit", options->limit, "Rows of the ledger to show, 1 to 1000 (default: 20)")
+      ->check(CLI::Range(1, 1000));
+  CLI::Option* grant =
+      verb.add_option("--grant", options->grant,
+                      "Organiser: give N more, for the present day and in all (needs --track and "
+                      "--reason)")
+          ->check(CLI::Range(1, 1'000'000));
+  verb.add_option("--budget", options->budget,
+                  "What to grant: official, practice or failed (default: official)")
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kBudgets), std::end(kBudgets))))
+      ->needs(grant);
+  verb.add_option("--phase", options->phase,
+                  "The phase to grant it for (default: the track itself)")
+      ->needs(grant);
+  verb.add_option("--reason", options->reason, "Why it is granted, for the ledger; up to 200 bytes")
+      ->needs(grant);
+  AddDaemonOptions(verb, "quota", *options);
+  return [options] {
+    return PrintAnswer(options->grant != 0 ? Grant(*options) : QuotaOf(*options), options->json,
+                       PrintQuota);
+  };
 }
 
 }  // namespace myograde::server

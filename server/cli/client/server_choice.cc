@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -22,7 +21,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
 #include "server/base/paths.h"
-#include "server/cli/base/new_file.h"
+#include "server/cli/base/files.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/terminal/screen.h"
@@ -81,10 +80,12 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
   ServerChoice choice;
   const std::string variable = EnvironmentVariable("MYOGRADE_SERVER");
   const bool names_socket = !options.socket.empty() || !options.data.empty();
-  if (!options.server.empty() || (!names_socket && !variable.empty())) {
-    ASSIGN_OR_RETURN(choice.address, options.server.empty()
-                                         ? ParseServer(variable, "MYOGRADE_SERVER")
-                                         : ParseServer(options.server, "--server"));
+  if (!options.server.empty()) {
+    ASSIGN_OR_RETURN(choice.address, ParseServer(options.server, "--server"));
+    return choice;
+  }
+  if (!names_socket && !variable.empty()) {
+    ASSIGN_OR_RETURN(choice.address, ParseServer(variable, "MYOGRADE_SERVER"));
     return choice;
   }
   if (!names_socket && EnvironmentVariable("MYOGRADE_DATA").empty()) {
@@ -111,7 +112,7 @@ constexpr size_t kMaxFile = 64 << 10;
 constexpr size_t kMaxToken = 512;
 
 std::string HomeOf() {
-  if (const char* home = std::getenv("HOME"); home != nullptr && *home != '\0') return home;
+  if (std::string home = EnvironmentVariable("HOME"); !home.empty()) return home;
   const passwd* user = ::getpwuid(::getuid());
   return user == nullptr ? "/" : user->pw_dir;
 }
@@ -164,9 +165,7 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
   const std::string word =
       absl::AsciiStrToLower(text.substr(0, scheme == std::string::npos ? 0 : scheme));
   address.kind = word == "https" ? ServerAddress::Kind::kHttps : ServerAddress::Kind::kHttp;
-  const bool good =
-      (word == "https" || word == "http") && ReadAuthority(text.substr(scheme + 3), address);
-  if (!good) {
+  if ((word != "https" && word != "http") || !ReadAuthority(text.substr(scheme + 3), address)) {
     return absl::InvalidArgumentError(absl::StrCat(
         what, ": \"", CutText(Harmless(text), 80),
         "\" is no server's address: write https://HOST:PORT, or the path of a daemon's socket"));
@@ -180,9 +179,13 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
   return address;
 }
 
+std::string CaFile(const std::string& option) {
+  return option.empty() ? EnvironmentVariable("MYOGRADE_CA_FILE") : option;
+}
+
 absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options) {
   ASSIGN_OR_RETURN(ServerChoice choice, ChooseAddress(options));
-  choice.ca_file = options.ca_file.empty() ? EnvironmentVariable("MYOGRADE_CA_FILE") : options.ca_file;
+  choice.ca_file = CaFile(options.ca_file);
   if (const std::string token = EnvironmentVariable("MYOGRADE_TOKEN"); !token.empty()) {
     RETURN_IF_ERROR(CheckToken(token, "MYOGRADE_TOKEN"));
     ASSIGN_OR_RETURN(const bool its_own, IsForVariable(choice.address));
@@ -200,10 +203,10 @@ absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options) {
 }
 
 std::string LoginFile() {
-  const char* configs = std::getenv("XDG_CONFIG_HOME");
+  const std::string configs = EnvironmentVariable("XDG_CONFIG_HOME");
   // The XDG specification has relative paths ignored.
-  const bool given = configs != nullptr && *configs == '/';
-  return absl::StrCat(given ? configs : HomeOf() + "/.config", "/myograde/login.json");
+  return absl::StrCat(configs.starts_with('/') ? configs : HomeOf() + "/.config",
+                      "/myograde/login.json");
 }
 
 absl::Status CheckToken(const std::string& token, const std::string& what) {

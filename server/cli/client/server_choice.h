@@ -47,6 +47,9 @@ struct ServerChoice {
 // InvalidArgumentError: an address, the login or a token can't be used.
 absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options);
 
+// The value of --ca-file, else of MYOGRADE_CA_FILE.
+std::string CaFile(const std::string& option);
+
 struct Login {
   std::string server;  // ServerAddress::Text
   std::string token;

@@ -27,14 +27,16 @@ namespace {
 constexpr absl::Duration kStartTime = absl::Minutes(5);  // of a daemon
 constexpr absl::Duration kReadyPoll = absl::Milliseconds(100);
 
-std::string RunningFor(const Json& lease) {
-  const Json time = lease.value("running_wall_s", Json());
+std::string DurationAt(const Json& object, const char* key) {
+  const Json time = object.value(key, Json());
   return time.is_number() ? DurationText(time.get<double>()) : "-";
 }
 
+std::string RunningFor(const Json& lease) { return DurationAt(lease, "running_wall_s"); }
+
 // A time of the API to the second: "2026-11-22 02:10:54 UTC".
-std::string Moment(const Json& time) {
-  std::string text = time.is_string() ? Harmless(time.get<std::string>()) : "-";
+std::string Moment(const Json& object, const char* key) {
+  std::string text = Cell(object, key);
   if (text.size() < 19 || text[10] != 'T') return text;
   text[10] = ' ';
   return text.substr(0, 19) + " UTC";
@@ -66,8 +68,7 @@ void PrintLeases(const Json& leases) {
 
 // A duration that may be 0 for "not known".
 std::string UsedFor(const Json& attempt) {
-  const Json cpu = attempt.value("cpu_s", Json());
-  return cpu.is_number() && cpu.get<double>() > 0 ? DurationText(cpu.get<double>()) : "-";
+  return attempt.value("cpu_s", Json()) == 0 ? "-" : DurationAt(attempt, "cpu_s");
 }
 
 std::string EnergyOf(const Json& attempt) {
@@ -78,59 +79,50 @@ std::string EnergyOf(const Json& attempt) {
 // Where the attempts that have ended were played, and what they used, and what was last wrong with each
 // block; nothing of attempts on the daemon's host that ended well, which say no more than their lease.
 void PrintAttempts(const Json& leases) {
-  Table table({"block", "attempt", "node", "job", "began", "ended", "CPU time", "energy", "how"});
-  bool any = false;
+  Json told = Json::array();
   for (const Json& lease : leases) {
-    for (const Json& attempt : lease.value("attempts", Json::array())) {
+    for (Json attempt : lease.value("attempts", Json::array())) {
       if (Cell(attempt, "job") == "-" && Cell(attempt, "how") == "done") continue;
-      any = true;
-      table.Add({Cell(lease, "lease"), Cell(attempt, "attempt"), Cell(attempt, "node"),
-                 Cell(attempt, "job"), Moment(attempt.value("began_at", Json())),
-                 Moment(attempt.value("ended_at", Json())), UsedFor(attempt), EnergyOf(attempt),
-                 Cell(attempt, "how")});
+      attempt["block"] = lease.value("lease", Json());
+      told.push_back(std::move(attempt));
     }
   }
-  if (any) {
+  if (!told.empty()) {
+    const auto moment = [](const char* key) {
+      return [key](const Json& attempt) { return Moment(attempt, key); };
+    };
     std::cout << "\nAttempts that have ended:\n";
-    table.Print();
+    PrintRows(told, {"block", "attempt", "node", "job", RowColumn("began", moment("began_at")),
+                     RowColumn("ended", moment("ended_at")), RowColumn("CPU time", UsedFor),
+                     RowColumn("energy", EnergyOf), "how"});
   }
   for (const Json& lease : leases) {
     if (Cell(lease, "detail") == "-" || Cell(lease, "state") == "cancelled") continue;
-    std::cout << "Block " << Cell(lease, "lease") << ", what last went wrong: " << Cell(lease, "detail")
-              << '\n';
+    std::cout << Filled(lease, "Block {lease}, what last went wrong: {detail}\n");
   }
 }
 
 void PrintStatus(const Json& status) {
-  std::cout << Bold(absl::StrCat("Submission ", Cell(status, "submission"), ": ",
-                                 Cell(status, "state")))
-            << '\n'
-            << "  " << Cell(status, "name") << " of " << Cell(status, "team") << ", "
-            << Cell(status, "track") << " in the profile " << Cell(status, "profile")
-            << (status.value("ranked", false) ? "" : " (practice)") << '\n'
-            << "  " << CountsText(status.value("episodes", Json::object())) << '\n';
+  std::cout << Bold(Filled(status, "Submission {submission}: {state}"))
+            << Filled(status, "\n  {name} of {team}, {track} in the profile {profile}")
+            << (status.value("ranked", false) ? "" : " (practice)") << "\n  " << CountsText(status)
+            << '\n';
   const Json queue = status.value("queue", Json());
   if (queue.is_object()) {
-    std::cout << "  place " << Cell(queue, "position") << " in the queue, behind "
+    std::cout << Filled(queue, "  place {position} in the queue, behind ")
               << CountedBlocks(queue.value("leases_ahead", int64_t{0})) << '\n';
   }
-  for (const char* key : {"waiting", "reason"}) {
-    if (status.contains(key) && status[key].is_string()) {
-      std::cout << "  " << Cell(status, key) << '\n';
-    }
+  std::cout << Filled(status, "[  {waiting}\n][  {reason}\n]");
+  if (const std::string time = DurationAt(status, "running_wall_s"); time != "-") {
+    std::cout << (Cell(status, "finished_at") == "-" ? "  running for " : "  ran for ") << time
+              << '\n';
   }
-  const bool running = status.contains("running_wall_s") && status["running_wall_s"].is_number();
-  const bool known = status.contains("remaining_wall_s") && status["remaining_wall_s"].is_number();
-  if (running) {
-    std::cout << "  " << (Cell(status, "finished_at") == "-" ? "running" : "ran") << " for "
-              << DurationText(status["running_wall_s"].get<double>()) << '\n';
+  if (const std::string time = DurationAt(status, "remaining_wall_s"); time != "-") {
+    std::cout << "  about " << time << " left, estimated end " << Moment(status, "estimated_end_at")
+              << '\n';
   }
-  if (known) {
-    std::cout << "  about " << DurationText(status["remaining_wall_s"].get<double>())
-              << " left, estimated end " << Moment(status["estimated_end_at"]) << '\n';
-  }
-  if (status.contains("deadline_at") && status["deadline_at"].is_string()) {
-    std::cout << "  if nothing happens until " << Moment(status["deadline_at"])
+  if (!TextAt(status, "deadline_at").empty()) {
+    std::cout << "  if nothing happens until " << Moment(status, "deadline_at")
               << ", the daemon steps in by itself\n";
   }
   PrintLeases(status.value("leases", Json::array()));
@@ -156,20 +148,16 @@ void PrintSlots(const Json& health) {
 }
 
 void PrintHealth(const Json& health) {
-  const std::string state = Cell(health, "status");
   // Only organisers see the process, and only participants how busy it is.
-  std::cout << "The daemon (" << Cell(health, "version")
-            << (health.contains("pid") ? absl::StrCat(", process ", Cell(health, "pid")) : "")
-            << (state == "store" ? ") can't write its store" : absl::StrCat(") is ", state));
+  const bool store = Cell(health, "status") == "store";
+  std::cout << Filled(health, "The daemon ({version}[, process {pid}])")
+            << Filled(health, store ? " can't write its store" : " is {status}");
   if (health.contains("slots")) {
-    std::cout << ": " << Cell(health, "running") << " of " << CountCell(health, "slots", "slot")
-              << " at work, " << CountedBlocks(health.value("pending_leases", int64_t{0}))
-              << " waiting";
+    std::cout << Filled(health, ": {running} of {slots:slot} at work, ")
+              << CountedBlocks(health.value("pending_leases", int64_t{0})) << " waiting";
   }
   std::cout << '\n';
-  if (health.contains("message") && health["message"].is_string()) {
-    std::cout << Bold(Cell(health, "message")) << '\n';
-  }
+  if (!TextAt(health, "message").empty()) std::cout << Bold(Cell(health, "message")) << '\n';
   PrintSlots(health);
   for (const Json& artefact : health.value("held_back", Json::array())) {
     if (!artefact.is_string()) continue;
@@ -184,29 +172,24 @@ void PrintSubmissions(const Json& submissions) {
     std::cout << "There are no submissions yet." << std::endl;
     return;
   }
-  const auto count = [](const char* head, const char* key) -> RowColumn {
-    return {head,
-            [key](const Json& row) { return Cell(row.value("episodes", Json::object()), key); }};
-  };
   PrintRows(submissions,
-            {"id=submission", "team", "track", "profile", "state", count("done", "done"),
-             count("of", "total"), count("successes", "success"), count("faults", "fault")});
+            {"id=submission", "team", "track", "profile", "state", ColumnOfPart("episodes", "done"),
+             ColumnOfPart("episodes", "of=total"), ColumnOfPart("episodes", "successes=success"),
+             ColumnOfPart("episodes", "faults=fault")});
 }
 
 absl::StatusOr<int> StatusOfAll(const Client& client, bool json) {
   ASSIGN_OR_RETURN(const Json health, client.Get("/v1/health"));
   ASSIGN_OR_RETURN(const Json list, client.Get("/v1/submissions"));
   const Json submissions = list.value("submissions", Json::array());
-  if (json) {
-    PrintJson({{"daemon", health},
-               {"submissions", submissions},
-               {"unreadable", list.value("unreadable", Json::array())}});
-    return kDone;
-  }
-  PrintHealth(health);
-  PrintUnreadable(list);
-  PrintSubmissions(submissions);
-  return kDone;
+  return PrintAnswer(Json{{"daemon", health},
+                          {"submissions", submissions},
+                          {"unreadable", list.value("unreadable", Json::array())}},
+                     json, [&](const Json&) {
+                       PrintHealth(health);
+                       PrintUnreadable(list);
+                       PrintSubmissions(submissions);
+                     });
 }
 
 struct StatusOptions : SubmissionOptions {
@@ -235,9 +218,8 @@ absl::StatusOr<int> Status(const StatusOptions& options) {
   }
   if (!options.wait) return PrintAnswer(client.Get(options.Resource()), options.json, PrintStatus);
   ASSIGN_OR_RETURN(const Json ended,
-                   Follow(client, options.Resource(), absl::StrCat("submission ", options.id)));
-  RETURN_IF_ERROR(PrintAnswer(ended, options.json, PrintStatus).status());
-  return ExitOfState(ended.value("state", ""));
+                   FollowUntil(client, options.Resource(), absl::StrCat("submission ", options.id)));
+  return PrintAnswer(ended, options.json, PrintStatus, ExitOfState(ended.value("state", "")));
 }
 
 }  // namespace

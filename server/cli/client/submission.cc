@@ -1,15 +1,26 @@
-// myograde show, cancel, choose, hide, unhide, disqualify, baseline
+// The verbs about one submission: myograde show, cancel, choose, hide, unhide, disqualify, baseline,
+// rerun
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include <algorithm>
 #include <iostream>
 #include <memory>
+#include <set>
+#include <string>
 
+#include "protocol/base/status_macros.h"
+#include "protocol/log/episode_log.h"
+#include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
+#include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/evaluation_logs.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/text.h"
+#include "server/proof/logs.h"
 
 namespace myograde::server {
 namespace {
@@ -20,16 +31,10 @@ struct ShowOptions : SubmissionOptions {
 };
 
 void PrintShown(const Json& result, const ShowOptions& options) {
-  std::cout << Bold(absl::StrCat("Submission ", options.id, " of ", Cell(result, "team"), ": ",
-                                 Cell(result, "state")))
-            << '\n'
-            << "  " << Cell(result, "track") << " in the profile " << Cell(result, "profile")
-            << (result.value("phase", Json()).is_string() ? ", phase " + Cell(result, "phase") : "")
-            << (result.value("ranked", false) ? "" : " (practice)") << ", "
-            << CountsText(result.value("episodes", Json::object())) << '\n';
-  if (result.contains("reason") && result["reason"].is_string()) {
-    std::cout << "  " << Cell(result, "reason") << '\n';
-  }
+  std::cout << Bold(absl::StrCat("Submission ", options.id, Filled(result, " of {team}: {state}")))
+            << Filled(result, "\n  {track} in the profile {profile}[, phase {phase}]")
+            << (result.value("ranked", false) ? "" : " (practice)") << ", " << CountsText(result)
+            << Filled(result, "\n[  {reason}\n]");
   PrintResult(result, options.full_hashes);
   if (options.episodes) {
     PrintEpisodes(result.value("episode_rows", Json::array()),
@@ -45,13 +50,12 @@ struct CancelOptions : SubmissionOptions {
 std::string KillText(const Json& kill) {
   const int64_t killed = kill.value("killed", int64_t{0});
   if (killed == 0) return "nothing of it was running";
-  const std::string took = absl::StrFormat("%.2f s", kill.value("took_wall_s", 0.0));
-  std::string text =
-      killed == 1
-          ? absl::StrCat("its running block of episodes was killed within ", took)
-          : absl::StrCat("its ", killed, " running blocks of episodes were killed within ", took);
-  if (const int64_t left = kill.value("still_ending", int64_t{0}); left > 0) {
-    absl::StrAppend(&text, " (", left, " not dead yet; the slot stays taken until then)");
+  std::string text = killed == 1
+                         ? "its running block of episodes was"
+                         : absl::StrCat("its ", killed, " running blocks of episodes were");
+  absl::StrAppendFormat(&text, " killed within %.2f s", kill.value("took_wall_s", 0.0));
+  if (kill.value("still_ending", int64_t{0}) > 0) {
+    text += Filled(kill, " ({still_ending} not dead yet; the slot stays taken until then)");
   }
   return text;
 }
@@ -69,21 +73,16 @@ std::string QuotaText(const Json& status) {
 }
 
 void PrintCancelled(const Json& status) {
-  std::cout << "Submission " << Cell(status, "submission") << " is " << Cell(status, "state")
-            << "; " << KillText(status.value("cancel", Json::object())) << "; it keeps "
-            << CountsText(status.value("episodes", Json::object())) << "." << QuotaText(status)
-            << std::endl;
+  std::cout << Filled(status, "Submission {submission} is {state}; ")
+            << KillText(status.value("cancel", Json::object())) << "; it keeps "
+            << CountsText(status) << "." << QuotaText(status) << std::endl;
 }
 
 void PrintChoice(const Json& answer) {
-  std::cout << "Team " << Cell(answer, "team")
-            << (answer.value("changed", false) ? " now stands with submission "
-                                               : " stood with it already: submission ")
-            << Cell(answer, "submission");
-  if (answer.value("phase", Json()).is_string()) {
-    std::cout << " in phase " << Cell(answer, "phase");
-  }
-  std::cout << "." << std::endl;
+  const bool changed = answer.value("changed", false);
+  std::cout << Filled(answer, changed ? "Team {team} now stands with submission {submission}"
+                                      : "Team {team} stood with it already: submission {submission}")
+            << Filled(answer, "[ in phase {phase}].") << std::endl;
 }
 
 struct MarkOptions : SubmissionOptions {
@@ -96,7 +95,7 @@ struct MarkOptions : SubmissionOptions {
 void PrintMark(const Json& answer, const MarkOptions& options, bool set) {
   const bool changed = answer.value("changed", false);
   const std::string shown = options.mark == "baseline" ? "a baseline" : options.mark;
-  std::cout << "Submission " << options.id << " of " << Cell(answer, "team") << " is "
+  std::cout << "Submission " << options.id << Filled(answer, " of {team} is ")
             << (set ? (changed ? "now " : "already ") : (changed ? "no longer " : "not ")) << shown
             << (changed ? "." : "; nothing changed.") << std::endl;
 }
@@ -108,16 +107,14 @@ absl::StatusOr<int> Mark(const MarkOptions& options) {
         "a disqualification needs --reason, which the board shows; --undo takes it back");
   }
   Json body = {{"mark", options.mark}, {"set", set}};
-  if (!options.reason.empty()) body["reason"] = options.reason;
+  SetIfGiven(body, "reason", options.reason);
   return options.PostAndPrint(options.Resource("/marks"), body,
                               [&](const Json& answer) { PrintMark(answer, options, set); });
 }
 
-constexpr char kForTheRecord[] = "Why, for the record; up to 200 bytes";
-
 // `undo_help`: null without a flag --undo.
 Action AddMark(CLI::App& verb, const std::string& mark, bool set, const char* undo_help = nullptr,
-               const char* reason_help = kForTheRecord) {
+               const char* reason_help = kReasonHelp) {
   auto options = std::make_shared<MarkOptions>();
   options->mark = mark;
   options->set = set;
@@ -126,6 +123,151 @@ Action AddMark(CLI::App& verb, const std::string& mark, bool set, const char* un
   AddDaemonOptions(verb, "mark", *options);
   if (undo_help != nullptr) verb.add_flag("--undo", options->undo, undo_help);
   return [options] { return Mark(*options); };
+}
+
+bool Holds(const Json& differs, std::initializer_list<const char*> names) {
+  return std::any_of(names.begin(), names.end(), [&](const char* name) {
+    return std::find(differs.begin(), differs.end(), Json(name)) != differs.end();
+  });
+}
+
+// Which difference came first, and so the cause, only the logs tell.
+void Judge(const Client& client, const Json& first, const Json& second, Json& entry) {
+  const absl::StatusOr<EpisodeLog> a = LogOf(client, first);
+  const absl::StatusOr<EpisodeLog> b = LogOf(client, second);
+  if (!a.ok() || !b.ok()) {
+    entry["verdict"] = "unknown";
+    entry["detail"] = std::string((a.ok() ? b.status() : a.status()).message());
+    return;
+  }
+  const LogDifference difference = CompareLogs(*a, *b);
+  const bool states = entry["states"] && entry["actions"];
+  entry["verdict"] = difference.cause == Cause::kPolicy      ? "policy"
+                     : difference.cause == Cause::kSimulator ? "simulator"
+                     : states                                ? "scoring"
+                                                             : "unknown";
+  if (difference.step >= 0) entry["step"] = difference.step;
+  entry["detail"] = difference.cause != Cause::kNone ? difference.detail
+                    : states ? "actions and states are the same, so the rules that judge them "
+                               "have changed"
+                             : "the logs are equal as far as they go";
+}
+
+std::string Worst(const std::set<std::string>& verdicts) {
+  for (const char* verdict : {"simulator", "policy", "scoring", "unknown"}) {
+    if (verdicts.contains(verdict)) return verdict;
+  }
+  return "same";
+}
+
+// For each episode of a re-run whether actions, states and result were the same, and if not, whose
+// doing it is: the object `verify` of the verb's JSON. `rerun`: the evaluation with its comparison.
+// Where the rows differ, the logs of both playings are asked for.
+absl::StatusOr<Json> VerifyRerun(const Client& client, const Json& rerun) {
+  ASSIGN_OR_RETURN(Json second,
+                   EvaluationWithRows(client, Filled(rerun, "/v1/evaluations/{evaluation}")));
+  const Json& comparison = second["comparison"];
+  ASSIGN_OR_RETURN(Json first,
+                   EvaluationWithRows(client, Filled(comparison, "/v1/evaluations/{with}")));
+  Json episodes = Json::array();
+  std::set<std::string> verdicts;
+  for (const Json& compared : comparison["episodes"]) {
+    const Json& differs = compared["differs"];
+    Json entry = {{"index", compared["index"]},
+                  {"actions", !Holds(differs, {"actions"})},
+                  {"states", !Holds(differs, {"digest", "steps", "sim_time", "seed"})},
+                  {"result", !Holds(differs, {"outcome", "reason", "metrics", "facts", "clipped"})},
+                  {"verdict", "same"},
+                  {"step", nullptr},
+                  {"detail", nullptr}};
+    if (!compared["equal"]) {
+      const int64_t index = compared["index"];
+      ASSIGN_OR_RETURN(const Json a, RowOf(first, index));
+      ASSIGN_OR_RETURN(const Json b, RowOf(second, index));
+      Judge(client, a, b, entry);
+    }
+    verdicts.insert(entry["verdict"].get<std::string>());
+    episodes.push_back(std::move(entry));
+  }
+  if (comparison.value("missing", int64_t{0}) != 0) verdicts.insert("unknown");
+  const std::string verdict = Worst(verdicts);
+  return Json{{"same", verdict == "same"}, {"verdict", verdict}, {"episodes", episodes}};
+}
+
+// One line for each episode that is not the same, and the verdict.
+void PrintVerify(const Json& verify) {
+  for (const Json& entry : verify["episodes"]) {
+    if (entry["verdict"] == "same") continue;
+    const auto word = [&](const char* key) { return entry[key] ? "same" : "differ"; };
+    std::cout << "episode " << entry["index"] << ": actions " << word("actions") << ", states "
+              << word("states") << ", result " << word("result") << ": " << Cell(entry, "detail")
+              << '\n';
+  }
+  const std::string verdict = verify["verdict"];
+  std::cout << Bold(verdict == "same"        ? "Actions, states and results are the same."
+                    : verdict == "policy"    ? "The policy is not repeatable."
+                    : verdict == "simulator" ? "The simulator has changed."
+                    : verdict == "scoring"   ? "The rules of scoring have changed."
+                                             : "The cause of the difference is unknown.")
+            << std::endl;
+}
+
+struct RerunOptions : SubmissionOptions {
+  std::string episodes;
+  bool wait = true;
+  bool verify = false;
+};
+
+// "A..B", both counted from 0 and included, or "A" for one.
+absl::StatusOr<Json> RangeOf(const std::string& text) {
+  if (text.empty()) return Json::object();
+  const auto range = ParseRange(text.find("..") == std::string::npos ? text + ".." + text : text);
+  if (range.has_value() && range->first >= 0 && range->second >= range->first) {
+    return Json{{"first", range->first}, {"last", range->second}};
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("--episodes: \"", Harmless(text),
+                   "\" is no range; write A..B with 0 <= A <= B, both included, as 10..19"));
+}
+
+absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& client, Json result) {
+  const std::string state = result.value("state", "");
+  const Json comparison = result.value("comparison", Json());
+  if (options.verify && comparison.is_object()) {
+    ASSIGN_OR_RETURN(result["verify"], VerifyRerun(client, result));
+  }
+  const bool same = state != "cancelled" && comparison.is_object() &&
+                    comparison.value("equal", int64_t{0}) ==
+                        comparison.value("compared", int64_t{-1}) &&
+                    comparison.value("missing", int64_t{0}) == 0;
+  return PrintAnswer(
+      result, options.json,
+      [&](const Json&) {
+        std::cout << Bold(absl::StrCat(Filled(result, "Re-run {evaluation} of submission "),
+                                       options.id, " is ", Harmless(state)))
+                  << '\n';
+        PrintComparison(comparison);
+        if (result.contains("verify")) PrintVerify(result["verify"]);
+      },
+      state == "grader_error" ? kTrouble : same ? kDone : kNoScore);
+}
+
+absl::StatusOr<int> Rerun(const RerunOptions& options) {
+  if (options.verify && !options.wait) {
+    return absl::InvalidArgumentError("--verify: needs the end; leave --no-wait out");
+  }
+  ASSIGN_OR_RETURN(const Json range, RangeOf(options.episodes));
+  const Client client = options.client();
+  ASSIGN_OR_RETURN(const Json rerun, client.PostOnce(options.Resource("/rerun"), range));
+  if (!options.wait) {
+    return PrintAnswer(rerun, options.json,
+                       Sentence(absl::StrCat("Evaluation {evaluation} plays episodes {first} to "
+                                             "{last} of submission ", options.id, " again.")));
+  }
+  ASSIGN_OR_RETURN(const Json result,
+                   FollowUntil(client, Filled(rerun, "/v1/evaluations/{evaluation}"),
+                          Filled(rerun, "re-run of episodes {first} to {last}")));
+  return ReportRerun(options, client, result);
 }
 
 }  // namespace
@@ -146,11 +288,11 @@ Action AddShow(CLI::App& verb) {
 Action AddCancel(CLI::App& verb) {
   auto options = std::make_shared<CancelOptions>();
   AddSubmissionId(verb, *options);
-  verb.add_option("--reason", options->reason, kForTheRecord);
+  verb.add_option("--reason", options->reason, kReasonHelp);
   AddDaemonOptions(verb, "cancel", *options);
   return [options] {
     Json body = Json::object();
-    if (!options->reason.empty()) body["reason"] = options->reason;
+    SetIfGiven(body, "reason", options->reason);
     return options->PostAndPrint(options->Resource("/cancel"), body, PrintCancelled);
   };
 }
@@ -176,6 +318,21 @@ Action AddDisqualify(CLI::App& verb) {
 
 Action AddBaseline(CLI::App& verb) {
   return AddMark(verb, "baseline", true, "Make it an ordinary submission again");
+}
+
+Action AddRerun(CLI::App& verb) {
+  auto options = std::make_shared<RerunOptions>();
+  AddSubmissionId(verb, *options);
+  verb.add_option("--episodes", options->episodes,
+                  "A..B, counted from 0, both included; the whole blocks of episodes that hold "
+                  "them are played (default: all)");
+  verb.add_flag("--wait,!--no-wait", options->wait,
+                "Wait for the end and print the differences (default), or only start it");
+  verb.add_flag("--verify", options->verify,
+                "Report for each episode whether actions, states and result were the same, and "
+                "where not, whether the policy or the simulator is the cause");
+  AddDaemonOptions(verb, "rerun", *options);
+  return [options] { return Rerun(*options); };
 }
 
 }  // namespace myograde::server

@@ -1,8 +1,12 @@
 #include "server/cli/client/submit.h"
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
+#include <algorithm>
 #include <iostream>
+#include <optional>
+#include <utility>
 
 #include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
@@ -10,12 +14,10 @@
 #include "server/base/names.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
+#include "server/cli/base/files.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
-#include "server/cli/base/seed_file.h"
-#include "server/cli/client/acceptance.h"
-#include "server/cli/client/challenges.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
@@ -23,10 +25,32 @@
 namespace myograde::server {
 namespace {
 
+// The names of the runtimes that the server has, sorted. Errors as Client::Get.
+absl::StatusOr<std::vector<std::string>> OfferedRuntimes(const Client& client) {
+  ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/runtimes"));
+  std::vector<std::string> names;
+  for (const Json& runtime : answer.value("runtimes", Json::array())) {
+    names.push_back(runtime.value("runtime", ""));
+  }
+  return names;
+}
+
+// A sentence on the first of `named` that is not offered; "" if all are.
+std::string MissingRuntime(const std::vector<std::string>& named,
+                           const std::vector<std::string>& offered) {
+  for (const std::string& name : named) {
+    if (std::find(offered.begin(), offered.end(), name) != offered.end()) continue;
+    return absl::StrCat("policy.json asks for the runtime \"", Harmless(name),
+                        "\", which this server does not have; it has ",
+                        offered.empty() ? "none" : Harmless(absl::StrJoin(offered, ", ")));
+  }
+  return "";
+}
+
 absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   Json request = {{"team", options.team}, {"track", options.track}};
-  if (!options.profile.empty()) request["profile"] = options.profile;
-  if (!options.phase.empty()) request["phase"] = options.phase;
+  SetIfGiven(request, "profile", options.profile);
+  SetIfGiven(request, "phase", options.phase);
   if (options.episodes != 0) request["episodes"] = options.episodes;
   if (!options.seeds.empty()) {
     ASSIGN_OR_RETURN(request["seeds"], ReadSeeds(options.seeds));
@@ -58,12 +82,9 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   RETURN_IF_ERROR(CheckRuntimes(manifest.runtimes, client));
   Progress progress("sending", Progress::Unit::kBytes);
   ASSIGN_OR_RETURN(const Json answer,
-                   client.Upload(absl::StrCat("/v1/artefacts?team=", QueryValue(options.team),
-                                              "&track=", QueryValue(options.track)),
-                                 archive, [&](int64_t done, int64_t total) {
-                                   progress.Show(done, total,
-                                                 done < total ? "" : "the daemon checks it");
-                                 }));
+                   client.Upload(
+                       "/v1/artefacts" + QueryOf({{"team", options.team}, {"track", options.track}}),
+                       archive, progress.Listener("the daemon checks it")));
   const std::string artefact = answer.value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
   return artefact;
@@ -71,46 +92,273 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
 
 absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& client, int64_t id) {
   const std::string path = absl::StrCat("/v1/submissions/", id);
-  ASSIGN_OR_RETURN(const Json status, Follow(client, path, absl::StrCat("submission ", id)));
+  ASSIGN_OR_RETURN(const Json status, FollowUntil(client, path, absl::StrCat("submission ", id)));
   ASSIGN_OR_RETURN(const Json result,
                    client.Get(path + (options.json ? "/result" : "/result?episodes=1")));
   const std::string state = status.value("state", "");
-  if (options.json) {
-    Json both = status;
-    both["result"] = result;
-    PrintJson(both);
-  } else {
-    std::cout << Bold(absl::StrCat("Submission ", id, " is ", Harmless(state))) << '\n';
-    if (status["reason"].is_string()) {
-      std::cout << "  " << Harmless(status["reason"].get<std::string>()) << '\n';
-    }
-    PrintResult(result, options.full_hashes);
-    PrintFaults(result.value("episode_rows", Json::array()));
-    std::cout.flush();
-  }
-  return ExitOfState(state);
+  Json both = status;
+  both["result"] = result;
+  return PrintAnswer(
+      both, options.json,
+      [&](const Json&) {
+        std::cout << Bold(absl::StrCat("Submission ", id, " is ", Harmless(state))) << '\n';
+        std::cout << Filled(status, "[  {reason}\n]");
+        PrintResult(result, options.full_hashes);
+        PrintFaults(result.value("episode_rows", Json::array()));
+      },
+      ExitOfState(state));
 }
 
-std::string PhaseText(const Json& submission) {
-  if (!submission.value("phase", Json()).is_string()) return "";
-  return absl::StrCat(", phase ", Cell(submission, "phase"));
-}
-
-void PrintAccepted(const Json& submission, int64_t id) {
+void PrintAccepted(const Json& submission) {
   if (submission.value("linked", false)) {
-    std::cout << "Submission " << id << " of " << Cell(submission, "team") << " is the ranked "
-              << "evaluation of this very policy on this board already; nothing new is played, "
-              << "as each policy has one." << std::endl;
+    std::cout << Filled(submission, "Submission {submission} of {team} is the ranked evaluation of "
+                                    "this very policy on this board already; nothing new is played, "
+                                    "as each policy has one.")
+              << std::endl;
     return;
   }
-  std::cout << "Submission " << id << " is accepted: " << Cell(submission, "name") << " of "
-            << Cell(submission, "team") << ", "
-            << CountCell(submission["episodes"], "total", "episode")
-            << " of " << Cell(submission, "track") << " in the profile "
-            << Cell(submission, "profile")
-            << PhaseText(submission)
+  std::cout << Filled(submission, "Submission {submission} is accepted: {name} of {team}, "
+                                  "{episodes.total:episode} of {track} in the profile {profile}"
+                                  "[, phase {phase}]")
             << (submission.value("ranked", false) ? "" : " (practice: it does not rank)")
             << std::endl;
+}
+
+// Submissions of a team that are looked through for this policy.
+constexpr char kSubmissionsAsked[] = "1000";
+
+Finding Good(const char* check, std::string found) {
+  return {check, FindingState::kOk, std::move(found)};
+}
+
+Finding Fails(const char* check, std::string found, std::string todo) {
+  return {check, FindingState::kFails, std::move(found), std::move(todo)};
+}
+
+// What could not be asked, which is no fault of the submission.
+Finding NotAnswered(const char* check, const absl::Status& status) {
+  return {check, FindingState::kUnknown, std::string(status.message()), "try again"};
+}
+
+Finding ServerFinding(const Client& client, const Json& whoami) {
+  if (whoami.value("role", "") != "public") {
+    return Good("server", client.where() + Filled(whoami, " takes you for {caller}, {role}"));
+  }
+  return Fails("server",
+               client.where() + " does not know you, and only members of teams can submit",
+               "log in with \"myograde login URL\" and the token that the organisers gave you, or "
+               "have them add you to a team");
+}
+
+Finding TeamFinding(const Client& client, const SubmissionPlan& plan, bool challenge) {
+  const absl::StatusOr<Json> team = client.Get("/v1/teams/" + QueryValue(plan.team));
+  if (AnsweredCode(team.status()) == "not_found") {
+    if (challenge) {
+      return Fails("team",
+                   absl::StrCat("the server has no team \"", plan.team, "\" that you belong to"),
+                   "\"myograde whoami\" lists your teams; organisers create teams and add members");
+    }
+    return Good("team", absl::StrCat("the server knows no team \"", plan.team, "\" of yours yet; the "
+                                     "first submission founds it, if nobody has the name"));
+  }
+  if (!team.ok()) return NotAnswered("team", team.status());
+  const std::string name = team->value("team", "");
+  if (team->value("banned", false)) {
+    return Fails("team", absl::StrCat("the organisers have banned team \"", name, "\""),
+                 "ask the organisers");
+  }
+  const std::string called = name == plan.team ? "" : absl::StrCat(", which is \"", name, "\" now");
+  return Good("team", absl::StrCat("you may submit for team \"", plan.team, "\"", called));
+}
+
+// `of` has been "paused".
+Finding Paused(const Json& of, const std::string& what) {
+  return Fails("phase",
+               Filled(of, absl::StrCat("the organisers have paused ", what, ": {paused.reason}")),
+               "wait until they resume; \"myograde challenge status\" shows it");
+}
+
+Finding PhaseFinding(const SubmissionPlan& plan, const Json& phase) {
+  if (phase.value("paused", Json()).is_object()) return Paused(phase, "phase \"{phase}\"");
+  const Json profile = phase.value("profile", Json());
+  if (phase.value("track", Json()) != plan.track ||
+      (!plan.profile.empty() && profile != plan.profile)) {
+    return Fails(
+        "phase",
+        Filled(phase, "phase \"{phase}\" is of track \"{track}\" in the profile \"{profile}\""),
+        "leave --track and --profile out");
+  }
+  const std::string state = phase.value("state", "");
+  if (state == "upcoming") {
+    return Fails("phase", Filled(phase, "phase \"{phase}\" opens at {opens_at}"),
+                 "submit then, or practise with --episodes");
+  }
+  if (state != "open") {
+    return Fails("phase", Filled(phase, "phase \"{phase}\" closed at {closes_at}"),
+                 "see \"myograde challenge status\"");
+  }
+  const Json teams = phase.value("teams", Json());
+  if (teams.is_array() && std::find(teams.begin(), teams.end(), plan.team) == teams.end()) {
+    return {"phase", FindingState::kWarning,
+            absl::StrCat(Filled(phase, "phase \"{phase}\" is for teams that the organisers have "
+                                       "named, and \""),
+                         plan.team, "\" is not among these names"),
+            "ask the organisers, unless one of them is a former name of your team"};
+  }
+  return Good("phase",
+              Filled(phase, "phase \"{phase}\" of track \"{track}\" is open[ until {closes_at}]"));
+}
+
+struct Place {
+  std::string phase;  // "": the track itself
+  Finding finding;
+};
+
+Place PlaceOf(const SubmissionPlan& plan, const Json& challenges) {
+  if (challenges.value("paused", Json()).is_object()) {
+    return {plan.phase, Paused(challenges, "all submissions")};
+  }
+  const std::string track = absl::StrCat("track \"", plan.track, "\"");
+  if (plan.practice()) return {"", Good("phase", absl::StrCat("practice on ", track, " is open"))};
+  if (!plan.phase.empty()) {
+    const Json phase = PhaseIn(challenges, plan.phase);
+    if (phase.is_object()) return {plan.phase, PhaseFinding(plan, phase)};
+    return {plan.phase, Fails("phase", absl::StrCat("the server has no phase \"", plan.phase, "\""),
+                              "\"myograde challenge status\" lists those that there are")};
+  }
+  Json last;  // The one that opens or closed last tells most.
+  std::vector<std::string> open;
+  for (const Json& phase : AllPhases(challenges)) {
+    if (phase.value("track", "") != plan.track) continue;
+    const bool fits = plan.profile.empty() || phase.value("profile", "") == plan.profile;
+    if (fits && phase.value("state", "") == "open") open.push_back(phase.value("phase", ""));
+    last = phase;
+  }
+  if (last.is_null()) return {"", Good("phase", track + " is open, without phases")};
+  if (open.empty()) return {last.value("phase", ""), PhaseFinding(plan, last)};
+  if (open.size() == 1) return {open[0], PhaseFinding(plan, PhaseIn(challenges, open[0]))};
+  return {"", Fails("phase",
+                    absl::StrCat(track, " has ", open.size(), " open phases: ",
+                                 Harmless(absl::StrJoin(open, ", "))),
+                    "name one with --phase")};
+}
+
+// Whether an episode here is one there: by the hash of all rules, budgets and seeds.
+Finding RulesFinding(const Client& client, const SubmissionPlan& plan) {
+  const absl::StatusOr<Json> tracks = client.Get("/v1/tracks");
+  if (!tracks.ok()) return NotAnswered("rules", tracks.status());
+  const Json offered = tracks->value("tracks", Json::array());
+  const Json track = RowWith(offered, "track", plan.track);
+  if (track.is_null()) {
+    std::vector<std::string> names;
+    for (const Json& one : offered) names.push_back(Cell(one, "track"));
+    return Fails("rules", absl::StrCat("the server has no track \"", plan.track, "\""),
+                 absl::StrCat("it has ", absl::StrJoin(names, ", ")));
+  }
+  const std::string wanted =
+      plan.profile.empty() ? track.value("default_profile", "") : plan.profile;
+  const Json profile = RowWith(track.value("profiles", Json::array()), "profile", wanted);
+  if (profile.is_null()) {
+    return Fails("rules",
+                 Filled(track, "the server's track \"{track}\" has no profile \"") + wanted + "\"",
+                 "\"myograde spec\" lists the profiles of this host");
+  }
+  const std::string there = profile.value("config", "");
+  if (there == plan.config) {
+    return Good("rules", "the server's rules and budgets are those of this host");
+  }
+  return {"rules", FindingState::kWarning,
+          absl::StrCat("the server grades under config ", HashText(there, /*full=*/false),
+                       ", this host has ", HashText(plan.config, /*full=*/false),
+                       ": what is played and checked here may differ"),
+          "use the version and the configs of the server here (--configs)"};
+}
+
+// Whether the server offers the runtimes that policy.json names.
+Finding RuntimesFinding(const Client& client, const SubmissionPlan& plan) {
+  if (plan.runtimes.empty()) return Good("runtimes", "policy.json names none");
+  const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
+  if (!offered.ok()) return NotAnswered("runtimes", offered.status());
+  const std::string missing = MissingRuntime(plan.runtimes, *offered);
+  if (!missing.empty()) {
+    return Fails("runtimes", missing,
+                 "name one that it has in policy.json, put what you need into the submission, or ask "
+                 "the organisers");
+  }
+  return Good("runtimes", absl::StrCat("the server has ", absl::StrJoin(plan.runtimes, ", ")));
+}
+
+// Why nothing is left of one budget; "" while something is.
+std::string UsedUp(const Json& place, const std::string& budget, const std::string& next_day) {
+  const Json uses = place.value(budget, Json::object());
+  const std::pair<const char*, std::string> spans[] = {
+      {"per_day", " today; the next day begins at " + next_day}, {"total", " in all"}};
+  for (const auto& [span, words] : spans) {
+    const Json use = uses.value(span, Json());
+    if (!use.is_object() || use.value("left", int64_t{1}) > 0) continue;
+    const int64_t limit = use.value("limit", int64_t{0}) + use.value("granted", int64_t{0});
+    return absl::StrCat("the quota of ", budget == "failed" ? "failed tries" : budget + " submissions",
+                        " is used up: ", limit, " of ", limit, words);
+  }
+  return "";
+}
+
+Finding QuotaAt(const Json& quota, const Json& place, const std::string& budget) {
+  for (const std::string& one : {budget, std::string("failed")}) {
+    const std::string used_up = UsedUp(place, one, Cell(quota, "next_day_at"));
+    if (used_up.empty()) continue;
+    return Fails("quota", used_up,
+                 "organisers can grant more; \"myograde quota\" shows what was used");
+  }
+  const Json waiting = place.value("waiting", Json::object());
+  if (waiting.value("used", int64_t{0}) >= waiting.value("limit", int64_t{1})) {
+    return Fails("quota",
+                 Filled(waiting, "{used:evaluation} of the team wait already, which is the limit"),
+                 "wait until one has ended");
+  }
+  return Good("quota",
+              Filled(place.value(budget, Json::object()),
+                     absl::StrCat("{per_day.left} ", budget,
+                                  " submissions are left today, {total.left} in all")));
+}
+
+// nullopt: the server knows no such team, which then has used nothing.
+std::optional<Finding> QuotaFinding(const Client& client, const SubmissionPlan& plan,
+                                    const std::string& phase) {
+  const absl::StatusOr<Json> quota = client.Get(
+      "/v1/quota" + QueryOf({{"team", plan.team}, {"track", plan.track}, {"limit", "1"}}));
+  const std::string code = AnsweredCode(quota.status());
+  if (code == "not_found" || code == "unknown_track") return std::nullopt;
+  if (!quota.ok()) return NotAnswered("quota", quota.status());
+  const Json place =
+      phase.empty() ? RowWith(quota->value("tracks", Json::array()), "track", plan.track)
+                    : RowWith(quota->value("phases", Json::array()), "phase", phase);
+  if (place.is_null()) return std::nullopt;
+  return QuotaAt(*quota, place, plan.practice() ? "practice" : "official");
+}
+
+// Whether this policy is ranked there already: nothing would be played again.
+std::optional<Finding> TwinFinding(const Client& client, const SubmissionPlan& plan,
+                                   const std::string& phase) {
+  if (plan.practice() || plan.artefact.empty()) return std::nullopt;
+  const absl::StatusOr<Json> answer =
+      client.Get("/v1/submissions" + QueryOf({{"team", plan.team},
+                                              {"track", plan.track},
+                                              {"limit", kSubmissionsAsked},
+                                              {"phase", phase}}));
+  if (!answer.ok()) return std::nullopt;  // the team's finding says why
+  for (const Json& submission : answer->value("submissions", Json::array())) {
+    const Json config_profile = submission.value("profile", Json());
+    if (submission.value("artefact", "") != plan.artefact || !submission.value("ranked", false) ||
+        (!plan.profile.empty() && config_profile != plan.profile)) {
+      continue;
+    }
+    return Finding{"novelty", FindingState::kWarning,
+                   Filled(submission, "this very policy is submission {submission} of the team, which "
+                                      "is {state}; a ranked policy is played once"),
+                   "see \"myograde show ID\"; change the policy, or rerun that submission"};
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -130,18 +378,47 @@ absl::StatusOr<int> Submit(SubmitOptions options) {
   }
   // Mistakes that can be found here are reported before anything is sent.
   ASSIGN_OR_RETURN(Json request, RequestOf(options));
-  ASSIGN_OR_RETURN(const std::string artefact, SendArtefact(options, client));
-  request["artefact"] = artefact;
+  ASSIGN_OR_RETURN(request["artefact"], SendArtefact(options, client));
   ASSIGN_OR_RETURN(const Json submission, client.PostOnce("/v1/submissions", request));
   const int64_t id = submission.value("submission", int64_t{0});
-  if (options.json && !options.wait) {
-    PrintJson(submission);
-    return kDone;
+  if (options.wait) {
+    if (!options.json) PrintAccepted(submission);
+    return ReportWaited(options, client, id);
   }
-  if (!options.json) PrintAccepted(submission, id);
-  if (options.wait) return ReportWaited(options, client, id);
-  std::cout << "Follow it with: myograde status " << id << std::endl;
-  return kDone;
+  return PrintAnswer(submission, options.json, [](const Json& accepted) {
+    PrintAccepted(accepted);
+    std::cout << Filled(accepted, "Follow it with: myograde status {submission}") << std::endl;
+  });
+}
+
+Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan) {
+  const absl::StatusOr<Json> whoami = client.Get("/v1/whoami");
+  if (!whoami.ok()) {
+    // A refusal is an answer: the token is bad.
+    const bool refused = whoami.status().code() == absl::StatusCode::kInvalidArgument;
+    return {refused,
+            {{"server", refused ? FindingState::kFails : FindingState::kUnknown,
+              std::string(whoami.status().message()),
+              refused ? "log in again with \"myograde login URL\""
+                      : "team, phase, rules, runtimes and quota are not checked"}}};
+  }
+  Acceptance acceptance = {true, {ServerFinding(client, *whoami)}};
+  std::vector<Finding>& findings = acceptance.findings;
+  const absl::StatusOr<Json> challenges = client.Get("/v1/challenges");
+  if (!challenges.ok()) {
+    findings.push_back(NotAnswered("phase", challenges.status()));
+    return acceptance;
+  }
+  const Place place = PlaceOf(plan, *challenges);
+  if (findings[0].state == FindingState::kOk) {
+    findings.push_back(TeamFinding(client, plan, !(*challenges)["challenges"].empty()));
+  }
+  findings.push_back(place.finding);
+  findings.push_back(RulesFinding(client, plan));
+  findings.push_back(RuntimesFinding(client, plan));
+  if (auto quota = QuotaFinding(client, plan, place.phase)) findings.push_back(*std::move(quota));
+  if (auto twin = TwinFinding(client, plan, place.phase)) findings.push_back(*std::move(twin));
+  return acceptance;
 }
 
 CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {

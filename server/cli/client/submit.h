@@ -6,7 +6,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <string>
+#include <vector>
 
+#include "server/cli/base/report.h"
 #include "server/cli/client/daemon_options.h"
 
 namespace myograde::server {
@@ -32,5 +34,26 @@ absl::Status CheckPlaceGiven(const SubmitOptions& options);
 
 // Uploads, submits and, if asked to, waits; the exit status.
 absl::StatusOr<int> Submit(SubmitOptions options);
+
+// A submission, with what is known of it on this host.
+struct SubmissionPlan : SubmitOptions {
+  std::string artefact;               // its digest; "": unknown
+  std::vector<std::string> runtimes;  // that its policy.json names
+  std::string config;                 // hash of this host's config of track and profile
+
+  // On seeds of its own, or on some of the practice seeds.
+  bool practice() const { return !seeds.empty() || episodes > 0; }
+};
+
+struct Acceptance {
+  bool answered = false;  // false: the server can't be reached, and nothing else is known
+  std::vector<Finding> findings;
+};
+
+// What the server would answer to a submission, asked before anything is sent: who the caller is and
+// whether the team may submit, whether track and phase are open, whether the server's rules are those
+// of this host, which runtimes it has, and what is left of the quota. Nothing is changed there, except
+// that a denied request is counted like any other.
+Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan);
 
 }  // namespace myograde::server

@@ -21,8 +21,6 @@ Action AddHide(CLI::App& verb);
 Action AddUnhide(CLI::App& verb);
 Action AddDisqualify(CLI::App& verb);
 Action AddBaseline(CLI::App& verb);
-Action AddExport(CLI::App& verb);
-Action AddBackup(CLI::App& verb);
 Action AddEvents(CLI::App& verb);
 Action AddLog(CLI::App& verb);
 Action AddReceipt(CLI::App& verb);

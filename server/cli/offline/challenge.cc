@@ -2,6 +2,7 @@
 #include "server/challenge/challenge.h"
 
 #include <absl/strings/str_cat.h>
+#include <absl/time/time.h>
 
 #include <filesystem>
 #include <iostream>
@@ -17,15 +18,89 @@
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/client/challenges.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 #include "server/grading/tracks.h"
 #include "server/proof/reference_check.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr double kDayS = 86400;
+
+// "3 days 4 h" from one time of an answer to another.
+std::string Span(const std::string& from, const std::string& to) {
+  absl::Time begin;
+  absl::Time end;
+  std::string unused;
+  if (!absl::ParseTime(absl::RFC3339_full, from, &begin, &unused) ||
+      !absl::ParseTime(absl::RFC3339_full, to, &end, &unused)) {
+    return "-";
+  }
+  const double seconds = absl::ToDoubleSeconds(end - begin);
+  if (seconds < 2 * kDayS) return DurationText(seconds);
+  const auto hours = static_cast<int64_t>(seconds / 3600);
+  return absl::StrCat(hours / 24, " days ", hours % 24, " h");
+}
+
+// What happens next to a phase, and when.
+std::string NextOf(const Json& phase, const std::string& now) {
+  const std::string state = phase.value("state", "");
+  if (state == "closed") return Filled(phase, "closed at {closes_at}");
+  const char* key = state == "upcoming" ? "opens_at" : "closes_at";
+  if (!phase[key].is_string()) return "stays open";
+  return absl::StrCat(state == "upcoming" ? "opens" : "closes", " in ", Span(now, phase[key]), ", at ",
+                      Cell(phase, key));
+}
+
+std::string SeedsOf(const Json& phase) {
+  return Filled(phase, phase.value("revealed", false) ? "{seeds.count} {seeds.kind}, revealed"
+                                                      : "{seeds.count} {seeds.kind}");
+}
+
+std::string BoardOf(const Json& phase) {
+  if (phase.value("frozen", false)) return Filled(phase, "frozen at {freeze_at}");
+  if (phase.value("published", false)) return "published";
+  return Filled(phase, "open[, freezes at {freeze_at}]");
+}
+
+void PrintChallenge(const Json& challenge, const std::string& now) {
+  const Json phases = challenge.value("phases", Json::array());
+  std::cout << Bold(Filled(challenge, "{title} ({challenge})")) << '\n';
+  PrintRows(phases, {"phase", "track", "profile", "state",
+                     RowColumn("next", [&](const Json& phase) { return NextOf(phase, now); }),
+                     RowColumn("seeds", SeedsOf), "entry", RowColumn("board", BoardOf), "waiting"});
+  for (const Json& phase : phases) {
+    const Json pause = phase.value("paused", Json());
+    if (!pause.is_object() || pause.value("all", false)) continue;
+    std::cout << Filled(phase, "  {phase} is paused since {paused.at}: {paused.reason}\n");
+  }
+  for (const Json& phase : phases) {
+    if (!phase.value("seeds", Json::object()).contains("commitment")) continue;
+    std::cout << Filled(phase, "  Commitment to the seeds of {phase}: {seeds.commitment}\n");
+  }
+}
+
+void PrintChallenges(const Json& answer) {
+  const Json challenges = answer.value("challenges", Json::array());
+  if (challenges.empty()) {
+    std::cout << "No challenge is held here: every track is open, on its own seeds.\n";
+  }
+  for (const Json& challenge : challenges) PrintChallenge(challenge, answer.value("now", ""));
+  if (answer.value("paused", Json()).is_object()) {
+    std::cout << Filled(answer, "All submissions are paused since {paused.at}: {paused.reason}\n");
+  }
+  for (const Json& phase : answer.value("former_phases", Json::array())) {
+    std::cout << Filled(phase, "Former phase {phase} of {track}: {submissions:submission}; its board "
+                               "stays, with \"myograde leaderboard --phase {phase}\"\n");
+  }
+  for (const Json& phase : answer.value("unusable", Json::array())) {
+    std::cout << Filled(phase, "Phase {phase} takes nothing: {message}\n");
+  }
+  std::cout.flush();
+}
 
 namespace fs = std::filesystem;
 // `data` of check: a daemon's folder whose store is looked at too; "": none.
@@ -79,23 +154,28 @@ std::vector<ChallengeConfig> ChallengesWith(const ChallengeOptions& options,
   return challenges;
 }
 
-int ReportChallenges(const ChallengeOptions& options, const ChallengeFindings& found,
-                     const std::vector<ChallengeConfig>& challenges) {
-  if (options.json) {
-    Json files = Json::array();
-    for (const ChallengeConfig& challenge : challenges) files.push_back(challenge.where);
-    PrintJson({{"valid", found.mistakes.empty()},
-               {"files", std::move(files)},
-               {"mistakes", found.mistakes},
-               {"warnings", found.warnings}});
-  } else {
-    for (const std::string& text : found.mistakes) std::cout << "Mistake: " << Harmless(text) << '\n';
-    for (const std::string& text : found.warnings) std::cout << "Warning: " << Harmless(text) << '\n';
-    std::cout << Counted(std::ssize(challenges), "challenge") << ", "
-              << Counted(std::ssize(found.mistakes), "mistake") << ", "
-              << Counted(std::ssize(found.warnings), "warning") << "." << std::endl;
-  }
-  return found.mistakes.empty() ? kDone : kWrongUse;
+absl::StatusOr<int> ReportChallenges(const ChallengeOptions& options,
+                                     const ChallengeFindings& found,
+                                     const std::vector<ChallengeConfig>& challenges) {
+  Json files = Json::array();
+  for (const ChallengeConfig& challenge : challenges) files.push_back(challenge.where);
+  return PrintAnswer(
+      Json{{"valid", found.mistakes.empty()},
+           {"files", std::move(files)},
+           {"mistakes", found.mistakes},
+           {"warnings", found.warnings}},
+      options.json,
+      [&](const Json&) {
+        const auto print = [](const char* what, const std::vector<std::string>& texts) {
+          for (const std::string& text : texts) std::cout << what << Harmless(text) << '\n';
+        };
+        print("Mistake: ", found.mistakes);
+        print("Warning: ", found.warnings);
+        std::cout << Counted(std::ssize(challenges), "challenge") << ", "
+                  << Counted(std::ssize(found.mistakes), "mistake") << ", "
+                  << Counted(std::ssize(found.warnings), "warning") << "." << std::endl;
+      },
+      found.mistakes.empty() ? kDone : kWrongUse);
 }
 
 // What the store of a daemon with these challenges contradicts.
@@ -166,7 +246,10 @@ Action AddChallenge(CLI::App& verb) {
   AddDaemonOptions(*parts.Add("status",
                               "Show the daemon's challenges: what is open, for how long, "
                               "and what waits",
-                              "status", ChallengeStatus),
+                              "status",
+                              [](const ChallengeOptions& daemon) {
+                                return daemon.GetAndPrint("/v1/challenges", PrintChallenges);
+                              }),
                    "challenge-status", options);
   return parts.Chosen();
 }

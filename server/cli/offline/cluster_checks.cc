@@ -33,34 +33,23 @@ constexpr double kClockSkewSeconds = 2;
 
 constexpr char kNoLease[] = "no lease starts; what is submitted waits";
 
-// Slurm's commands: found, run to their end, and read.
-class SlurmTools {
- public:
-  // `config` must outlive it.
-  explicit SlurmTools(const SlurmConfig& config) : config_(config) {}
-
-  // What a command prints. Errors of SlurmCommand and RunProgram; UnavailableError, with its last
-  // line: it ended with another status than 0.
-  absl::StatusOr<ProgramEnd> Run(const std::string& name, const std::vector<std::string>& words,
-                                 absl::Duration deadline = absl::Seconds(30)) const {
-    ASSIGN_OR_RETURN(const std::string path, SlurmCommand(config_, name));
-    ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
-                                                 .words = words,
-                                                 .most_output = kMostOutput,
-                                                 .deadline = deadline,
-                                                 .nice = 0,
-                                                 .environment = SlurmEnvironment()}));
-    if (end.exit_status != 0) {
-      const std::string last = end.LastError();
-      return absl::UnavailableError(
-          absl::StrCat(name, " ", end.HowItEnded(), last.empty() ? "" : ": ", last));
-    }
-    return end;
-  }
-
- private:
-  const SlurmConfig& config_;
-};
+// What one of Slurm's commands prints. Errors of SlurmCommand and RunProgram; UnavailableError, with its
+// last line: it ended with another status than 0.
+absl::StatusOr<std::string> RunSlurm(const SlurmConfig& config, const std::string& name,
+                                     const std::vector<std::string>& words,
+                                     absl::Duration deadline = absl::Seconds(30)) {
+  ASSIGN_OR_RETURN(const std::string path, SlurmCommand(config, name));
+  ASSIGN_OR_RETURN(ProgramEnd end, RunProgram({.program = path,
+                                               .words = words,
+                                               .most_output = kMostOutput,
+                                               .deadline = deadline,
+                                               .nice = 0,
+                                               .environment = SlurmEnvironment()}));
+  if (end.exit_status == 0) return std::move(end.output);
+  const std::string last = end.LastError();
+  return absl::UnavailableError(
+      absl::StrCat(name, " ", end.HowItEnded(), last.empty() ? "" : ": ", last));
+}
 
 // The keys and values of "KEY=VALUE KEY=VALUE" and of lines "KEY = VALUE".
 std::map<std::string, std::string> ReadSlurmPairs(std::string_view text) {
@@ -89,7 +78,7 @@ Check Missing(std::string name, std::string found, std::string todo) {
   return {std::move(name), CheckState::kMissing, std::move(found), kNoLease, std::move(todo)};
 }
 
-Check CommandsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
+Check CommandsCheck(const SlurmConfig& config) {
   std::vector<std::string> missing;
   for (const char* name : {"srun", "squeue", "scancel", "scontrol", "sinfo"}) {
     if (!SlurmCommand(config, name).ok()) missing.emplace_back(name);
@@ -99,19 +88,18 @@ Check CommandsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
                    "install Slurm's commands on this host (Debian: apt-get install slurm-client), or "
                    "name their folder in \"slurm_bin_dir\"");
   }
-  const absl::StatusOr<ProgramEnd> version = slurm.Run("srun", {"--version"});
+  const absl::StatusOr<std::string> version = RunSlurm(config, "srun", {"--version"});
   if (!version.ok()) {
     return Missing("slurm_commands", std::string(version.status().message()),
                    "have this host read the cluster's configuration (/etc/slurm/slurm.conf, or "
                    "SLURM_CONF)");
   }
-  return Good("slurm_commands", std::string(absl::StripAsciiWhitespace(version->output)));
+  return Good("slurm_commands", std::string(absl::StripAsciiWhitespace(*version)));
 }
 
-Check ControllerCheck(const SlurmTools& slurm) {
-  const absl::StatusOr<ProgramEnd> ping = slurm.Run("scontrol", {"ping"});
-  const std::string said = ping.ok() ? std::string(absl::StripAsciiWhitespace(ping->output))
-                                     : std::string(ping.status().message());
+Check ControllerCheck(const SlurmConfig& config) {
+  const absl::StatusOr<std::string> ping = RunSlurm(config, "scontrol", {"ping"});
+  const std::string said(ping.ok() ? absl::StripAsciiWhitespace(*ping) : ping.status().message());
   for (const std::string& line : std::vector<std::string>(absl::StrSplit(said, '\n'))) {
     if (ping.ok() && line.ends_with(" UP")) return Good("slurm_controller", line);
   }
@@ -120,10 +108,10 @@ Check ControllerCheck(const SlurmTools& slurm) {
 }
 
 // Nodes of the partition that could take a job, now or later.
-Check PartitionCheck(const SlurmTools& slurm, const SlurmConfig& config) {
+Check PartitionCheck(const SlurmConfig& config) {
   std::vector<std::string> words = {"-h", "-o", "%P|%a|%l|%D|%t"};
   if (!config.partition.empty()) words.insert(words.end(), {"-p", config.partition});
-  const absl::StatusOr<ProgramEnd> sinfo = slurm.Run("sinfo", words);
+  const absl::StatusOr<std::string> sinfo = RunSlurm(config, "sinfo", words);
   if (!sinfo.ok()) {
     return Missing("slurm_partition", std::string(sinfo.status().message()),
                    "see what sinfo says on this host");
@@ -133,7 +121,7 @@ Check PartitionCheck(const SlurmTools& slurm, const SlurmConfig& config) {
   int64_t usable = 0;
   int64_t all = 0;
   for (const absl::string_view line :
-       absl::StrSplit(sinfo->output, '\n', absl::SkipWhitespace())) {
+       absl::StrSplit(*sinfo, '\n', absl::SkipWhitespace())) {
     const std::vector<std::string> cells = absl::StrSplit(line, '|');
     if (cells.size() != 5) continue;
     if (config.partition.empty() && !cells[0].ends_with('*')) continue;  // not the default one
@@ -171,10 +159,10 @@ std::vector<std::string> JobOptions(const ClusterSubject& subject) {
 
 // Slurm itself says whether it would take a lease's job: partition, account, QoS, constraint,
 // reservation, memory, processors and time.
-Check JobCheck(const SlurmTools& slurm, const ClusterSubject& subject) {
+Check JobCheck(const ClusterSubject& subject) {
   std::vector<std::string> words = JobOptions(subject);
   words.insert(words.end(), {"--test-only", "true"});
-  const absl::StatusOr<ProgramEnd> end = slurm.Run("srun", words);
+  const absl::StatusOr<std::string> end = RunSlurm(subject.config.slurm, "srun", words);
   if (!end.ok()) {
     return Missing("slurm_job", absl::StrCat("Slurm would not take a lease's job: ",
                                              std::string(end.status().message())),
@@ -186,9 +174,9 @@ Check JobCheck(const SlurmTools& slurm, const ClusterSubject& subject) {
               absl::StrCat("Slurm would take a lease's job (", absl::StrJoin(words, " "), ")"));
 }
 
-Check LimitsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
-  const absl::StatusOr<ProgramEnd> shown = slurm.Run("scontrol", {"show", "config"});
-  const auto pairs = ReadSlurmPairs(shown.ok() ? shown->output : "");
+Check LimitsCheck(const SlurmConfig& config) {
+  const absl::StatusOr<std::string> shown = RunSlurm(config, "scontrol", {"show", "config"});
+  const auto pairs = ReadSlurmPairs(shown.ok() ? *shown : "");
   const auto number = [&](const char* key) {
     int64_t value = 0;
     const auto it = pairs.find(key);
@@ -230,7 +218,7 @@ Check ClockCheck(const std::string& node, const std::string& time, double now_s)
 }
 
 // What one node has, whichever Slurm gives; srun waits a while for one.
-std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& subject) {
+std::vector<Check> NodeChecks(const ClusterSubject& subject) {
   const SlurmConfig& config = subject.config.slurm;
   const std::string bin = config.bin_dir.empty() ? subject.bin_dir : config.bin_dir;
   const std::string cache = config.cache_dir.empty() ? subject.cache_dir : config.cache_dir;
@@ -238,7 +226,7 @@ std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& sub
   words.insert(words.end(),
                {absl::StrCat("--immediate=", kNodeWithinSeconds), "--job-name=myograde-doctor",
                 "/bin/sh", "-c", kNodeScript, "doctor", bin, cache});
-  const absl::StatusOr<ProgramEnd> end = slurm.Run("srun", words, kNodeDeadline);
+  const absl::StatusOr<std::string> end = RunSlurm(config, "srun", words, kNodeDeadline);
   const double now = absl::ToDoubleSeconds(SystemClock().Now() - absl::UnixEpoch());
   if (!end.ok()) {
     return {{"cluster_node", CheckState::kDegraded,
@@ -246,21 +234,17 @@ std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& sub
              "what nodes lack is found when their first leases fail",
              "call this again when a node is free, or see what srun says"}};
   }
-  auto pairs = ReadSlurmPairs(end->output);
+  auto pairs = ReadSlurmPairs(*end);
   const std::string node = pairs["host"].empty() ? "the node" : pairs["host"];
   std::vector<std::string> lacks;
   if (pairs["program"] != "yes") lacks.push_back(absl::StrCat(bin, "/myograde-node"));
   if (pairs["cache"] != "yes") lacks.push_back(absl::StrCat("the models in ", cache));
-  std::vector<Check> checks;
-  if (lacks.empty()) {
-    checks.push_back(Good("cluster_node", node + " has the programs and the models"));
-  } else {
-    checks.push_back(Missing("cluster_node", absl::StrCat(node, " lacks ", absl::StrJoin(lacks, ", ")),
-                             "install this version of MyoGrade on all nodes at the same places, or name "
-                             "them in \"bin_dir\" and \"cache_dir\""));
-  }
-  checks.push_back(ClockCheck(node, pairs["time"], now));
-  return checks;
+  return {lacks.empty()
+              ? Good("cluster_node", node + " has the programs and the models")
+              : Missing("cluster_node", absl::StrCat(node, " lacks ", absl::StrJoin(lacks, ", ")),
+                        "install this version of MyoGrade on all nodes at the same places, or name "
+                        "them in \"bin_dir\" and \"cache_dir\""),
+          ClockCheck(node, pairs["time"], now)};
 }
 
 }  // namespace
@@ -274,17 +258,13 @@ std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
                                "\"executor\" of server.json is local",
                                "leases run on the daemon's host alone",
                                "set \"executor\" to \"slurm\" once the other checks are ok"});
-  const SlurmTools slurm(config);
-  checks.push_back(CommandsCheck(slurm, config));
+  checks.push_back(CommandsCheck(config));
   if (checks.back().state == CheckState::kMissing) return checks;
-  checks.push_back(ControllerCheck(slurm));
+  checks.push_back(ControllerCheck(config));
   if (checks.back().state == CheckState::kMissing) return checks;
-  checks.push_back(PartitionCheck(slurm, config));
-  checks.push_back(LimitsCheck(slurm, config));
-  checks.push_back(JobCheck(slurm, subject));
+  checks.insert(checks.end(), {PartitionCheck(config), LimitsCheck(config), JobCheck(subject)});
   if (checks.back().state == CheckState::kMissing) return checks;
-  const std::vector<Check> node = NodeChecks(slurm, subject);
-  checks.insert(checks.end(), node.begin(), node.end());
+  for (Check& check : NodeChecks(subject)) checks.push_back(std::move(check));
   return checks;
 }
 

@@ -2,6 +2,7 @@
 #include "server/sandbox/doctor.h"
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -38,6 +39,21 @@ struct DoctorVerb {
   bool json = false;
   bool probe_bus = false;
 };
+
+// Tracks without reference episodes, if there are any.
+void AddReferenceCheck(const Tracks& tracks, const std::string& reference,
+                       std::vector<Check>& checks) {
+  std::vector<std::string> lacking;
+  for (const auto& [name, offer] : tracks.entries()) {
+    const std::string why =
+        WhyUnreferenced(reference, offer.profiles.at(offer.default_profile)->config.kind->name);
+    if (!why.empty()) lacking.push_back(absl::StrCat("the track ", name, ": ", why));
+  }
+  if (lacking.empty()) return;
+  checks.push_back({"reference", CheckState::kDegraded, absl::StrJoin(lacking, "; "),
+                    "ranked submissions to these tracks are refused, and practice is graded",
+                    "record their reference episodes (configs/README.md, 'How to add a track')"});
+}
 
 // What the configs say, as far as they can be read; what can't is a check that
 // found something missing.
@@ -95,41 +111,26 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks,
     checks.push_back({"configs", CheckState::kMissing, mistake, "no daemon and no local run starts",
                       "mend the file, or name another folder with --configs"});
   }
-  if (!tracks.ok()) return options;
-  std::string lacking;
-  for (const auto& [name, offer] : tracks->entries()) {
-    const std::string why =
-        WhyUnreferenced(options.config_dir + "/reference",
-                        offer.profiles.at(offer.default_profile)->config.kind->name);
-    if (!why.empty()) absl::StrAppend(&lacking, lacking.empty() ? "" : "; ", "the track ", name, ": ", why);
-  }
-  if (!lacking.empty()) {
-    checks.push_back({"reference", CheckState::kDegraded, lacking,
-                      "ranked submissions to these tracks are refused, and practice is graded",
-                      "record their reference episodes (configs/README.md, 'How to add a track')"});
-  }
+  if (tracks.ok()) AddReferenceCheck(*tracks, options.config_dir + "/reference", checks);
   return options;
 }
 
 // What a daemon that works on the data folder says of this host.
 Check DaemonCheck(const std::string& data_dir) {
-  Check check{"daemon", CheckState::kOk, "", "", ""};
-  const absl::StatusOr<Json> health = Client(data_dir + "/myograde.sock").Get("/v1/health");
+  ServerChoice daemon;
+  daemon.address.socket = data_dir + "/myograde.sock";
+  const absl::StatusOr<Json> health = Client(daemon).Get("/v1/health");
   if (!health.ok()) {
-    check.found = absl::StrCat("none is at work on ", data_dir);
-    return check;
+    return {"daemon", CheckState::kOk, absl::StrCat("none is at work on ", data_dir), "", ""};
   }
   const std::string state = health->value("status", "");
-  check.found = absl::StrCat("process ", Cell(*health, "pid"), " is at work on ", data_dir);
-  if (state == "ok") return check;
-  check.state = CheckState::kMissing;
-  absl::StrAppend(&check.found, ", and says: ", Cell(*health, "message"));
-  check.costs = "no lease starts until it is over; what is submitted waits";
-  check.todo = state == "paused"
-                   ? "mend what the other checks or the reason name; the daemon tests the host "
-                     "again by itself"
-                   : "mend what the reason names; the daemon tries again by itself";
-  return check;
+  const std::string found = Filled(*health, "process {pid} is at work on ") + data_dir;
+  if (state == "ok") return {"daemon", CheckState::kOk, found, "", ""};
+  return {"daemon", CheckState::kMissing, found + Filled(*health, ", and says: {message}"),
+          "no lease starts until it is over; what is submitted waits",
+          state == "paused" ? "mend what the other checks or the reason name; the daemon tests the "
+                              "host again by itself"
+                            : "mend what the reason names; the daemon tries again by itself"};
 }
 
 // Whether the public record in the data folder is as the daemon wrote it; nullopt: there is none that
@@ -141,16 +142,13 @@ std::optional<Check> RecordCheck(const std::string& data_dir) {
   ReaderPool readers(path);
   const absl::StatusOr<std::vector<Damage>> damaged = CheckRecordChain(readers, /*most=*/1);
   if (!damaged.ok()) return std::nullopt;
-  Check check{"record", CheckState::kOk, "", "", ""};
   if (damaged->empty()) {
-    check.found = absl::StrCat("the public record in ", path, " is as it was written");
-    return check;
+    return Check{"record", CheckState::kOk,
+                 absl::StrCat("the public record in ", path, " is as it was written"), "", ""};
   }
-  check.state = CheckState::kDegraded;
-  check.found = DamageText(damaged->front());
-  check.costs = "nobody can check what came before; grading goes on";
-  check.todo = "restore the store from a backup, or tell those who check the record what happened";
-  return check;
+  return Check{"record", CheckState::kDegraded, DamageText(damaged->front()),
+               "nobody can check what came before; grading goes on",
+               "restore the store from a backup, or tell those who check the record what happened"};
 }
 
 Json ChecksJson(const std::vector<Check>& checks, CheckState worst) {
@@ -172,9 +170,8 @@ void PrintChecks(const Json& checks) {
     for (const Json& check : checks) {
       if (Cell(check, "state") != CheckStateName(state)) continue;
       std::cout << '\n'
-                << Bold(absl::StrCat(Cell(check, "name"), ": ", Cell(check, "state"))) << '\n'
-                << "  costs: " << Cell(check, "costs") << '\n'
-                << "  to do: " << Cell(check, "todo") << '\n';
+                << Bold(Filled(check, "{name}: {state}"))
+                << Filled(check, "\n  costs: {costs}\n  to do: {todo}\n");
     }
   }
 }
@@ -244,23 +241,21 @@ absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
     found = ExamineCluster({*server, options.bin_dir, options.cache_dir, options.track});
   }
   checks.insert(checks.end(), found.begin(), found.end());
-  if (std::optional<Check> record = RecordCheck(options.data_dir)) {
-    checks.push_back(*std::move(record));
-  }
+  if (const auto record = RecordCheck(options.data_dir)) checks.push_back(*record);
   checks.push_back(DaemonCheck(options.data_dir));
   CheckState worst = CheckState::kOk;
   for (const Check& check : checks) worst = std::max(worst, check.state);
-  RETURN_IF_ERROR(PrintAnswer(ChecksJson(checks, worst), verb.json, [&](const Json& answer) {
-                    PrintChecks(answer["checks"]);
-                    std::cout << '\n'
-                              << (verb.cluster ? "The cluster" : "This host")
-                              << (worst == CheckState::kOk ? " has all that MyoGrade needs."
-                                  : worst == CheckState::kDegraded
-                                      ? " can grade, at the cost named above."
-                                      : " can't grade yet: see above.")
-                              << std::endl;
-                  }).status());
-  return worst == CheckState::kMissing ? kTrouble : kDone;
+  return PrintAnswer(
+      ChecksJson(checks, worst), verb.json,
+      [&](const Json& answer) {
+        PrintChecks(answer["checks"]);
+        std::cout << (verb.cluster ? "\nThe cluster" : "\nThis host")
+                  << (worst == CheckState::kOk         ? " has all that MyoGrade needs."
+                      : worst == CheckState::kDegraded ? " can grade, at the cost named above."
+                                                       : " can't grade yet: see above.")
+                  << std::endl;
+      },
+      worst == CheckState::kMissing ? kTrouble : kDone);
 }
 
 }  // namespace

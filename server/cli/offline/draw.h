@@ -1,19 +1,39 @@
-// Figures and reports, drawn by the Python program in server/figures.
+// Figures and reports, drawn by the Python program in server/figures from what the daemon tells the
+// caller: nothing else is asked, so nobody sees more in a figure than in an answer of the API.
 #pragma once
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
+#include "server/cli/client/client.h"
+#include "server/cli/client/daemon_options.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 
+// A submission's result with its episodes, without what no figure shows. Errors of Client::Get.
+absl::StatusOr<Json> ResultForFigures(const Client& client, int64_t submission);
+
+// Adds "board", "statistics" and "moments" to `order`. Moments are how the board was whenever
+// something changed, each with "at" and "rows", oldest first; the last is now. They come from the
+// public record; of more than 200 changes as many are taken, evenly.
+absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& order);
+
+// Adds "results" to `order`, one of each row of its "board": the evaluation with its episodes, or
+// "submission", "team", "name" and in "error" why the caller does not see it.
+absl::Status AddResultsOfBoard(const Client& client, Json& order);
+
+// Adds "challenge", its title, and "phase", as GET /v1/challenges has it; null if no challenge has
+// the phase of the order's "board".
+absl::Status AddPhase(const Client& client, Json& order);
+
 struct Drawn {
-  Json numbers;            // behind the figure
-  std::string file;        // its bytes; "" if the order has no format
+  Json numbers;      // behind the figure
+  std::string file;  // its bytes; "" if the order has no format
 };
 
 // Has `order` drawn (server/figures/__main__.py says what it holds). FailedPreconditionError if
@@ -24,11 +44,6 @@ absl::StatusOr<Drawn> DrawFigure(const Json& order);
 // Runs "myograde render" with these words. CancelledError after a stop signal; else its sentence if
 // it failed.
 absl::Status RunRender(std::vector<std::string> words);
-
-// The format that a file's name asks for: "svg" of FIGURE.svg. InvalidArgumentError if it ends in
-// none of `formats`.
-absl::StatusOr<std::string> FormatOf(const std::string& file,
-                                     const std::vector<std::string>& formats);
 
 // How a verb ends that draws: `order`, unless gathering what it holds failed, is drawn into `file`,
 // or into nothing if that is "", and what was made is printed: as JSON, `head` with the numbers, or

@@ -21,7 +21,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/paths.h"
-#include "server/cli/offline/stop_signal.h"
+#include "server/cli/base/exit_status.h"
 
 namespace myograde::server {
 namespace {
@@ -76,7 +76,7 @@ absl::Status AwaitAll(const std::vector<ChildProcess*>& children, Received& from
 
 absl::StatusOr<ChildProcess> StartRenderer(const RenderOrder& order, const std::string& folder,
                                            Fd out) {
-  ASSIGN_OR_RETURN(std::string programs, BinDir());
+  ASSIGN_OR_RETURN(const std::string programs, BinDir());
   const std::string file = folder + "/order.json";
   if (absl::Status status = WriteFile(file, RenderOrderToJson(order).dump()); !status.ok()) {
     return absl::InternalError(status.message());
@@ -84,13 +84,11 @@ absl::StatusOr<ChildProcess> StartRenderer(const RenderOrder& order, const std::
   const Fd opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   const Fd in(::fcntl(opened.get(), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
   if (!in.valid()) return absl::InternalError(absl::StrCat(file, ": can't be read again"));
-  SpawnOrder spawn;
-  spawn.program = programs + "/myograde-render";
-  spawn.words = {"myograde-render"};
-  spawn.in = in.get();
-  spawn.out = out.get();
-  spawn.nice = kLowPriority;
-  return ChildProcess::Start(std::move(spawn));
+  return ChildProcess::Start({.program = programs + "/myograde-render",
+                              .words = {"myograde-render"},
+                              .in = in.get(),
+                              .out = out.get(),
+                              .nice = kLowPriority});
 }
 
 // What the end of myograde-render means.
@@ -138,42 +136,12 @@ absl::StatusOr<ChildProcess> StartEncoder(std::vector<std::string> words, Fd in,
         "films are encoded by ffmpeg, and ", program.status().message(),
         ": install it (Debian: apt-get install ffmpeg), or write a .png"));
   }
-  SpawnOrder spawn;
-  spawn.program = *program;
-  spawn.words = std::move(words);
-  spawn.in = in.get();
-  spawn.out = out.get();
-  spawn.nice = kLowPriority;
-  return ChildProcess::Start(std::move(spawn));
+  return ChildProcess::Start({.program = *program,
+                              .words = std::move(words),
+                              .in = in.get(),
+                              .out = out.get(),
+                              .nice = kLowPriority});
 }
-
-// Hears ffmpeg's lines "frame=12".
-class EncoderProgress {
- public:
-  explicit EncoderProgress(const std::function<void(int64_t)>& report) : report_(report) {}
-
-  absl::Status Take(std::string_view piece) {
-    for (const char c : piece) {
-      if (c != '\n') {
-        if (line_.size() < kLongestProgressLine) line_.push_back(c);
-        continue;
-      }
-      int64_t frame = 0;
-      if (line_.starts_with(kFrameKey) &&
-          absl::SimpleAtoi(line_.substr(kFrameKey.size()), &frame)) {
-        report_(frame);
-      }
-      line_.clear();
-    }
-    return absl::OkStatus();
-  }
-
- private:
-  static constexpr size_t kLongestProgressLine = 200;
-  static constexpr std::string_view kFrameKey = "frame=";
-  const std::function<void(int64_t)>& report_;
-  std::string line_;
-};
 
 }  // namespace
 
@@ -201,8 +169,19 @@ absl::Status EncodeFilm(const RenderOrder& order, FilmFormat format, const std::
                    StartEncoder(EncoderWords(order, format, path), std::move(pictures.read),
                                 std::move(said.write)));
   ASSIGN_OR_RETURN(ChildProcess renderer, StartRenderer(order, folder, std::move(pictures.write)));
-  EncoderProgress lines(progress);
-  Received from = {said.read.get(), [&](std::string_view piece) { return lines.Take(piece); }};
+  std::string lines;  // of ffmpeg, "frame=12" among them
+  Received from = {said.read.get(), [&](std::string_view piece) {
+                     lines.append(piece);
+                     for (size_t end; (end = lines.find('\n')) != std::string::npos;) {
+                       int64_t frame = 0;
+                       const std::string line = lines.substr(0, end);
+                       lines.erase(0, end + 1);
+                       if (line.starts_with("frame=") && absl::SimpleAtoi(line.substr(6), &frame)) {
+                         progress(frame);
+                       }
+                     }
+                     return absl::OkStatus();
+                   }};
   RETURN_IF_ERROR(AwaitAll({&renderer, &encoder}, from, order.deadline_s));
   const absl::Status drawn = RenderStatus(renderer, order);
   // Without its reader the renderer can't go on, and it was not its fault.

@@ -11,19 +11,15 @@
 #include <utility>
 #include <vector>
 
-#include "protocol/base/outcome.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/practice_seeds.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/finding.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/client/acceptance.h"
-#include "server/cli/client/challenges.h"
+#include "server/cli/base/report.h"
 #include "server/cli/client/submit.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
@@ -36,18 +32,16 @@ constexpr double kMuch = 0.5;
 constexpr double kMuchMemory = 0.8;
 
 Finding EpisodeFinding(const EpisodeRow& row, const Json& shown) {
-  const std::string steps = CountCell(shown, "steps", "step");
   if (shown["fault"].is_object()) {
     return {"episode", FindingState::kFails,
-            absl::StrCat("the practice episode ended as ", std::string(OutcomeName(row.outcome)),
-                         " after ", steps, ": ", Cell(shown["fault"], "detail")),
+            Filled(shown, "the practice episode ended as {outcome} after {steps:step}: {fault.detail}"),
             "mend the policy; what it printed last is below"};
   }
-  std::string found = absl::StrCat("the practice episode was played to its end: ",
-                                   std::string(OutcomeName(row.outcome)));
-  if (row.reason != FailureReason::kNone)
-    absl::StrAppend(&found, " (", std::string(row.reason.name()), ")");
-  return {"episode", FindingState::kOk, absl::StrCat(found, " after ", steps)};
+  return {"episode", FindingState::kOk,
+          Filled(shown, row.reason == FailureReason::kNone
+                            ? "the practice episode was played to its end: {outcome} after {steps:step}"
+                            : "the practice episode was played to its end: {outcome} ({reason}) after "
+                              "{steps:step}")};
 }
 
 std::string Seconds(double seconds) {
@@ -110,60 +104,50 @@ Finding OutputFinding(const Budgets& budgets, const Json& output) {
           "print less, or what you look for may be missing"};
 }
 
-struct DryEpisode {
+struct DryReport {
   std::vector<Finding> findings;
-  Json row;     // as `local` prints an episode; null if none was played
-  Json output;  // of the policy, an array as `local` prints it
+  bool answered = false;         // by the server
+  Json row;                      // as `local` prints an episode; null if none was played
+  Json output = Json::array();   // of the policy, as `local` prints it
   bool interrupted = false;
 };
 
 // Plays the first seed of `order` with every limit of the track, and compares what was used with
 // the budgets, for an evaluation of so many `episodes`. What keeps this host from playing is a
 // finding of the state kUnknown.
-DryEpisode PlayDryEpisode(const LocalOrder& order, int64_t episodes) {
-  DryEpisode episode;
-  episode.output = Json::array();
+void PlayDryEpisode(const LocalOrder& order, int64_t episodes, DryReport& report) {
+  std::vector<Finding>& findings = report.findings;
   const absl::StatusOr<LocalResult> result =
-      LocalRun(order,
-               {.progress = Progress("practice episode").Listener(), .stopped = StopRequested})
-          .Run();
+      PlayLocally(order, {.progress = Progress("practice episode").Listener(),
+                          .stopped = StopRequested});
   if (!result.ok()) {
-    episode.findings.push_back(
-        {"episode", FindingState::kUnknown,
-         absl::StrCat("this host could not play: ", result.status().message()),
-         "\"myograde doctor\" says what this host lacks"});
-    return episode;
+    findings.push_back({"episode", FindingState::kUnknown,
+                        absl::StrCat("this host could not play: ", result.status().message()),
+                        "\"myograde doctor\" says what this host lacks"});
+    return;
   }
-  episode.interrupted = result->interrupted;
-  episode.output = result->outputs;
+  report.interrupted = result->interrupted;
+  report.output = result->outputs;
   if (result->rows.empty()) {
-    episode.findings.push_back(
-        {"episode", FindingState::kUnknown, "the practice episode was interrupted", "try again"});
-    return episode;
+    findings.push_back({"episode", FindingState::kUnknown, "the practice episode was interrupted",
+                        "try again"});
+    return;
   }
-  episode.row = LocalRowJson(result->rows.front());
-  episode.findings.push_back(EpisodeFinding(result->rows.front(), episode.row));
-  if (episode.output.empty()) return episode;
-  const Json& output = episode.output.front();
+  report.row = LocalRowJson(result->rows.front());
+  findings.push_back(EpisodeFinding(result->rows.front(), report.row));
+  if (report.output.empty()) return;
+  const Json& output = report.output.front();
   const Json usage = output.value("usage_wall_cpu", Json::object());
   const TrackConfig& track = order.track->config;
-  episode.findings.push_back(TimeFinding(track, episodes, episode.row, usage));
-  episode.findings.push_back(MemoryFinding(track.budgets, usage));
-  episode.findings.push_back(OutputFinding(track.budgets, output));
-  return episode;
+  findings.push_back(TimeFinding(track, episodes, report.row, usage));
+  findings.push_back(MemoryFinding(track.budgets, usage));
+  findings.push_back(OutputFinding(track.budgets, output));
 }
 
 struct DryRunOptions : SubmitOptions {
   bool dry_run = false;
-  int64_t phase_episodes =
-      0;  // of a ranked submission to the phase, as the server says; 0: unknown
+  int64_t phase_episodes = 0;  // of a ranked submission to the phase, says the server; 0: unknown
   HostOptions host;
-};
-
-struct DryReport {
-  std::vector<Finding> findings;
-  bool answered = false;  // by the server
-  DryEpisode episode;
 };
 
 // A track and a profile that the options leave to the phase are the phase's.
@@ -189,16 +173,14 @@ struct DryOrder {
 
 // What `local` would need to play one episode of practice.
 absl::StatusOr<DryOrder> OrderOf(const DryRunOptions& options) {
-  LocalOptions local;
-  local.host = options.host;
-  local.path = options.path;
-  local.track = options.track;
-  local.profile = options.profile;
-  local.seeds = options.seeds;
-  local.slots = 1;
-  ASSIGN_OR_RETURN(LocalOrder order, MakeLocalOrder(local));
-  const int64_t listed = std::ssize(order.seeds);  // of the option, or of the track
-  int64_t episodes = listed;
+  ASSIGN_OR_RETURN(LocalOrder order, MakeLocalOrder({.host = options.host,
+                                                     .path = options.path,
+                                                     .track = options.track,
+                                                     .profile = options.profile,
+                                                     .seeds = options.seeds,
+                                                     .logs = "",
+                                                     .slots = 1}));
+  int64_t episodes = std::ssize(order.seeds);  // of the option, or of the track
   if (options.seeds.empty() && options.phase_episodes > 0) episodes = options.phase_episodes;
   if (options.episodes > 0) episodes = options.episodes;
   if (options.seeds.empty()) {
@@ -239,21 +221,6 @@ Finding ProgramFinding(const std::string& path, LocalOrder& order) {
   return {"program", FindingState::kOk, "the command can start in the sandbox"};
 }
 
-SubmissionPlan PlanOf(const DryRunOptions& options, const LocalOrder& order) {
-  return {.team = options.team,
-          .track = options.track,
-          .profile = options.profile,
-          .phase = options.phase,
-          .practice = !options.seeds.empty() || options.episodes > 0,
-          .artefact = order.artefact.digest,
-          .runtimes = order.artefact.manifest.runtimes,
-          .config = order.track->config.hash};
-}
-
-void Append(std::vector<Finding>& findings, std::vector<Finding> more) {
-  for (Finding& finding : more) findings.push_back(std::move(finding));
-}
-
 // A problem of this host, rather than of the submission, is the error.
 absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& client,
                                   const std::string& temp, DryOrder& dry) {
@@ -264,26 +231,28 @@ absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& cl
   report.findings.push_back(SubmissionFinding(taken, order));
   if (taken.ok()) report.findings.push_back(ProgramFinding(options.path, order));
   const bool playable = WorstOf(report.findings) == FindingState::kOk;
-  Acceptance acceptance = AskAcceptance(client, PlanOf(options, order));
+  const Artefact& artefact = order.artefact;
+  const Acceptance acceptance =
+      AskAcceptance(client, {options, artefact.digest, artefact.manifest.runtimes,
+                             order.track->config.hash});
   report.answered = acceptance.answered;
-  Append(report.findings, std::move(acceptance.findings));
-  report.episode.output = Json::array();
+  std::vector<Finding>& findings = report.findings;
+  findings.insert(findings.end(), acceptance.findings.begin(), acceptance.findings.end());
   if (playable) {
-    report.episode = PlayDryEpisode(order, dry.episodes);
-    Append(report.findings, report.episode.findings);
+    PlayDryEpisode(order, dry.episodes, report);
   } else {
-    report.findings.push_back({"episode", FindingState::kUnknown,
-                               "no practice episode was played, as the policy can't start here", ""});
+    findings.push_back({"episode", FindingState::kUnknown,
+                        "no practice episode was played, as the policy can't start here"});
   }
   return report;
 }
 
 int ExitOfReport(const DryReport& report) {
-  if (HasFinding(report.findings, FindingState::kFails) || report.episode.interrupted) {
+  if (HasFinding(report.findings, FindingState::kFails) || report.interrupted) {
     return kNoScore;
   }
   if (!report.answered) return kUnreachable;
-  return report.episode.row.is_null() ? kTrouble : kDone;
+  return report.row.is_null() ? kTrouble : kDone;
 }
 
 Json ReportJson(const DryRunOptions& options, const LocalOrder& order, const Client& client,
@@ -298,17 +267,18 @@ Json ReportJson(const DryRunOptions& options, const LocalOrder& order, const Cli
           {"answered", report.answered},
           {"state", FindingStateName(WorstOf(report.findings))},
           {"checks", FindingsJson(report.findings)},
-          {"episode", report.episode.row},
-          {"output", report.episode.output}};
+          {"episode", report.row},
+          {"output", report.output}};
 }
 
-void PrintOutput(const Json& output) {
+void PrintTails(const Json& output) {
   for (const Json& part : output) {
     for (const char* key : {"stdout_tail", "stderr_tail"}) {
       const std::string tail = part.value(key, "");
       if (tail.empty()) continue;
-      std::cout << Bold(absl::StrCat("The end of the policy's ", key == std::string("stdout_tail")
-                                         ? "standard output" : "standard error")) << '\n'
+      std::cout << Bold(absl::StrCat("The end of the policy's standard ",
+                                     key[3] == 'o' ? "output" : "error"))
+                << '\n'
                 << Marked(tail);
     }
   }
@@ -320,9 +290,9 @@ void PrintReport(const DryRunOptions& options, const LocalOrder& order, const Dr
             << '\n';
   PrintFindings(report.findings);
   const int status = ExitOfReport(report);
-  if (status == kNoScore) PrintOutput(report.episode.output);
+  if (status == kNoScore) PrintTails(report.output);
   const bool warned = HasFinding(report.findings, FindingState::kWarning);
-  std::cout << (status == kNoScore && report.episode.interrupted ? "It was interrupted."
+  std::cout << (status == kNoScore && report.interrupted ? "It was interrupted."
                 : status == kNoScore     ? "The submission would fail: see above."
                 : status == kUnreachable ? "Nothing would fail as far as can be known without the server."
                 : status == kTrouble     ? "Nothing would fail as far as can be known without an episode."
@@ -343,12 +313,9 @@ absl::StatusOr<int> DryRun(DryRunOptions options) {
   ASSIGN_OR_RETURN(DryOrder order, OrderOf(options));
   ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("dry-run"));
   ASSIGN_OR_RETURN(const DryReport report, Examine(options, client, temp.path(), order));
-  if (options.json) {
-    PrintJson(ReportJson(options, order.local, client, report));
-  } else {
-    PrintReport(options, order.local, report);
-  }
-  return ExitOfReport(report);
+  return PrintAnswer(
+      ReportJson(options, order.local, client, report), options.json,
+      [&](const Json&) { PrintReport(options, order.local, report); }, ExitOfReport(report));
 }
 
 }  // namespace

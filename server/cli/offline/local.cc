@@ -18,10 +18,9 @@
 #include "server/artefact/adapters.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
+#include "server/cli/base/files.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
-#include "server/cli/base/seed_file.h"
-#include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/screen.h"
@@ -51,97 +50,6 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
   if (options.episodes > 0) seeds.resize(static_cast<size_t>(options.episodes));
   return seeds;
 }
-
-absl::StatusOr<std::vector<std::string>> RuntimesOf(const ArtefactManifest& manifest,
-                                                    const Runtimes& runtimes) {
-  std::vector<std::string> folders;
-  for (const std::string& name : manifest.runtimes) {
-    absl::StatusOr<Runtime> runtime = runtimes.Find(name);
-    if (absl::IsNotFound(runtime.status())) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "policy.json asks for the runtime \"", name, "\"; known: ",
-          absl::StrJoin(runtimes.List(), ", ", [](std::string* out, const Runtime& entry) {
-            out->append(entry.name);
-          })));
-    }
-    if (!runtime.ok()) return runtime.status();
-    folders.push_back(std::move(runtime->folder));
-  }
-  return folders;
-}
-
-}  // namespace
-
-absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
-  LocalOrder order;
-  const std::string configs = options.host.configs_dir();
-  ASSIGN_OR_RETURN(
-      TrackConfig config,
-      HostStatus("", LoadTrackConfig(configs + "/tracks", options.track, options.profile)));
-  ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, config));
-  ASSIGN_OR_RETURN(order.track, HostStatus("", MakeTrack(std::move(config))));
-  order.cache_dir = options.host.cache_dir();
-  ASSIGN_OR_RETURN(order.config,
-                   HostStatus("", LoadServerConfig(configs + "/server.json", order.cache_dir)));
-  RETURN_IF_ERROR(HostStatus("", LoadSandboxConfig(configs).status()));
-  order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
-  return order;
-}
-
-absl::Status TakeSubmission(const std::string& path, const std::string& name,
-                            const std::string& temp, LocalOrder& order) {
-  const TrackConfig& track = order.track->config;
-  const ArtefactLimits limits = {.bytes = track.budgets.submission_bytes,
-                                 .files = track.budgets.submission_files};
-  const std::string archive = temp + "/artefact.tar";
-  RETURN_IF_ERROR(
-      HostStatus(path, PackArtefact(path, archive, limits,
-                                    Progress("packing", Progress::Unit::kBytes).Listener(), name)
-                           .status()));
-  order.artefact_dir = temp + "/artefact";
-  ASSIGN_OR_RETURN(
-      order.artefact,
-      HostStatus(path, UnpackArtefact(archive, order.artefact_dir, limits,
-                                      Progress("unpacking", Progress::Unit::kBytes).Listener())));
-  const ArtefactManifest& manifest = order.artefact.manifest;
-  RETURN_IF_ERROR(HostStatus(path, CheckAdapter(manifest.adapter, *track.kind)));
-  RETURN_IF_ERROR(HostStatus(path, CheckExtraObservations(manifest.extra_observations, track)));
-  order.work_dir = temp;
-  std::filesystem::remove(archive);
-  return absl::OkStatus();
-}
-
-absl::Status TakeRuntimes(LocalOrder& order) {
-  ASSIGN_OR_RETURN(order.runtimes,
-                   RuntimesOf(order.artefact.manifest,
-                              Runtimes(order.config.runtimes, order.config.runtimes_dir)));
-  return absl::OkStatus();
-}
-
-absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order) {
-  return HostStatus(path,
-                    CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
-}
-
-Json LocalRowJson(const EpisodeRow& row) {
-  const Json facts = Json::parse(row.facts_json);
-  Json json = {{"index", row.index},
-               {"seed", row.seed},
-               {"outcome", OutcomeName(row.outcome)},
-               {"reason", row.reason.name()},
-               {"metrics", Json::parse(row.metrics_json)},
-               {"facts", facts},
-               {"details", row.details_json.empty() ? Json() : Json::parse(row.details_json)}};
-  const std::pair<const char*, const char*> copied[] = {
-      {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
-      {"actions_digest", "actions_digest"},  {"log", "log"},
-      {"end", "end"},     {"fault", "fault"},         {"wall_s", "wall_s"},
-      {"policy_cpu_s", "policy_cpu_s"}};
-  for (const auto& [from, to] : copied) json[to] = facts.value(from, Json());
-  return json;
-}
-
-namespace {
 
 // Everything that can be wrong with what the user gave is found here, before
 // anything runs. `temp` keeps the unpacked submission.
@@ -226,7 +134,93 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
               {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};
 }
 
+absl::StatusOr<int> Local(const LocalOptions& options) {
+  ASSIGN_OR_RETURN(const LocalGrade grade, GradeLocally(options));
+  return PrintAnswer(
+      grade.json, options.json,
+      [&](const Json& json) { PrintLocalGrade(json, options.full_hashes); }, ExitOfLocalGrade(grade));
+}
+
 }  // namespace
+
+absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
+  LocalOrder order;
+  const std::string configs = options.host.configs_dir();
+  ASSIGN_OR_RETURN(
+      TrackConfig config,
+      HostStatus("", LoadTrackConfig(configs + "/tracks", options.track, options.profile)));
+  ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, config));
+  ASSIGN_OR_RETURN(order.track, HostStatus("", MakeTrack(std::move(config))));
+  order.cache_dir = options.host.cache_dir();
+  ASSIGN_OR_RETURN(order.config,
+                   HostStatus("", LoadServerConfig(configs + "/server.json", order.cache_dir)));
+  RETURN_IF_ERROR(HostStatus("", LoadSandboxConfig(configs).status()));
+  order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
+  return order;
+}
+
+absl::Status TakeSubmission(const std::string& path, const std::string& name,
+                            const std::string& temp, LocalOrder& order) {
+  const TrackConfig& track = order.track->config;
+  const ArtefactLimits limits = {.bytes = track.budgets.submission_bytes,
+                                 .files = track.budgets.submission_files};
+  const std::string archive = temp + "/artefact.tar";
+  RETURN_IF_ERROR(
+      HostStatus(path, PackArtefact(path, archive, limits,
+                                    Progress("packing", Progress::Unit::kBytes).Listener(), name)
+                           .status()));
+  order.artefact_dir = temp + "/artefact";
+  ASSIGN_OR_RETURN(
+      order.artefact,
+      HostStatus(path, UnpackArtefact(archive, order.artefact_dir, limits,
+                                      Progress("unpacking", Progress::Unit::kBytes).Listener())));
+  const ArtefactManifest& manifest = order.artefact.manifest;
+  RETURN_IF_ERROR(HostStatus(path, CheckAdapter(manifest.adapter, *track.kind)));
+  RETURN_IF_ERROR(HostStatus(path, CheckExtraObservations(manifest.extra_observations, track)));
+  order.work_dir = temp;
+  std::filesystem::remove(archive);
+  return absl::OkStatus();
+}
+
+absl::Status TakeRuntimes(LocalOrder& order) {
+  const Runtimes runtimes(order.config.runtimes, order.config.runtimes_dir);
+  for (const std::string& name : order.artefact.manifest.runtimes) {
+    absl::StatusOr<Runtime> runtime = runtimes.Find(name);
+    if (absl::IsNotFound(runtime.status())) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "policy.json asks for the runtime \"", name, "\"; known: ",
+          absl::StrJoin(runtimes.List(), ", ", [](std::string* out, const Runtime& entry) {
+            out->append(entry.name);
+          })));
+    }
+    if (!runtime.ok()) return runtime.status();
+    order.runtimes.push_back(std::move(runtime->folder));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order) {
+  return HostStatus(path,
+                    CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
+}
+
+Json LocalRowJson(const EpisodeRow& row) {
+  const Json facts = Json::parse(row.facts_json);
+  Json json = {{"index", row.index},
+               {"seed", row.seed},
+               {"outcome", OutcomeName(row.outcome)},
+               {"reason", row.reason.name()},
+               {"metrics", Json::parse(row.metrics_json)},
+               {"facts", facts},
+               {"details", row.details_json.empty() ? Json() : Json::parse(row.details_json)}};
+  const std::pair<const char*, const char*> copied[] = {
+      {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
+      {"actions_digest", "actions_digest"},  {"log", "log"},
+      {"end", "end"},     {"fault", "fault"},         {"wall_s", "wall_s"},
+      {"policy_cpu_s", "policy_cpu_s"}};
+  for (const auto& [from, to] : copied) json[to] = facts.value(from, Json());
+  return json;
+}
 
 absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   CatchStopSignals();
@@ -235,12 +229,11 @@ absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   ASSIGN_OR_RETURN(LocalOrder order, Prepare(options, temp.path()));
   ASSIGN_OR_RETURN(
       LocalResult result,
-      LocalRun(
+      PlayLocally(
           order,
           {.progress = Progress(options.track).Listener(),
            .stopped = StopRequested,
-           .again = [](const std::string& why) { std::cerr << "myograde: " << why << std::endl; }})
-          .Run());
+           .again = [](const std::string& why) { std::cerr << "myograde: " << why << std::endl; }}));
   ASSIGN_OR_RETURN(Json json, ResultJson(order, result, SystemClock().Monotonic() - start));
   RETURN_IF_ERROR(NameLogs(order.log_dir, json["episode_rows"]));
   json["episodes"] = json["episode_rows"];  // as it was called at first
@@ -248,9 +241,7 @@ absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
 }
 
 void PrintLocalGrade(const Json& json, bool full_hashes) {
-  std::cout << Bold(absl::StrCat(Cell(json, "name"), " on ", Cell(json, "track"), ", profile ",
-                                 Cell(json, "profile"), ": ", Cell(json, "state")))
-            << '\n';
+  std::cout << Bold(Filled(json, "{name} on {track}, profile {profile}: {state}")) << '\n';
   PrintResult(json, full_hashes);
   PrintEpisodes(json["episode_rows"], json["metrics"], full_hashes);
   std::cout << "took " << DurationText(json["wall"]["wall_s"].get<double>()) << std::endl;
@@ -260,20 +251,6 @@ int ExitOfLocalGrade(const LocalGrade& grade) {
   if (grade.interrupted) PrintToErrors("myograde: interrupted");
   return grade.json["state"] == "done" ? kDone : kNoScore;
 }
-
-namespace {
-
-absl::StatusOr<int> Local(const LocalOptions& options) {
-  ASSIGN_OR_RETURN(const LocalGrade grade, GradeLocally(options));
-  if (options.json) {
-    PrintJson(grade.json);
-  } else {
-    PrintLocalGrade(grade.json, options.full_hashes);
-  }
-  return ExitOfLocalGrade(grade);
-}
-
-}  // namespace
 
 void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& path_name,
                      const std::string& schema) {

@@ -1,21 +1,60 @@
-// A policy graded on this host, in the steps that its verbs share: what is to be played is gathered,
-// the submission is checked, and LocalRun plays it.
+// A policy graded on this host without a daemon: the same runner, simulator and scoring, nothing
+// stored. In the steps that the verbs share: what is to be played is gathered, the submission is
+// checked, and PlayLocally plays it.
 #pragma once
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "server/artefact/artefact.h"
 #include "server/cli/base/options.h"
-#include "server/cli/offline/local_run.h"
 #include "server/cli/terminal/text.h"
+#include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
+
+// Stands for a data folder's secret in local runs under configs of form 1, whose policy seeds
+// a daemon takes from a secret of its own (policy_seed.h).
+inline constexpr char kLocalPolicyKey[] = "myograde local run";
+
+struct LocalOrder {
+  TrackPtr track;
+  std::vector<uint64_t> seeds;  // of the episodes to play
+  Artefact artefact;
+  std::string artefact_dir;
+  std::vector<std::string> runtimes;  // host folders
+  std::string work_dir;               // empty, owned by the caller
+  std::string cache_dir;
+  std::string log_dir;                // of the episodes' logs; "": none are kept
+  int slots = 1;
+  ServerConfig config;
+};
+
+struct LocalResult {
+  std::vector<EpisodeRow> rows;  // by index
+  Json outputs;                  // of the leases, in order
+  bool interrupted = false;
+};
+
+// The first two are called several times a second, by the thread that calls PlayLocally.
+struct LocalHooks {
+  std::function<void(int64_t done, int64_t total)> progress;  // episodes
+  std::function<bool()> stopped;                              // true ends the run
+  // Unless null: a sentence about episodes that a fault of the grader has played again.
+  std::function<void(const std::string&)> again = nullptr;
+};
+
+// Plays every lease, up to `slots` at once. InternalError if a lease failed by the grader's fault more
+// often than the config allows replays; each replay waits as a daemon's does. When stopped, what is
+// running is killed within a second and the rows so far are returned.
+absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const LocalHooks& hooks);
 
 struct LocalOptions {
   HostOptions host;
@@ -58,7 +97,7 @@ struct LocalGrade {
   bool interrupted = false;
 };
 
-// Plays what the options ask for. Errors as of the steps above and of LocalRun::Run.
+// Plays what the options ask for. Errors as of the steps above and of PlayLocally.
 absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options);
 
 // Prints it as text.

@@ -1,10 +1,12 @@
-#include "server/cli/offline/local_run.h"
+#include "server/cli/offline/local.h"
 
 #include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
+#include <memory>
 #include <set>
 #include <thread>
 
@@ -14,6 +16,8 @@
 #include "protocol/base/status_macros.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
+#include "server/runner/lease_report.h"
+#include "server/runner/runner_process.h"
 #include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
@@ -37,176 +41,204 @@ Json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
           {"usage_wall_cpu", std::move(use)}};
 }
 
-}  // namespace
+class LocalRun {
+ public:
+  LocalRun(const LocalOrder& order, const LocalHooks& hooks) : order_(order), hooks_(hooks) {}
 
-absl::StatusOr<LocalResult> LocalRun::Run() {
-  const int64_t total = std::ssize(order_.seeds);
-  const int64_t block = order_.track->config.episodes_per_lease;
-  for (int64_t first = 0; first < total; first += block) {
-    Lease& lease = leases_.emplace_back();
-    lease.first = first;
-    lease.last = std::min(first + block, total) - 1;
-  }
-  for (;;) {
-    if (hooks_.stopped()) {
-      KillAll();
-      return Collect(/*interrupted=*/true);
+  absl::StatusOr<LocalResult> Run() {
+    const int64_t total = std::ssize(order_.seeds);
+    const int64_t block = order_.track->config.episodes_per_lease;
+    for (int64_t first = 0; first < total; first += block) {
+      Lease& lease = leases_.emplace_back();
+      lease.first = first;
+      lease.last = std::min(first + block, total) - 1;
     }
-    absl::Status status = StartWaiting();
-    WaitForRecords();
-    int64_t done = 0;
-    bool all_done = true;
+    for (;;) {
+      if (hooks_.stopped()) {
+        KillAll();
+        return Collect(/*interrupted=*/true);
+      }
+      absl::Status status = StartWaiting();
+      WaitForRecords();
+      int64_t done = 0;
+      bool all_done = true;
+      for (Lease& lease : leases_) {
+        if (lease.runner != nullptr) Listen(lease);
+        if (status.ok() && lease.runner != nullptr && lease.runner->finished()) {
+          Listen(lease);
+          status = Finish(lease);
+        }
+        done += std::ssize(lease.rows);
+        all_done = all_done && lease.done;
+      }
+      hooks_.progress(done, total);
+      if (!status.ok()) {
+        KillAll();
+        return status;
+      }
+      if (all_done) return Collect(/*interrupted=*/false);
+    }
+  }
+
+ private:
+  struct Lease {
+    int64_t first = 0;
+    int64_t last = 0;
+    int64_t faults = 0;
+    absl::Duration not_before;  // of the next try
+    std::unique_ptr<RunnerProcess> runner;
+    int slot = -1;
+    std::string work_dir;
+    LeaseReport report;  // of this try
+    std::map<int64_t, EpisodeRow> rows;
+    bool done = false;
+  };
+
+  LeaseOrder OrderFor(const Lease& lease) const {
+    const TrackConfig& track = order_.track->config;
+    const Form1PolicySeeds form1 = {kLocalPolicyKey, order_.artefact.digest};
+    return MakeLeaseOrder(
+        absl::StrCat("local-", lease.first, "-", lease.faults), track,
+        EpisodesOf(track, order_.seeds, form1, lease.first, lease.last),
+        {.artefact_dir = order_.artefact_dir,
+         .command = order_.artefact.manifest.command,
+         .environment = order_.artefact.manifest.environment,
+         .runtimes = order_.runtimes,
+         .adapter = order_.artefact.manifest.adapter,
+         .extra_observations = ShowsExtraObservations(
+             order_.artefact.manifest.extra_observations, !order_.artefact.manifest.adapter.empty(),
+             track),
+         .image = order_.artefact.manifest.image},
+        {.slot = lease.slot,
+         .uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1,
+         .pinned = PinsSlots(order_.config, order_.slots, track),
+         .work_dir = lease.work_dir,
+         .cache_dir = order_.cache_dir,
+         .log_dir = order_.log_dir});
+  }
+
+  absl::Status StartWaiting() {
+    const absl::Duration now = SystemClock().Monotonic();
+    std::set<int> free;
+    for (int slot = 0; slot < order_.slots; ++slot) free.insert(slot);
+    for (const Lease& lease : leases_) free.erase(lease.slot);
     for (Lease& lease : leases_) {
-      if (lease.runner != nullptr) Listen(lease);
-      if (status.ok() && lease.runner != nullptr && lease.runner->finished()) {
-        Listen(lease);
-        status = Finish(lease);
-      }
-      done += std::ssize(lease.rows);
-      all_done = all_done && lease.done;
+      if (free.empty()) break;
+      if (lease.done || lease.runner != nullptr || lease.not_before > now) continue;
+      RETURN_IF_ERROR(Start(lease, free.extract(free.begin()).value()));
     }
-    hooks_.progress(done, total);
-    if (!status.ok()) {
-      KillAll();
-      return status;
-    }
-    if (all_done) return Collect(/*interrupted=*/false);
-  }
-}
-
-LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
-  const TrackConfig& track = order_.track->config;
-  const Form1PolicySeeds form1 = {kLocalPolicyKey, order_.artefact.digest};
-  return MakeLeaseOrder(
-      absl::StrCat("local-", lease.first, "-", lease.faults), track,
-      EpisodesOf(track, order_.seeds, form1, lease.first, lease.last),
-      {.artefact_dir = order_.artefact_dir,
-       .command = order_.artefact.manifest.command,
-       .environment = order_.artefact.manifest.environment,
-       .runtimes = order_.runtimes,
-       .adapter = order_.artefact.manifest.adapter,
-       .extra_observations = ShowsExtraObservations(
-           order_.artefact.manifest.extra_observations, !order_.artefact.manifest.adapter.empty(),
-           track),
-       .image = order_.artefact.manifest.image},
-      {.slot = lease.slot,
-       .uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1,
-       .pinned = PinsSlots(order_.config, order_.slots, track),
-       .work_dir = lease.work_dir,
-       .cache_dir = order_.cache_dir,
-       .log_dir = order_.log_dir});
-}
-
-absl::Status LocalRun::StartWaiting() {
-  const absl::Duration now = SystemClock().Monotonic();
-  std::set<int> free;
-  for (int slot = 0; slot < order_.slots; ++slot) free.insert(slot);
-  for (const Lease& lease : leases_) free.erase(lease.slot);
-  for (Lease& lease : leases_) {
-    if (free.empty()) break;
-    if (lease.done || lease.runner != nullptr || lease.not_before > now) continue;
-    RETURN_IF_ERROR(Start(lease, free.extract(free.begin()).value()));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status LocalRun::Start(Lease& lease, int slot) {
-  lease.slot = slot;
-  lease.work_dir = absl::StrCat(order_.work_dir, "/lease-", lease.first, "-", lease.faults);
-  std::error_code error;
-  if (!std::filesystem::create_directory(lease.work_dir, error)) {
-    return absl::InternalError(absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
-  }
-  const LeaseOrder order = OrderFor(lease);
-  absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
-  if (!runner.ok()) return absl::InternalError(runner.status().message());
-  lease.runner = *std::move(runner);
-  const absl::Duration now = SystemClock().Monotonic();
-  const absl::Duration budget = absl::Seconds(order.track.budgets.lease_wall_s);
-  lease.report = LeaseReport(order.episodes,
-                             {.deadline = now + budget + order_.config.lease_grace,
-                              .silence = order_.config.scheduler.heartbeat},
-                             now);
-  return absl::OkStatus();
-}
-
-void LocalRun::WaitForRecords() {
-  std::vector<pollfd> fds;
-  for (const Lease& lease : leases_) {
-    if (lease.runner == nullptr) continue;
-    for (const int fd : {lease.runner->stdout_fd(), lease.runner->stderr_fd()}) {
-      if (fd >= 0) fds.push_back({fd, POLLIN, 0});
-    }
-  }
-  // An interrupt or an error only ends the wait early; the loop looks again.
-  ::poll(fds.data(), fds.size(), kPollMilliseconds);
-}
-
-void LocalRun::Listen(Lease& lease) {
-  const absl::Duration now = SystemClock().Monotonic();
-  absl::StatusOr<std::vector<LeaseRecord>> records = lease.runner->Read();
-  if (!records.ok()) {
-    lease.report.Fail(std::string(records.status().message()));
-  } else {
-    const LeaseReport::News news = lease.report.Take(*records, now);
-    for (const EpisodeFacts& facts : news.episodes) {
-      absl::StatusOr<EpisodeRow> row = JudgedRow(*order_.track, facts);
-      if (!row.ok()) {
-        lease.report.Fail(std::string(row.status().message()));
-      } else {
-        lease.rows.try_emplace(facts.index, *std::move(row));  // what an earlier try told stays
-      }
-    }
-  }
-  lease.report.Tick(now);
-  if (lease.report.faulty() || lease.report.lingers(now)) lease.runner->Kill();
-}
-
-absl::Status LocalRun::Finish(Lease& lease) {
-  lease.report.Conclude(lease.runner->wait_status(), lease.runner->stderr_tail());
-  lease.runner.reset();
-  lease.slot = -1;
-  std::error_code ignored;  // the whole folder is removed at the end again
-  std::filesystem::remove_all(lease.work_dir, ignored);
-  if (!lease.report.faulty()) {
-    lease.done = true;
     return absl::OkStatus();
   }
-  if (++lease.faults > order_.config.scheduler.max_retries) {
-    return absl::InternalError(absl::StrCat("episodes ", lease.first, " to ", lease.last,
-                                            " failed by a fault of the grader: ",
-                                            lease.report.fault()));
-  }
-  // What disturbed it may take a while to go.
-  const auto doubled = static_cast<double>(int64_t{1} << std::min<int64_t>(lease.faults - 1, 20));
-  lease.not_before =
-      SystemClock().Monotonic() + order_.config.scheduler.retry_delay * doubled;
-  if (hooks_.again) {
-    hooks_.again(absl::StrCat("episodes ", lease.first, " to ", lease.last,
-                              " are played again after a fault of the grader: ", lease.report.fault()));
-  }
-  return absl::OkStatus();
-}
 
-void LocalRun::KillAll() {
-  std::vector<std::thread> killers;  // a Kill takes up to a second; all together too
-  for (Lease& lease : leases_) {
-    if (lease.runner != nullptr) killers.emplace_back([&lease] { lease.runner->Kill(); });
-  }
-  for (std::thread& killer : killers) killer.join();
-}
-
-LocalResult LocalRun::Collect(bool interrupted) const {
-  LocalResult result;
-  result.interrupted = interrupted;
-  result.outputs = Json::array();
-  for (const Lease& lease : leases_) {
-    for (const auto& [index, row] : lease.rows) result.rows.push_back(row);
-    if (lease.report.end().has_value()) {
-      result.outputs.push_back(OutputJson(lease.first, lease.last, *lease.report.end(), result.rows));
+  absl::Status Start(Lease& lease, int slot) {
+    lease.slot = slot;
+    lease.work_dir = absl::StrCat(order_.work_dir, "/lease-", lease.first, "-", lease.faults);
+    std::error_code error;
+    if (!std::filesystem::create_directory(lease.work_dir, error)) {
+      return absl::InternalError(
+          absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
     }
+    const LeaseOrder order = OrderFor(lease);
+    absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
+    if (!runner.ok()) return absl::InternalError(runner.status().message());
+    lease.runner = *std::move(runner);
+    const absl::Duration now = SystemClock().Monotonic();
+    const absl::Duration budget = absl::Seconds(order.track.budgets.lease_wall_s);
+    lease.report = LeaseReport(order.episodes,
+                               {.deadline = now + budget + order_.config.lease_grace,
+                                .silence = order_.config.scheduler.heartbeat},
+                               now);
+    return absl::OkStatus();
   }
-  return result;
+
+  void WaitForRecords() {
+    std::vector<pollfd> fds;
+    for (const Lease& lease : leases_) {
+      if (lease.runner == nullptr) continue;
+      for (const int fd : {lease.runner->stdout_fd(), lease.runner->stderr_fd()}) {
+        if (fd >= 0) fds.push_back({fd, POLLIN, 0});
+      }
+    }
+    // An interrupt or an error only ends the wait early; the loop looks again.
+    ::poll(fds.data(), fds.size(), kPollMilliseconds);
+  }
+
+  void Listen(Lease& lease) {
+    const absl::Duration now = SystemClock().Monotonic();
+    absl::StatusOr<std::vector<LeaseRecord>> records = lease.runner->Read();
+    if (!records.ok()) {
+      lease.report.Fail(std::string(records.status().message()));
+    } else {
+      const LeaseReport::News news = lease.report.Take(*records, now);
+      for (const EpisodeFacts& facts : news.episodes) {
+        absl::StatusOr<EpisodeRow> row = JudgedRow(*order_.track, facts);
+        if (!row.ok()) {
+          lease.report.Fail(std::string(row.status().message()));
+        } else {
+          lease.rows.try_emplace(facts.index, *std::move(row));  // what an earlier try told stays
+        }
+      }
+    }
+    lease.report.Tick(now);
+    if (lease.report.faulty() || lease.report.lingers(now)) lease.runner->Kill();
+  }
+
+  absl::Status Finish(Lease& lease) {
+    lease.report.Conclude(lease.runner->wait_status(), lease.runner->stderr_tail());
+    lease.runner.reset();
+    lease.slot = -1;
+    std::error_code ignored;  // the whole folder is removed at the end again
+    std::filesystem::remove_all(lease.work_dir, ignored);
+    if (!lease.report.faulty()) {
+      lease.done = true;
+      return absl::OkStatus();
+    }
+    const std::string episodes = absl::StrCat("episodes ", lease.first, " to ", lease.last);
+    if (++lease.faults > order_.config.scheduler.max_retries) {
+      return absl::InternalError(
+          absl::StrCat(episodes, " failed by a fault of the grader: ", lease.report.fault()));
+    }
+    // What disturbed it may take a while to go.
+    const auto doubled = static_cast<double>(int64_t{1} << std::min<int64_t>(lease.faults - 1, 20));
+    lease.not_before = SystemClock().Monotonic() + order_.config.scheduler.retry_delay * doubled;
+    if (hooks_.again) {
+      hooks_.again(absl::StrCat(episodes, " are played again after a fault of the grader: ",
+                                lease.report.fault()));
+    }
+    return absl::OkStatus();
+  }
+
+  void KillAll() {
+    std::vector<std::thread> killers;  // a Kill takes up to a second; all together too
+    for (Lease& lease : leases_) {
+      if (lease.runner != nullptr) killers.emplace_back([&lease] { lease.runner->Kill(); });
+    }
+    for (std::thread& killer : killers) killer.join();
+  }
+
+  LocalResult Collect(bool interrupted) const {
+    LocalResult result;
+    result.interrupted = interrupted;
+    result.outputs = Json::array();
+    for (const Lease& lease : leases_) {
+      for (const auto& [index, row] : lease.rows) result.rows.push_back(row);
+      if (lease.report.end().has_value()) {
+        result.outputs.push_back(
+            OutputJson(lease.first, lease.last, *lease.report.end(), result.rows));
+      }
+    }
+    return result;
+  }
+
+  const LocalOrder& order_;
+  const LocalHooks& hooks_;
+  std::vector<Lease> leases_;
+};
+
+}  // namespace
+
+absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const LocalHooks& hooks) {
+  return LocalRun(order, hooks).Run();
 }
 
 }  // namespace myograde::server

@@ -1,12 +1,12 @@
 // myograde new
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
-#include <fcntl.h>
-#include <stdio.h>
-#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <iostream>
@@ -52,42 +52,6 @@ absl::Status IsThere(const std::string& folder) {
                    "another place with --output"));
 }
 
-// A folder beside the one that is to appear, removed with everything in it unless it got its name.
-class PartFolder {
- public:
-  explicit PartFolder(const std::string& folder) : path_(folder + ".part-XXXXXX") {
-    made_ = ::mkdtemp(path_.data()) != nullptr;
-  }
-  PartFolder(const PartFolder&) = delete;
-  PartFolder& operator=(const PartFolder&) = delete;
-  ~PartFolder() {
-    std::error_code ignored;  // nobody is left to tell
-    if (made_) fs::remove_all(path_, ignored);
-  }
-
-  bool made() const { return made_; }
-  const std::string& path() const { return path_; }
-
-  // The folder's final name, if nothing has it; else sets errno.
-  bool Keep(const std::string& folder) {
-    // mkdtemp makes it for its owner only. The mask can't be asked without being set.
-    const mode_t mask = ::umask(0);
-    ::umask(mask);
-    if (::chmod(path_.c_str(), 0777 & ~mask) != 0) return false;
-    if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, folder.c_str(), RENAME_NOREPLACE) != 0) {
-      // Some file systems can't promise to replace nothing. There rename() replaces an empty folder
-      // at worst, if one appeared since WriteStarter() looked.
-      if (errno != EINVAL || ::rename(path_.c_str(), folder.c_str()) != 0) return false;
-    }
-    made_ = false;
-    return true;
-  }
-
- private:
-  std::string path_;
-  bool made_;
-};
-
 // Where an installation and a build tree have the templates of a language, seen from the programs.
 absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
   ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
@@ -106,26 +70,23 @@ absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
 absl::Status WriteFrom(const Starter& starter, const std::string& from, const std::string& to) {
   const absl::StatusOr<std::string> text = ReadFile(from);
   if (!text.ok()) return absl::InternalError(text.status().message());
-  const std::string written =
-      absl::StrReplaceAll(*text, {{"@NAME@", starter.name}, {"@TRACK@", starter.track}});
-  RETURN_IF_ERROR(WriteFile(to, written));
-  struct stat info = {};
-  if (::stat(from.c_str(), &info) == 0 && (info.st_mode & S_IXUSR) != 0) {
-    std::error_code error;
-    using fs::perms;
-    fs::permissions(to, perms::owner_exec | perms::group_exec | perms::others_exec,
-                    fs::perm_options::add, error);
-    if (error) return CantMake(to, error.message());
-  }
-  return absl::OkStatus();
+  RETURN_IF_ERROR(WriteFile(
+      to, absl::StrReplaceAll(*text, {{"@NAME@", starter.name}, {"@TRACK@", starter.track}})));
+  if (::access(from.c_str(), X_OK) != 0) return absl::OkStatus();
+  using fs::perms;
+  std::error_code error;
+  fs::permissions(to, perms::owner_exec | perms::group_exec | perms::others_exec,
+                  fs::perm_options::add, error);
+  return error ? CantMake(to, error.message()) : absl::OkStatus();
 }
 
-// All files of a template below `folder`; their names, sorted.
+// All files of a template in the new folder `folder`; their names, sorted.
 absl::StatusOr<std::vector<std::string>> WriteAllFrom(const Starter& starter,
                                                       const std::string& templates,
                                                       const std::string& folder) {
   std::vector<std::string> names;
   std::error_code error;
+  if (!fs::create_directory(folder, error)) return CantMake(folder, error.message());
   fs::recursive_directory_iterator entry(templates, error);
   for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
     const std::string name = entry->path().lexically_relative(templates).string();
@@ -145,18 +106,10 @@ absl::StatusOr<std::vector<std::string>> WriteAllFrom(const Starter& starter,
 
 // "" if `name` can stand in sources, file names and policy.json; else what it must be.
 std::string CheckPolicyName(const std::string& name) {
-  const auto is_letter_or_digit = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
-  };
-  const bool good = !name.empty() && name.size() <= kLongestName &&
-                    is_letter_or_digit(name.front()) &&
-                    std::all_of(name.begin(), name.end(), [&](char c) {
-                      return is_letter_or_digit(c) || c == '-' || c == '_' || c == '.';
-                    });
-  return good ? ""
-              : absl::StrCat("a policy's name here has 1 to ", kLongestName,
-                             " of the characters A-Z, a-z, 0-9, \"-\", \"_\" and \".\", and begins "
-                             "with a letter or digit");
+  if (IsPlainName(name, kLongestName)) return "";
+  return absl::StrCat("a policy's name here has 1 to ", kLongestName,
+                      " of the characters A-Z, a-z, 0-9, \"-\", \"_\" and \".\", and begins with a "
+                      "letter or digit");
 }
 
 // Makes the new folder `folder` from the templates that came with this program, and returns the
@@ -170,14 +123,18 @@ absl::StatusOr<std::vector<std::string>> WriteStarter(const Starter& starter,
     return error ? CantMake(folder, error.message()) : IsThere(folder);
   }
   ASSIGN_OR_RETURN(const std::string templates, TemplatesOf(starter.lang));
-  PartFolder part(folder);
-  if (!part.made()) return CantMake(folder, std::strerror(errno));
-  ASSIGN_OR_RETURN(const std::vector<std::string> names,
-                   WriteAllFrom(starter, templates, part.path()));
-  if (!part.Keep(folder)) {
-    return errno == EEXIST || errno == ENOTEMPTY ? IsThere(folder)
-                                                 : CantMake(folder, std::strerror(errno));
+  // Made beside its place, and removed with everything in it unless it gets its name.
+  std::string part = folder + ".part-XXXXXX";
+  if (::mkdtemp(part.data()) == nullptr) return CantMake(folder, std::strerror(errno));
+  const std::string made = part + "/made";
+  auto names = WriteAllFrom(starter, templates, made);
+  // Over an empty folder at worst, if one appeared since.
+  if (names.ok() && ::rename(made.c_str(), folder.c_str()) != 0) {
+    const bool there = errno == EEXIST || errno == ENOTEMPTY || errno == ENOTDIR;
+    names = there ? IsThere(folder) : CantMake(folder, std::strerror(errno));
   }
+  std::error_code ignored;  // nobody is left to tell
+  fs::remove_all(part, ignored);
   return names;
 }
 
@@ -198,11 +155,12 @@ std::vector<std::string> CommandsOf(const Starter& starter) {
                    " --team \"Team Blue\" --wait")};
 }
 
-void PrintMade(const std::string& folder, const std::vector<std::string>& files,
-               const std::vector<std::string>& commands) {
-  std::cout << Bold(Harmless(folder)) << ": a policy that plays as it is, in " << files.size()
-            << " files. Go on with\n\n  cd " << Harmless(folder) << '\n';
-  for (const std::string& command : commands) std::cout << "  " << Harmless(command) << '\n';
+void PrintMade(const std::string& folder, const Json& made) {
+  std::cout << Bold(Harmless(folder)) << ": a policy that plays as it is, in "
+            << made["files"].size() << " files. Go on with\n\n  cd " << Harmless(folder) << '\n';
+  for (const Json& command : made["commands"]) {
+    std::cout << "  " << Harmless(command.get<std::string>()) << '\n';
+  }
   std::cout << "\nREADME.md there says more." << std::endl;
 }
 
@@ -215,18 +173,13 @@ absl::StatusOr<int> New(const NewOptions& options) {
   std::string folder = options.output.empty() ? starter.name : options.output;
   while (folder.size() > 1 && folder.ends_with('/')) folder.pop_back();
   ASSIGN_OR_RETURN(const std::vector<std::string> files, WriteStarter(starter, folder));
-  const std::vector<std::string> commands = CommandsOf(starter);
-  if (options.json) {
-    PrintJson({{"folder", fs::absolute(folder).string()},
-               {"name", starter.name},
-               {"lang", starter.lang},
-               {"track", starter.track},
-               {"files", files},
-               {"commands", commands}});
-  } else {
-    PrintMade(folder, files, commands);
-  }
-  return kDone;
+  return PrintAnswer(Json{{"folder", fs::absolute(folder).string()},
+                          {"name", starter.name},
+                          {"lang", starter.lang},
+                          {"track", starter.track},
+                          {"files", files},
+                          {"commands", CommandsOf(starter)}},
+                     options.json, [&](const Json& made) { PrintMade(folder, made); });
 }
 
 }  // namespace

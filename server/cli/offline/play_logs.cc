@@ -1,3 +1,4 @@
+// myograde replay, and what the other verbs that play logs again share
 #include "server/cli/offline/play_logs.h"
 
 #include <absl/strings/numbers.h>
@@ -6,13 +7,17 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
+#include <iostream>
+#include <memory>
 
+#include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/client/daemon_options.h"
 #include "server/cli/client/evaluation_logs.h"
-#include "server/cli/offline/stop_signal.h"
+#include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/config/server_config.h"
 #include "server/proof/logs.h"
@@ -74,8 +79,8 @@ absl::StatusOr<std::string> SiblingOf(const std::string& path, const LogHeader& 
 
 }  // namespace
 
-int64_t FirstOfLease(const TrackConfig& track, int64_t episode) {
-  return episode - episode % track.episodes_per_lease;
+int64_t FirstNeeded(const TrackConfig& track, int64_t episode) {
+  return CarriesOver(track) ? episode - episode % track.episodes_per_lease : episode;
 }
 
 absl::StatusOr<EpisodeLog> ParseLog(const absl::StatusOr<std::string>& bytes) {
@@ -86,11 +91,8 @@ absl::StatusOr<EpisodeLog> ParseLog(const absl::StatusOr<std::string>& bytes) {
 absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_view bytes,
                                       LogHeader header) {
   const std::string path = absl::StrCat(folder, "/", header.episode, ".lcmlog");
-  std::ofstream file(path, std::ios::binary);
-  file.write(bytes.data(), std::ssize(bytes));
-  file.close();
-  if (!file) return absl::InternalError(path + ": can't be written; is the disk full?");
-  return ReplayLogFile{path, std::move(header)};
+  if (WriteFile(path, bytes).ok()) return ReplayLogFile{path, std::move(header)};
+  return absl::InternalError(path + ": can't be written; is the disk full?");
 }
 
 absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t episode,
@@ -111,8 +113,7 @@ absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& pat
                                                           const LogHeader& header) {
   const std::string absolute = std::filesystem::absolute(path);
   std::map<int64_t, ReplayLogFile> files = {{header.episode, {absolute, header}}};
-  if (!CarriesOver(header.track)) return files;
-  const int64_t first = FirstOfLease(header.track, header.episode);
+  const int64_t first = FirstNeeded(header.track, header.episode);
   for (int64_t episode = first; episode < header.episode; ++episode) {
     ASSIGN_OR_RETURN(const std::string sibling, SiblingOf(absolute, header, episode));
     const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(sibling));
@@ -155,6 +156,152 @@ absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, Repla
   order.blocks = BlocksOf(files, order.track, order.slots);
   Progress progress("replay");
   return RunReplay(order, {.progress = progress.Listener(), .stopped = StopRequested});
+}
+
+namespace {
+
+struct ReplayOptions : DaemonOptions {
+  HostOptions host;
+  std::string target;
+  int64_t episode = -1;  // -1: all
+  int slots = 0;         // 0: as server.json says
+};
+
+ReplayRecord Unplayable(int64_t episode, const absl::Status& status) {
+  ReplayRecord record;
+  record.episode = episode;
+  record.differs = {"log"};
+  record.detail = std::string(status.message());
+  return record;
+}
+
+// A folder of the logs to play, by episode, and the records of those that can't be played.
+struct Collected {
+  std::map<int64_t, ReplayLogFile> files;
+  std::map<int64_t, ReplayRecord> records;
+};
+
+absl::Status Collect(const Client& client, const Json& evaluation, int64_t episode,
+                     const std::string& folder, Collected& collected) {
+  absl::StatusOr<FetchedLog> fetched = FetchLog(client, evaluation, episode, folder);
+  if (absl::IsDataLoss(fetched.status())) {
+    collected.records[episode] = Unplayable(episode, fetched.status());
+    return absl::OkStatus();
+  }
+  if (!fetched.ok()) return fetched.status();
+  collected.files[episode] = std::move(fetched->file);
+  return absl::OkStatus();
+}
+
+// The logs that are needed to play `episode`: of all (-1), or its own and those before it.
+absl::StatusOr<Collected> CollectOfSubmission(int64_t episode, const Client& client,
+                                              const Json& evaluation, const std::string& folder) {
+  Collected collected;
+  if (episode < 0) {
+    for (const Json& row : evaluation["episode_rows"]) {
+      RETURN_IF_ERROR(
+          Collect(client, evaluation, row.value("index", int64_t{-1}), folder, collected));
+    }
+    return collected;
+  }
+  RETURN_IF_ERROR(Collect(client, evaluation, episode, folder, collected));
+  if (collected.files.empty()) return collected;
+  const TrackConfig& track = collected.files.begin()->second.header.track;
+  for (int64_t before = FirstNeeded(track, episode); before < episode; ++before) {
+    RETURN_IF_ERROR(Collect(client, evaluation, before, folder, collected));
+  }
+  return collected;
+}
+
+Json RecordToJson(const ReplayRecord& record) {
+  return {{"index", record.episode},   {"equal", record.equal},
+          {"steps", record.steps},     {"step", record.step < 0 ? Json() : Json(record.step)},
+          {"differs", record.differs}, {"detail", TextOrNull(record.detail)}};
+}
+
+absl::StatusOr<int> ReportReplay(const ReplayOptions& options, Json head,
+                                 const std::vector<ReplayRecord>& records) {
+  const auto equal = std::count_if(records.begin(), records.end(),
+                                   [](const ReplayRecord& record) { return record.equal; });
+  const bool all = equal == std::ssize(records) && !records.empty();
+  head["equal"] = all;
+  head["replayed"] = records.size();
+  head["episodes"] = Json::array();
+  for (const ReplayRecord& record : records) head["episodes"].push_back(RecordToJson(record));
+  return PrintAnswer(
+      head, options.json,
+      [&](const Json& replay) {
+        for (const Json& episode : replay["episodes"]) {
+          if (!episode["equal"]) std::cout << Filled(episode, "episode {index}: {detail}\n");
+        }
+        std::cout << Bold(absl::StrCat(equal, Filled(replay, " of {replayed:episode} came out as "
+                                                             "recorded")))
+                  << std::endl;
+      },
+      all ? kDone : kNoScore);
+}
+
+absl::StatusOr<int> ReplayFile(const ReplayOptions& options) {
+  const Json head = {{"submission", nullptr}, {"evaluation", nullptr}, {"file", options.target}};
+  absl::StatusOr<std::string> bytes = ReadLog(options.target);
+  // No file that could hold a log at all.
+  if (absl::IsNotFound(bytes.status()) || absl::IsInvalidArgument(bytes.status())) {
+    return bytes.status();
+  }
+  absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
+  if (!log.ok()) return ReportReplay(options, head, {Unplayable(0, log.status())});
+  ASSIGN_OR_RETURN(const auto files, LogsUpTo(options.target, log->header));
+  ASSIGN_OR_RETURN(const std::vector<ReplayRecord> records,
+                   PlayLogs(files, options.host, options.slots));
+  return ReportReplay(options, head, {records.back()});
+}
+
+absl::StatusOr<int> ReplaySubmission(const ReplayOptions& options, int64_t id) {
+  ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("logs"));
+  const Client client = options.client();
+  ASSIGN_OR_RETURN(const Json evaluation,
+                   EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result")));
+  ASSIGN_OR_RETURN(Collected collected,
+                   CollectOfSubmission(options.episode, client, evaluation, temp.path()));
+  ASSIGN_OR_RETURN(const std::vector<ReplayRecord> played,
+                   PlayLogs(collected.files, options.host, options.slots));
+  for (const ReplayRecord& record : played) collected.records[record.episode] = record;
+  std::vector<ReplayRecord> records;
+  for (const auto& [episode, record] : collected.records) {
+    if (options.episode < 0 || episode == options.episode) records.push_back(record);
+  }
+  if (records.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", id, " has no recorded episode yet"));
+  }
+  const Json head = {
+      {"submission", id}, {"evaluation", evaluation["evaluation"]}, {"file", nullptr}};
+  return ReportReplay(options, head, records);
+}
+
+absl::StatusOr<int> Replay(const ReplayOptions& options) {
+  int64_t id = 0;
+  if (absl::SimpleAtoi(options.target, &id) && id > 0) return ReplaySubmission(options, id);
+  if (options.episode >= 0) {
+    return absl::InvalidArgumentError(
+        "--episode: a log file holds one episode; leave the option out");
+  }
+  return ReplayFile(options);
+}
+
+}  // namespace
+
+Action AddReplay(CLI::App& verb) {
+  auto options = std::make_shared<ReplayOptions>();
+  verb.add_option("TARGET", options->target,
+                  "The submission, or the file of a log (\"myograde log\", \"local --logs\")")
+      ->required();
+  verb.add_option("--episode", options->episode, "Only this one, counted from 0 (default: all)")
+      ->check(WholeNumber(0, "no episode's number, counted from 0"));
+  AddSimulatorSlots(verb, options->slots);
+  AddDaemonOptions(verb, "replay", *options);
+  AddHostOptions(verb, options->host);
+  return [options] { return Replay(*options); };
 }
 
 }  // namespace myograde::server

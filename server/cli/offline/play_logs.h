@@ -19,8 +19,9 @@
 
 namespace myograde::server {
 
-// The first episode of the lease that `episode` belongs to.
-int64_t FirstOfLease(const TrackConfig& track, int64_t episode);
+// The first episode that must be played for `episode` to be: where state carries over, the first of
+// its lease; elsewhere it alone.
+int64_t FirstNeeded(const TrackConfig& track, int64_t episode);
 
 // Parses a log that was read; passes on the error if it was not.
 absl::StatusOr<EpisodeLog> ParseLog(const absl::StatusOr<std::string>& bytes);

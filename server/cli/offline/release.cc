@@ -6,9 +6,8 @@
 #include <iostream>
 
 #include "protocol/base/status_macros.h"
-#include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/new_file.h"
+#include "server/cli/base/files.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/offline/verbs.h"
@@ -35,8 +34,7 @@ absl::StatusOr<int> MakeKey(const ReleaseOptions& options) {
                      options.json, [&](const Json&) {
                        std::cout << Harmless(options.output) << ": the key to publish; keep "
                                  << Harmless(options.key)
-                                 << " to yourself, as whoever has it can sign releases."
-                                 << std::endl;
+                                 << " to yourself, as whoever has it can sign releases.\n";
                      });
 }
 
@@ -53,30 +51,28 @@ absl::StatusOr<int> Sign(const ReleaseOptions& options) {
                           {"files", release.files},
                           {"sums", sums},
                           {"signature", signature}},
-                     options.json, [](const Json& made) {
-                       std::cout << Cell(made, "folder") << ": " << CountCell(made, "files", "file")
-                                 << " signed as release " << Cell(made, "name") << std::endl;
-                     });
+                     options.json, Sentence("{folder}: {files:file} signed as release {name}"));
 }
 
 absl::StatusOr<int> VerifyRelease(const ReleaseOptions& options) {
   ASSIGN_OR_RETURN(const PublicKey key, PublicKey::Read(options.key));
   ASSIGN_OR_RETURN(const ReleaseCheck check, HostStatus("", CheckRelease(options.folder, key)));
   const bool valid = check.wrong.empty();
-  if (options.json) {
-    PrintJson({{"folder", options.folder},
-               {"valid", valid},
-               {"name", TextOrNull(check.name)},
-               {"files", check.files},
-               {"wrong", check.wrong}});
-  } else if (valid) {
-    std::cout << "Release " << Harmless(check.name) << ": its signature is valid, and "
-              << Counted(check.files, "file") << " and no other are there, as they were signed."
-              << std::endl;
-  } else {
-    for (const std::string& line : check.wrong) std::cout << Harmless(line) << std::endl;
-  }
-  return valid ? kDone : kNoScore;
+  return PrintAnswer(
+      Json{{"folder", options.folder},
+           {"valid", valid},
+           {"name", TextOrNull(check.name)},
+           {"files", check.files},
+           {"wrong", check.wrong}},
+      options.json,
+      [&](const Json& answer) {
+        if (valid) {
+          std::cout << Filled(answer, "Release {name}: its signature is valid, and {files:file} and no "
+                                      "other are there, as they were signed.\n");
+        }
+        for (const std::string& line : check.wrong) std::cout << Harmless(line) << '\n';
+      },
+      valid ? kDone : kNoScore);
 }
 
 }  // namespace

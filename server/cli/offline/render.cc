@@ -2,7 +2,6 @@
 #include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_format.h>
 #include <absl/strings/str_split.h>
 
 #include <algorithm>
@@ -11,23 +10,33 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "protocol/base/file.h"
+#include "protocol/base/outcome.h"
 #include "protocol/base/status_macros.h"
+#include "protocol/lease/render_order.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/tracks/registry.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/new_file.h"
+#include "server/cli/base/files.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/draw_episodes.h"
-#include "server/cli/offline/shown_episodes.h"
+#include "server/cli/offline/play_logs.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
+#include "server/grading/leaderboard.h"
+#include "server/grading/results.h"
+#include "server/grading/tracks.h"
+#include "server/proof/logs.h"
 
 namespace myograde::server {
 namespace {
@@ -51,133 +60,216 @@ struct RenderOptions : DaemonOptions {
   bool no_overlay = false;
 };
 
+struct ShownEpisode {
+  int64_t index = 0;
+  std::string place;  // "best", "median", "worst" or "only" in a strip; else ""
+  RenderEpisode order;
+  int64_t steps = 0;  // in its log
+};
+
 // What is drawn, and where from.
 struct Drawing {
   RenderOrder order;
-  ShownEpisodes shown;
+  std::vector<ShownEpisode> episodes;  // under the order's track
   std::optional<FilmFormat> film;  // else a PNG
   int64_t frames = 1;
   Json submission;  // their numbers, or null
   Json evaluation;
 };
 
+bool ReadSize(const std::string& text, int& width, int& height) {
+  const std::vector<std::string> sides = absl::StrSplit(text, absl::MaxSplits('x', 1));
+  const auto good = [](int side) {
+    return side >= kSmallestRenderSide && side <= kLargestRenderSide;
+  };
+  return sides.size() == 2 && absl::SimpleAtoi(sides[0], &width) &&
+         absl::SimpleAtoi(sides[1], &height) && good(width) && good(height);
+}
+
 std::string SizeMistake(const std::string& text) {
-  const std::pair<std::string, std::string> sides = absl::StrSplit(text, absl::MaxSplits('x', 1));
-  for (const std::string& side : {sides.first, sides.second}) {
-    int pixels = 0;
-    if (!absl::SimpleAtoi(side, &pixels) || pixels < kSmallestRenderSide ||
-        pixels > kLargestRenderSide) {
-      return absl::StrCat("\"", Harmless(text.substr(0, 40)), "\" is no size: write WIDTHxHEIGHT, "
-                          "each ", kSmallestRenderSide, " to ", kLargestRenderSide, " pixels");
-    }
-  }
-  return "";
-}
-
-absl::Status WrongOption(const std::string& problem) {
-  return absl::InvalidArgumentError(problem);
-}
-
-// The form and the format that the options ask for.
-absl::Status ReadForm(const RenderOptions& options, Drawing& drawing) {
-  const bool png = absl::EndsWithIgnoreCase(options.file, ".png");
-  if (absl::EndsWithIgnoreCase(options.file, ".mp4")) drawing.film = FilmFormat::kMp4;
-  if (absl::EndsWithIgnoreCase(options.file, ".webm")) drawing.film = FilmFormat::kWebm;
-  if (!png && !drawing.film) {
-    return WrongOption(absl::StrCat("--output: ", Harmless(options.file),
-                                    ": the name must end in .mp4, .webm or .png"));
-  }
-  if (options.strip && !png) return WrongOption("--strip: a strip is a picture; write a .png");
-  if (options.strip && options.episode >= 0) {
-    return WrongOption("--strip: it picks the episodes itself; leave --episode out");
-  }
-  if (options.at >= 0 && (drawing.film || options.strip)) {
-    return WrongOption("--at: it is for a picture of one moment; write a .png without --strip");
-  }
-  if (options.speed != 1 && !drawing.film) {
-    return WrongOption("--speed: it is for films; write a .mp4 or .webm");
-  }
-  drawing.order.form = drawing.film ? Form::kFilm : options.strip ? Form::kStrip : Form::kPicture;
-  return absl::OkStatus();
-}
-
-absl::Status ReadSize(const RenderOptions& options, Drawing& drawing) {
-  RenderOrder& order = drawing.order;
-  order.width = options.strip ? 384 : 1280;
-  order.height = options.strip ? 216 : 720;
-  if (!options.size.empty()) {
-    const std::vector<std::string> sides = absl::StrSplit(options.size, 'x');
-    if (!absl::SimpleAtoi(sides[0], &order.width) || !absl::SimpleAtoi(sides[1], &order.height)) {
-      return WrongOption(SizeMistake(options.size));
-    }
-  }
-  if (drawing.film && (order.width % 2 != 0 || order.height % 2 != 0)) {
-    return WrongOption("--size: the sides of a film must be even");
-  }
-  return absl::OkStatus();
+  int width = 0;
+  int height = 0;
+  if (ReadSize(text, width, height)) return "";
+  return absl::StrCat("\"", Harmless(text.substr(0, 40)), "\" is no size: write WIDTHxHEIGHT, each ",
+                      kSmallestRenderSide, " to ", kLargestRenderSide, " pixels");
 }
 
 absl::Status ReadOptions(const RenderOptions& options, Drawing& drawing) {
-  RETURN_IF_ERROR(ReadForm(options, drawing));
-  RETURN_IF_ERROR(ReadSize(options, drawing));
   RenderOrder& order = drawing.order;
+  const bool png = absl::EndsWithIgnoreCase(options.file, ".png");
+  if (absl::EndsWithIgnoreCase(options.file, ".mp4")) drawing.film = FilmFormat::kMp4;
+  if (absl::EndsWithIgnoreCase(options.file, ".webm")) drawing.film = FilmFormat::kWebm;
+  const bool film = drawing.film.has_value();
+  order.form = film ? Form::kFilm : options.strip ? Form::kStrip : Form::kPicture;
+  order.width = options.strip ? 384 : 1280;
+  order.height = options.strip ? 216 : 720;
+  ReadSize(options.size, order.width, order.height);  // CLI11 has checked it
   order.cache_dir = options.host.cache_dir();
   order.overlay = !options.no_overlay;
   order.speed = options.speed;
   if (options.at >= 0) order.at_s = options.at;
   order.threads = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1,
                              kMostDrawingThreads);
+  return RefuseIf(
+      {{!png && !film, absl::StrCat("--output: ", Harmless(options.file),
+                                    ": the name must end in .mp4, .webm or .png")},
+       {options.strip && !png, "--strip: a strip is a picture; write a .png"},
+       {options.strip && options.episode >= 0,
+        "--strip: it picks the episodes itself; leave --episode out"},
+       {options.at >= 0 && (film || options.strip),
+        "--at: it is for a picture of one moment; write a .png without --strip"},
+       {options.speed != 1 && !film, "--speed: it is for films; write a .mp4 or .webm"},
+       {film && (order.width % 2 != 0 || order.height % 2 != 0),
+        "--size: the sides of a film must be even"}});
+}
+
+// "failure: dropped"; "" where the phase withholds it.
+std::string RowVerdict(const Json& row) {
+  const std::string outcome = TextAt(row, "outcome");
+  const std::string reason = TextAt(row, "reason");
+  return reason.empty() ? outcome : absl::StrCat(outcome, ": ", reason);
+}
+
+absl::Status CheckHasSteps(const EpisodeLog& log) {
+  if (log.steps() > 0) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("episode ", log.header.episode,
+                                          " has no step to show: it ended by \"", log.end.end,
+                                          "\" before the first"));
+}
+
+bool CanBeShown(const Json& row) {
+  const Json log = row.value("log", Json());
+  return log.is_object() && log.value("steps", int64_t{0}) > 0 && TextAt(row, "end") != kPhantom;
+}
+
+// What scoring reads of a row, from what the API shows of it; nullopt if the phase withholds that.
+std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
+  const std::optional<Outcome> outcome = ParseOutcome(TextAt(row, "outcome"));
+  const std::optional<FailureReason> reason = ParseFailureReason(TextAt(row, "reason"));
+  if (!outcome.has_value() || !reason.has_value() || !row.value("metrics", Json()).is_object()) {
+    return std::nullopt;
+  }
+  EpisodeRow stored;
+  stored.index = row.value("index", int64_t{0});
+  stored.outcome = *outcome;
+  stored.reason = *reason;
+  stored.metrics_json = row["metrics"].dump();
+  const Json facts = {{"steps", row.value("steps", Json())},
+                      {std::string(track), row.value("facts", Json())}};
+  stored.facts_json = facts.dump();
+  return stored;
+}
+
+absl::StatusOr<std::vector<int64_t>> OrderOf(const std::vector<Json>& rows,
+                                             const TrackConfig& config) {
+  ASSIGN_OR_RETURN(const TrackPtr track, MakeTrack(config));
+  std::vector<EpisodeRow> stored;
+  for (const Json& row : rows) {
+    std::optional<EpisodeRow> form = StoredForm(row, config.kind->name);
+    if (!form.has_value()) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "the phase withholds the results of the episodes, so none of them is known to be the "
+          "best; show one with --episode"));
+    }
+    stored.push_back(*std::move(form));
+  }
+  ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*track->scoring.track, stored));
+  return EpisodesInOrder(track->scoring, judged);
+}
+
+// The episode of a log file. DataLossError if it is damaged or has no step, NotFoundError if it can't
+// be opened. Other errors as of LogsUpTo.
+absl::Status AddOfFile(const RenderOptions& options, Drawing& drawing) {
+  RETURN_IF_ERROR(RefuseIf({{options.episode >= 0,
+                             "--episode: a log file holds one episode; leave the option out"}}));
+  ASSIGN_OR_RETURN(const EpisodeLog log, ParseLog(ReadLog(options.target)));
+  RETURN_IF_ERROR(CheckHasSteps(log));
+  ShownEpisode shown = {.index = log.header.episode, .place = "", .order = {},
+                        .steps = log.steps()};
+  ASSIGN_OR_RETURN(const auto files, LogsUpTo(options.target, log.header));
+  for (const auto& [episode, file] : files) shown.order.logs.push_back(file.path);
+  if (options.strip) {
+    shown.place = "only";
+    shown.order.title = absl::StrCat("episode ", shown.index);
+  }
+  drawing.order.track = log.header.track;
+  drawing.episodes.push_back(std::move(shown));
   return absl::OkStatus();
 }
 
-absl::Status FindOfSubmission(const RenderOptions& options, int64_t id, const std::string& folder,
-                              Drawing& drawing) {
-  if (!options.strip && options.episode < 0) {
-    return WrongOption("--episode: name the episode to show, or ask for a --strip");
+// One episode of an evaluation with rows, its logs in `folder`. OutOfRangeError,
+// FailedPreconditionError: there is no such episode, or no log of it. Other errors as of LogBytesOf.
+absl::Status AddEpisode(const Client& client, const Json& evaluation, int64_t index,
+                        const std::string& place, const std::string& title,
+                        const std::string& folder, Drawing& drawing) {
+  ASSIGN_OR_RETURN(const FetchedLog own, FetchLog(client, evaluation, index, folder));
+  RETURN_IF_ERROR(CheckHasSteps(own.log));
+  ShownEpisode shown = {.index = index, .place = place, .order = {}, .steps = own.log.steps()};
+  drawing.order.track = own.log.header.track;
+  for (int64_t before = FirstNeeded(drawing.order.track, index); before < index; ++before) {
+    ASSIGN_OR_RETURN(const FetchedLog log, FetchLog(client, evaluation, before, folder));
+    shown.order.logs.push_back(log.file.path);
   }
+  shown.order.logs.push_back(own.file.path);
+  shown.order.title = title;
+  shown.order.verdict = RowVerdict(*RowOf(evaluation, index));
+  drawing.episodes.push_back(std::move(shown));
+  return absl::OkStatus();
+}
+
+// The best, the median and the worst of the episodes that can be shown, in the board's order.
+// FailedPreconditionError if there is none. Other errors likewise.
+absl::Status AddStrip(const Client& client, const Json& evaluation, const std::string& folder,
+                      Drawing& drawing) {
+  std::vector<Json> rows;
+  for (const Json& row : evaluation["episode_rows"]) {
+    if (CanBeShown(row)) rows.push_back(row);
+  }
+  if (rows.empty()) {
+    return absl::FailedPreconditionError(
+        Filled(evaluation, "submission {submission} has no episode with a log to show"));
+  }
+  // A log has the config, and with it the board's rules.
+  ASSIGN_OR_RETURN(const FetchedLog any,
+                   FetchLog(client, evaluation, rows.front().value("index", int64_t{-1}), folder));
+  ASSIGN_OR_RETURN(const std::vector<int64_t> order, OrderOf(rows, any.log.header.track));
+  for (const PickedEpisode& picked : BestMedianWorst(order)) {
+    const std::string place(picked.place);
+    RETURN_IF_ERROR(AddEpisode(client, evaluation, picked.index, place,
+                               absl::StrCat(place, ": episode ", picked.index), folder, drawing));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status AddOfSubmission(const RenderOptions& options, int64_t id, const std::string& folder,
+                             Drawing& drawing) {
+  RETURN_IF_ERROR(RefuseIf({{!options.strip && options.episode < 0,
+                             "--episode: name the episode to show, or ask for a --strip"}}));
   const Client client = options.client();
   ASSIGN_OR_RETURN(const Json evaluation,
                    EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result")));
-  ASSIGN_OR_RETURN(drawing.shown, options.strip ? StripOfEvaluation(client, evaluation, folder)
-                                                : EpisodeOfEvaluation(client, evaluation,
-                                                                      options.episode, folder));
   drawing.submission = id;
   drawing.evaluation = evaluation.value("evaluation", Json());
-  if (!options.strip) {
-    drawing.shown.episodes.front().order.title =
-        absl::StrCat("submission ", id, " of ", Cell(evaluation, "team"));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status FindOfFile(const RenderOptions& options, Drawing& drawing) {
-  if (options.episode >= 0) {
-    return WrongOption("--episode: a log file holds one episode; leave the option out");
-  }
-  ASSIGN_OR_RETURN(drawing.shown, EpisodeOfFile(options.target));
-  if (options.strip) {
-    ShownEpisode& episode = drawing.shown.episodes.front();
-    episode.place = "only";
-    episode.order.title = absl::StrCat("episode ", episode.index);
-  }
-  return absl::OkStatus();
+  if (options.strip) return AddStrip(client, evaluation, folder, drawing);
+  return AddEpisode(client, evaluation, options.episode, "",
+                    absl::StrCat("submission ", id, Filled(evaluation, " of {team}")), folder,
+                    drawing);
 }
 
 absl::Status Find(const RenderOptions& options, const std::string& folder, Drawing& drawing) {
   int64_t id = 0;
   const bool numbered = absl::SimpleAtoi(options.target, &id) && id > 0;
   RETURN_IF_ERROR(
-      numbered ? FindOfSubmission(options, id, folder, drawing) : FindOfFile(options, drawing));
+      numbered ? AddOfSubmission(options, id, folder, drawing) : AddOfFile(options, drawing));
   RenderOrder& order = drawing.order;
-  order.track = drawing.shown.track;
   order.deadline_s = kDeadlineSeconds;
-  for (const ShownEpisode& episode : drawing.shown.episodes) {
+  for (const ShownEpisode& episode : drawing.episodes) {
     order.episodes.push_back(episode.order);
     order.deadline_s += kSecondsPerLog * static_cast<double>(episode.order.logs.size() - 1);
   }
   if (drawing.film) {
-    drawing.frames = FilmFrames(order, drawing.shown.episodes.front().steps,
-                                order.track.kind->control_period_s);
+    drawing.frames =
+        FilmFrames(order, drawing.episodes.front().steps, order.track.kind->control_period_s);
     order.deadline_s += kSecondsPerFrame * static_cast<double>(drawing.frames);
   }
   return absl::OkStatus();
@@ -198,7 +290,7 @@ Json ToJson(const RenderOptions& options, const Drawing& drawing, const std::str
             const std::string& sha256) {
   const RenderOrder& order = drawing.order;
   Json episodes = Json::array();
-  for (const ShownEpisode& shown : drawing.shown.episodes) {
+  for (const ShownEpisode& shown : drawing.episodes) {
     episodes.push_back({{"index", shown.index},
                         {"place", TextOrNull(shown.place)},
                         {"steps", shown.steps},
@@ -221,20 +313,14 @@ Json ToJson(const RenderOptions& options, const Drawing& drawing, const std::str
 }
 
 void PrintDrawn(const Json& json) {
-  std::cout << Harmless(json["file"].get<std::string>()) << ": ";
+  std::cout << Filled(json, "{file}: ");
   if (json["form"] == "film") {
-    std::cout << CountCell(json, "frames", "picture") << ", "
-              << absl::StrFormat("%.1f s", json["seconds"].get<double>()) << ", ";
+    std::cout << Filled(json, "{frames:picture}, ") << Cell(json, "seconds", 1) << " s, ";
   }
-  std::cout << json["width"] << "x" << json["height"] << ", " << CountCell(json, "bytes", "byte");
+  std::cout << Filled(json, "{width}x{height}, {bytes:byte}");
   const char* comma = "; ";
   for (const Json& episode : json["episodes"]) {
-    std::cout << comma;
-    if (episode["place"].is_string()) std::cout << episode["place"].get<std::string>() << ": ";
-    std::cout << "episode " << episode["index"];
-    if (episode["verdict"].is_string()) {
-      std::cout << " (" << Harmless(episode["verdict"].get<std::string>()) << ")";
-    }
+    std::cout << comma << Filled(episode, "[{place}: ]episode {index}[ ({verdict})]");
     comma = ", ";
   }
   std::cout << std::endl;

@@ -1,4 +1,6 @@
 // myograde seeds: commit, reveal, check, export, import
+#include "server/cli/offline/seeds.h"
+
 #include <absl/strings/ascii.h>
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
@@ -12,17 +14,16 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
 #include "server/base/secret.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/new_file.h"
+#include "server/cli/base/files.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/base/seed_file.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/offline/secret_source.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
@@ -45,6 +46,12 @@ struct SeedOptions : DaemonOptions {  // of reveal, without a file of the secret
   std::string reason;  // reveal: for the daemon's history
 };
 
+// The secret in a file of its digits.
+absl::StatusOr<std::string> ReadPhaseSecret(const std::string& path) {
+  const absl::StatusOr<std::string> text = ReadFile(path, /*max_bytes=*/4096);
+  return text.ok() ? SecretOfDigits(*text, path) : text;
+}
+
 // In a new file that only its owner may read; never over an old one.
 absl::Status WriteSecret(const std::string& path, const std::string& secret) {
   const Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
@@ -55,12 +62,6 @@ absl::Status WriteSecret(const std::string& path, const std::string& secret) {
   }
   return absl::InvalidArgumentError(
       absl::StrCat(path, ": the secret can't be written: ", std::strerror(errno)));
-}
-
-absl::StatusOr<std::string> MakeSecret(const std::string& path) {
-  ASSIGN_OR_RETURN(const std::string secret, RandomBytes(kSeedSecretBytes));
-  RETURN_IF_ERROR(WriteSecret(path, secret));
-  return secret;
 }
 
 absl::StatusOr<int> PrintList(const SeedOptions& options, const std::string& secret, bool reveal) {
@@ -77,35 +78,35 @@ absl::StatusOr<int> PrintList(const SeedOptions& options, const std::string& sec
     json["secret"] = absl::BytesToHexString(secret);
     json["seeds"] = seeds;
   }
-  if (options.json) {
-    PrintJson(json);
-    return kDone;
-  }
-  // Whole, so that the lines can be copied.
-  std::ostream& out = PlainOutput();
-  out << "phase         " << Harmless(options.phase) << ", " << Counted(options.count, "seed")
-      << '\n'
-      << "commitment    " << json["commitment"].get<std::string>() << '\n'
-      << "seeds SHA-256 " << json["seeds_sha256"].get<std::string>() << '\n';
-  if (reveal) {
-    out << "secret        " << json["secret"].get<std::string>() << std::endl;
-  } else {
+  return PrintAnswer(json, options.json, [&](const Json&) {
+    // Whole, so that the lines can be copied.
+    std::ostream& out = PlainOutput();
+    out << Filled(json, "phase         {phase}, {count:seed}\ncommitment    {commitment}\n"
+                        "seeds SHA-256 {seeds_sha256}\n");
+    if (reveal) {
+      out << Filled(json, "secret        {secret}") << std::endl;
+      return;
+    }
     std::cout << "Publish these lines when the phase opens, and keep " << Harmless(options.secret)
               << (options.output.empty() ? "" : " and " + Harmless(options.output))
               << " to yourself until it closes." << std::endl;
-  }
-  return kDone;
+  });
 }
 
 absl::StatusOr<int> CommitSeeds(const SeedOptions& options) {
   const bool there = ::access(options.secret.c_str(), F_OK) == 0;
   ASSIGN_OR_RETURN(const std::string secret,
-                   there ? ReadPhaseSecret(options.secret) : MakeSecret(options.secret));
+                   there ? ReadPhaseSecret(options.secret) : RandomBytes(kSeedSecretBytes));
+  if (!there) RETURN_IF_ERROR(WriteSecret(options.secret, secret));
   return PrintList(options, secret, /*reveal=*/false);
 }
 
-// The daemon's phase: from now on everybody may know its seeds.
-absl::StatusOr<int> RevealPhase(const SeedOptions& options) {
+absl::StatusOr<int> RevealSeeds(SeedOptions options) {
+  if (!options.secret.empty()) {
+    ASSIGN_OR_RETURN(const std::string secret, ReadPhaseSecret(options.secret));
+    return PrintList(options, secret, /*reveal=*/true);
+  }
+  // The daemon's phase: from now on everybody may know its seeds.
   ASSIGN_OR_RETURN(
       const Json answer,
       options.client().Post(absl::StrCat("/v1/phases/", QueryValue(options.phase), "/reveal"),
@@ -113,23 +114,15 @@ absl::StatusOr<int> RevealPhase(const SeedOptions& options) {
   const absl::StatusOr<std::string> secret =
       SecretOfDigits(answer.value("secret", ""), "the daemon's answer");
   if (!secret.ok()) return absl::InternalError(secret.status().message());
-  SeedOptions revealed = options;
-  revealed.count = std::ssize(answer.value("seeds", Json::array()));
-  return PrintList(revealed, *secret, /*reveal=*/true);
-}
-
-absl::StatusOr<int> RevealSeeds(const SeedOptions& options) {
-  if (options.secret.empty()) return RevealPhase(options);
-  ASSIGN_OR_RETURN(const std::string secret, ReadPhaseSecret(options.secret));
-  return PrintList(options, secret, /*reveal=*/true);
+  options.count = std::ssize(answer.value("seeds", Json::array()));
+  return PrintList(options, *secret, /*reveal=*/true);
 }
 
 absl::StatusOr<int> CheckSeeds(const SeedOptions& options) {
   ASSIGN_OR_RETURN(const std::string secret, GivenSecret(options.secret));
-  if (options.commitment.empty() && options.list_hash.empty() && options.seeds.empty()) {
-    return absl::InvalidArgumentError(
-        "give what was published: --commitment, --seeds-sha256, or --seeds with the list");
-  }
+  RETURN_IF_ERROR(RefuseIf(
+      {{options.commitment.empty() && options.list_hash.empty() && options.seeds.empty(),
+        "give what was published: --commitment, --seeds-sha256, or --seeds with the list"}}));
   const std::vector<uint64_t> seeds = DeriveSeeds(secret, options.phase, options.count);
   std::vector<std::string> wrong;
   const auto hold = [&](const std::string& published, const std::string& found, const char* what) {
@@ -143,37 +136,38 @@ absl::StatusOr<int> CheckSeeds(const SeedOptions& options) {
     ASSIGN_OR_RETURN(const std::vector<uint64_t> played, ReadSeeds(options.seeds));
     if (played != seeds) wrong.push_back("the list of " + options.seeds + " is another one");
   }
-  if (options.json) {
-    PrintJson({{"phase", options.phase},
-               {"count", options.count},
-               {"commitment", SecretCommitment(secret)},
-               {"seeds_sha256", SeedListHash(seeds)},
-               {"valid", wrong.empty()},
-               {"wrong", wrong}});
-  } else if (wrong.empty()) {
-    std::cout << "The secret and its list of " << Counted(options.count, "seed")
-              << " are those that were published." << std::endl;
-  } else {
-    for (const std::string& line : wrong) std::cout << Harmless(line) << std::endl;
-  }
-  return wrong.empty() ? kDone : kNoScore;
+  const bool valid = wrong.empty();
+  return PrintAnswer(
+      Json{{"phase", options.phase},
+           {"count", options.count},
+           {"commitment", SecretCommitment(secret)},
+           {"seeds_sha256", SeedListHash(seeds)},
+           {"valid", valid},
+           {"wrong", wrong}},
+      options.json,
+      [&](const Json& checked) {
+        if (valid) {
+          std::cout << Filled(checked, "The secret and its list of {count:seed} are those that were "
+                                       "published.\n");
+        }
+        for (const std::string& line : wrong) std::cout << Harmless(line) << std::endl;
+      },
+      valid ? kDone : kNoScore);
 }
 
-int ReportMoved(const SeedOptions& options, const std::string& secret, bool changed) {
-  const std::string commitment = SecretCommitment(secret);
-  if (options.json) {
-    PrintJson({{"phase", options.phase}, {"commitment", commitment}, {"changed", changed}});
-  } else {
-    PlainOutput() << "phase         " << Harmless(options.phase) << '\n'
-                  << "commitment    " << commitment << std::endl;
-  }
-  return kDone;
+absl::StatusOr<int> ReportMoved(const SeedOptions& options, const std::string& secret,
+                                bool changed) {
+  return PrintAnswer(
+      Json{{"phase", options.phase}, {"commitment", SecretCommitment(secret)}, {"changed", changed}},
+      options.json, [](const Json& moved) {
+        PlainOutput() << Filled(moved, "phase         {phase}\ncommitment    {commitment}")
+                      << std::endl;
+      });
 }
 
 // The store of a folder of data, which exists.
 absl::StatusOr<std::string> StoreIn(const SeedOptions& options) {
-  std::string data = DataDir(options.data);
-  std::string path = data + "/store.db";
+  std::string path = DataDir(options.data) + "/store.db";
   if (::access(path.c_str(), F_OK) == 0) return path;
   return absl::InvalidArgumentError(absl::StrCat(
       path, ": can't be opened: ", std::strerror(errno), "; name the daemon's folder with --data"));
@@ -211,9 +205,8 @@ void AddListOptions(CLI::App* part, SeedOptions& options) {
   part->add_option("--phase", options.phase,
                    "Name of the phase, part of what the seeds follow from")
       ->default_val("final")
-      ->check([](const std::string& text) {
-        return text.empty() || text.size() > 64 ? std::string("must have 1 to 64 bytes")
-                                                : std::string();
+      ->check([](const std::string& text) -> std::string {
+        return text.empty() || text.size() > 64 ? "must have 1 to 64 bytes" : "";
       });
   part->add_option("--count", options.count, "Seeds in the list")
       ->default_val(100)
@@ -229,6 +222,22 @@ void AddMoveOptions(CLI::App* part, SeedOptions& options) {
 }
 
 }  // namespace
+
+absl::StatusOr<std::string> GivenSecret(const std::string& digits_or_path) {
+  const bool file = ::access(digits_or_path.c_str(), R_OK) == 0;
+  return file ? ReadPhaseSecret(digits_or_path) : SecretOfDigits(digits_or_path, "--secret");
+}
+
+std::optional<std::string> RevealedSecret(const Client& client, const std::string& phase) {
+  const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
+  if (!answer.ok()) return std::nullopt;
+  const Json known = PhaseIn(*answer, phase);
+  if (!known.is_object()) return std::nullopt;
+  absl::StatusOr<std::string> secret =
+      SecretOfDigits(TextAt(known.value("seeds", Json::object()), "secret"), "the daemon's answer");
+  if (!secret.ok()) return std::nullopt;
+  return *std::move(secret);
+}
 
 Action AddSeeds(CLI::App& verb) {
   Parts<SeedOptions> parts(verb);

@@ -1,6 +1,5 @@
 // myograde spec
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
 
 #include <algorithm>
 #include <iostream>
@@ -34,16 +33,13 @@ struct SpecOptions {
 Json LayoutJson(const VectorLayout& vector) {
   Json list = Json::array();
   for (const Part& part : vector.parts()) {
-    Json entries = Json::array();
-    for (size_t i = 0; i < static_cast<size_t>(part.size); ++i) {
-      entries.push_back(vector.names()[static_cast<size_t>(part.offset) + i]);
-    }
+    const auto first = vector.names().begin() + part.offset;
     list.push_back({{"name", part.name},
                     {"offset", part.offset},
                     {"size", part.size},
                     {"unit", part.unit},
                     {"meaning", part.meaning},
-                    {"entries", entries}});
+                    {"entries", std::vector<std::string>(first, first + part.size)}});
   }
   return list;
 }
@@ -144,14 +140,13 @@ Json WithoutTables(const TrackConfig& config) {
 }
 
 void PrintTables(const TrackConfig& config) {
-  for (const RulesTable& said : TablesOf(config)) {
+  for (RulesTable& said : TablesOf(config)) {
     if (said.rows.empty()) continue;
     std::cout << '\n' << Bold(said.title) << '\n' << "  (" << said.note << ")\n";
     Table table(said.head);
-    for (const std::vector<std::string>& row : said.rows) {
-      std::vector<std::string> cells;
-      for (const std::string& cell : row) cells.push_back(Harmless(cell));
-      table.Add(std::move(cells));
+    for (std::vector<std::string>& row : said.rows) {
+      for (std::string& cell : row) cell = Harmless(cell);
+      table.Add(std::move(row));
     }
     table.Print();
   }
@@ -215,29 +210,26 @@ void PrintSpec(const TrackConfig& config, const Tracks::Entry& entry, bool full_
   PrintDifferences(entry);
 }
 
-int ListTracksOnOffer(const Tracks& tracks, bool json) {
+absl::StatusOr<int> ListTracksOnOffer(const Tracks& tracks, bool json) {
   Json list = Json::array();
-  Table table({"track", "kind", "episodes", "profiles (the first is the default)"});
   for (const auto& [name, entry] : tracks.entries()) {
     std::vector<std::string> profiles = {entry.default_profile};
     for (const auto& [profile, track] : entry.profiles) {
       if (profile != entry.default_profile) profiles.push_back(profile);
     }
     const TrackConfig& config = entry.profiles.at(entry.default_profile)->config;
-    table.Add({name, std::string(config.kind->name), absl::StrCat(config.seeds.size()),
-               absl::StrJoin(profiles, ", ")});
     list.push_back({{"track", name},
                     {"kind", config.kind->name},
                     {"default_profile", entry.default_profile},
                     {"episodes", config.seeds.size()},
                     {"profiles", profiles}});
   }
-  if (json) {
-    PrintJson({{"tracks", list}});
-  } else {
-    table.Print();
-  }
-  return kDone;
+  return PrintAnswer(Json{{"tracks", list}}, json, [](const Json& answer) {
+    PrintRows(answer["tracks"],
+              {"track", "kind", "episodes",
+               RowColumn("profiles (the first is the default)",
+                         [](const Json& track) { return ListCell(track, "profiles"); })});
+  });
 }
 
 absl::StatusOr<int> Spec(const SpecOptions& options) {
@@ -246,12 +238,9 @@ absl::StatusOr<int> Spec(const SpecOptions& options) {
   if (options.track.empty()) return ListTracksOnOffer(tracks, options.json);
   ASSIGN_OR_RETURN(const TrackPtr track, tracks.Find(options.track, options.profile));
   const Tracks::Entry entry = tracks.entries().at(options.track);
-  if (options.json) {
-    PrintJson(SpecJson(track->config, entry));
-  } else {
-    PrintSpec(track->config, entry, options.full_hashes);
-  }
-  return kDone;
+  return PrintAnswer(
+      SpecJson(track->config, entry), options.json,
+      [&](const Json&) { PrintSpec(track->config, entry, options.full_hashes); });
 }
 
 }  // namespace

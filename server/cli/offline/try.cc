@@ -13,12 +13,11 @@
 #include "protocol/tracks/registry.h"
 #include "server/base/child_process.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/new_file.h"
+#include "server/cli/base/files.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/offline/draw.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/grading/leaderboard.h"
@@ -164,9 +163,8 @@ void PrintContents(const std::string& folder, const Contents& contents) {
   std::cout << '\n' << Bold(absl::StrCat("In ", Harmless(folder))) << '\n';
   if (!contents.report.empty()) std::cout << "  " << contents.report << "  the report\n";
   for (const Json& film : contents.films) {
-    const std::string place = Cell(film, "place");
-    std::cout << "  " << Cell(film, "file") << "  " << (place == "only" ? "" : "the " + place + ", ")
-              << "episode " << Cell(film, "episode") << '\n';
+    std::cout << Filled(film, film["place"] == "only" ? "  {file}  episode {episode}\n"
+                                                      : "  {file}  the {place}, episode {episode}\n");
   }
   std::cout << "  logs  of all episodes, for \"myograde replay\" and \"myograde render\"\n";
   for (const std::string& sentence : contents.missing) std::cout << Harmless(sentence) << '\n';
@@ -192,19 +190,16 @@ absl::StatusOr<int> Try(TryOptions options) {
   if (added.ok()) added = AddReportFile(*grade, folder, contents);
   if (!added.ok() && !absl::IsCancelled(added)) return added;
   if (!added.ok()) contents.missing.push_back("It was interrupted.");
-  if (options.json) {
-    const std::string first = FirstToOpen(folder, contents);
-    PrintJson({{"folder", folder},
-               {"report", TextOrNull(contents.report)},
-               {"films", contents.films},
-               {"missing", contents.missing},
-               {"open", TextOrNull(first)},
-               {"result", grade->json}});
-  } else {
-    PrintContents(folder, contents);
-  }
-  const int status = ExitOfLocalGrade(*grade);
-  return absl::IsCancelled(added) ? kNoScore : status;
+  const int exit = ExitOfLocalGrade(*grade);
+  return PrintAnswer(
+      Json{{"folder", folder},
+           {"report", TextOrNull(contents.report)},
+           {"films", contents.films},
+           {"missing", contents.missing},
+           {"open", TextOrNull(FirstToOpen(folder, contents))},
+           {"result", grade->json}},
+      options.json, [&](const Json&) { PrintContents(folder, contents); },
+      absl::IsCancelled(added) ? kNoScore : exit);
 }
 
 }  // namespace

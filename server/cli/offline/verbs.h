@@ -1,4 +1,4 @@
-// The verbs that do their work on this host and need no daemon, and submit, which can. Each adds its options to `verb` and
+// The verbs that do their work on this host: most need no daemon. Each adds its options to `verb` and
 // returns what it does.
 #pragma once
 
@@ -10,6 +10,8 @@ namespace myograde::server {
 
 Action AddServe(CLI::App& verb);
 Action AddSubmit(CLI::App& verb);
+Action AddExport(CLI::App& verb);
+Action AddBackup(CLI::App& verb);
 Action AddImport(CLI::App& verb);
 Action AddPlot(CLI::App& verb);
 Action AddRender(CLI::App& verb);

@@ -24,7 +24,7 @@
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/play_logs.h"
-#include "server/cli/offline/secret_source.h"
+#include "server/cli/offline/seeds.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/offline/verify_record.h"
 #include "server/cli/terminal/progress.h"
@@ -64,15 +64,41 @@ absl::StatusOr<std::string> ReadAs(const std::string& hash, const std::string& p
 // none are. What is found is checked against the hash, so it need not be trusted.
 class LogSource {
  public:
-  LogSource(const std::vector<std::string>& given, Client client);
+  LogSource(const std::vector<std::string>& given, Client client)
+      : client_(std::move(client)), given_(!given.empty()) {
+    for (const std::string& path : given) {
+      if (std::filesystem::is_directory(path)) {
+        folders_.push_back(path);
+      } else if (absl::StatusOr<std::string> log = ReadLog(path); log.ok()) {
+        files_[Sha256Hex(*log)] = path;
+      } else {
+        unreadable_.push_back({"log " + path, false, std::string(log.status().message())});
+      }
+    }
+  }
 
   // One check for each file that was given: files that can't be read, and those that the receipt
   // does not name because they were altered or belong to another evaluation, are not valid.
-  std::vector<ReceiptCheck> Check(const Json& receipt) const;
+  std::vector<ReceiptCheck> Check(const Json& receipt) const {
+    std::vector<ReceiptCheck> checks = unreadable_;
+    for (const auto& [hash, path] : files_) {
+      const bool named = Names(receipt, hash);
+      checks.push_back({absl::StrCat("log ", hash), named, named ? "" : UnknownText(path, hash)});
+    }
+    return checks;
+  }
 
   // The log of that SHA-256. NotFoundError if it is not among those given, DataLossError if it was
   // altered, or the daemon's error.
-  absl::StatusOr<std::string> Find(const std::string& hash) const;
+  absl::StatusOr<std::string> Find(const std::string& hash) const {
+    if (!given_) return LogBytesOf(client_, hash);
+    if (const auto it = files_.find(hash); it != files_.end()) return ReadAs(hash, it->second);
+    for (const std::string& folder : folders_) {
+      const std::string path = absl::StrCat(folder, "/", LogFileName(hash));
+      if (std::filesystem::exists(path)) return ReadAs(hash, path);
+    }
+    return absl::NotFoundError(absl::StrCat("the log ", hash, " is not among those of --logs"));
+  }
 
  private:
   const Client client_;
@@ -81,40 +107,6 @@ class LogSource {
   std::vector<ReceiptCheck> unreadable_;
   const bool given_;
 };
-
-LogSource::LogSource(const std::vector<std::string>& given, Client client)
-    : client_(std::move(client)), given_(!given.empty()) {
-  for (const std::string& path : given) {
-    if (std::filesystem::is_directory(path)) {
-      folders_.push_back(path);
-    } else if (absl::StatusOr<std::string> log = ReadLog(path); log.ok()) {
-      files_[Sha256Hex(*log)] = path;
-    } else {
-      unreadable_.push_back({"log " + path, false, std::string(log.status().message())});
-    }
-  }
-}
-
-std::vector<ReceiptCheck> LogSource::Check(const Json& receipt) const {
-  std::vector<ReceiptCheck> checks = unreadable_;
-  for (const auto& [hash, path] : files_) {
-    const bool named = Names(receipt, hash);
-    checks.push_back({absl::StrCat("log ", hash), named, named ? "" : UnknownText(path, hash)});
-  }
-  return checks;
-}
-
-absl::StatusOr<std::string> LogSource::Find(const std::string& hash) const {
-  if (const auto it = files_.find(hash); it != files_.end()) return ReadAs(hash, it->second);
-  for (const std::string& folder : folders_) {
-    const std::string path = absl::StrCat(folder, "/", LogFileName(hash));
-    if (std::filesystem::exists(path)) return ReadAs(hash, path);
-  }
-  if (given_) {
-    return absl::NotFoundError(absl::StrCat("the log ", hash, " is not among those of --logs"));
-  }
-  return LogBytesOf(client_, hash);
-}
 
 // Of a receipt of the longest evaluation, 10,000 episodes, 7 million are needed.
 constexpr size_t kMaxReceiptBytes = 16u << 20;
@@ -155,12 +147,9 @@ absl::StatusOr<Json> Resimulate(const VerifyOptions& options, const Json& receip
   ASSIGN_OR_RETURN(TrackConfig track, ParseTrackConfig(receipt["track_config"], "track_config"));
   const Json& episodes = receipt["episodes"];
   const std::set<int64_t> sample = Sample(std::ssize(episodes), options.resimulate);
-  // Where state carries over, an episode needs those before it in its lease.
   std::set<int64_t> needed = sample;
-  if (CarriesOver(track)) {
-    for (const int64_t episode : sample) {
-      for (int64_t i = FirstOfLease(track, episode); i < episode; ++i) needed.insert(i);
-    }
+  for (const int64_t episode : sample) {
+    for (int64_t i = FirstNeeded(track, episode); i < episode; ++i) needed.insert(i);
   }
   std::map<int64_t, ReplayLogFile> files;
   std::map<int64_t, Json> outcomes;
@@ -219,27 +208,28 @@ bool AllValid(const std::vector<ReceiptCheck>& checks) {
                      [](const ReceiptCheck& check) { return check.valid; });
 }
 
-int ReportVerified(const VerifyOptions& options, const Json& receipt,
-                   const std::vector<ReceiptCheck>& checks, const Json& resimulated) {
+absl::StatusOr<int> ReportVerified(const VerifyOptions& options, const Json& receipt,
+                                   const std::vector<ReceiptCheck>& checks,
+                                   const Json& resimulated) {
   bool valid = AllValid(checks);
   for (const Json& entry : resimulated) valid = valid && entry["equal"].get<bool>();
-  if (options.json) {
-    PrintJson({{"file", options.file},
-               {"valid", valid},
-               {"merkle_root", receipt.is_object() ? receipt.value("merkle_root", Json()) : Json()},
-               {"checks", ReceiptChecksJson(checks)},
-               {"resimulated", resimulated}});
-    return valid ? kDone : kNoScore;
-  }
-  PrintReceiptChecks(checks);
-  for (const Json& entry : resimulated) {
-    std::cout << "episode " << entry["index"] << ": "
-              << (entry["equal"] ? "came out as the receipt says"
-                                 : "DIFFERS: " + Cell(entry, "detail"))
-              << '\n';
-  }
-  std::cout << Bold(valid ? "The receipt holds." : "The receipt does not hold.") << std::endl;
-  return valid ? kDone : kNoScore;
+  const Json root = receipt.is_object() ? receipt.value("merkle_root", Json()) : Json();
+  return PrintAnswer(
+      Json{{"file", options.file},
+           {"valid", valid},
+           {"merkle_root", root},
+           {"checks", ReceiptChecksJson(checks)},
+           {"resimulated", resimulated}},
+      options.json,
+      [&](const Json&) {
+        PrintReceiptChecks(checks);
+        for (const Json& entry : resimulated) {
+          std::cout << Filled(entry, entry["equal"] ? "episode {index}: came out as the receipt says\n"
+                                                    : "episode {index}: DIFFERS: {detail}\n");
+        }
+        std::cout << Bold(valid ? "The receipt holds." : "The receipt does not hold.") << std::endl;
+      },
+      valid ? kDone : kNoScore);
 }
 
 // The phase's secret, "" if the receipt needs none or nobody knows it yet. What a daemon says need not
@@ -270,11 +260,6 @@ void PrintRecordReport(const RecordReport& report) {
             << std::endl;
 }
 
-int ExitOfRecord(const RecordReport& report) {
-  if (!report.valid()) return kNoScore;
-  return report.not_checked.empty() ? kDone : kIncomplete;
-}
-
 absl::StatusOr<int> VerifyAll(const VerifyOptions& options, const PublicKey& key) {
   ASSIGN_OR_RETURN(const std::string pem, ReadFile(options.key, kMaxKeyBytes));
   std::optional<std::string> earlier;
@@ -290,33 +275,28 @@ absl::StatusOr<int> VerifyAll(const VerifyOptions& options, const PublicKey& key
   } else {
     report.checks.push_back({"folder", false, std::string(folder.status().message())});
   }
-  if (!options.json) {
-    PrintRecordReport(report);
-    return ExitOfRecord(report);
-  }
-  PrintJson({{"folder", options.folder},
-             {"valid", report.valid()},
-             {"complete", report.valid() && report.not_checked.empty()},
-             {"checks", ReceiptChecksJson(report.checks)},
-             {"not_checked", report.not_checked},
-             {"size", report.size},
-             {"root", TextOrNull(report.root)},
-             {"receipts", report.receipts},
-             {"withheld", report.withheld},
-             {"boards", report.boards}});
-  return ExitOfRecord(report);
+  const bool complete = report.valid() && report.not_checked.empty();
+  return PrintAnswer(Json{{"folder", options.folder},
+                          {"valid", report.valid()},
+                          {"complete", complete},
+                          {"checks", ReceiptChecksJson(report.checks)},
+                          {"not_checked", report.not_checked},
+                          {"size", report.size},
+                          {"root", TextOrNull(report.root)},
+                          {"receipts", report.receipts},
+                          {"withheld", report.withheld},
+                          {"boards", report.boards}},
+                     options.json, [&](const Json&) { PrintRecordReport(report); },
+                     complete ? kDone : report.valid() ? kIncomplete : kNoScore);
 }
 
 absl::StatusOr<int> Verify(const VerifyOptions& options) {
-  if (options.file.empty() == options.folder.empty()) {
-    return absl::InvalidArgumentError(
-        "name a receipt's file, or with --all the folder of a whole record");
-  }
-  if (options.key.empty()) {
-    return absl::InvalidArgumentError(
-        "--key: give the file of the key that the organiser published; without it, anybody could "
-        "have made the receipt");
-  }
+  RETURN_IF_ERROR(
+      RefuseIf({{options.file.empty() == options.folder.empty(),
+                 "name a receipt's file, or with --all the folder of a whole record"},
+                {options.key.empty(),
+                 "--key: give the file of the key that the organiser published; without it, anybody "
+                 "could have made the receipt"}}));
   ASSIGN_OR_RETURN(const PublicKey key, PublicKey::Read(options.key));
   if (!options.folder.empty()) return VerifyAll(options, key);
   const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
@@ -328,7 +308,8 @@ absl::StatusOr<int> Verify(const VerifyOptions& options) {
   const absl::StatusOr<Json> receipt = ParseReceipt(*text);
   if (!receipt.ok()) {
     return ReportVerified(options, nullptr,
-                  {{"format", false, std::string(receipt.status().message())}}, Json::array());
+                          {{"format", false, std::string(receipt.status().message())}},
+                          Json::array());
   }
   ASSIGN_OR_RETURN(const std::string secret, SecretFor(options, *receipt));
   std::vector<ReceiptCheck> checks = CheckReceipt(*text, key, secret);

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iostream>
 
 #include <absl/strings/str_cat.h>
@@ -44,44 +43,27 @@ Progress::~Progress() {
   std::cerr << (unit_ == Unit::kBytes ? "\r\033[K" : "\n") << std::flush;
 }
 
-void Progress::Pace(int64_t done, absl::Duration now) {
-  if (first_done_ < 0) {
-    first_ = risen_ = now;
-    first_done_ = risen_done_ = done;
-  }
-  if (done <= risen_done_) return;
-  risen_ = now;
-  risen_done_ = done;
-}
-
-std::string Progress::Counts(int64_t done, int64_t total) const {
-  if (unit_ == Unit::kEpisodes) return absl::StrCat(done, "/", total);
-  return total > 0 ? absl::StrCat(Bytes(done), " of ", Bytes(total)) : Bytes(done);
-}
-
-std::string Progress::Rate() const {
-  const double seconds = absl::ToDoubleSeconds(risen_ - first_);
-  const auto fresh = static_cast<double>(risen_done_ - first_done_);
-  if (fresh <= 0 || seconds <= 0) return "";
-  if (unit_ == Unit::kEpisodes) return absl::StrFormat("%.2f/min", 60 * fresh / seconds);
-  return Bytes(static_cast<int64_t>(fresh / seconds)) + "/s";
-}
-
-std::string Progress::Left(int64_t done, int64_t total, absl::Duration now) const {
-  const auto fresh = static_cast<double>(risen_done_ - first_done_);
-  if (fresh <= 0 || done >= total) return "";
-  const double seconds = absl::ToDoubleSeconds(risen_ - first_) / fresh *
-                             static_cast<double>(total - risen_done_) -
-                         absl::ToDoubleSeconds(now - risen_);
-  // Later than thought: how much, the next one that ends will tell.
-  return seconds < 1 ? "" : DurationText(seconds) + " left";
-}
-
 std::string Progress::Line(int64_t done, int64_t total, const std::string& note, absl::Duration now,
                            size_t columns) const {
-  const std::string counts = Counts(done, total);
-  std::string left = Left(done, total, now);
-  std::string rate = Rate();
+  const bool bytes = unit_ == Unit::kBytes;
+  const std::string counts = !bytes      ? absl::StrCat(done, "/", total)
+                             : total > 0 ? absl::StrCat(Bytes(done), " of ", Bytes(total))
+                                         : Bytes(done);
+  // The pace, and "3 min left" as of the last change, less what has gone by; "" if nothing is known.
+  std::string rate;
+  std::string left;
+  const auto fresh = static_cast<double>(risen_done_ - first_done_);
+  const double spent = absl::ToDoubleSeconds(risen_ - first_);
+  if (fresh > 0 && spent > 0) {
+    rate = bytes ? Bytes(static_cast<int64_t>(fresh / spent)) + "/s"
+                 : absl::StrFormat("%.2f/min", 60 * fresh / spent);
+  }
+  if (fresh > 0 && done < total) {
+    const double seconds = spent / fresh * static_cast<double>(total - risen_done_) -
+                           absl::ToDoubleSeconds(now - risen_);
+    // Later than thought: how much, the next one that ends will tell.
+    if (seconds >= 1) left = DurationText(seconds) + " left";
+  }
   std::string said = Harmless(note);
   std::string bar;
   if (columns > 0) {
@@ -110,19 +92,15 @@ std::string Progress::Line(int64_t done, int64_t total, const std::string& note,
   return columns > 0 ? CutText(line, columns) : line;
 }
 
-void Progress::Show(int64_t done, int64_t total, const std::string& note) {
-  Pace(done, SystemClock().Monotonic());
-  Print(done, total, note);
-}
-
-void Progress::ShowWaiting(int64_t done, int64_t total, const std::string& note) {
-  first_done_ = -1;
-  Pace(done, SystemClock().Monotonic());
-  Print(done, total, note);
-}
-
-void Progress::Print(int64_t done, int64_t total, const std::string& note) {
+void Progress::Show(int64_t done, int64_t total, const std::string& note, bool waiting) {
   const absl::Duration now = SystemClock().Monotonic();
+  if (first_done_ < 0 || waiting) {
+    first_ = risen_ = now;
+    first_done_ = risen_done_ = done;
+  } else if (done > risen_done_) {
+    risen_ = now;
+    risen_done_ = done;
+  }
   if (unit_ == Unit::kBytes && now - begun_ < kShortBytes) return;
   const std::string key = absl::StrCat(done, "/", total, note);
   if (terminal_) {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 
 namespace myograde::server {
 
@@ -24,25 +25,19 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
 
   // `note` stands behind the counts: what is going on, in a few words. `total` 0: not known.
-  void Show(int64_t done, int64_t total, const std::string& note);
+  // `waiting`: nothing can go on (a queue), and the time until the next call says nothing of the pace.
+  void Show(int64_t done, int64_t total, const std::string& note, bool waiting = false);
 
-  // Calls Show without a note. This object must outlive it.
-  std::function<void(int64_t done, int64_t total)> Listener() {
-    return [this](int64_t done, int64_t total) { Show(done, total, ""); };
+  // Calls Show, with the note `at_end` once all is done. This object must outlive it.
+  std::function<void(int64_t done, int64_t total)> Listener(std::string at_end = "") {
+    return [this, at_end = std::move(at_end)](int64_t done, int64_t total) {
+      Show(done, total, done < total ? "" : at_end);
+    };
   }
 
-  // The same while nothing can go on (a queue): that time says nothing of the pace.
-  void ShowWaiting(int64_t done, int64_t total, const std::string& note);
-
  private:
-  void Pace(int64_t done, absl::Duration now);
-  std::string Counts(int64_t done, int64_t total) const;
-  std::string Rate() const;
-  // "3 min left" as of the last change, less what has gone by; "" if nothing is known.
-  std::string Left(int64_t done, int64_t total, absl::Duration now) const;
   std::string Line(int64_t done, int64_t total, const std::string& note, absl::Duration now,
                    size_t columns) const;
-  void Print(int64_t done, int64_t total, const std::string& note);
 
   const std::string what_;
   const Unit unit_;

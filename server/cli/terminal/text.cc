@@ -14,6 +14,36 @@
 namespace myograde::server {
 namespace {
 
+// Appends `text` as Filled makes it; false if a value was missing.
+bool Fill(const Json& object, std::string_view text, std::string& filled) {
+  bool whole = true;
+  for (size_t open; (open = text.find_first_of("{[")) != std::string_view::npos;) {
+    filled += text.substr(0, open);
+    const bool optional = text[open] == '[';
+    const size_t close = text.find(optional ? ']' : '}', open);
+    std::string key(text.substr(open + 1, close - open - 1));
+    text.remove_prefix(close + 1);
+    if (optional) {
+      std::string part;
+      if (Fill(object, key, part)) filled += part;
+      continue;
+    }
+    const size_t dot = key.find('.');
+    const bool nested = dot != std::string::npos;
+    const Json inner = nested ? object.value(key.substr(0, dot), Json::object()) : Json();
+    const Json& part = nested ? inner : object;
+    if (nested) key.erase(0, dot + 1);
+    const size_t colon = key.find(':');
+    const std::string value = Cell(part, key.substr(0, colon));
+    whole = whole && value != "-";
+    filled += colon == std::string::npos
+                  ? value
+                  : CountCell(part, key.substr(0, colon), key.substr(colon + 1).c_str());
+  }
+  filled += text;
+  return whole;
+}
+
 bool HasColour() {
   const char* no_color = std::getenv("NO_COLOR");
   return ::isatty(STDOUT_FILENO) == 1 && (no_color == nullptr || *no_color == '\0');
@@ -39,6 +69,13 @@ std::string Bold(const std::string& text) {
 std::string TextAt(const Json& object, const char* key) {
   const auto it = object.find(key);
   return it != object.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
+Json RowWith(const Json& rows, const char* key, const std::string& value) {
+  for (const Json& row : rows) {
+    if (row.value(key, Json()) == value) return row;
+  }
+  return nullptr;
 }
 
 std::string Cell(const Json& object, const std::string& key, int digits) {
@@ -75,6 +112,12 @@ std::string CountCell(const Json& object, const std::string& key, const char* on
     return absl::StrCat(Cell(object, key), " ", one, "s");
   }
   return Counted(it->get<int64_t>(), one);
+}
+
+std::string Filled(const Json& object, std::string_view text) {
+  std::string filled;
+  Fill(object, text, filled);
+  return filled;
 }
 
 std::string HashText(const std::string& hash, bool full) {

@@ -25,6 +25,9 @@ std::string Bold(const std::string& text);
 // The string at `key` as it is; "" if there is none.
 std::string TextAt(const Json& object, const char* key);
 
+// The first of `rows`, an array of objects, with that string at `key`; null if there is none.
+Json RowWith(const Json& rows, const char* key, const std::string& value);
+
 // A JSON number or string as a table cell; "-" for null or a missing key.
 std::string Cell(const Json& object, const std::string& key, int digits = 4);
 
@@ -33,6 +36,11 @@ std::string ListCell(const Json& object, const std::string& key);
 
 // A JSON count with its word (counted.h): "1 episode"; "- episodes" for null or a missing key.
 std::string CountCell(const Json& object, const std::string& key, const char* one);
+
+// `text`, which is this program's own, with the Cell of `object` in place of "{key}", its CountCell in
+// place of "{key:word}", and that of the object in it in place of "{part.key}". What stands in brackets
+// is left out if a value in it is missing or null.
+std::string Filled(const Json& object, std::string_view text);
 
 // 75 -> "1 min 15 s".
 std::string DurationText(double seconds);

@@ -1,4 +1,4 @@
-#include "server/cli/base/new_file.h"
+#include "server/cli/base/files.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -8,10 +8,21 @@
 #include <cstdio>
 #include <cstring>
 
+#include <absl/strings/ascii.h>
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
+#include "protocol/base/status_macros.h"
+#include "protocol/lease/track_config.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr size_t kMaxSeedFileBytes = 1 << 20;
 
 bool IsNoFile(const std::string& path) {
   struct stat info;
@@ -67,6 +78,29 @@ absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_vi
   NewFile file(path, mode);
   if (!file.opened() || !file.Write(content)) return CantWrite(path);
   return file.Keep();
+}
+
+absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxSeedFileBytes));
+  const absl::string_view content = absl::StripLeadingAsciiWhitespace(text);
+  if (!content.empty() && (content[0] == '[' || content[0] == '{')) {
+    ASSIGN_OR_RETURN(const nlohmann::json json, ParseJson(text, path));
+    return ParseSeeds(json, path);
+  }
+  std::vector<uint64_t> seeds;
+  int number = 0;
+  for (absl::string_view line : absl::StrSplit(text, '\n')) {
+    ++number;
+    line = absl::StripAsciiWhitespace(line.substr(0, line.find('#')));
+    if (line.empty()) continue;
+    if (!absl::ascii_isdigit(static_cast<unsigned char>(line[0])) ||
+        !absl::SimpleAtoi(line, &seeds.emplace_back())) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": line ", number,
+                       " is no seed; write one whole number from 0 to 2^63-1 on each line"));
+    }
+  }
+  return ParseSeeds(nlohmann::json(seeds), path);
 }
 
 }  // namespace myograde::server

@@ -1,10 +1,12 @@
-// Files that the command line tool writes, some of which hold secrets.
+// Files that the command line tool reads and writes, some of which hold secrets.
 #pragma once
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -29,6 +31,7 @@ class NewFile {
   ~NewFile();  // takes away what was not kept
 
   bool opened() const { return fd_.valid(); }
+  // False: errno and error() say why.
   bool Write(std::string_view text);
   // 0, or why a Write failed.
   int error() const { return error_; }
@@ -47,5 +50,10 @@ class NewFile {
 // Writes a whole NewFile; the digest of `content`. InvalidArgumentError if it can't be written.
 absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_view content,
                                          mode_t mode = 0600);
+
+// Reads a seed list: whole numbers from 0 to 2^63-1 without repetition, 1 to 10,000 of them, in
+// JSON as ParseSeeds takes them or one a line ('#' begins a comment). InvalidArgumentError names
+// the file and the line or entry.
+absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path);
 
 }  // namespace myograde::server

@@ -1,34 +1,39 @@
-// myograde export, backup
+// The store as a file: myograde export, backup, import
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <filesystem>
 #include <fstream>
-#include <iostream>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <string_view>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/peer_key.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/new_file.h"
+#include "server/cli/base/files.h"
+#include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/client/verbs.h"
+#include "server/cli/client/server_choice.h"
+#include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
+#include "server/engine/stored.h"
+#include "server/store/data_folder.h"
 #include "server/store/transfer.h"
 
 namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
+
 // Spreadsheets take the wide forms of the signs for the signs, and ignore a line break before them.
 bool BeginsAsFormula(std::string_view text) {
   for (const std::string_view sign :
@@ -46,20 +51,22 @@ std::string CsvCell(const Json& value) {
   std::string text = value.is_string() ? value.get<std::string>() : value.dump();
   if (BeginsAsFormula(text)) text.insert(0, "'");
   if (!text.empty() && text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string cell = "\"";  // empty text is quoted, so that it is not taken for nothing
-  for (const char c : text) cell += c == '"' ? "\"\"" : std::string(1, c);
-  return cell + "\"";
+  // Empty text is quoted, so that it is not taken for nothing.
+  return absl::StrCat("\"", absl::StrReplaceAll(text, {{"\"", "\"\""}}), "\"");
+}
+
+absl::Status MakeFolder(const std::string& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (!error) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(folder, ": can't be made: ", error.message()));
 }
 
 // Writes the JSON export in the file `from` to `folder`, which is made if missing: a file for each
 // table, and SHA256SUMS. `mark`: each file begins with the byte order mark of UTF-8.
 // InvalidArgumentError if a file can't be written.
 absl::Status WriteCsv(const std::string& from, const std::string& folder, bool mark) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) {
-    return absl::InvalidArgumentError(absl::StrCat(folder, ": can't be made: ", error.message()));
-  }
+  RETURN_IF_ERROR(MakeFolder(folder));
   std::map<std::string, std::unique_ptr<NewFile>> files;
   RETURN_IF_ERROR(ForEachRow(from, [&](const std::string& table, const Json& row) -> absl::Status {
     auto& file = files[table];
@@ -89,8 +96,8 @@ absl::Status WriteCsv(const std::string& from, const std::string& folder, bool m
   return WriteNewFile(folder + "/SHA256SUMS", sums).status();
 }
 
-// The phases whose seeds a checked export holds and its store had not revealed, by name.
-absl::StatusOr<std::set<std::string>> HiddenPhasesOf(const std::string& path) {
+// Whoever reads the checked export knows the seeds of phases that its store had not revealed.
+absl::Status WarnOfHiddenSeeds(const std::string& path) {
   std::set<std::string> hidden;
   std::set<std::string> revealed;
   RETURN_IF_ERROR(ForEachRow(path, [&](const std::string& table, const Json& row) {
@@ -100,23 +107,30 @@ absl::StatusOr<std::set<std::string>> HiddenPhasesOf(const std::string& path) {
     if (table != "config") return absl::OkStatus();
     const Json config =
         Json::parse(TextAt(row, "effective_json"), nullptr, /*allow_exceptions=*/false);
-    if (!config.is_object() || !config.contains("seed_salt")) return absl::OkStatus();
-    if (const Json phase = config.value("phase", Json()); phase.is_string()) hidden.insert(phase);
+    const bool hides = config.is_object() && config.contains("seed_salt");
+    if (hides && !TextAt(config, "phase").empty()) hidden.insert(TextAt(config, "phase"));
     return absl::OkStatus();
   }));
-  for (const std::string& phase : revealed) hidden.erase(phase);
-  return hidden;
+  for (const std::string& phase : hidden) {
+    if (revealed.contains(phase)) continue;
+    PrintToErrors(absl::StrCat("myograde: warning: the export holds the seeds of phase ", phase,
+                               ", which are not revealed yet: keep it to yourself"));
+  }
+  return absl::OkStatus();
 }
 
-struct ExportOptions : DaemonOptions {
+struct FileOptions : DaemonOptions {
   std::string file;
+};
+
+struct ExportOptions : FileOptions {
   std::string format = "json";
   bool mark = false;
 };
 
-struct BackupOptions : DaemonOptions {
-  std::string file;
-};
+Json ToJson(const std::string& file, const ExportInfo& info) {
+  return {{"file", file}, {"sha256", info.sha256}, {"schema", info.schema}, {"rows", info.rows}};
+}
 
 // Asks for `from` and keeps the answer as `path`; its digest. `what`: for the progress.
 absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
@@ -125,10 +139,7 @@ absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
   NewFile file(path);
   if (!file.opened()) return CantWrite(path);
   const absl::StatusOr<int64_t> got = client.Download(
-      from,
-      [&](const char* data, size_t size) {
-        return file.Write({data, size});
-      },
+      from, [&](const char* data, size_t size) { return file.Write({data, size}); },
       Progress(what, Progress::Unit::kBytes).Listener());
   if (file.error() != 0) {
     errno = file.error();
@@ -138,38 +149,15 @@ absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
   return file.Keep();
 }
 
-// Whoever reads the export knows the seeds.
-absl::Status WarnOfHiddenSeeds(const std::string& document) {
-  ASSIGN_OR_RETURN(const std::set<std::string> hidden, HiddenPhasesOf(document));
-  for (const std::string& phase : hidden) {
-    PrintToErrors(absl::StrCat("myograde: warning: the export holds the seeds of phase ", phase,
-                               ", which are not revealed yet: keep it to yourself"));
-  }
-  return absl::OkStatus();
-}
-
-// A whole export in the file `document`, whose digest this is, becomes what the options ask for.
-absl::Status WriteExport(const ExportOptions& options, const std::string& document,
-                         const std::string& digest) {
-  if (options.format == "csv") return WriteCsv(document, options.file, options.mark);
-  // As sha256sum -c reads it.
-  return WriteNewFile(options.file + ".sha256",
-                      absl::StrCat(digest, "  ", fs::path(document).filename().string(), "\n"))
-      .status();
-}
-
 absl::StatusOr<int> Export(const ExportOptions& options) {
   const bool csv = options.format == "csv";
-  if (csv && options.file.empty()) {
-    return absl::InvalidArgumentError(
-        "an export as CSV is a folder with a file for each table: name the folder");
-  }
-  // It holds what policies printed, unchanged.
-  if (options.file.empty() && TerminalColumns(STDOUT_FILENO) > 0) {
-    return absl::InvalidArgumentError(
+  RETURN_IF_ERROR(RefuseIf(
+      {{csv && options.file.empty(),
+        "an export as CSV is a folder with a file for each table: name the folder"},
+       // It holds what policies printed, unchanged.
+       {options.file.empty() && TerminalColumns(STDOUT_FILENO) > 0,
         "an export is not for a terminal, which might obey what policies printed: name a FILE, or "
-        "redirect standard output");
-  }
+        "redirect standard output"}}));
   ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("export"));
   const bool plain = !csv && !options.file.empty();
   const std::string document = plain ? options.file : temp.path() + "/export.json";
@@ -182,32 +170,72 @@ absl::StatusOr<int> Export(const ExportOptions& options) {
     PlainOutput() << std::ifstream(document, std::ios::binary).rdbuf();
     return kDone;
   }
-  RETURN_IF_ERROR(WriteExport(options, document, digest));
-  return PrintAnswer(Json{{"file", options.file},
-                          {"format", options.format},
-                          {"sha256", info.sha256},
-                          {"schema", info.schema},
-                          {"rows", info.rows}},
-                     options.json, [](const Json& written) {
-                       std::cout << "Exported to " << Cell(written, "file") << ": "
-                                 << CountCell(written["rows"], "submission", "submission")
-                                 << " and " << CountCell(written["rows"], "episode", "episode")
-                                 << ", checksum " << Cell(written, "sha256") << std::endl;
-                     });
+  if (csv) {
+    RETURN_IF_ERROR(WriteCsv(document, options.file, options.mark));
+  } else {  // as sha256sum -c reads it
+    const std::string name = fs::path(document).filename().string();
+    RETURN_IF_ERROR(
+        WriteNewFile(options.file + ".sha256", absl::StrCat(digest, "  ", name, "\n")).status());
+  }
+  Json written = ToJson(options.file, info);
+  written["format"] = options.format;
+  return PrintAnswer(written, options.json,
+                     Sentence("Exported to {file}: {rows.submission:submission} and "
+                              "{rows.episode:episode}, checksum {sha256}"));
 }
 
-absl::StatusOr<int> Backup(const BackupOptions& options) {
+absl::StatusOr<int> Backup(const FileOptions& options) {
   int64_t bytes = 0;
   ASSIGN_OR_RETURN(const std::string digest,
                    Fetch(options.client(), "/v1/backup", options.file, "backup", bytes));
   return PrintAnswer(
       Json{{"file", options.file}, {"bytes", bytes}, {"sha256", digest}}, options.json,
-      [](const Json& written) {
-        std::cout << "The store as it is now, " << CountCell(written, "bytes", "byte") << ", is in "
-                  << Cell(written, "file")
-                  << ". It holds the store's secret: keep it as safe as the data folder."
-                  << std::endl;
-      });
+      Sentence("The store as it is now, {bytes:byte}, is in {file}. It holds the store's secret: keep "
+               "it as safe as the data folder."));
+}
+
+// Without a daemon the store is made here; the lock keeps one from starting meanwhile.
+absl::Status ImportHere(const std::string& data, const std::string& file,
+                        const ExportInfo& info) {
+  RETURN_IF_ERROR(MakeFolder(data));
+  std::error_code ignored;
+  fs::permissions(data, fs::perms::owner_all, ignored);
+  ASSIGN_OR_RETURN(const DataLock lock, HostStatus("import", DataLock::Take(data)));
+  const std::string path = data + "/store.db";
+  ASSIGN_OR_RETURN(const std::unique_ptr<Store> store,
+                   HostStatus("import", Store::Open(path, SystemClock())));
+  RETURN_IF_ERROR(HostStatus("import", store->Write([&](Writer& writer) {
+    return writer.Import(file, info, PeerKey(getuid()), CheckReadable);
+  })));
+  ReaderPool readers(path);
+  // Without this, the first board would have to compute what the view lacks.
+  return HostStatus("import", FillStandings(*store, readers).status());
+}
+
+absl::StatusOr<int> Import(const FileOptions& options) {
+  // A bad file is reported before anything is touched.
+  ASSIGN_OR_RETURN(const ExportInfo info, CheckExport(options.file));
+  ASSIGN_OR_RETURN(const ServerChoice choice, ChooseServer(options));
+  const Client client(choice);
+  const absl::Status heard = client.Get("/v1/health").status();
+  absl::Status status;
+  if (heard.ok()) {
+    status = client
+                 .Upload("/v1/import", options.file,
+                         Progress("import", Progress::Unit::kBytes).Listener("the daemon imports it"),
+                         "application/json")
+                 .status();
+  } else if (choice.address.network()) {
+    status = heard;
+  } else if (!options.socket.empty()) {
+    status = absl::UnavailableError(absl::StrCat("no daemon listens on ", options.socket));
+  } else {
+    status = ImportHere(DataDir(options.data), options.file, info);
+  }
+  RETURN_IF_ERROR(status);
+  return PrintAnswer(ToJson(options.file, info), options.json,
+                     Sentence("Imported {rows.submission:submission} and {rows.episode:episode}, "
+                              "checksum {sha256}"));
 }
 
 }  // namespace
@@ -226,10 +254,17 @@ Action AddExport(CLI::App& verb) {
 }
 
 Action AddBackup(CLI::App& verb) {
-  auto options = std::make_shared<BackupOptions>();
+  auto options = std::make_shared<FileOptions>();
   verb.add_option("FILE", options->file, "The file to write")->required();
   AddDaemonOptions(verb, "backup", *options);
   return [options] { return Backup(*options); };
+}
+
+Action AddImport(CLI::App& verb) {
+  auto options = std::make_shared<FileOptions>();
+  verb.add_option("FILE", options->file, "An export as JSON")->required();
+  AddDaemonOptions(verb, "import", *options);
+  return [options] { return Import(*options); };
 }
 
 }  // namespace myograde::server

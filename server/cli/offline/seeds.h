@@ -10,10 +10,7 @@
 
 namespace myograde::server {
 
-// The secret in a file of its digits.
-absl::StatusOr<std::string> ReadPhaseSecret(const std::string& path);
-
-// The same where a user may give the digits themselves, too.
+// The secret in a file of its digits, or of the digits themselves.
 absl::StatusOr<std::string> GivenSecret(const std::string& digits_or_path);
 
 // What the daemon says of a phase that it has revealed; nullopt if it has not, or can't be asked.

@@ -1,4 +1,5 @@
-// myograde runtime
+// The verbs that become another program: myograde serve, the daemon; myograde runtime, mostly the
+// maker of runtimes
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 #include <absl/strings/str_join.h>
@@ -7,10 +8,12 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <iostream>
-#include <nlohmann/json.hpp>
+#include <memory>
 #include <set>
+#include <string>
 #include <system_error>
+#include <utility>
+#include <vector>
 
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
@@ -18,6 +21,7 @@
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
+#include "server/cli/base/report.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
@@ -26,6 +30,35 @@
 
 namespace myograde::server {
 namespace {
+
+// Returns only if the program can't be started: the error, with `what` it is and what is `todo`.
+absl::Status Become(std::vector<std::string> words, const std::string& what,
+                    const std::string& todo) {
+  ::execv(words[0].c_str(), ExecVector(words).data());
+  return absl::InternalError(
+      absl::StrCat(what, words[0], " can't be started: ", std::strerror(errno), todo));
+}
+
+struct ServeOptions {
+  std::string data;
+  std::string socket;
+  HostOptions host;
+  bool adopt = false;
+};
+
+absl::StatusOr<int> Serve(const ServeOptions& options) {
+  ASSIGN_OR_RETURN(const std::string bin, HostStatus("", BinDir()));
+  std::vector<std::string> words = {bin + "/myograded"};
+  const std::pair<const char*, std::string> passed[] = {{"--data", options.data},
+                                                        {"--socket", options.socket},
+                                                        {"--configs", options.host.configs},
+                                                        {"--cache", options.host.cache}};
+  for (const auto& [name, value] : passed) {
+    if (!value.empty()) words.insert(words.end(), {name, value});
+  }
+  if (options.adopt) words.emplace_back("--adopt");
+  return Become(std::move(words), "the daemon's program ", "");
+}
 
 struct RuntimeOptions {
   HostOptions host;
@@ -47,9 +80,6 @@ absl::StatusOr<ServerConfig> ConfigOf(const RuntimeOptions& options) {
       "", LoadServerConfig(options.host.configs_dir() + "/server.json", options.host.cache_dir()));
 }
 
-// The program that makes and removes runtimes.
-std::string Maker() { return ShareDir() + "/runtime/make_runtime.py"; }
-
 // The folder of a shipped recipe; NotFoundError lists those that there are.
 absl::StatusOr<std::string> Recipe(const std::string& name) {
   namespace fs = std::filesystem;
@@ -67,9 +97,9 @@ absl::StatusOr<std::string> Recipe(const std::string& name) {
                                           absl::StrJoin(known, ", ")));
 }
 
-// Becomes the maker. `words` follow the runtimes' folder and the name.
-absl::StatusOr<int> Become(const RuntimeOptions& options, const std::string& verb,
-                           std::vector<std::string> words) {
+// Becomes the program that makes and removes runtimes. `words` follow the runtimes' folder and the name.
+absl::StatusOr<int> BecomeMaker(const RuntimeOptions& options, const std::string& verb,
+                                const std::vector<std::string>& words) {
   ASSIGN_OR_RETURN(const ServerConfig config, ConfigOf(options));
   if (const auto own = config.runtimes.find(options.name);
       own != config.runtimes.end() && own->second != config.runtimes_dir + "/" + options.name) {
@@ -77,13 +107,12 @@ absl::StatusOr<int> Become(const RuntimeOptions& options, const std::string& ver
         absl::StrCat("server.json names the folder ", own->second, " as the runtime \"",
                      options.name, "\"; choose another name, or take it out of \"runtimes\""));
   }
-  std::vector<std::string> all = {"/usr/bin/python3",  "-B",        "-s", "-E", Maker(), verb,
-                                  config.runtimes_dir, options.name};
+  std::vector<std::string> all = {"/usr/bin/python3", "-B", "-s", "-E",
+                                  ShareDir() + "/runtime/make_runtime.py",
+                                  verb, config.runtimes_dir, options.name};
   all.insert(all.end(), words.begin(), words.end());
   if (options.json) all.emplace_back("--json");
-  ::execv(all[0].c_str(), ExecVector(all).data());
-  return absl::InternalError(absl::StrCat(all[0], " can't be started: ", std::strerror(errno),
-                                          "; install the package python3"));
+  return Become(std::move(all), "", "; install the package python3");
 }
 
 absl::StatusOr<int> Add(const RuntimeOptions& options) {
@@ -91,25 +120,22 @@ absl::StatusOr<int> Add(const RuntimeOptions& options) {
   if (source.empty()) {
     ASSIGN_OR_RETURN(source, Recipe(options.name));
   }
-  std::vector<std::string> words = {source,
-                                    "--python",
-                                    options.python,
-                                    "--timeout",
-                                    std::to_string(options.timeout_s),
-                                    "--most-bytes",
-                                    std::to_string(options.most_bytes)};
+  std::vector<std::string> words = {source, "--python", options.python};
+  words.insert(words.end(), {"--timeout", std::to_string(options.timeout_s)});
+  words.insert(words.end(), {"--most-bytes", std::to_string(options.most_bytes)});
   for (const std::string& package : options.debian) {
     words.insert(words.end(), {"--debian", package});
   }
   if (!options.wheels.empty()) words.insert(words.end(), {"--wheels", options.wheels});
   if (options.lock) words.emplace_back("--lock");
   if (options.replace) words.emplace_back("--replace");
-  return Become(options, "add", std::move(words));
+  return BecomeMaker(options, "add", words);
 }
 
 absl::StatusOr<int> Remove(const RuntimeOptions& options) {
-  return Become(options, "remove",
-                options.former ? std::vector<std::string>{"--former"} : std::vector<std::string>());
+  std::vector<std::string> words;
+  if (options.former) words.emplace_back("--former");
+  return BecomeMaker(options, "remove", words);
 }
 
 Json RuntimeRow(const Runtime& runtime, bool former) {
@@ -120,7 +146,7 @@ Json RuntimeRow(const Runtime& runtime, bool former) {
   return row;
 }
 
-void PrintRuntimes(const Json& runtimes) {
+void PrintRuntimes(const Json& answer) {
   const auto packages = [](const Json& row) {
     return row["digest"].is_string() ? std::to_string(row["packages"].size()) : "-";
   };
@@ -133,8 +159,9 @@ void PrintRuntimes(const Json& runtimes) {
     return absl::StrCat(row["digest"].is_string() ? HashText(row["digest"], false) : "unknown",
                         row.value("former", false) ? " (former)" : "");
   };
-  PrintRows(runtimes, {"runtime", "Python=python", RowColumn("packages", packages),
-                       RowColumn("MB", megabytes), RowColumn("digest", digest), "folder"});
+  PrintList(answer, "runtimes", "There is no runtime; myograde runtime add makes one.",
+            {"runtime", "Python=python", RowColumn("packages", packages),
+             RowColumn("MB", megabytes), RowColumn("digest", digest), "folder"});
 }
 
 absl::StatusOr<int> List(const RuntimeOptions& options) {
@@ -143,14 +170,8 @@ absl::StatusOr<int> List(const RuntimeOptions& options) {
   Json rows = Json::array();
   for (const Runtime& runtime : runtimes.List()) rows.push_back(RuntimeRow(runtime, false));
   for (const Runtime& runtime : runtimes.Former()) rows.push_back(RuntimeRow(runtime, true));
-  if (options.json) {
-    PrintJson({{"dir", config.runtimes_dir}, {"runtimes", rows}});
-  } else if (rows.empty()) {
-    std::cout << "There is no runtime; myograde runtime add makes one." << std::endl;
-  } else {
-    PrintRuntimes(rows);
-  }
-  return kDone;
+  return PrintAnswer(Json{{"dir", config.runtimes_dir}, {"runtimes", rows}}, options.json,
+                     PrintRuntimes);
 }
 
 void AddMaking(CLI::App& part, RuntimeOptions& options) {
@@ -180,6 +201,19 @@ void AddMaking(CLI::App& part, RuntimeOptions& options) {
 }
 
 }  // namespace
+
+Action AddServe(CLI::App& verb) {
+  auto options = std::make_shared<ServeOptions>();
+  verb.add_option("--data", options->data,
+                  "Folder for everything that is kept; made if missing (default: MYOGRADE_DATA, "
+                  "else /var/lib/myograde for root and ~/.local/share/myograde for others)");
+  verb.add_option("--socket", options->socket, "Where to listen (default: DATA/myograde.sock)");
+  verb.add_flag("--adopt", options->adopt,
+                "Only make a copy of another daemon's data folder this one's own, where leases run on a "
+                "cluster (OPERATIONS.md, 'Copies of a data folder'); with the daemon stopped");
+  AddHostOptions(verb, options->host);
+  return [options] { return Serve(*options); };
+}
 
 Action AddRuntime(CLI::App& verb) {
   Parts<RuntimeOptions> parts(verb);

@@ -1,5 +1,8 @@
-// myograde plot
+// What is drawn: myograde plot, report
+#include <absl/strings/escaping.h>
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include <cmath>
 #include <map>
@@ -10,16 +13,16 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "scoring/groups.h"
 #include "scoring/paired_test.h"
 #include "server/base/counted.h"
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/offline/draw.h"
-#include "server/cli/offline/figure_sources.h"
-#include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/grading/leaderboard.h"
 
@@ -132,11 +135,29 @@ struct PlotKind {
 constexpr PlotKind kPlotKinds[] = {{"board", 0, 0},    {"distributions", 1, 1}, {"courses", 1, 8},
                                    {"survival", 1, 8}, {"joints", 1, 4},        {"paired", 2, 2}};
 
-struct PlotOptions : DaemonOptions {
+// Of both verbs.
+struct FigureOptions : SubmissionOptions {
+  BoardChoice board;
+  std::string file;  // "": the numbers are wanted alone
+};
+
+// The format that the file's name asks for, "svg" of FIGURE.svg; null without a file.
+absl::StatusOr<Json> FormatOf(const FigureOptions& options,
+                              const std::vector<std::string>& formats) {
+  RETURN_IF_ERROR(
+      RefuseIf({{options.file.empty() && !options.json,
+                 "say with -o which file to write, or with --json that you want the numbers"}}));
+  if (options.file.empty()) return Json();
+  for (const std::string& format : formats) {
+    if (absl::EndsWithIgnoreCase(options.file, "." + format)) return Json(format);
+  }
+  return absl::InvalidArgumentError(absl::StrCat("-o ", options.file, ": name a file that ends in .",
+                                                 absl::StrJoin(formats, " or .")));
+}
+
+struct PlotOptions : FigureOptions {
   std::string kind;
   std::vector<int64_t> ids;
-  BoardChoice board;
-  std::string file;
 };
 
 const PlotKind& KindOf(const PlotOptions& options) {
@@ -157,22 +178,14 @@ absl::Status CheckPlot(const PlotOptions& options) {
                                       Counted(static_cast<int64_t>(kind.most), "submission"),
                                       ": give as many numbers"));
   }
-  if (different.size() != options.ids.size()) {
-    return absl::InvalidArgumentError("a submission is named twice; give each number once");
-  }
-  if (kind.most == 0 && !options.board.named()) {
-    return absl::InvalidArgumentError("plot board shows one board: give --track or --phase");
-  }
-  if (kind.most > 0 && options.board.named()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("plot ", kind.name, " shows submissions: leave out --track, --phase and "
-                     "--config"));
-  }
-  if (options.file.empty() && !options.json) {
-    return absl::InvalidArgumentError(
-        "say with -o which file to write, or with --json that you want the numbers");
-  }
-  return absl::OkStatus();
+  return RefuseIf(
+      {{different.size() != options.ids.size(),
+        "a submission is named twice; give each number once"},
+       {kind.most == 0 && !options.board.named(),
+        "plot board shows one board: give --track or --phase"},
+       {kind.most > 0 && options.board.named(),
+        absl::StrCat("plot ", kind.name,
+                     " shows submissions: leave out --track, --phase and --config")}});
 }
 
 absl::Status Gather(const PlotOptions& options, Json& order) {
@@ -190,14 +203,77 @@ absl::Status Gather(const PlotOptions& options, Json& order) {
 
 absl::StatusOr<int> Plot(const PlotOptions& options) {
   RETURN_IF_ERROR(CheckPlot(options));
-  Json order = {{"make", "plot"}, {"kind", options.kind}, {"format", nullptr}};
-  if (!options.file.empty()) {
-    ASSIGN_OR_RETURN(order["format"], FormatOf(options.file, {"svg", "pdf"}));
-  }
+  Json order = {{"make", "plot"}, {"kind", options.kind}};
+  ASSIGN_OR_RETURN(order["format"], FormatOf(options, {"svg", "pdf"}));
   CatchStopSignals();
   const absl::Status gathered = Gather(options, order);
   return DrawInto(options.file, gathered, order,
                   {{"kind", options.kind}, {"format", order["format"]}}, options.json);
+}
+
+constexpr size_t kMostStripBytes = size_t{32} << 20;
+
+struct ReportOptions : FigureOptions {
+  bool no_pictures = false;
+};
+
+Json WhyNot(absl::string_view reason) { return {{"error", std::string(reason)}}; }
+
+// What "myograde render" draws of the submission, as Base64, or why there is nothing.
+// CancelledError after a stop signal.
+absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
+  const absl::StatusOr<TempFolder> temp = TempFolder::Make("strip");
+  if (!temp.ok()) return WhyNot(temp.status().message());
+  const std::string file = temp->path() + "/strip.png";
+  std::vector<std::string> words = {absl::StrCat(options.id), "--strip", "-o", file};
+  const std::pair<const char*, std::string> places[] = {{"--data", options.data},
+                                                        {"--socket", options.socket},
+                                                        {"--server", options.server},
+                                                        {"--ca-file", options.ca_file}};
+  for (const auto& [option, value] : places) {
+    if (!value.empty()) words.insert(words.end(), {option, value});
+  }
+  const absl::Status drawn = RunRender(std::move(words));
+  if (absl::IsCancelled(drawn)) return drawn;
+  if (!drawn.ok()) return WhyNot(drawn.message());
+  const absl::StatusOr<std::string> png = ReadFile(file, kMostStripBytes);
+  if (!png.ok()) return WhyNot(png.status().message());
+  return Json{{"png", absl::Base64Escape(*png)}};
+}
+
+absl::Status GatherSubmission(const ReportOptions& options, Json& order) {
+  const Client client = options.client();
+  ASSIGN_OR_RETURN(order["result"], ResultForFigures(client, options.id));
+  if (order["format"].is_null()) return absl::OkStatus();
+  absl::StatusOr<Json> receipt = client.Get(options.Resource("/receipt"));
+  if (!receipt.ok() && !absl::IsInvalidArgument(receipt.status())) return receipt.status();
+  order["receipt"] = receipt.ok() ? *std::move(receipt) : WhyNot(receipt.status().message());
+  if (options.no_pictures) return absl::OkStatus();
+  ASSIGN_OR_RETURN(order["strip"], PicturesOf(options));
+  return absl::OkStatus();
+}
+
+absl::Status GatherBoard(const ReportOptions& options, Json& order) {
+  const Client client = options.client();
+  RETURN_IF_ERROR(AddBoard(client, options.board, order));
+  RETURN_IF_ERROR(AddPhase(client, order));
+  return AddResultsOfBoard(client, order);
+}
+
+absl::StatusOr<int> WriteReport(const ReportOptions& options) {
+  const bool submission = options.id != 0;
+  RETURN_IF_ERROR(RefuseIf(
+      {{!submission && !options.board.named(),
+        "say what the report is of: a submission's number, --phase or --track"},
+       {submission && options.board.named(),
+        "a report is of one submission or of one board: give its number, or --phase or --track"}}));
+  Json order = {{"make", submission ? "report" : "board-report"}, {"version", MYOGRADE_VERSION}};
+  ASSIGN_OR_RETURN(order["format"], FormatOf(options, {"html"}));
+  CatchStopSignals();
+  const absl::Status gathered =
+      submission ? GatherSubmission(options, order) : GatherBoard(options, order);
+  return DrawInto(options.file, gathered, order, {{"of", submission ? "submission" : "board"}},
+                  options.json);
 }
 
 }  // namespace
@@ -219,6 +295,18 @@ Action AddPlot(CLI::App& verb) {
   verb.add_option("-o,--output", options->file, "The file to write: FILE.svg or FILE.pdf");
   AddDaemonOptions(verb, "plot", *options, "Print the numbers behind the figure as JSON");
   return [options] { return Plot(*options); };
+}
+
+Action AddReport(CLI::App& verb) {
+  auto options = std::make_shared<ReportOptions>();
+  AddSubmissionId(verb, *options, /*required=*/false, "The submission to report on");
+  AddBoardChoice(verb, options->board,
+                 "In place of a submission: the results of this track outside any phase",
+                 "In place of a submission: the results of this phase");
+  verb.add_option("-o,--output", options->file, "The file to write: FILE.html");
+  verb.add_flag("--no-pictures", options->no_pictures, "Leave out the pictures of episodes");
+  AddDaemonOptions(verb, "report", *options, "Print the numbers in the report as JSON");
+  return [options] { return WriteReport(*options); };
 }
 
 }  // namespace myograde::server
