@@ -31,7 +31,7 @@ CLI::Validator WholeNumber(int64_t least, const std::string& what) {
       "");
 }
 
-bool IsPlainName(const std::string& text, size_t most, bool any_first) {
+bool IsSimpleName(const std::string& text, size_t most, bool any_first) {
   const auto plain = [](unsigned char c) {
     return absl::ascii_isalnum(c) || c == '.' || c == '_' || c == '-';
   };

@@ -23,7 +23,7 @@ CLI::Validator WholeNumber(int64_t least, const std::string& what);
 
 // Whether `text` is 1 to `most` letters, digits, ".", "_" and "-", and begins with a letter or a digit
 // or, if `any_first`, with any of them.
-bool IsPlainName(const std::string& text, size_t most, bool any_first = false);
+bool IsSimpleName(const std::string& text, size_t most, bool any_first = false);
 
 // The two numbers of "A..B"; nullopt if it is no such text.
 std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text);

@@ -75,11 +75,6 @@ std::string EnumeratedEpisodes(const std::vector<std::string>& numbers) {
   return text;
 }
 
-// Of a success, which has no reason of its own, how it ended.
-std::string ReasonCell(const Json& row) {
-  return Cell(row, row.value("outcome", Json()) == "success" ? "end" : "reason");
-}
-
 }  // namespace
 
 void PrintFaults(const Json& rows) {
@@ -160,8 +155,12 @@ void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes) {
   for (const Json& metric : metrics) {
     if (metric.value("better", "") != "neither") ranked.push_back(metric);
   }
+  // Of a success, which has no reason of its own, how it ended.
+  const auto reason = [](const Json& row) {
+    return Cell(row, row.value("outcome", Json()) == "success" ? "end" : "reason");
+  };
   std::vector<RowColumn> columns = {"episode=index", "seed", "outcome",
-                                    RowColumn("reason", ReasonCell), "steps"};
+                                    RowColumn("reason", reason), "steps"};
   for (const RowColumn& metric : MetricColumns(ranked)) {
     columns.push_back(ColumnOfPart("metrics", metric));
   }

@@ -20,6 +20,49 @@
 namespace myograde::server {
 namespace {
 
+// Gets the log of that SHA-256 and gives it to `sink` unpacked, piece by piece. It is the right one
+// only if that is OK: DataLossError if it was altered, the daemon's error if it is gone, or what
+// `sink` said.
+absl::Status ReadLogOf(const Client& client, const std::string& sha256,
+                       const LogUnpacker::Sink& sink) {
+  Sha256 hash;
+  LogUnpacker unpacker([&](std::string_view piece) {
+    hash.Update(piece);
+    return sink(piece);
+  });
+  absl::Status taken;
+  const auto take = [&](const char* data, size_t size) {
+    taken = unpacker.Take({data, size});
+    return taken.ok();
+  };
+  const absl::Status got =
+      client.Download("/v1/logs/" + sha256, take, /*progress=*/nullptr).status();
+  RETURN_IF_ERROR(taken);
+  RETURN_IF_ERROR(got);
+  RETURN_IF_ERROR(unpacker.End());
+  return CheckLogHash(sha256, hash.FinishHex());
+}
+
+// The same of the log that a row names. FailedPreconditionError if the row names none;
+// DataLossError names the episode.
+absl::Status ReadLogOf(const Client& client, const Json& row, const LogUnpacker::Sink& sink) {
+  const Json log = row.value("log", Json());
+  const std::string sha256 = log.is_object() ? TextAt(log, "sha256") : "";
+  if (sha256.empty()) {
+    return absl::FailedPreconditionError(Filled(row, "no log of episode {index} was kept"));
+  }
+  const absl::Status status = ReadLogOf(client, sha256, sink);
+  if (!absl::IsDataLoss(status)) return status;
+  return absl::DataLossError(absl::StrCat(Filled(row, "episode {index}: "), status.message()));
+}
+
+LogUnpacker::Sink AppendTo(std::string& bytes) {
+  return [&bytes](std::string_view piece) {
+    bytes.append(piece);
+    return absl::OkStatus();
+  };
+}
+
 struct LogOptions : SubmissionOptions {
   int64_t episode = 0;
   std::string file;
@@ -29,9 +72,14 @@ absl::StatusOr<int> Log(const LogOptions& options) {
   const Client client = options.client();
   ASSIGN_OR_RETURN(const Json evaluation, EvaluationWithRows(client, options.Resource("/result")));
   ASSIGN_OR_RETURN(const Json row, RowOf(evaluation, options.episode));
-  const absl::StatusOr<std::string> bytes = LogBytesOf(client, row);
-  if (!bytes.ok()) return ExitOfLogError(bytes.status());
-  RETURN_IF_ERROR(WriteNewFile(options.file, *bytes, /*mode=*/0666).status());
+  // The file is there only if the log is, whole and unaltered.
+  NewFile file(options.file, /*mode=*/0666);
+  if (!file.opened()) return CantWrite(options.file);
+  const absl::Status status = ReadLogOf(client, row, [&](std::string_view piece) {
+    return file.Write(piece) ? absl::OkStatus() : CantWrite(options.file);
+  });
+  if (!status.ok()) return ExitOfLogError(status);
+  RETURN_IF_ERROR(file.Keep().status());
   const Json& log = row["log"];
   const bool whole = log["steps"] == row.value("steps", Json());
   return PrintAnswer(
@@ -68,27 +116,15 @@ absl::StatusOr<Json> RowOf(const Json& evaluation, int64_t episode) {
 }
 
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& sha256) {
-  std::string packed;
-  const auto take = [&](const char* data, size_t size) {
-    packed.append(data, size);
-    return std::ssize(packed) <= kMaxLogBytes;
-  };
-  RETURN_IF_ERROR(client.Download("/v1/logs/" + sha256, take, /*progress=*/nullptr).status());
-  ASSIGN_OR_RETURN(std::string bytes, UnpackLog(packed));
-  RETURN_IF_ERROR(CheckLogHash(sha256, Sha256Hex(bytes)));
+  std::string bytes;
+  RETURN_IF_ERROR(ReadLogOf(client, sha256, AppendTo(bytes)));
   return bytes;
 }
 
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row) {
-  const Json log = row.value("log", Json());
-  const std::string sha256 = log.is_object() ? TextAt(log, "sha256") : "";
-  if (sha256.empty()) {
-    return absl::FailedPreconditionError(Filled(row, "no log of episode {index} was kept"));
-  }
-  absl::StatusOr<std::string> bytes = LogBytesOf(client, sha256);
-  if (!absl::IsDataLoss(bytes.status())) return bytes;
-  return absl::DataLossError(
-      absl::StrCat(Filled(row, "episode {index}: "), bytes.status().message()));
+  std::string bytes;
+  RETURN_IF_ERROR(ReadLogOf(client, row, AppendTo(bytes)));
+  return bytes;
 }
 
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {

@@ -97,6 +97,7 @@ std::string RoleText(const Json& who) {
                       teams == "-" ? "" : " of " + teams);
 }
 
+// A login is kept in a "file".
 void PrintWho(const Json& who) {
   std::cout << Filled(who, "To {server} you are ") << RoleText(who) << Filled(who, " ({caller}).\n");
   const Json token = who.value("token", Json());
@@ -104,7 +105,7 @@ void PrintWho(const Json& who) {
     std::cout << Filled(token,
                         "Your token is number {id}, \"{label}\"[, valid until {expires_at}].\n");
   }
-  std::cout.flush();
+  std::cout << Filled(who, "[The login is kept in {file}; \"myograde logout\" removes it.\n]");
 }
 
 absl::StatusOr<Json> AskWho(const Client& client) {
@@ -142,11 +143,6 @@ absl::StatusOr<Json> LogIn(const LoginOptions& options) {
   return who;
 }
 
-void PrintLogin(const Json& who) {
-  PrintWho(who);
-  std::cout << Filled(who, "The login is kept in {file}; \"myograde logout\" removes it.\n");
-}
-
 absl::StatusOr<Json> LogOut() {
   // Whatever is wrong with the file, it can be removed.
   const absl::StatusOr<std::optional<Login>> login = ReadLogin();
@@ -178,9 +174,9 @@ struct TokenOptions : DaemonOptions {
 
 void PrintCreated(const Json& token) {
   const bool of_team = !token.value("team", Json()).is_null();
-  const bool ends = !token.value("expires_at", Json()).is_null();
+  const std::string until = Filled(token, "[, until {expires_at}]");
   std::cout << Filled(token, of_team ? "Token {id} for team {team}" : "Token {id} for an {role}")
-            << Filled(token, ends ? ", until {expires_at}" : ", without an end")
+            << (until.empty() ? ", without an end" : until)
             << ". It is shown this once:" << std::endl;
   // Whole, so that it can be copied.
   PlainOutput() << Cell(token, "token") << std::endl;
@@ -216,18 +212,6 @@ absl::StatusOr<int> CreateToken(const TokenOptions& options) {
                    : absl::StrCat("should be revoked, which failed: ", revoked.message())));
 }
 
-absl::StatusOr<int> ListTokens(const TokenOptions& options) {
-  return options.ListAndPrint("/v1/tokens", "tokens",
-                              "There are no tokens yet; \"myograde token create\" makes one.",
-                              {"token=id", "role", "team", "label", "state", "made by=created_by",
-                               "until=expires_at", "last used=last_used_at"});
-}
-
-absl::StatusOr<int> RevokeToken(const TokenOptions& options) {
-  return options.PostAndPrint(absl::StrCat("/v1/tokens/", options.id, "/revoke"), Json::object(),
-                              PrintRevoked);
-}
-
 }  // namespace
 
 Action AddLogin(CLI::App& verb) {
@@ -235,7 +219,7 @@ Action AddLogin(CLI::App& verb) {
   verb.add_option("URL", options->url, "The server's address, https://HOST:PORT")->required();
   AddCaFile(verb, options->ca_file);
   AddJson(verb, "login", options->json);
-  return [options] { return PrintAnswer(LogIn(*options), options->json, PrintLogin); };
+  return [options] { return PrintAnswer(LogIn(*options), options->json, PrintWho); };
 }
 
 Action AddLogout(CLI::App& verb) {
@@ -269,8 +253,20 @@ Action AddToken(CLI::App& verb) {
                           ->check(CLI::Range(1, 3650));
   create->add_option("--expires", options.expires, "When it expires, as in 2026-12-01T00:00:00Z")
       ->excludes(days);
-  parts.Add("list", "List the tokens, without their texts", "list", "tokens", ListTokens);
-  parts.Add("revoke", "Revoke a token at once", "revoke 7", "token", RevokeToken)
+  parts.Add("list", "List the tokens, without their texts", "list", "tokens",
+            [](const TokenOptions& of) {
+              return of.ListAndPrint("/v1/tokens", "tokens",
+                                     "There are no tokens yet; \"myograde token create\" makes one.",
+                                     {"token=id", "role", "team", "label", "state",
+                                      "made by=created_by", "until=expires_at",
+                                      "last used=last_used_at"});
+            });
+  parts
+      .Add("revoke", "Revoke a token at once", "revoke 7", "token",
+           [](const TokenOptions& of) {
+             return of.PostAndPrint(absl::StrCat("/v1/tokens/", of.id, "/revoke"), Json::object(),
+                                    PrintRevoked);
+           })
       ->add_option("ID", options.id, "The token")
       ->required()
       ->type_name("NUMBER")

@@ -133,11 +133,11 @@ absl::StatusOr<int> Events(const EventsOptions& options) {
                              PrintEvents);
 }
 
-// A check by IsPlainName; `what` says in the error what the text is not.
+// A check by IsSimpleName; `what` says in the error what the text is not.
 CLI::Validator NameOf(size_t most, bool any_first, const std::string& what) {
   return CLI::Validator(
       [=](const std::string& text) {
-        return IsPlainName(text, most, any_first) ? ""
+        return IsSimpleName(text, most, any_first) ? ""
                                                   : absl::StrCat("\"", text, "\" is no ", what);
       },
       "");
@@ -193,18 +193,6 @@ void PrintNodes(const Json& answer) {
   PrintList(answer, "nodes",
             "No node has had a lease since the daemon started, and none is drained.",
             {"node", "state", "running", "done", "faults", "processor", "reason", "by=drained_by"});
-}
-
-absl::StatusOr<int> DrainNode(const ClusterOptions& options) {
-  return options.PostAndPrint(
-      "/v1/nodes/" + options.node, {{"state", "drained"}, {"reason", options.reason}},
-      Sentence("Node {node} gets no more leases; those that run there go on."));
-}
-
-absl::StatusOr<int> AdmitNode(const ClusterOptions& options) {
-  return options.PostAndPrint(
-      "/v1/nodes/" + options.node, {{"state", "admitted"}},
-      Sentence("Node {node} gets leases again, once it has proved itself."));
 }
 
 }  // namespace
@@ -297,12 +285,22 @@ Action AddCluster(CLI::App& verb) {
             });
   CLI::App* drain =
       parts.Add("drain", "Start no more leases on a node; those that run there go on",
-                "drain node17 --reason \"a fan is broken\"", "cluster-node", DrainNode);
+                "drain node17 --reason \"a fan is broken\"", "cluster-node",
+                [](const ClusterOptions& options) {
+                  return options.PostAndPrint(
+                      "/v1/nodes/" + options.node,
+                      {{"state", "drained"}, {"reason", options.reason}},
+                      Sentence("Node {node} gets no more leases; those that run there go on."));
+                });
   add_node(drain);
   drain->add_option("--reason", parts.options().reason, "Why, for those who list the nodes")
       ->required();
   add_node(parts.Add("admit", "Let a node have leases again, once it has proved itself",
-                     "admit node17", "cluster-node", AdmitNode));
+                     "admit node17", "cluster-node", [](const ClusterOptions& options) {
+                       return options.PostAndPrint(
+                           "/v1/nodes/" + options.node, {{"state", "admitted"}},
+                           Sentence("Node {node} gets leases again, once it has proved itself."));
+                     }));
   return parts.Chosen();
 }
 

@@ -83,29 +83,10 @@ AnswerPrinter Changed(const std::string& what) {
   };
 }
 
-absl::StatusOr<int> ListTeams(const TeamOptions& options) {
-  return options.ListAndPrint("/v1/teams", "teams",
-                              "There are no teams yet; \"myograde team create NAME\" makes one.",
-                              {"team", ListColumn("members", "members"),
-                               ListColumn("other names", "other_names"),
-                               RowColumn("state", StateText)});
-}
-
 absl::StatusOr<int> RenameTeam(const TeamOptions& options) {
   return options.PostAndPrint(
       options.Resource("/rename"), options.Body({{"name", options.name}}),
       Changed(absl::StrCat("has this name; \"", options.team, "\" still finds it")));
-}
-
-absl::StatusOr<int> SetTeamMember(const TeamOptions& options, bool belongs) {
-  return options.PostAndPrint(
-      options.Resource("/members"), {{"person", options.person}, {"belongs", belongs}},
-      Changed(absl::StrCat(belongs ? "has" : "does not have", " the member ", options.person)));
-}
-
-absl::StatusOr<int> BanTeam(const TeamOptions& options, bool banned) {
-  return options.PostAndPrint(options.Resource("/ban"), options.Body({{"banned", banned}}),
-                              Changed(banned ? "is banned" : "is not banned"));
 }
 
 // "3 + 4 = 7 of 5".
@@ -199,7 +180,12 @@ void AddMemberParts(TeamParts& parts) {
         belongs ? "Let a user of the daemon's host act for a team"
                 : "Remove a user from a team; what the user has submitted stays the team's",
         belongs ? "add-member \"Team Blue\" ada" : "remove-member \"Team Blue\" ada",
-        [belongs](const TeamOptions& options) { return SetTeamMember(options, belongs); });
+        [belongs](const TeamOptions& options) {
+          const char* has = belongs ? "has the member " : "does not have the member ";
+          return options.PostAndPrint(options.Resource("/members"),
+                                      {{"person", options.person}, {"belongs", belongs}},
+                                      Changed(has + options.person));
+        });
     part->add_option("PERSON", parts.options().person,
                      "A user of the daemon's host: a name, or a number as in \"uid 1001\"")
         ->required()
@@ -214,7 +200,10 @@ void AddBanParts(TeamParts& parts) {
         banned ? "Refuse a team's submissions and take it off the boards; running ones continue"
                : "Accept a team's submissions again, and put it back on the boards",
         banned ? "ban \"Team Blue\" --reason \"two names of one group\"" : "unban \"Team Blue\"",
-        [banned](const TeamOptions& options) { return BanTeam(options, banned); });
+        [banned](const TeamOptions& options) {
+          return options.PostAndPrint(options.Resource("/ban"), options.Body({{"banned", banned}}),
+                                      Changed(banned ? "is banned" : "is not banned"));
+        });
     parts.AddReason(part)->required(banned);
   }
 }
@@ -289,7 +278,13 @@ void PrintQuota(const Json& quota) {
                      "who", "why"});
 }
 
-absl::StatusOr<Json> Grant(const QuotaOptions& options) {
+// With --grant, after that.
+absl::StatusOr<Json> QuotaOf(const QuotaOptions& options) {
+  if (options.grant == 0) {
+    return options.client().Get("/v1/quota" + QueryOf({{"team", options.team},
+                                                       {"limit", absl::StrCat(options.limit)},
+                                                       {"track", options.track}}));
+  }
   RETURN_IF_ERROR(RefuseIf({{options.track.empty() || options.reason.empty(),
                              "a grant needs --track and --reason"}}));
   Json grant = {{"team", options.team},
@@ -301,12 +296,6 @@ absl::StatusOr<Json> Grant(const QuotaOptions& options) {
   return options.client().Post("/v1/quota/grants", grant);
 }
 
-absl::StatusOr<Json> QuotaOf(const QuotaOptions& options) {
-  return options.client().Get("/v1/quota" + QueryOf({{"team", options.team},
-                                                     {"limit", absl::StrCat(options.limit)},
-                                                     {"track", options.track}}));
-}
-
 }  // namespace
 
 Action AddTeam(CLI::App& verb) {
@@ -316,7 +305,14 @@ Action AddTeam(CLI::App& verb) {
         return options.PostAndPrint("/v1/teams", options.Body({{"team", options.team}}),
                                     Changed("is created"));
       }));
-  parts.Add("list", "List all teams with their members", "list", "teams", ListTeams);
+  parts.Add("list", "List all teams with their members", "list", "teams",
+            [](const TeamOptions& options) {
+              return options.ListAndPrint(
+                  "/v1/teams", "teams",
+                  "There are no teams yet; \"myograde team create NAME\" makes one.",
+                  {"team", ListColumn("members", "members"),
+                   ListColumn("other names", "other_names"), RowColumn("state", StateText)});
+            });
   parts.AddOfTeam("show", "Show a team with its members and all that was done to it",
                   "show \"Team Blue\"", [](const TeamOptions& options) {
                     return options.GetAndPrint(options.Resource(), PrintTeam);
@@ -358,10 +354,7 @@ Action AddQuota(CLI::App& verb) {
   verb.add_option("--reason", options->reason, "Why it is granted, for the ledger; up to 200 bytes")
       ->needs(grant);
   AddDaemonOptions(verb, "quota", *options);
-  return [options] {
-    return PrintAnswer(options->grant != 0 ? Grant(*options) : QuotaOf(*options), options->json,
-                       PrintQuota);
-  };
+  return [options] { return PrintAnswer(QuotaOf(*options), options->json, PrintQuota); };
 }
 
 }  // namespace myograde::server

@@ -221,18 +221,16 @@ void PrintSandbox(const std::string& title, const Json& sandbox, const Json& sta
   std::cout << '\n';
 }
 
-void PrintSandboxes(const Json& sandboxes) {
-  PrintSandbox("The policy's sandbox", sandboxes["policy"], sandboxes["staged"]);
-  PrintSandbox("The simulator's sandbox", sandboxes["simulator"], sandboxes["staged"]);
-}
-
 absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
   if (verb.probe_bus) return ProbeBus();
   std::vector<Check> checks;
   std::optional<ServerConfig> server;
   const DoctorOptions options = Gather(verb, checks, server);
   if (verb.sandbox) {
-    return PrintAnswer(DescribeSandboxes(options), verb.json, PrintSandboxes);
+    return PrintAnswer(DescribeSandboxes(options), verb.json, [](const Json& sandboxes) {
+      PrintSandbox("The policy's sandbox", sandboxes["policy"], sandboxes["staged"]);
+      PrintSandbox("The simulator's sandbox", sandboxes["simulator"], sandboxes["staged"]);
+    });
   }
   std::vector<Check> found;
   if (!verb.cluster) {

@@ -183,7 +183,16 @@ absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& ord
   return AddMoments(client, choice, order);
 }
 
-absl::Status AddResultsOfBoard(const Client& client, Json& order) {
+absl::Status AddWholeBoard(const Client& client, const BoardChoice& choice, Json& order) {
+  RETURN_IF_ERROR(AddBoard(client, choice, order));
+  ASSIGN_OR_RETURN(const Json challenges, client.Get("/v1/challenges"));
+  order["phase"] = PhaseIn(challenges, TextAt(order["board"], "phase"));
+  order["challenge"] = nullptr;
+  for (const Json& challenge : challenges.value("challenges", Json::array())) {
+    const Json phases = challenge.value("phases", Json::array());
+    if (std::find(phases.begin(), phases.end(), order["phase"]) == phases.end()) continue;
+    order["challenge"] = challenge.value("title", Json());
+  }
   const Json rows = order["board"].value("rows", Json::array());
   Json results = Json::array();
   absl::Status refused;
@@ -208,22 +217,6 @@ absl::Status AddResultsOfBoard(const Client& client, Json& order) {
     if (std::ssize(rows) > 20) progress.Show(++done, std::ssize(rows), "");
   }
   order["results"] = std::move(results);
-  return absl::OkStatus();
-}
-
-absl::Status AddPhase(const Client& client, Json& order) {
-  order["challenge"] = nullptr;
-  order["phase"] = nullptr;
-  const Json name = order["board"].value("phase", Json());
-  if (!name.is_string()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const Json challenges, client.Get("/v1/challenges"));
-  for (const Json& challenge : challenges.value("challenges", Json::array())) {
-    for (const Json& phase : challenge.value("phases", Json::array())) {
-      if (phase.value("phase", Json()) != name) continue;
-      order["challenge"] = challenge.value("title", Json());
-      order["phase"] = phase;
-    }
-  }
   return absl::OkStatus();
 }
 

@@ -23,13 +23,10 @@ absl::StatusOr<Json> ResultForFigures(const Client& client, int64_t submission);
 // public record; of more than 200 changes as many are taken, evenly.
 absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& order);
 
-// Adds "results" to `order`, one of each row of its "board": the evaluation with its episodes, or
-// "submission", "team", "name" and in "error" why the caller does not see it.
-absl::Status AddResultsOfBoard(const Client& client, Json& order);
-
-// Adds "challenge", its title, and "phase", as GET /v1/challenges has it; null if no challenge has
-// the phase of the order's "board".
-absl::Status AddPhase(const Client& client, Json& order);
+// The same, and "results", one of each row of the board: the evaluation with its episodes, or
+// "submission", "team", "name" and in "error" why the caller does not see it; "challenge", its title,
+// and "phase", as GET /v1/challenges has it, null if no challenge has the phase of the board.
+absl::Status AddWholeBoard(const Client& client, const BoardChoice& choice, Json& order);
 
 struct Drawn {
   Json numbers;      // behind the figure

@@ -91,22 +91,18 @@ Json PairedMetric(const RowPairs& rows, Json metric) {
   return metric;
 }
 
-std::string Of(const Json& result) {
-  return absl::StrCat("submission ", result.value("submission", int64_t{0}));
-}
-
 // The episodes that results `a` and `b` (of the API, with rows) both played with the same seed, by
 // metric: {"pairs": N, "metrics": [{"name", "title", "unit", "better", "digits", "differences",
 // "difference", "low", "high", "p", "pairs", "differing", "method"}]}. Differences are a less b.
 // Interval and p-value are those of scoring/paired_test.h, not corrected for several tests.
 // FailedPreconditionError if no episode can be compared.
 absl::StatusOr<Json> PairedNumbers(const Json& a, const Json& b) {
+  const std::string both = Filled(a, "submission {submission} and ") +
+                           Filled(b, "submission {submission}");
   const RowPairs rows = SameSeeds(a, b);
   if (rows.empty() || a.value("track_kind", Json()) != b.value("track_kind", Json())) {
     return absl::FailedPreconditionError(
-        absl::StrCat(Of(a), " and ", Of(b),
-                     " have no episode on the same seed of one track, so "
-                     "there is nothing to compare"));
+        both + " have no episode on the same seed of one track, so there is nothing to compare");
   }
   Json metrics = Json::array();
   const Json success = {
@@ -121,7 +117,7 @@ absl::StatusOr<Json> PairedNumbers(const Json& a, const Json& b) {
   }
   if (!metrics.empty()) return Json{{"pairs", rows.size()}, {"metrics", std::move(metrics)}};
   return absl::FailedPreconditionError(
-      absl::StrCat("fewer than two episodes of ", Of(a), " and ", Of(b),
+      absl::StrCat("fewer than two episodes of ", both,
                    " have numbers that both show: their phase withholds them, or they have not "
                    "been played yet"));
 }
@@ -253,13 +249,6 @@ absl::Status GatherSubmission(const ReportOptions& options, Json& order) {
   return absl::OkStatus();
 }
 
-absl::Status GatherBoard(const ReportOptions& options, Json& order) {
-  const Client client = options.client();
-  RETURN_IF_ERROR(AddBoard(client, options.board, order));
-  RETURN_IF_ERROR(AddPhase(client, order));
-  return AddResultsOfBoard(client, order);
-}
-
 absl::StatusOr<int> WriteReport(const ReportOptions& options) {
   const bool submission = options.id != 0;
   RETURN_IF_ERROR(RefuseIf(
@@ -271,7 +260,8 @@ absl::StatusOr<int> WriteReport(const ReportOptions& options) {
   ASSIGN_OR_RETURN(order["format"], FormatOf(options, {"html"}));
   CatchStopSignals();
   const absl::Status gathered =
-      submission ? GatherSubmission(options, order) : GatherBoard(options, order);
+      submission ? GatherSubmission(options, order)
+                 : AddWholeBoard(options.client(), options.board, order);
   return DrawInto(options.file, gathered, order, {{"of", submission ? "submission" : "board"}},
                   options.json);
 }

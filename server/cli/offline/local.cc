@@ -134,13 +134,6 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
               {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};
 }
 
-absl::StatusOr<int> Local(const LocalOptions& options) {
-  ASSIGN_OR_RETURN(const LocalGrade grade, GradeLocally(options));
-  return PrintAnswer(
-      grade.json, options.json,
-      [&](const Json& json) { PrintLocalGrade(json, options.full_hashes); }, ExitOfLocalGrade(grade));
-}
-
 }  // namespace
 
 absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
@@ -277,7 +270,11 @@ Action AddLocal(CLI::App& verb) {
                   "Blocks of episodes to play at a time (default: as in server.json, one for each "
                   "processor)")
       ->check(CLI::Range(1, 1024));
-  return [options] { return Local(*options); };
+  return [options]() -> absl::StatusOr<int> {
+    ASSIGN_OR_RETURN(const LocalGrade grade, GradeLocally(*options));
+    const auto print = [&](const Json& json) { PrintLocalGrade(json, options->full_hashes); };
+    return PrintAnswer(grade.json, options->json, print, ExitOfLocalGrade(grade));
+  };
 }
 
 }  // namespace myograde::server

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <iostream>
+#include <numeric>
 #include <utility>
 
 #include "server/cli/terminal/screen.h"
@@ -24,18 +25,14 @@ bool IsNumber(const std::string& cell) {
 
 size_t LongestWord(const std::string& text) {
   size_t longest = 0;
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find(' ', at), text.size());
-    longest = std::max(longest, TextWidth(std::string_view(text).substr(at, end - at)));
-    at = end + 1;
+  for (const std::string& word : std::vector<std::string>(absl::StrSplit(text, ' '))) {
+    longest = std::max(longest, TextWidth(word));
   }
   return longest;
 }
 
 size_t SumOf(const std::vector<size_t>& widths) {
-  size_t sum = widths.empty() ? 0 : kGap * (widths.size() - 1);
-  for (const size_t width : widths) sum += width;
-  return sum;
+  return std::accumulate(widths.begin(), widths.end(), kGap * (widths.size() - 1));
 }
 
 }  // namespace
