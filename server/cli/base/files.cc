@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 
 #include <absl/strings/ascii.h>
 #include <absl/strings/numbers.h>
@@ -78,6 +79,14 @@ absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_vi
   NewFile file(path, mode);
   if (!file.opened() || !file.Write(content)) return CantWrite(path);
   return file.Keep();
+}
+
+absl::Status MakeFolders(const std::string& folder, const std::string& todo) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(folder, ": can't be made: ", error.message(), todo));
 }
 
 absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {

@@ -112,13 +112,6 @@ absl::Status CheckSocket(const std::string& socket) {
       "; start one with \"myograde serve\", or say where it is with --data, --socket or --server"));
 }
 
-absl::Status CheckCaFile(const std::string& file) {
-  if (file.empty() || ::access(file.c_str(), R_OK) == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(file, ": the file of authorities to trust can't be read (", std::strerror(errno),
-                   "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
-}
-
 // What is wrong with the server's certificate; `code` is OpenSSL's.
 std::string CertificateTrouble(const ServerChoice& choice, long code) {
   const std::string server = choice.address.Text();
@@ -188,7 +181,12 @@ absl::StatusOr<HttpRequest> RequestTo(const absl::StatusOr<ServerChoice>& choice
                          .silence = silence,
                          .most_text = std::numeric_limits<size_t>::max()};
   if (choice->address.network()) {
-    RETURN_IF_ERROR(CheckCaFile(choice->ca_file));
+    const std::string& file = choice->ca_file;
+    if (!file.empty() && ::access(file.c_str(), R_OK) != 0) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          file, ": the file of authorities to trust can't be read (", std::strerror(errno),
+          "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
+    }
     request.url = choice->address.Text() + path;
     request.ca_file = choice->ca_file;
   } else {
@@ -249,11 +247,6 @@ std::string TextOf(const Json& body) {
 // Whether the request may have arrived though there is no answer.
 bool IsLost(const HttpAnswer& answer) {
   return answer.failure != HttpAnswer::Failure::kNone && answer.sent;
-}
-
-void AddRows(const Json& page, const std::string& key, Json& all) {
-  const Json rows = page.value(key, Json::array());
-  if (rows.is_array()) all[key].insert(all[key].end(), rows.begin(), rows.end());
 }
 
 }  // namespace
@@ -384,8 +377,10 @@ absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
   for (;;) {
     ASSIGN_OR_RETURN(const Json page,
                      client.Get(absl::StrCat(path, "?limit=1000&before=", before)));
-    AddRows(page, rows, all);
-    AddRows(page, "unreadable", all);
+    for (const std::string& key : {rows, std::string("unreadable")}) {
+      const Json more = page.value(key, Json::array());
+      if (more.is_array()) all[key].insert(all[key].end(), more.begin(), more.end());
+    }
     const Json next = page.value("next_before", Json());
     // Each page begins below the one before, so that the loop ends.
     if (!next.is_number_integer() || next.get<int64_t>() >= before) return all;

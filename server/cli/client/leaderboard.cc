@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "protocol/base/status_macros.h"
-#include "server/base/counted.h"
 #include "server/base/http_client.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/print_json.h"
@@ -86,18 +85,14 @@ void PrintMeaning(const Json& answer) {
                       "the level ")
             << absl::StrCat(used.value("level", 0.0)) << ".\n";
   if (used.value("spending", Json()) == "halving") {
-    std::cout << "  Further episodes are another look: the first look at a pair may use half of "
-                 "the level, "
-                 "each further one half of what is left.\n";
+    std::cout << "  Further episodes are another look: the first look at a pair may use half of the "
+                 "level, each further one half of what is left.\n";
   }
-  const auto undecided = answer.value("undecided", int64_t{0});
-  if (undecided > 0) {
-    std::cout << "  " << Counted(undecided, "place")
-              << " share a group: these episodes do not decide their order.\n";
+  if (answer.value("undecided", int64_t{0}) > 0) {
+    std::cout << Filled(answer, "  {undecided:place} share a group: these episodes do not decide "
+                                "their order.\n");
   }
-  if (used.value("ranks", "") == "groups") {
-    std::cout << "  Ranks are those of the groups.\n";
-  }
+  if (used.value("ranks", "") == "groups") std::cout << "  Ranks are those of the groups.\n";
 }
 
 void PrintStatistics(const Json& answer) {
@@ -150,9 +145,8 @@ void PrintOthers(const Json& board) {
               << Filled(builds.front(), "{build}: builds may differ in results\n");
   }
   if (const auto others = board.value("other_config", int64_t{0}); others > 0) {
-    std::cout << "  " << Counted(others, "evaluation")
-              << " under an earlier config of this track " << (others == 1 ? "is" : "are")
-              << " not on it.\n";
+    std::cout << Filled(board, "  {other_config:evaluation} under an earlier config of this track ")
+              << (others == 1 ? "is not on it.\n" : "are not on it.\n");
   }
   for (const Json& other : board.value("other_configs", Json::array())) {
     const std::string hash = ShortHash(other, "config");

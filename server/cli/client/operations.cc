@@ -42,9 +42,8 @@ void PrintAct(const Json& answer) {
 
 // `act`: "pause", "resume" or "publish".
 absl::StatusOr<int> ActOnPhase(const PhaseOptions& options, const std::string& act) {
-  if (options.all == !options.name.empty()) {
-    return absl::InvalidArgumentError("name one phase, or give --all for all submissions");
-  }
+  RETURN_IF_ERROR(RefuseIf({{options.all == !options.name.empty(),
+                             "name one phase, or give --all for all submissions"}}));
   const std::string of = options.all ? "" : absl::StrCat("phases/", QueryValue(options.name), "/");
   return options.PostAndPrint(absl::StrCat("/v1/", of, act), {{"reason", options.reason}},
                               PrintAct);
@@ -86,17 +85,6 @@ void PrintFurther(const Json& answer) {
             << std::endl;
 }
 
-// Until all of them have been played, or were dropped.
-absl::Status AwaitFurther(const Client& client, const Json& answer) {
-  for (const Json& rejudge : answer.value("rejudges", Json::array())) {
-    const std::string id = Cell(rejudge, "rejudge");
-    RETURN_IF_ERROR(FollowUntil(client, "/v1/rejudges/" + id, "rejudge " + id, [](const Json& now) {
-                      return now.value("complete", false) || now.value("state", "") == "dropped";
-                    }).status());
-  }
-  return absl::OkStatus();
-}
-
 absl::StatusOr<int> Evaluate(const EvaluateOptions& options) {
   Json body = {
       {"episodes", options.more_seeds}, {"board", options.board}, {"reason", options.reason}};
@@ -107,8 +95,15 @@ absl::StatusOr<int> Evaluate(const EvaluateOptions& options) {
   ASSIGN_OR_RETURN(
       const Json asked,
       client.Post(absl::StrCat("/v1/phases/", QueryValue(options.phase), "/more-seeds"), body));
-  if (options.wait) {
-    RETURN_IF_ERROR(AwaitFurther(client, asked));
+  // Until all of them have been played, or were dropped.
+  for (const Json& rejudge : options.wait ? asked.value("rejudges", Json()) : Json()) {
+    RETURN_IF_ERROR(FollowUntil(client, Filled(rejudge, "/v1/rejudges/{rejudge}"),
+                                Filled(rejudge, "rejudge {rejudge}"),
+                                [](const Json& now) {
+                                  return now.value("complete", false) ||
+                                         now.value("state", "") == "dropped";
+                                })
+                        .status());
   }
   return PrintAnswer(asked, options.json, PrintFurther);
 }
@@ -150,7 +145,7 @@ struct WebhookOptions : DaemonOptions {
 void PrintWebhooks(const Json& answer) {
   const Json webhooks = answer.value("webhooks", Json::array());
   if (webhooks.empty()) {
-    std::cout << "There are no webhooks; \"webhooks\" of server.json names them." << std::endl;
+    std::cout << "There are no webhooks; \"webhooks\" of server.json names them.\n";
   }
   for (const Json& webhook : webhooks) {
     std::cout << Filled(webhook, "{webhook} at {url}: {waiting} waiting, {delivered} delivered, "
@@ -183,13 +178,10 @@ struct ClusterOptions : DaemonOptions {
 void PrintNodes(const Json& answer) {
   if (!answer.value("cluster", false)) {
     std::cout << "Leases run on the daemon's host, not on a cluster; \"executor\" of server.json "
-                 "says where."
-              << std::endl;
+                 "says where.\n";
     return;
   }
-  if (answer.value("message", Json()).is_string()) {
-    std::cout << Bold(Cell(answer, "message")) << '\n';
-  }
+  if (!TextAt(answer, "message").empty()) std::cout << Bold(Cell(answer, "message")) << '\n';
   PrintList(answer, "nodes",
             "No node has had a lease since the daemon started, and none is drained.",
             {"node", "state", "running", "done", "faults", "processor", "reason", "by=drained_by"});

@@ -45,12 +45,6 @@ bool IsHostName(const std::string& host) {
          });
 }
 
-bool IsThisHost(const std::string& host) {
-  if (host == "localhost") return true;
-  const std::optional<IpAddress> address = IpAddress::Parse(host);
-  return address.has_value() && address->IsLoopback();
-}
-
 // Host and port of what stands behind "https://". False: it is no such thing.
 bool ReadAuthority(std::string text, ServerAddress& address) {
   if (text.ends_with('/')) text.pop_back();
@@ -98,14 +92,6 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
   }
   choice.address.socket = SocketPath(options.socket, options.data);
   return choice;
-}
-
-// MYOGRADE_TOKEN is for the server that MYOGRADE_SERVER names, if it names one.
-absl::StatusOr<bool> IsForVariable(const ServerAddress& address) {
-  const std::string variable = EnvironmentVariable("MYOGRADE_SERVER");
-  if (variable.empty()) return true;
-  ASSIGN_OR_RETURN(const ServerAddress named, ParseServer(variable, "MYOGRADE_SERVER"));
-  return named.Text() == address.Text();
 }
 
 constexpr size_t kMaxFile = 64 << 10;
@@ -170,7 +156,9 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
         what, ": \"", CutText(Harmless(text), 80),
         "\" is no server's address: write https://HOST:PORT, or the path of a daemon's socket"));
   }
-  if (address.kind == ServerAddress::Kind::kHttp && !IsThisHost(address.host)) {
+  const std::optional<IpAddress> numeric = IpAddress::Parse(address.host);
+  const bool here = address.host == "localhost" || (numeric.has_value() && numeric->IsLoopback());
+  if (address.kind == ServerAddress::Kind::kHttp && !here) {
     return absl::InvalidArgumentError(absl::StrCat(
         what, ": ", address.Text(),
         " is without TLS, so that anybody on the way could read and "
@@ -188,8 +176,13 @@ absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options) {
   choice.ca_file = CaFile(options.ca_file);
   if (const std::string token = EnvironmentVariable("MYOGRADE_TOKEN"); !token.empty()) {
     RETURN_IF_ERROR(CheckToken(token, "MYOGRADE_TOKEN"));
-    ASSIGN_OR_RETURN(const bool its_own, IsForVariable(choice.address));
-    if (its_own) choice.token = token;
+    // For the server that MYOGRADE_SERVER names, if it names one.
+    const std::string variable = EnvironmentVariable("MYOGRADE_SERVER");
+    ServerAddress named = choice.address;
+    if (!variable.empty()) {
+      ASSIGN_OR_RETURN(named, ParseServer(variable, "MYOGRADE_SERVER"));
+    }
+    if (named.Text() == choice.address.Text()) choice.token = token;
   }
   if (!choice.address.network() || (!choice.token.empty() && !choice.ca_file.empty())) {
     return choice;

@@ -42,10 +42,6 @@ void PrintShown(const Json& result, const ShowOptions& options) {
   }
 }
 
-struct CancelOptions : SubmissionOptions {
-  std::string reason;
-};
-
 // What the kill did, in words.
 std::string KillText(const Json& kill) {
   const int64_t killed = kill.value("killed", int64_t{0});
@@ -68,7 +64,7 @@ std::string QuotaText(const Json& status) {
     return " Nothing of the team's quota is used up: no episode of it had ended.";
   }
   return absl::StrCat(" It stays charged to the team's quota, as one ",
-                      Cell(cancel, "charged") == "practice" ? "practice" : "official",
+                      cancel["charged"] == "practice" ? "practice" : "official",
                       " evaluation: cancelling gives nothing back.");
 }
 
@@ -86,10 +82,10 @@ void PrintChoice(const Json& answer) {
 }
 
 struct MarkOptions : SubmissionOptions {
-  std::string mark;
+  std::string reason;
+  std::string mark;  // "" of cancel
   bool set = true;
   bool undo = false;
-  std::string reason;
 };
 
 void PrintMark(const Json& answer, const MarkOptions& options, bool set) {
@@ -102,10 +98,9 @@ void PrintMark(const Json& answer, const MarkOptions& options, bool set) {
 
 absl::StatusOr<int> Mark(const MarkOptions& options) {
   const bool set = options.set && !options.undo;
-  if (set && options.mark == "disqualified" && options.reason.empty()) {
-    return absl::InvalidArgumentError(
-        "a disqualification needs --reason, which the board shows; --undo takes it back");
-  }
+  RETURN_IF_ERROR(RefuseIf(
+      {{set && options.mark == "disqualified" && options.reason.empty(),
+        "a disqualification needs --reason, which the board shows; --undo takes it back"}}));
   Json body = {{"mark", options.mark}, {"set", set}};
   SetIfGiven(body, "reason", options.reason);
   return options.PostAndPrint(options.Resource("/marks"), body,
@@ -153,13 +148,6 @@ void Judge(const Client& client, const Json& first, const Json& second, Json& en
                              : "the logs are equal as far as they go";
 }
 
-std::string Worst(const std::set<std::string>& verdicts) {
-  for (const char* verdict : {"simulator", "policy", "scoring", "unknown"}) {
-    if (verdicts.contains(verdict)) return verdict;
-  }
-  return "same";
-}
-
 // For each episode of a re-run whether actions, states and result were the same, and if not, whose
 // doing it is: the object `verify` of the verb's JSON. `rerun`: the evaluation with its comparison.
 // Where the rows differ, the logs of both playings are asked for.
@@ -190,7 +178,10 @@ absl::StatusOr<Json> VerifyRerun(const Client& client, const Json& rerun) {
     episodes.push_back(std::move(entry));
   }
   if (comparison.value("missing", int64_t{0}) != 0) verdicts.insert("unknown");
-  const std::string verdict = Worst(verdicts);
+  std::string verdict = "same";
+  for (const char* worse : {"unknown", "scoring", "policy", "simulator"}) {
+    if (verdicts.contains(worse)) verdict = worse;
+  }
   return Json{{"same", verdict == "same"}, {"verdict", verdict}, {"episodes", episodes}};
 }
 
@@ -253,9 +244,8 @@ absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& clien
 }
 
 absl::StatusOr<int> Rerun(const RerunOptions& options) {
-  if (options.verify && !options.wait) {
-    return absl::InvalidArgumentError("--verify: needs the end; leave --no-wait out");
-  }
+  RETURN_IF_ERROR(RefuseIf(
+      {{options.verify && !options.wait, "--verify: needs the end; leave --no-wait out"}}));
   ASSIGN_OR_RETURN(const Json range, RangeOf(options.episodes));
   const Client client = options.client();
   ASSIGN_OR_RETURN(const Json rerun, client.PostOnce(options.Resource("/rerun"), range));
@@ -286,7 +276,7 @@ Action AddShow(CLI::App& verb) {
 }
 
 Action AddCancel(CLI::App& verb) {
-  auto options = std::make_shared<CancelOptions>();
+  auto options = std::make_shared<MarkOptions>();
   AddSubmissionId(verb, *options);
   verb.add_option("--reason", options->reason, kReasonHelp);
   AddDaemonOptions(verb, "cancel", *options);

@@ -25,24 +25,20 @@
 namespace myograde::server {
 namespace {
 
-// The names of the runtimes that the server has, sorted. Errors as Client::Get.
-absl::StatusOr<std::vector<std::string>> OfferedRuntimes(const Client& client) {
+// A sentence on the first of `named` runtimes that the server does not have; "" if it has all. Errors
+// as Client::Get.
+absl::StatusOr<std::string> MissingRuntime(const Client& client,
+                                           const std::vector<std::string>& named) {
+  if (named.empty()) return "";
   ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/runtimes"));
+  const Json offered = answer.value("runtimes", Json::array());
   std::vector<std::string> names;
-  for (const Json& runtime : answer.value("runtimes", Json::array())) {
-    names.push_back(runtime.value("runtime", ""));
-  }
-  return names;
-}
-
-// A sentence on the first of `named` that is not offered; "" if all are.
-std::string MissingRuntime(const std::vector<std::string>& named,
-                           const std::vector<std::string>& offered) {
+  for (const Json& runtime : offered) names.push_back(Cell(runtime, "runtime"));
   for (const std::string& name : named) {
-    if (std::find(offered.begin(), offered.end(), name) != offered.end()) continue;
+    if (!RowWith(offered, "runtime", name).is_null()) continue;
     return absl::StrCat("policy.json asks for the runtime \"", Harmless(name),
                         "\", which this server does not have; it has ",
-                        offered.empty() ? "none" : Harmless(absl::StrJoin(offered, ", ")));
+                        names.empty() ? "none" : absl::StrJoin(names, ", "));
   }
   return "";
 }
@@ -58,18 +54,6 @@ absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   return request;
 }
 
-// A runtime that the server lacks is told before anything is sent. Servers of before 0.2 can't be
-// asked, and refuse it themselves.
-absl::Status CheckRuntimes(const std::vector<std::string>& needed, const Client& client) {
-  if (needed.empty()) return absl::OkStatus();
-  const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
-  if (AnsweredCode(offered.status()) == "not_found") return absl::OkStatus();
-  if (!offered.ok()) return offered.status();
-  const std::string missing = MissingRuntime(needed, *offered);
-  if (missing.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(missing, "; nothing was sent"));
-}
-
 // Packs the submission and sends it; the artefact's id.
 absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Client& client) {
   ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("submit"));
@@ -79,7 +63,13 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
       HostStatus(options.path, PackArtefact(options.path, archive, ArtefactLimits(),
                                             Progress("packing", Progress::Unit::kBytes).Listener(),
                                             options.name)));
-  RETURN_IF_ERROR(CheckRuntimes(manifest.runtimes, client));
+  // A runtime that the server lacks is told before anything is sent. Servers of before 0.2 can't be
+  // asked, and refuse it themselves.
+  const absl::StatusOr<std::string> missing = MissingRuntime(client, manifest.runtimes);
+  if (!missing.ok() && AnsweredCode(missing.status()) != "not_found") return missing.status();
+  if (missing.ok() && !missing->empty()) {
+    return absl::InvalidArgumentError(*missing + "; nothing was sent");
+  }
   Progress progress("sending", Progress::Unit::kBytes);
   ASSIGN_OR_RETURN(const Json answer,
                    client.Upload(
@@ -90,9 +80,11 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   return artefact;
 }
 
-absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& client, int64_t id) {
-  const std::string path = absl::StrCat("/v1/submissions/", id);
-  ASSIGN_OR_RETURN(const Json status, FollowUntil(client, path, absl::StrCat("submission ", id)));
+absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& client,
+                                 const Json& submission) {
+  const std::string path = Filled(submission, "/v1/submissions/{submission}");
+  ASSIGN_OR_RETURN(const Json status,
+                   FollowUntil(client, path, Filled(submission, "submission {submission}")));
   ASSIGN_OR_RETURN(const Json result,
                    client.Get(path + (options.json ? "/result" : "/result?episodes=1")));
   const std::string state = status.value("state", "");
@@ -101,8 +93,8 @@ absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& cli
   return PrintAnswer(
       both, options.json,
       [&](const Json&) {
-        std::cout << Bold(absl::StrCat("Submission ", id, " is ", Harmless(state))) << '\n';
-        std::cout << Filled(status, "[  {reason}\n]");
+        std::cout << Bold(Filled(submission, "Submission {submission} is ") + Harmless(state))
+                  << Filled(status, "\n[  {reason}\n]");
         PrintResult(result, options.full_hashes);
         PrintFaults(result.value("episode_rows", Json::array()));
       },
@@ -277,15 +269,14 @@ Finding RulesFinding(const Client& client, const SubmissionPlan& plan) {
 // Whether the server offers the runtimes that policy.json names.
 Finding RuntimesFinding(const Client& client, const SubmissionPlan& plan) {
   if (plan.runtimes.empty()) return Good("runtimes", "policy.json names none");
-  const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
-  if (!offered.ok()) return NotAnswered("runtimes", offered.status());
-  const std::string missing = MissingRuntime(plan.runtimes, *offered);
-  if (!missing.empty()) {
-    return Fails("runtimes", missing,
-                 "name one that it has in policy.json, put what you need into the submission, or ask "
-                 "the organisers");
+  const absl::StatusOr<std::string> missing = MissingRuntime(client, plan.runtimes);
+  if (!missing.ok()) return NotAnswered("runtimes", missing.status());
+  if (missing->empty()) {
+    return Good("runtimes", absl::StrCat("the server has ", absl::StrJoin(plan.runtimes, ", ")));
   }
-  return Good("runtimes", absl::StrCat("the server has ", absl::StrJoin(plan.runtimes, ", ")));
+  return Fails("runtimes", *missing,
+               "name one that it has in policy.json, put what you need into the submission, or ask "
+               "the organisers");
 }
 
 // Why nothing is left of one budget; "" while something is.
@@ -348,11 +339,9 @@ std::optional<Finding> TwinFinding(const Client& client, const SubmissionPlan& p
                                               {"phase", phase}}));
   if (!answer.ok()) return std::nullopt;  // the team's finding says why
   for (const Json& submission : answer->value("submissions", Json::array())) {
-    const Json config_profile = submission.value("profile", Json());
-    if (submission.value("artefact", "") != plan.artefact || !submission.value("ranked", false) ||
-        (!plan.profile.empty() && config_profile != plan.profile)) {
-      continue;
-    }
+    const bool same_rules = plan.profile.empty() || TextAt(submission, "profile") == plan.profile;
+    const bool twin = TextAt(submission, "artefact") == plan.artefact && same_rules;
+    if (!twin || !submission.value("ranked", false)) continue;
     return Finding{"novelty", FindingState::kWarning,
                    Filled(submission, "this very policy is submission {submission} of the team, which "
                                       "is {state}; a ranked policy is played once"),
@@ -364,9 +353,8 @@ std::optional<Finding> TwinFinding(const Client& client, const SubmissionPlan& p
 }  // namespace
 
 absl::Status CheckPlaceGiven(const SubmitOptions& options) {
-  if (!options.track.empty() || !options.phase.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "give the track with --track, or the phase of a challenge with --phase");
+  return RefuseIf({{options.track.empty() && options.phase.empty(),
+                    "give the track with --track, or the phase of a challenge with --phase"}});
 }
 
 absl::StatusOr<int> Submit(SubmitOptions options) {
@@ -380,10 +368,9 @@ absl::StatusOr<int> Submit(SubmitOptions options) {
   ASSIGN_OR_RETURN(Json request, RequestOf(options));
   ASSIGN_OR_RETURN(request["artefact"], SendArtefact(options, client));
   ASSIGN_OR_RETURN(const Json submission, client.PostOnce("/v1/submissions", request));
-  const int64_t id = submission.value("submission", int64_t{0});
   if (options.wait) {
     if (!options.json) PrintAccepted(submission);
-    return ReportWaited(options, client, id);
+    return ReportWaited(options, client, submission);
   }
   return PrintAnswer(submission, options.json, [](const Json& accepted) {
     PrintAccepted(accepted);

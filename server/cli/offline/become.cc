@@ -22,6 +22,7 @@
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
+#include "server/cli/offline/local.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
@@ -75,11 +76,6 @@ struct RuntimeOptions {
   bool json = false;
 };
 
-absl::StatusOr<ServerConfig> ConfigOf(const RuntimeOptions& options) {
-  return HostStatus(
-      "", LoadServerConfig(options.host.configs_dir() + "/server.json", options.host.cache_dir()));
-}
-
 // The folder of a shipped recipe; NotFoundError lists those that there are.
 absl::StatusOr<std::string> Recipe(const std::string& name) {
   namespace fs = std::filesystem;
@@ -92,15 +88,15 @@ absl::StatusOr<std::string> Recipe(const std::string& name) {
   for (const fs::directory_entry& entry : fs::directory_iterator(recipes, ignored)) {
     if (entry.is_directory(ignored)) known.insert(entry.path().filename().string());
   }
-  return absl::NotFoundError(absl::StrCat("there is no recipe \"", name, "\"; give a requirements ",
-                                          "file, or the name of one of these: ",
-                                          absl::StrJoin(known, ", ")));
+  return absl::NotFoundError(absl::StrCat(
+      "there is no recipe \"", name,
+      "\"; give a requirements file, or the name of one of these: ", absl::StrJoin(known, ", ")));
 }
 
 // Becomes the program that makes and removes runtimes. `words` follow the runtimes' folder and the name.
 absl::StatusOr<int> BecomeMaker(const RuntimeOptions& options, const std::string& verb,
                                 const std::vector<std::string>& words) {
-  ASSIGN_OR_RETURN(const ServerConfig config, ConfigOf(options));
+  ASSIGN_OR_RETURN(const ServerConfig config, ServerConfigOf(options.host));
   if (const auto own = config.runtimes.find(options.name);
       own != config.runtimes.end() && own->second != config.runtimes_dir + "/" + options.name) {
     return absl::InvalidArgumentError(
@@ -138,14 +134,6 @@ absl::StatusOr<int> Remove(const RuntimeOptions& options) {
   return BecomeMaker(options, "remove", words);
 }
 
-Json RuntimeRow(const Runtime& runtime, bool former) {
-  Json row = RuntimeToJson(runtime);
-  row["folder"] = runtime.folder;
-  row["configured"] = runtime.configured;
-  row["former"] = former;
-  return row;
-}
-
 void PrintRuntimes(const Json& answer) {
   const auto packages = [](const Json& row) {
     return row["digest"].is_string() ? std::to_string(row["packages"].size()) : "-";
@@ -165,11 +153,17 @@ void PrintRuntimes(const Json& answer) {
 }
 
 absl::StatusOr<int> List(const RuntimeOptions& options) {
-  ASSIGN_OR_RETURN(const ServerConfig config, ConfigOf(options));
+  ASSIGN_OR_RETURN(const ServerConfig config, ServerConfigOf(options.host));
   const Runtimes runtimes(config.runtimes, config.runtimes_dir);
   Json rows = Json::array();
-  for (const Runtime& runtime : runtimes.List()) rows.push_back(RuntimeRow(runtime, false));
-  for (const Runtime& runtime : runtimes.Former()) rows.push_back(RuntimeRow(runtime, true));
+  for (const bool former : {false, true}) {
+    for (const Runtime& runtime : former ? runtimes.Former() : runtimes.List()) {
+      rows.push_back(RuntimeToJson(runtime));
+      rows.back().update({{"folder", runtime.folder},
+                          {"configured", runtime.configured},
+                          {"former", former}});
+    }
+  }
   return PrintAnswer(Json{{"dir", config.runtimes_dir}, {"runtimes", rows}}, options.json,
                      PrintRuntimes);
 }

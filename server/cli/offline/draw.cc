@@ -1,13 +1,25 @@
 #include "server/cli/offline/draw.h"
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/strip.h>
 #include <absl/time/time.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <csignal>
 #include <set>
+#include <string_view>
 #include <utility>
 
+#include "protocol/base/clock.h"
+#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
+#include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/paths.h"
@@ -26,7 +38,7 @@ constexpr char kPython[] = "/usr/bin/python3";
 constexpr absl::Duration kDrawingTime = absl::Minutes(10);
 constexpr size_t kMostDrawn = size_t{512} << 20;
 constexpr mode_t kFigureMode = 0644;
-constexpr int kDrawingNice = 10;
+constexpr int kDrawingNice = 10;  // of all that draws
 constexpr absl::Duration kRenderTime = absl::Hours(24);  // "render" has a deadline of its own
 constexpr size_t kMostRenderOutput = size_t{1} << 20;
 
@@ -55,8 +67,6 @@ absl::StatusOr<Drawn> ReadAnswer(const ProgramEnd& run) {
 }
 
 constexpr size_t kMostMoments = 200;
-// Refusals that hold for every row alike.
-constexpr const char* kRefusesAll[] = {"forbidden", "no_token", "bad_token"};
 
 absl::Status CheckNotStopped() {
   return StopRequested() ? absl::CancelledError("interrupted") : absl::OkStatus();
@@ -75,60 +85,44 @@ Json Slim(Json result) {
 }
 
 bool IsOfBoard(const Json& entry, const Json& board) {
-  return entry.value("track", Json()) == board.value("track", Json()) &&
-         entry.value("profile", Json()) == board.value("profile", Json()) &&
-         entry.value("phase", Json()) == board.value("phase", Json());
+  const auto same = [&](const char* key) {
+    return entry.value(key, Json()) == board.value(key, Json());
+  };
+  return same("track") && same("profile") && same("phase");
 }
 
-// When something happened that may have changed a board, from the entries of the public record in
-// their order.
-class BoardChanges {
- public:
-  explicit BoardChanges(const Json& board) : board_(board) {}
-
-  void Take(const Json& entry) {
-    const std::string kind = entry.value("kind", "");
-    const int64_t submission = entry.value("submission", int64_t{0});
-    if (kind == "accepted" && IsOfBoard(entry, board_)) submissions_.insert(submission);
-    const bool of_board = submissions_.contains(submission);
-    const bool of_all = kind == "team" || kind == "config" || kind == "rejudge";
-    const bool changes = kind == "graded" || kind == "marked" || kind == "chosen";
-    if ((changes && of_board) || (of_all && !submissions_.empty())) {
-      moments_.insert(entry.value("at", ""));
-    }
-  }
-
-  // Oldest first; the first and the last are among them.
-  std::vector<std::string> Moments() const {
-    const std::vector<std::string> all(moments_.begin(), moments_.end());
-    if (all.size() <= kMostMoments) return all;
-    std::vector<std::string> some;
-    for (size_t place = 0; place < kMostMoments; ++place) {
-      some.push_back(all[place * (all.size() - 1) / (kMostMoments - 1)]);
-    }
-    return some;
-  }
-
- private:
-  const Json& board_;
-  std::set<int64_t> submissions_;
-  std::set<std::string> moments_;
-};
-
+// When something happened that may have changed a board, by the public record: oldest first; the first
+// and the last are among them.
 absl::StatusOr<std::vector<std::string>> MomentsOf(const Client& client, const Json& board) {
-  BoardChanges changes(board);
-  for (int64_t from = 0;;) {
+  std::set<int64_t> submissions;  // to the board
+  std::set<std::string> found;
+  for (int64_t from = 0, next = 0;; from = next) {
     RETURN_IF_ERROR(CheckNotStopped());
     ASSIGN_OR_RETURN(const Json page,
                      client.Get(absl::StrCat("/v1/record?limit=1000&from=", from)));
     for (const Json& row : page.value("entries", Json::array())) {
-      changes.Take(row.value("entry", Json::object()));
+      const Json entry = row.value("entry", Json::object());
+      const std::string kind = entry.value("kind", "");
+      const int64_t submission = entry.value("submission", int64_t{0});
+      if (kind == "accepted" && IsOfBoard(entry, board)) submissions.insert(submission);
+      const bool of_all = kind == "team" || kind == "config" || kind == "rejudge";
+      const bool of_one = kind == "graded" || kind == "marked" || kind == "chosen";
+      if ((of_one && submissions.contains(submission)) || (of_all && !submissions.empty())) {
+        found.insert(entry.value("at", ""));
+      }
     }
-    const Json next = page.value("next_from", Json());
     // Each page begins behind the one before, so that the loop ends.
-    if (!next.is_number_integer() || next.get<int64_t>() <= from) return changes.Moments();
-    from = next.get<int64_t>();
+    const Json further = page.value("next_from", Json());
+    next = further.is_number_integer() ? further.get<int64_t>() : 0;
+    if (next <= from) break;
   }
+  std::vector<std::string> all(found.begin(), found.end());
+  if (all.size() <= kMostMoments) return all;
+  std::vector<std::string> some;
+  for (size_t place = 0; place < kMostMoments; ++place) {
+    some.push_back(all[place * (all.size() - 1) / (kMostMoments - 1)]);
+  }
+  return some;
 }
 
 // Of a board what a figure of its history shows.
@@ -164,9 +158,120 @@ absl::Status AddMoments(const Client& client, BoardChoice then, Json& order) {
   return absl::OkStatus();
 }
 
-bool RefusesAll(const absl::Status& status) {
-  return std::any_of(std::begin(kRefusesAll), std::end(kRefusesAll),
-                     [&](const char* code) { return AnsweredCode(status) == code; });
+constexpr int kLookMilliseconds = 100;
+constexpr size_t kMaxPngBytes = size_t{256} << 20;
+constexpr absl::Duration kAfterDeadline = absl::Seconds(10);  // in which myograde-render says so itself
+
+struct Received {
+  const int fd;
+  std::function<absl::Status(std::string_view)> take;
+  bool open = true;
+};
+
+absl::Status ReceiveMore(Received& from) {
+  char buffer[65536];
+  while (from.open) {
+    const ssize_t size = ::read(from.fd, buffer, sizeof(buffer));
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0 && errno == EAGAIN) break;
+    if (size <= 0) {
+      from.open = false;
+      break;
+    }
+    RETURN_IF_ERROR(from.take({buffer, static_cast<size_t>(size)}));
+  }
+  return absl::OkStatus();
+}
+
+// Waits until all of `children` have ended and `from` is read to its end.
+absl::Status AwaitAll(const std::vector<ChildProcess*>& children, Received& from,
+                      double deadline_s) {
+  const Deadline deadline(absl::Seconds(deadline_s) + kAfterDeadline);
+  while (true) {
+    if (StopRequested()) return absl::CancelledError("the drawing was interrupted");
+    if (deadline.over()) {
+      return absl::DeadlineExceededError(absl::StrCat("drawing took longer than ", deadline_s, " s"));
+    }
+    RETURN_IF_ERROR(ReceiveMore(from));
+    bool ended = !from.open;
+    std::vector<pollfd> fds;
+    if (from.open) fds.push_back({from.fd, POLLIN, 0});
+    for (ChildProcess* child : children) {
+      ended = child->Look() && ended;
+      if (child->err_fd() >= 0) fds.push_back({child->err_fd(), POLLIN, 0});
+    }
+    if (ended) return absl::OkStatus();
+    ::poll(fds.data(), fds.size(), kLookMilliseconds);
+  }
+}
+
+absl::StatusOr<ChildProcess> StartRenderer(const RenderOrder& order, const std::string& folder,
+                                           Fd out) {
+  ASSIGN_OR_RETURN(const std::string programs, BinDir());
+  const std::string file = folder + "/order.json";
+  if (absl::Status status = WriteFile(file, RenderOrderToJson(order).dump()); !status.ok()) {
+    return absl::InternalError(status.message());
+  }
+  const Fd opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  const Fd in(::fcntl(opened.get(), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
+  if (!in.valid()) return absl::InternalError(absl::StrCat(file, ": can't be read again"));
+  return ChildProcess::Start({.program = programs + "/myograde-render",
+                              .words = {"myograde-render"},
+                              .in = in.get(),
+                              .out = out.get(),
+                              .nice = kDrawingNice});
+}
+
+// What the end of myograde-render means.
+absl::Status RenderStatus(const ChildProcess& renderer, const RenderOrder& order) {
+  if (renderer.succeeded()) return absl::OkStatus();
+  const int status = renderer.wait_status();
+  if (WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM) {
+    return absl::DeadlineExceededError(
+        absl::StrCat("drawing took longer than ", order.deadline_s, " s"));
+  }
+  if (WIFEXITED(status) && WEXITSTATUS(status) == kRenderLogFault) {
+    return absl::DataLossError(renderer.Failure());
+  }
+  return absl::InternalError(absl::StrCat("no picture can be drawn: ", renderer.Failure()));
+}
+
+std::vector<std::string> EncoderWords(const RenderOrder& order, FilmFormat format,
+                                      const std::string& path) {
+  std::vector<std::string> words = {
+      "ffmpeg", "-hide_banner", "-loglevel", "error", "-nostdin", "-nostats",
+      "-progress", "pipe:1",
+      // What comes in: the pictures, one after the other.
+      "-f", "rawvideo", "-pix_fmt", "rgb24",
+      "-video_size", absl::StrCat(order.width, "x", order.height),
+      "-framerate", absl::StrCat(order.frames_per_second), "-i", "pipe:0",
+      // What goes out has no date or version in it.
+      "-an", "-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact",
+      "-pix_fmt", "yuv420p"};
+  const std::vector<std::string> codec =
+      format == FilmFormat::kMp4
+          ? std::vector<std::string>{"-c:v", "libx264",   "-preset",    "veryfast", "-crf",
+                                     "20",   "-movflags", "+faststart", "-f",       "mp4"}
+          : std::vector<std::string>{"-c:v",    "libvpx-vp9", "-b:v",     "0",         "-crf",
+                                     "33",      "-deadline",  "realtime", "-cpu-used", "6",
+                                     "-row-mt", "1",          "-f",       "webm"};
+  words.insert(words.end(), codec.begin(), codec.end());
+  words.insert(words.end(), {"-y", "file:" + path});
+  return words;
+}
+
+absl::StatusOr<ChildProcess> StartEncoder(std::vector<std::string> words, Fd in, Fd out) {
+  absl::StatusOr<std::string> program = FindProgram("ffmpeg");
+  if (!program.ok()) {
+    return absl::InternalError(absl::StrCat(
+        "films are encoded by ffmpeg, and ", program.status().message(),
+        ": install it (Debian: apt-get install ffmpeg), or write a .png"));
+  }
+  return ChildProcess::Start({.program = *program,
+                              .words = std::move(words),
+                              .in = in.get(),
+                              .out = out.get(),
+                              .nice = kDrawingNice});
 }
 
 }  // namespace
@@ -195,7 +300,7 @@ absl::Status AddWholeBoard(const Client& client, const BoardChoice& choice, Json
   }
   const Json rows = order["board"].value("rows", Json::array());
   Json results = Json::array();
-  absl::Status refused;
+  absl::Status refused;  // for every row alike
   Progress progress("results");
   int64_t done = 0;
   for (const Json& row : rows) {
@@ -203,7 +308,8 @@ absl::Status AddWholeBoard(const Client& client, const BoardChoice& choice, Json
     absl::StatusOr<Json> result =
         refused.ok() ? EvaluationWithRows(client, Filled(row, "/v1/evaluations/{evaluation}"))
                      : absl::StatusOr<Json>(refused);
-    if (RefusesAll(result.status())) refused = result.status();
+    const std::string code = AnsweredCode(result.status());
+    if (code == "forbidden" || code == "no_token" || code == "bad_token") refused = result.status();
     if (result.ok()) {
       results.push_back(Slim(*std::move(result)));
     } else if (absl::IsInvalidArgument(result.status())) {
@@ -268,6 +374,53 @@ absl::StatusOr<int> DrawInto(const std::string& file, const absl::Status& gather
   }
   head["numbers"] = drawn->numbers;
   return PrintAnswer(head, json, Sentence("{file}: {bytes:byte}"));
+}
+
+absl::StatusOr<std::string> DrawPng(const RenderOrder& order, const std::string& folder) {
+  CatchStopSignals();
+  ASSIGN_OR_RETURN(Pipe pictures, MakeOutputPipe());
+  ASSIGN_OR_RETURN(ChildProcess renderer, StartRenderer(order, folder, std::move(pictures.write)));
+  std::string png;
+  Received from = {pictures.read.get(), [&](std::string_view piece) {
+                     png.append(piece);
+                     if (png.size() <= kMaxPngBytes) return absl::OkStatus();
+                     return absl::InternalError("the picture has more than 256 MiB");
+                   }};
+  RETURN_IF_ERROR(AwaitAll({&renderer}, from, order.deadline_s));
+  RETURN_IF_ERROR(RenderStatus(renderer, order));
+  return png;
+}
+
+absl::Status EncodeFilm(const RenderOrder& order, FilmFormat format, const std::string& folder,
+                        const std::string& path, const std::function<void(int64_t)>& progress) {
+  CatchStopSignals();
+  ASSIGN_OR_RETURN(Pipe pictures, MakePipe());
+  ASSIGN_OR_RETURN(Pipe said, MakeOutputPipe());
+  ASSIGN_OR_RETURN(ChildProcess encoder,
+                   StartEncoder(EncoderWords(order, format, path), std::move(pictures.read),
+                                std::move(said.write)));
+  ASSIGN_OR_RETURN(ChildProcess renderer, StartRenderer(order, folder, std::move(pictures.write)));
+  std::string lines;  // of ffmpeg, "frame=12" among them
+  Received from = {said.read.get(), [&](std::string_view piece) {
+                     lines.append(piece);
+                     for (size_t end; (end = lines.find('\n')) != std::string::npos;) {
+                       int64_t frame = 0;
+                       const std::string line = lines.substr(0, end);
+                       lines.erase(0, end + 1);
+                       if (line.starts_with("frame=") && absl::SimpleAtoi(line.substr(6), &frame)) {
+                         progress(frame);
+                       }
+                     }
+                     return absl::OkStatus();
+                   }};
+  RETURN_IF_ERROR(AwaitAll({&renderer, &encoder}, from, order.deadline_s));
+  const absl::Status drawn = RenderStatus(renderer, order);
+  // Without its reader the renderer can't go on, and it was not its fault.
+  const bool unread = WIFSIGNALED(renderer.wait_status()) &&
+                      WTERMSIG(renderer.wait_status()) == SIGPIPE;
+  if (!drawn.ok() && !unread) return drawn;
+  if (encoder.succeeded() && drawn.ok()) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("ffmpeg can't encode the film: ", encoder.Failure()));
 }
 
 }  // namespace myograde::server

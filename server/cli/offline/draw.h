@@ -6,9 +6,11 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "protocol/lease/render_order.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/terminal/text.h"
@@ -47,5 +49,20 @@ absl::Status RunRender(std::vector<std::string> words);
 // a line. After a stop signal kNoScore.
 absl::StatusOr<int> DrawInto(const std::string& file, const absl::Status& gathered,
                              const Json& order, Json head, bool json);
+
+// Pictures and films of recorded episodes, by myograde-render and ffmpeg.
+enum class FilmFormat { kMp4, kWebm };
+
+// `folder`: empty or not, for temporary files. DataLossError: a log can't be shown. CancelledError
+// after SIGINT, SIGTERM or SIGHUP. DeadlineExceededError: it took longer than order.deadline_s.
+// InternalError: this host can't draw or encode; the sentence says what is missing.
+
+// The PNG of an order for a picture or a strip.
+absl::StatusOr<std::string> DrawPng(const RenderOrder& order, const std::string& folder);
+
+// Writes the film of an order to the file `path`. `progress` hears how many pictures were encoded.
+// REQUIRES: even width and height.
+absl::Status EncodeFilm(const RenderOrder& order, FilmFormat format, const std::string& folder,
+                        const std::string& path, const std::function<void(int64_t)>& progress);
 
 }  // namespace myograde::server

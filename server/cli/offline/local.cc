@@ -136,6 +136,10 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
 
 }  // namespace
 
+absl::StatusOr<ServerConfig> ServerConfigOf(const HostOptions& host) {
+  return HostStatus("", LoadServerConfig(host.configs_dir() + "/server.json", host.cache_dir()));
+}
+
 absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   LocalOrder order;
   const std::string configs = options.host.configs_dir();
@@ -145,8 +149,7 @@ absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, config));
   ASSIGN_OR_RETURN(order.track, HostStatus("", MakeTrack(std::move(config))));
   order.cache_dir = options.host.cache_dir();
-  ASSIGN_OR_RETURN(order.config,
-                   HostStatus("", LoadServerConfig(configs + "/server.json", order.cache_dir)));
+  ASSIGN_OR_RETURN(order.config, ServerConfigOf(options.host));
   RETURN_IF_ERROR(HostStatus("", LoadSandboxConfig(configs).status()));
   order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
   return order;

@@ -17,6 +17,7 @@
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/evaluation_logs.h"
+#include "server/cli/offline/local.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/config/server_config.h"
@@ -146,9 +147,7 @@ absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, Repla
   ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("replay"));
   ReplayOrder order;
   order.cache_dir = host.cache_dir();
-  ASSIGN_OR_RETURN(
-      const ServerConfig config,
-      HostStatus("", LoadServerConfig(host.configs_dir() + "/server.json", order.cache_dir)));
+  ASSIGN_OR_RETURN(const ServerConfig config, ServerConfigOf(host));
   order.track = files.begin()->second.header.track;
   order.work_dir = temp.path();
   order.slots = slots > 0 ? slots : std::min(config.scheduler.slots, kMostSimulators);

@@ -28,7 +28,7 @@
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/evaluation_logs.h"
-#include "server/cli/offline/draw_episodes.h"
+#include "server/cli/offline/draw.h"
 #include "server/cli/offline/play_logs.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"

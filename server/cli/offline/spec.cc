@@ -43,28 +43,27 @@ struct SpecOptions {
   bool json = false;
 };
 
-Json LayoutJson(const VectorLayout& vector) {
-  Json list = Json::array();
-  for (const Part& part : vector.parts()) {
-    const auto first = vector.names().begin() + part.offset;
-    list.push_back({{"name", part.name},
-                    {"offset", part.offset},
-                    {"size", part.size},
-                    {"unit", part.unit},
-                    {"meaning", part.meaning},
-                    {"entries", std::vector<std::string>(first, first + part.size)}});
+Json BoundsJson(std::span<const Bounds> bounds) {
+  Json json = {{"low", Json::array()}, {"high", Json::array()}};
+  for (const Bounds& bound : bounds) {
+    json["low"].push_back(bound.low);
+    json["high"].push_back(bound.high);
   }
-  return list;
+  return json;
 }
 
-Json BoundsJson(std::span<const Bounds> bounds) {
-  Json low = Json::array();
-  Json high = Json::array();
-  for (const Bounds& bound : bounds) {
-    low.push_back(bound.low);
-    high.push_back(bound.high);
+Json LayoutJson(const VectorLayout& vector) {
+  Json parts = Json::array();
+  for (const Part& part : vector.parts()) {
+    const auto first = vector.names().begin() + part.offset;
+    parts.push_back({{"name", part.name},
+                     {"offset", part.offset},
+                     {"size", part.size},
+                     {"unit", part.unit},
+                     {"meaning", part.meaning},
+                     {"entries", std::vector<std::string>(first, first + part.size)}});
   }
-  return {{"low", low}, {"high", high}};
+  return {{"size", vector.size()}, {"parts", parts}, {"bounds", BoundsJson(vector.bounds())}};
 }
 
 Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
@@ -76,9 +75,11 @@ Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
                       {"rules", track->config.rules},
                       {"scoring", track->config.scoring}};
   }
-  const VectorLayout& observation = ObservationOf(*config.kind);
-  const VectorLayout& extra = ExtraOf(*config.kind);
-  const VectorLayout& action = ActionOf(*config.kind);
+  Json extra = LayoutJson(ExtraOf(*config.kind));
+  extra["allowed"] = config.extra_observations;
+  Json action = LayoutJson(ActionOf(*config.kind));
+  action["bounds"] = {{"normalized", action["bounds"]},
+                      {"direct", BoundsJson(config.kind->layout().direct_bounds)}};
   return {{"track", config.id},
           {"kind", config.kind->name},
           {"profile", config.profile},
@@ -91,37 +92,23 @@ Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
           {"seeds", config.seeds},
           {"policy_seed_secret", config.policy_seed_secret.has_value()
                                      ? Json(*config.policy_seed_secret) : Json()},
-          {"observation",
-           {{"size", observation.size()},
-            {"parts", LayoutJson(observation)},
-            {"bounds", BoundsJson(observation.bounds())}}},
-          {"extra_observation",
-           {{"allowed", config.extra_observations},
-            {"size", extra.size()},
-            {"parts", LayoutJson(extra)},
-            {"bounds", BoundsJson(extra.bounds())}}},
-          {"action",
-           {{"size", action.size()},
-            {"parts", LayoutJson(action)},
-            {"bounds",
-             {{"normalized", BoundsJson(action.bounds())},
-              {"direct", BoundsJson(config.kind->layout().direct_bounds)}}}}},
+          {"observation", LayoutJson(ObservationOf(*config.kind))},
+          {"extra_observation", std::move(extra)},
+          {"action", std::move(action)},
           {"budgets", config.effective.value("budgets", Json::object())},
           {"rules", config.rules},
           {"scoring", config.scoring},
           {"profiles", profiles}};
 }
 
-void PrintLayout(const char* title, const VectorLayout& vector) {
-  std::cout << '\n' << Bold(absl::StrCat(title, ": ", vector.size(), " numbers")) << '\n';
-  Table table({"entries", "name", "unit", "meaning"});
-  for (const Part& part : vector.parts()) {
-    const std::string range =
-        part.size == 1 ? absl::StrCat(part.offset)
-                       : absl::StrCat(part.offset, "..", part.offset + part.size - 1);
-    table.Add({range, std::string(part.name), std::string(part.unit), std::string(part.meaning)});
-  }
-  table.Print();
+void PrintLayout(const char* title, const Json& vector) {
+  const auto entries = [](const Json& part) {
+    const int64_t first = part["offset"];
+    const int64_t last = first + part["size"].get<int64_t>() - 1;
+    return first == last ? absl::StrCat(first) : absl::StrCat(first, "..", last);
+  };
+  std::cout << '\n' << Bold(title + Filled(vector, ": {size} numbers")) << '\n';
+  PrintRows(vector["parts"], {RowColumn("entries", entries), "name", "unit", "meaning"});
 }
 
 // "budgets.step_s" -> value, for every leaf but comments.
@@ -200,18 +187,19 @@ void PrintDifferences(const Tracks::Entry& entry) {
   table.Print();
 }
 
-void PrintSpec(const TrackConfig& config, const Tracks::Entry& entry, bool full_hashes) {
+void PrintSpec(const Json& spec, const TrackConfig& config, const Tracks::Entry& entry,
+               bool full_hashes) {
   std::cout << Bold(absl::StrCat("Track ", config.id, " in the profile ", config.profile)) << '\n'
             << "  " << Counted(std::ssize(config.seeds), "episode") << " in blocks of "
             << config.episodes_per_lease << ", each played by a fresh process of the policy; a "
             << "control step every " << config.kind->control_period_s << " s\n"
             << "  config hash " << HashText(config.hash, full_hashes) << '\n';
-  PrintLayout("Observation", ObservationOf(*config.kind));
-  if (config.extra_observations && ExtraOf(*config.kind).size() > 0) {
-    PrintLayout("Extra observation (\"extra_observations\" in policy.json; behind the others)",
-                ExtraOf(*config.kind));
+  PrintLayout("Observation", spec["observation"]);
+  const Json& extra = spec["extra_observation"];
+  if (config.extra_observations && extra["size"] != 0) {
+    PrintLayout("Extra observation (\"extra_observations\" in policy.json; behind the others)", extra);
   }
-  PrintLayout("Action", ActionOf(*config.kind));
+  PrintLayout("Action", spec["action"]);
   std::cout
       << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
          "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
@@ -253,7 +241,7 @@ absl::StatusOr<int> Spec(const SpecOptions& options) {
   const Tracks::Entry entry = tracks.entries().at(options.track);
   return PrintAnswer(
       SpecJson(track->config, entry), options.json,
-      [&](const Json&) { PrintSpec(track->config, entry, options.full_hashes); });
+      [&](const Json& spec) { PrintSpec(spec, track->config, entry, options.full_hashes); });
 }
 
 namespace fs = std::filesystem;

@@ -55,18 +55,11 @@ std::string CsvCell(const Json& value) {
   return absl::StrCat("\"", absl::StrReplaceAll(text, {{"\"", "\"\""}}), "\"");
 }
 
-absl::Status MakeFolder(const std::string& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (!error) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(folder, ": can't be made: ", error.message()));
-}
-
 // Writes the JSON export in the file `from` to `folder`, which is made if missing: a file for each
 // table, and SHA256SUMS. `mark`: each file begins with the byte order mark of UTF-8.
 // InvalidArgumentError if a file can't be written.
 absl::Status WriteCsv(const std::string& from, const std::string& folder, bool mark) {
-  RETURN_IF_ERROR(MakeFolder(folder));
+  RETURN_IF_ERROR(MakeFolders(folder));
   std::map<std::string, std::unique_ptr<NewFile>> files;
   RETURN_IF_ERROR(ForEachRow(from, [&](const std::string& table, const Json& row) -> absl::Status {
     auto& file = files[table];
@@ -197,7 +190,7 @@ absl::StatusOr<int> Backup(const FileOptions& options) {
 // Without a daemon the store is made here; the lock keeps one from starting meanwhile.
 absl::Status ImportHere(const std::string& data, const std::string& file,
                         const ExportInfo& info) {
-  RETURN_IF_ERROR(MakeFolder(data));
+  RETURN_IF_ERROR(MakeFolders(data));
   std::error_code ignored;
   fs::permissions(data, fs::perms::owner_all, ignored);
   ASSIGN_OR_RETURN(const DataLock lock, HostStatus("import", DataLock::Take(data)));

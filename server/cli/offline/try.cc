@@ -1,5 +1,4 @@
 // myograde try: a policy graded on this host, and a folder with a report and films to look at.
-#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 
 #include <filesystem>
@@ -42,12 +41,8 @@ absl::StatusOr<std::string> MakeFolder(const TryOptions& options) {
     const fs::path name = policy.has_filename() ? policy.stem() : policy.parent_path().filename();
     folder = absl::StrCat("try-", name.string());
   }
+  RETURN_IF_ERROR(MakeFolders(folder.string(), "; name another with -o"));
   std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(folder.string(), ": can't be made: ", error.message(), "; name another with -o"));
-  }
   if (!fs::is_empty(folder, error) || error) {
     return absl::InvalidArgumentError(
         absl::StrCat(folder.string(), ": is not empty; remove it, or name another folder with -o"));
@@ -78,17 +73,6 @@ std::string LogOf(const LocalGrade& grade, int64_t episode) {
   return "";
 }
 
-// "myograde render" of a log into a file. CancelledError after a stop signal.
-absl::Status Render(const TryOptions& options, const std::string& log, const std::string& file) {
-  std::vector<std::string> words = {log, "-o", file, "--cache", options.host.cache_dir()};
-  if (absl::EndsWith(file, ".png")) {
-    words.push_back("--strip");
-  } else {
-    words.insert(words.end(), {"--size", kFilmSize});
-  }
-  return RunRender(std::move(words));
-}
-
 // What the folder holds beside the logs, and what it lacks, each in a sentence.
 struct Contents {
   std::string report;  // "": none
@@ -109,11 +93,15 @@ absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const 
   for (const PickedEpisode& one : picked) {
     if (StopRequested()) return absl::CancelledError("interrupted");
     const std::string file = absl::StrCat(std::string(one.place), film ? ".mp4" : ".png");
-    const absl::Status drawn = Render(options, absl::StrCat(folder, "/", LogOf(grade, one.index)),
-                                      absl::StrCat(folder, "/", file));
+    std::vector<std::string> words = {absl::StrCat(folder, "/", LogOf(grade, one.index)), "-o",
+                                      absl::StrCat(folder, "/", file), "--cache",
+                                      options.host.cache_dir()};
+    words.push_back(film ? absl::StrCat("--size=", kFilmSize) : "--strip");
+    const absl::Status drawn = RunRender(std::move(words));
     if (absl::IsCancelled(drawn)) return drawn;
     if (!drawn.ok()) {
-      contents.missing.push_back(absl::StrCat("Episode ", one.index, " is not shown: ", drawn.message()));
+      contents.missing.push_back(
+          absl::StrCat("Episode ", one.index, " is not shown: ", drawn.message()));
       continue;
     }
     contents.films.push_back(
