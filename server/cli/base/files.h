@@ -51,7 +51,8 @@ class NewFile {
 absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_view content,
                                          mode_t mode = 0600);
 
-// Makes `folder` and those above it, if missing. InvalidArgumentError with the reason, and `todo` behind.
+// Makes `folder` and those above it, if missing. InvalidArgumentError with the reason, and `todo`
+// behind.
 absl::Status MakeFolders(const std::string& folder, const std::string& todo = "");
 
 // Reads a seed list: whole numbers from 0 to 2^63-1 without repetition, 1 to 10,000 of them, in

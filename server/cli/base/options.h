@@ -21,15 +21,15 @@ namespace myograde::server {
 // text is not: "no episode".
 CLI::Validator WholeNumber(int64_t least, const std::string& what);
 
-// Whether `text` is 1 to `most` letters, digits, ".", "_" and "-", and begins with a letter or a digit
-// or, if `any_first`, with any of them.
+// Whether `text` is 1 to `most` letters, digits, ".", "_" and "-", and begins with a letter or a
+// digit or, if `any_first`, with any of them.
 bool IsSimpleName(const std::string& text, size_t most, bool any_first = false);
 
 // The two numbers of "A..B"; nullopt if it is no such text.
 std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text);
 
-// Options that can't be used together: InvalidArgumentError with the first sentence whose condition is
-// true.
+// Options that can't be used together: InvalidArgumentError with the first sentence whose condition
+// is true.
 absl::Status RefuseIf(std::initializer_list<std::pair<bool, std::string>> mistakes);
 
 // Adds --json; the output is described by configs/schema/SCHEMA.json.

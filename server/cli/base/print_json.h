@@ -26,8 +26,8 @@ using AnswerPrinter = std::function<void(const Json& answer)>;
 // Prints `text` as Filled (text.h) makes it of an answer, on a line of its own.
 AnswerPrinter Sentence(std::string text);
 
-// How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns `exit`,
-// or the error in place of an answer.
+// How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns
+// `exit`, or the error in place of an answer.
 absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
                                 const AnswerPrinter& print, int exit = kDone);
 

@@ -20,14 +20,6 @@ void PrintPair(const std::string& name, const std::string& value) {
   std::cout << absl::StrFormat("  %-19s ", name) << value << '\n';
 }
 
-// "1.25 s", or "" if there is none.
-std::string ValueText(const Json& values, const Json& metric) {
-  const std::string name = metric.value("name", "");
-  if (values.value(name, Json()).is_null()) return "";
-  const std::string unit = Harmless(metric.value("unit", ""));
-  return absl::StrCat(Cell(values, name, metric.value("digits", 4)), unit.empty() ? "" : " ", unit);
-}
-
 // "3 done, 1 dropped" of an object at `key`, on a line called `name` unless it is empty.
 void PrintCounts(const char* name, const Json& result, const char* key) {
   std::vector<std::string> counts;
@@ -121,8 +113,10 @@ void PrintResult(const Json& result, bool full_hashes) {
     PrintPair("successes", Filled(aggregate, "{successes} of {episodes:episode}"));
     PrintPlayed(aggregate, result.value("reasons", Json()));
     for (const Json& metric : result.value("metrics", Json::array())) {
-      const std::string text = ValueText(aggregate, metric);
-      if (!text.empty()) PrintPair(Harmless(metric.value("title", "")), text);
+      const std::string name = metric.value("name", "");
+      if (aggregate.value(name, Json()).is_null()) continue;
+      PrintPair(Harmless(metric.value("title", "")),
+                Cell(aggregate, name, metric.value("digits", 4)) + Filled(metric, "[ {unit}]"));
     }
   }
   PrintCounts("outcomes", result, "outcomes");
@@ -142,10 +136,8 @@ void PrintResult(const Json& result, bool full_hashes) {
 std::vector<RowColumn> MetricColumns(const Json& metrics) {
   std::vector<RowColumn> columns;
   for (const Json& metric : metrics) {
-    const std::string unit = Harmless(metric.value("unit", ""));
-    columns.emplace_back(
-        absl::StrCat(Harmless(metric.value("title", "")), unit.empty() ? "" : " ", unit),
-        metric.value("name", ""), metric.value("digits", 4));
+    columns.emplace_back(Filled(metric, "{title}[ {unit}]"), metric.value("name", ""),
+                         metric.value("digits", 4));
   }
   return columns;
 }

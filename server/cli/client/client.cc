@@ -40,12 +40,6 @@ constexpr absl::Duration kLongestPoll = absl::Seconds(1);
 constexpr int kPollsInAWait = 20;
 constexpr absl::Duration kPatience = absl::Seconds(30);
 
-std::string NoteOf(const Json& status) {
-  const std::string state = status.value("state", "");
-  const std::string waiting = TextAt(status, "waiting");
-  return state != "queued" || waiting.empty() ? state : "queued: " + waiting;
-}
-
 // The daemon answers a request in 30 s and an upload in 900 s (server.json); a
 // little more here, so that its own sentence arrives.
 constexpr absl::Duration kAnswer = absl::Seconds(60);
@@ -81,8 +75,8 @@ std::string ClosedSocket(const std::string& socket) {
   const mode_t rights = closed == socket ? S_IRGRP | S_IWGRP : S_IXGRP;
   const bool shared = seen && (info.st_mode & rights) == rights && info.st_gid != 0;
   const group* members = shared ? ::getgrgid(info.st_gid) : nullptr;
-  const std::string beginning =
-      absl::StrCat("this user may not talk to the daemon on ", socket, ": ", closed, " is open to ");
+  const std::string beginning = absl::StrCat("this user may not talk to the daemon on ", socket,
+                                             ": ", closed, " is open to ");
   if (members != nullptr) {
     const std::string name = members->gr_name;
     const std::string user = UserName(::geteuid());
@@ -271,7 +265,8 @@ absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
       const std::string state = status->value("state", "");
       const auto done = counts.value("done", int64_t{0});
       const auto total = counts.value("total", int64_t{0});
-      progress.Show(done, total, NoteOf(*status), /*waiting=*/state == "queued");
+      const bool queued = state == "queued";
+      progress.Show(done, total, queued ? Filled(*status, "queued[: {waiting}]") : state, queued);
       if (final(*status)) return status;
     } else if (status.status().code() == absl::StatusCode::kInvalidArgument ||
                clock.Monotonic() - heard > kPatience) {

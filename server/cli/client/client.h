@@ -73,9 +73,9 @@ inline bool HasEnded(const Json& status) {
   return state != "queued" && state != "running";
 }
 
-// Asks for `path`, something that is in progress, until an answer is `final`, showing progress named
-// `what`; the last answer. A daemon that stays silent for 30 s in a row ends the waiting; one that
-// restarts does not.
+// Asks for `path`, something that is in progress, until an answer is `final`, showing progress
+// named `what`; the last answer. A daemon that stays silent for 30 s in a row ends the waiting; one
+// that restarts does not.
 absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
                                  const std::string& what,
                                  const std::function<bool(const Json&)>& final = HasEnded);

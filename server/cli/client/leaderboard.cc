@@ -79,14 +79,16 @@ void PrintPlaces(const Json& answer) {
 
 void PrintMeaning(const Json& answer) {
   const Json used = answer.value("statistics", Json::object());
-  std::cout << Filled(used,
-                      "  Intervals are 95 %. p: paired permutation test over the same episodes, "
-                      "corrected (Holm) for {tests:test} of the first {places} places; * decides at "
-                      "the level ")
+  std::cout << Filled(
+                   used,
+                   "  Intervals are 95 %. p: paired permutation test over the same episodes, "
+                   "corrected (Holm) for {tests:test} of the first {places} places; * decides at "
+                   "the level ")
             << absl::StrCat(used.value("level", 0.0)) << ".\n";
   if (used.value("spending", Json()) == "halving") {
-    std::cout << "  Further episodes are another look: the first look at a pair may use half of the "
-                 "level, each further one half of what is left.\n";
+    std::cout
+        << "  Further episodes are another look: the first look at a pair may use half of the "
+           "level, each further one half of what is left.\n";
   }
   if (answer.value("undecided", int64_t{0}) > 0) {
     std::cout << Filled(answer, "  {undecided:place} share a group: these episodes do not decide "
@@ -104,8 +106,9 @@ void PrintStatistics(const Json& answer) {
     PrintMeaning(answer);
   }
   if (!answer.value("complete", true)) {
-    std::cout << Filled(answer, "  The board is frozen as of {frozen_at}: what ended later does not "
-                                "count yet.\n");
+    std::cout << Filled(answer,
+                        "  The board is frozen as of {frozen_at}: what ended later does not "
+                        "count yet.\n");
   }
   PrintUnreadable(answer);
   std::cout.flush();
@@ -153,8 +156,9 @@ void PrintOthers(const Json& board) {
     std::cout << (other.value("in_force", false) ? "  Under the config in force, "
                                                  : "  Under the config ")
               << hash
-              << Filled(other, ": {submissions:submission} of {teams:team}, accepted from {from} to "
-                               "{to}; see it with --config ")
+              << Filled(other,
+                        ": {submissions:submission} of {teams:team}, accepted from {from} to "
+                        "{to}; see it with --config ")
               << hash << '\n';
   }
 }

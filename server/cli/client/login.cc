@@ -99,7 +99,8 @@ std::string RoleText(const Json& who) {
 
 // A login is kept in a "file".
 void PrintWho(const Json& who) {
-  std::cout << Filled(who, "To {server} you are ") << RoleText(who) << Filled(who, " ({caller}).\n");
+  std::cout << Filled(who, "To {server} you are ") << RoleText(who)
+            << Filled(who, " ({caller}).\n");
   const Json token = who.value("token", Json());
   if (token.is_object()) {
     std::cout << Filled(token,
@@ -122,7 +123,8 @@ absl::StatusOr<ServerChoice> Target(const LoginOptions& options) {
         "a login is for a server over the network, https://HOST:PORT; a daemon of this host knows "
         "you by your user, without a token");
   }
-  ServerChoice choice = {.address = std::move(address), .token = "", .ca_file = CaFile(options.ca_file)};
+  ServerChoice choice = {
+      .address = std::move(address), .token = "", .ca_file = CaFile(options.ca_file)};
   if (!choice.ca_file.empty()) choice.ca_file = std::filesystem::absolute(choice.ca_file).string();
   return choice;
 }
@@ -180,8 +182,9 @@ void PrintCreated(const Json& token) {
             << ". It is shown this once:" << std::endl;
   // Whole, so that it can be copied.
   PlainOutput() << Cell(token, "token") << std::endl;
-  std::cout << Filled(token, "Hand it over in private; whoever has it acts with it. \"myograde token "
-                             "revoke {id}\" ends it.")
+  std::cout << Filled(token,
+                      "Hand it over in private; whoever has it acts with it. \"myograde token "
+                      "revoke {id}\" ends it.")
             << std::endl;
 }
 
@@ -253,14 +256,13 @@ Action AddToken(CLI::App& verb) {
                           ->check(CLI::Range(1, 3650));
   create->add_option("--expires", options.expires, "When it expires, as in 2026-12-01T00:00:00Z")
       ->excludes(days);
-  parts.Add("list", "List the tokens, without their texts", "list", "tokens",
-            [](const TokenOptions& of) {
-              return of.ListAndPrint("/v1/tokens", "tokens",
-                                     "There are no tokens yet; \"myograde token create\" makes one.",
-                                     {"token=id", "role", "team", "label", "state",
-                                      "made by=created_by", "until=expires_at",
-                                      "last used=last_used_at"});
-            });
+  parts.Add(
+      "list", "List the tokens, without their texts", "list", "tokens", [](const TokenOptions& of) {
+        return of.ListAndPrint("/v1/tokens", "tokens",
+                               "There are no tokens yet; \"myograde token create\" makes one.",
+                               {"token=id", "role", "team", "label", "state", "made by=created_by",
+                                "until=expires_at", "last used=last_used_at"});
+      });
   parts
       .Add("revoke", "Revoke a token at once", "revoke 7", "token",
            [](const TokenOptions& of) {

@@ -1,5 +1,5 @@
-// What organisers and operators do: myograde phase: pause, resume, publish; evaluate: further episodes
-// for places that are close; events; webhook: list, test; cluster: nodes, drain, admit
+// What organisers and operators do: myograde phase: pause, resume, publish; evaluate: further
+// episodes for places that are close; events; webhook: list, test; cluster: nodes, drain, admit
 #include <absl/strings/str_cat.h>
 
 #include <iostream>
@@ -163,11 +163,12 @@ absl::StatusOr<int> TestWebhook(const WebhookOptions& options) {
       const Json answer,
       options.client().Post(absl::StrCat("/v1/webhooks/", options.name, "/test"), Json::object()));
   const bool delivered = answer.value("delivered", false);
-  return PrintAnswer(answer, options.json,
-                     Sentence(absl::StrCat("Webhook ", options.name,
-                                           delivered ? " took the event \"test\" (status {status})."
-                                                     : " did not take the event \"test\": {problem}.")),
-                     delivered ? kDone : kNoScore);
+  return PrintAnswer(
+      answer, options.json,
+      Sentence(absl::StrCat("Webhook ", options.name,
+                            delivered ? " took the event \"test\" (status {status})."
+                                      : " did not take the event \"test\": {problem}.")),
+      delivered ? kDone : kNoScore);
 }
 
 struct ClusterOptions : DaemonOptions {

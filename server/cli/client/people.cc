@@ -52,11 +52,6 @@ RowColumn ListColumn(const char* head, const char* key) {
   return {head, [key](const Json& row) { return ListCell(row, key); }};
 }
 
-std::string StateText(const Json& team) {
-  const std::string merged = Filled(team, "[merged into {merged_into}]");
-  return !merged.empty() ? merged : team.value("banned", false) ? "banned" : "-";
-}
-
 void PrintTeam(const Json& team) {
   std::cout << Bold(Filled(team, "Team {team}")) << '\n'
             << "state        " << (team.value("banned", false) ? "banned" : "active") << '\n'
@@ -307,11 +302,15 @@ Action AddTeam(CLI::App& verb) {
       }));
   parts.Add("list", "List all teams with their members", "list", "teams",
             [](const TeamOptions& options) {
+              const auto state = [](const Json& team) -> std::string {
+                const std::string merged = Filled(team, "[merged into {merged_into}]");
+                return !merged.empty() ? merged : team.value("banned", false) ? "banned" : "-";
+              };
               return options.ListAndPrint(
                   "/v1/teams", "teams",
                   "There are no teams yet; \"myograde team create NAME\" makes one.",
                   {"team", ListColumn("members", "members"),
-                   ListColumn("other names", "other_names"), RowColumn("state", StateText)});
+                   ListColumn("other names", "other_names"), RowColumn("state", state)});
             });
   parts.AddOfTeam("show", "Show a team with its members and all that was done to it",
                   "show \"Team Blue\"", [](const TeamOptions& options) {

@@ -139,14 +139,6 @@ void PrintJobs(const Json& leases) {
                      "at episode=episode", "step"});
 }
 
-void PrintSlots(const Json& health) {
-  const Json leases = health.value("leases", Json::array());
-  if (leases.empty()) return;
-  if (OnCluster(leases)) return PrintJobs(leases);
-  PrintRows(leases, {"slot", "submission", "block=lease", RowColumn("running", RunningFor),
-                     "at episode=episode", "step"});
-}
-
 void PrintHealth(const Json& health) {
   // Only organisers see the process, and only participants how busy it is.
   const bool store = Cell(health, "status") == "store";
@@ -158,7 +150,13 @@ void PrintHealth(const Json& health) {
   }
   std::cout << '\n';
   if (!TextAt(health, "message").empty()) std::cout << Bold(Cell(health, "message")) << '\n';
-  PrintSlots(health);
+  const Json leases = health.value("leases", Json::array());
+  if (OnCluster(leases)) {
+    PrintJobs(leases);
+  } else if (!leases.empty()) {
+    PrintRows(leases, {"slot", "submission", "block=lease", RowColumn("running", RunningFor),
+                       "at episode=episode", "step"});
+  }
   for (const Json& artefact : health.value("held_back", Json::array())) {
     if (!artefact.is_string()) continue;
     std::cout << "  Held back: artefact " << Harmless(artefact.get<std::string>())
@@ -217,8 +215,8 @@ absl::StatusOr<int> Status(const StatusOptions& options) {
     return StatusOfAll(client, options.json);
   }
   if (!options.wait) return PrintAnswer(client.Get(options.Resource()), options.json, PrintStatus);
-  ASSIGN_OR_RETURN(const Json ended,
-                   FollowUntil(client, options.Resource(), absl::StrCat("submission ", options.id)));
+  ASSIGN_OR_RETURN(const Json ended, FollowUntil(client, options.Resource(),
+                                                 absl::StrCat("submission ", options.id)));
   return PrintAnswer(ended, options.json, PrintStatus, ExitOfState(ended.value("state", "")));
 }
 

@@ -1,5 +1,5 @@
-// The verbs about one submission: myograde show, cancel, choose, hide, unhide, disqualify, baseline,
-// rerun
+// The verbs about one submission: myograde show, cancel, choose, hide, unhide, disqualify,
+// baseline, rerun
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
@@ -76,8 +76,9 @@ void PrintCancelled(const Json& status) {
 
 void PrintChoice(const Json& answer) {
   const bool changed = answer.value("changed", false);
-  std::cout << Filled(answer, changed ? "Team {team} now stands with submission {submission}"
-                                      : "Team {team} stood with it already: submission {submission}")
+  std::cout << Filled(answer, changed
+                                  ? "Team {team} now stands with submission {submission}"
+                                  : "Team {team} stood with it already: submission {submission}")
             << Filled(answer, "[ in phase {phase}].") << std::endl;
 }
 
@@ -88,14 +89,6 @@ struct MarkOptions : SubmissionOptions {
   bool undo = false;
 };
 
-void PrintMark(const Json& answer, const MarkOptions& options, bool set) {
-  const bool changed = answer.value("changed", false);
-  const std::string shown = options.mark == "baseline" ? "a baseline" : options.mark;
-  std::cout << "Submission " << options.id << Filled(answer, " of {team} is ")
-            << (set ? (changed ? "now " : "already ") : (changed ? "no longer " : "not ")) << shown
-            << (changed ? "." : "; nothing changed.") << std::endl;
-}
-
 absl::StatusOr<int> Mark(const MarkOptions& options) {
   const bool set = options.set && !options.undo;
   RETURN_IF_ERROR(RefuseIf(
@@ -103,8 +96,13 @@ absl::StatusOr<int> Mark(const MarkOptions& options) {
         "a disqualification needs --reason, which the board shows; --undo takes it back"}}));
   Json body = {{"mark", options.mark}, {"set", set}};
   SetIfGiven(body, "reason", options.reason);
-  return options.PostAndPrint(options.Resource("/marks"), body,
-                              [&](const Json& answer) { PrintMark(answer, options, set); });
+  return options.PostAndPrint(options.Resource("/marks"), body, [&](const Json& answer) {
+    const bool changed = answer.value("changed", false);
+    std::cout << "Submission " << options.id << Filled(answer, " of {team} is ")
+              << (set ? (changed ? "now " : "already ") : (changed ? "no longer " : "not "))
+              << (options.mark == "baseline" ? "a baseline" : options.mark)
+              << (changed ? "." : "; nothing changed.") << std::endl;
+  });
 }
 
 // `undo_help`: null without a flag --undo.

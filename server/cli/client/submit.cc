@@ -25,8 +25,8 @@
 namespace myograde::server {
 namespace {
 
-// A sentence on the first of `named` runtimes that the server does not have; "" if it has all. Errors
-// as Client::Get.
+// A sentence on the first of `named` runtimes that the server does not have; "" if it has all.
+// Errors as Client::Get.
 absl::StatusOr<std::string> MissingRuntime(const Client& client,
                                            const std::vector<std::string>& named) {
   if (named.empty()) return "";
@@ -71,10 +71,10 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
     return absl::InvalidArgumentError(*missing + "; nothing was sent");
   }
   Progress progress("sending", Progress::Unit::kBytes);
-  ASSIGN_OR_RETURN(const Json answer,
-                   client.Upload(
-                       "/v1/artefacts" + QueryOf({{"team", options.team}, {"track", options.track}}),
-                       archive, progress.Listener("the daemon checks it")));
+  ASSIGN_OR_RETURN(
+      const Json answer,
+      client.Upload("/v1/artefacts" + QueryOf({{"team", options.team}, {"track", options.track}}),
+                    archive, progress.Listener("the daemon checks it")));
   const std::string artefact = answer.value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
   return artefact;
@@ -103,9 +103,10 @@ absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& cli
 
 void PrintAccepted(const Json& submission) {
   if (submission.value("linked", false)) {
-    std::cout << Filled(submission, "Submission {submission} of {team} is the ranked evaluation of "
-                                    "this very policy on this board already; nothing new is played, "
-                                    "as each policy has one.")
+    std::cout << Filled(submission,
+                        "Submission {submission} of {team} is the ranked evaluation of "
+                        "this very policy on this board already; nothing new is played, "
+                        "as each policy has one.")
               << std::endl;
     return;
   }
@@ -150,7 +151,8 @@ Finding TeamFinding(const Client& client, const SubmissionPlan& plan, bool chall
                    absl::StrCat("the server has no team \"", plan.team, "\" that you belong to"),
                    "\"myograde whoami\" lists your teams; organisers create teams and add members");
     }
-    return Good("team", absl::StrCat("the server knows no team \"", plan.team, "\" of yours yet; the "
+    return Good("team", absl::StrCat("the server knows no team \"", plan.team,
+                                     "\" of yours yet; the "
                                      "first submission founds it, if nobody has the name"));
   }
   if (!team.ok()) return NotAnswered("team", team.status());
@@ -288,7 +290,8 @@ std::string UsedUp(const Json& place, const std::string& budget, const std::stri
     const Json use = uses.value(span, Json());
     if (!use.is_object() || use.value("left", int64_t{1}) > 0) continue;
     const int64_t limit = use.value("limit", int64_t{0}) + use.value("granted", int64_t{0});
-    return absl::StrCat("the quota of ", budget == "failed" ? "failed tries" : budget + " submissions",
+    return absl::StrCat("the quota of ",
+                        budget == "failed" ? "failed tries" : budget + " submissions",
                         " is used up: ", limit, " of ", limit, words);
   }
   return "";
@@ -343,8 +346,9 @@ std::optional<Finding> TwinFinding(const Client& client, const SubmissionPlan& p
     const bool twin = TextAt(submission, "artefact") == plan.artefact && same_rules;
     if (!twin || !submission.value("ranked", false)) continue;
     return Finding{"novelty", FindingState::kWarning,
-                   Filled(submission, "this very policy is submission {submission} of the team, which "
-                                      "is {state}; a ranked policy is played once"),
+                   Filled(submission,
+                          "this very policy is submission {submission} of the team, which "
+                          "is {state}; a ranked policy is played once"),
                    "see \"myograde show ID\"; change the policy, or rerun that submission"};
   }
   return std::nullopt;

@@ -93,7 +93,8 @@ absl::StatusOr<std::string> Recipe(const std::string& name) {
       "\"; give a requirements file, or the name of one of these: ", absl::StrJoin(known, ", ")));
 }
 
-// Becomes the program that makes and removes runtimes. `words` follow the runtimes' folder and the name.
+// Becomes the program that makes and removes runtimes. `words` follow the runtimes' folder and the
+// name.
 absl::StatusOr<int> BecomeMaker(const RuntimeOptions& options, const std::string& verb,
                                 const std::vector<std::string>& words) {
   ASSIGN_OR_RETURN(const ServerConfig config, ServerConfigOf(options.host));

@@ -51,13 +51,8 @@ std::string NextOf(const Json& phase, const std::string& now) {
   if (state == "closed") return Filled(phase, "closed at {closes_at}");
   const char* key = state == "upcoming" ? "opens_at" : "closes_at";
   if (!phase[key].is_string()) return "stays open";
-  return absl::StrCat(state == "upcoming" ? "opens" : "closes", " in ", Span(now, phase[key]), ", at ",
-                      Cell(phase, key));
-}
-
-std::string SeedsOf(const Json& phase) {
-  return Filled(phase, phase.value("revealed", false) ? "{seeds.count} {seeds.kind}, revealed"
-                                                      : "{seeds.count} {seeds.kind}");
+  return absl::StrCat(state == "upcoming" ? "opens" : "closes", " in ", Span(now, phase[key]),
+                      ", at ", Cell(phase, key));
 }
 
 std::string BoardOf(const Json& phase) {
@@ -68,10 +63,14 @@ std::string BoardOf(const Json& phase) {
 
 void PrintChallenge(const Json& challenge, const std::string& now) {
   const Json phases = challenge.value("phases", Json::array());
+  const auto seeds = [](const Json& phase) {
+    return Filled(phase, "{seeds.count} {seeds.kind}") +
+           (phase.value("revealed", false) ? ", revealed" : "");
+  };
   std::cout << Bold(Filled(challenge, "{title} ({challenge})")) << '\n';
   PrintRows(phases, {"phase", "track", "profile", "state",
                      RowColumn("next", [&](const Json& phase) { return NextOf(phase, now); }),
-                     RowColumn("seeds", SeedsOf), "entry", RowColumn("board", BoardOf), "waiting"});
+                     RowColumn("seeds", seeds), "entry", RowColumn("board", BoardOf), "waiting"});
   for (const Json& phase : phases) {
     const Json pause = phase.value("paused", Json());
     if (!pause.is_object() || pause.value("all", false)) continue;
@@ -93,8 +92,9 @@ void PrintChallenges(const Json& answer) {
     std::cout << Filled(answer, "All submissions are paused since {paused.at}: {paused.reason}\n");
   }
   for (const Json& phase : answer.value("former_phases", Json::array())) {
-    std::cout << Filled(phase, "Former phase {phase} of {track}: {submissions:submission}; its board "
-                               "stays, with \"myograde leaderboard --phase {phase}\"\n");
+    std::cout << Filled(phase,
+                        "Former phase {phase} of {track}: {submissions:submission}; its board "
+                        "stays, with \"myograde leaderboard --phase {phase}\"\n");
   }
   for (const Json& phase : answer.value("unusable", Json::array())) {
     std::cout << Filled(phase, "Phase {phase} takes nothing: {message}\n");

@@ -33,8 +33,8 @@ constexpr double kClockSkewSeconds = 2;
 
 constexpr char kNoLease[] = "no lease starts; what is submitted waits";
 
-// What one of Slurm's commands prints. Errors of SlurmCommand and RunProgram; UnavailableError, with its
-// last line: it ended with another status than 0.
+// What one of Slurm's commands prints. Errors of SlurmCommand and RunProgram; UnavailableError,
+// with its last line: it ended with another status than 0.
 absl::StatusOr<std::string> RunSlurm(const SlurmConfig& config, const std::string& name,
                                      const std::vector<std::string>& words,
                                      absl::Duration deadline = absl::Seconds(30)) {

@@ -91,8 +91,8 @@ bool IsOfBoard(const Json& entry, const Json& board) {
   return same("track") && same("profile") && same("phase");
 }
 
-// When something happened that may have changed a board, by the public record: oldest first; the first
-// and the last are among them.
+// When something happened that may have changed a board, by the public record: oldest first; the
+// first and the last are among them.
 absl::StatusOr<std::vector<std::string>> MomentsOf(const Client& client, const Json& board) {
   std::set<int64_t> submissions;  // to the board
   std::set<std::string> found;

@@ -26,8 +26,9 @@ absl::StatusOr<Json> ResultForFigures(const Client& client, int64_t submission);
 absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& order);
 
 // The same, and "results", one of each row of the board: the evaluation with its episodes, or
-// "submission", "team", "name" and in "error" why the caller does not see it; "challenge", its title,
-// and "phase", as GET /v1/challenges has it, null if no challenge has the phase of the board.
+// "submission", "team", "name" and in "error" why the caller does not see it; "challenge", its
+// title, and "phase", as GET /v1/challenges has it, null if no challenge has the phase of the
+// board.
 absl::Status AddWholeBoard(const Client& client, const BoardChoice& choice, Json& order);
 
 struct Drawn {

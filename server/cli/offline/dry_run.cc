@@ -33,15 +33,17 @@ constexpr double kMuchMemory = 0.8;
 
 Finding EpisodeFinding(const EpisodeRow& row, const Json& shown) {
   if (shown["fault"].is_object()) {
-    return {"episode", FindingState::kFails,
-            Filled(shown, "the practice episode ended as {outcome} after {steps:step}: {fault.detail}"),
-            "mend the policy; what it printed last is below"};
+    return {
+        "episode", FindingState::kFails,
+        Filled(shown, "the practice episode ended as {outcome} after {steps:step}: {fault.detail}"),
+        "mend the policy; what it printed last is below"};
   }
-  return {"episode", FindingState::kOk,
-          Filled(shown, row.reason == FailureReason::kNone
-                            ? "the practice episode was played to its end: {outcome} after {steps:step}"
-                            : "the practice episode was played to its end: {outcome} ({reason}) after "
-                              "{steps:step}")};
+  return {
+      "episode", FindingState::kOk,
+      Filled(shown, row.reason == FailureReason::kNone
+                        ? "the practice episode was played to its end: {outcome} after {steps:step}"
+                        : "the practice episode was played to its end: {outcome} ({reason}) after "
+                          "{steps:step}")};
 }
 
 std::string Seconds(double seconds) {

@@ -147,8 +147,8 @@ absl::StatusOr<Json> FormatOf(const FigureOptions& options,
   for (const std::string& format : formats) {
     if (absl::EndsWithIgnoreCase(options.file, "." + format)) return Json(format);
   }
-  return absl::InvalidArgumentError(absl::StrCat("-o ", options.file, ": name a file that ends in .",
-                                                 absl::StrJoin(formats, " or .")));
+  return absl::InvalidArgumentError(absl::StrCat(
+      "-o ", options.file, ": name a file that ends in .", absl::StrJoin(formats, " or .")));
 }
 
 struct PlotOptions : FigureOptions {

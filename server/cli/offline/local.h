@@ -54,9 +54,9 @@ struct LocalHooks {
   std::function<void(const std::string&)> again = nullptr;
 };
 
-// Plays every lease, up to `slots` at once. InternalError if a lease failed by the grader's fault more
-// often than the config allows replays; each replay waits as a daemon's does. When stopped, what is
-// running is killed within a second and the rows so far are returned.
+// Plays every lease, up to `slots` at once. InternalError if a lease failed by the grader's fault
+// more often than the config allows replays; each replay waits as a daemon's does. When stopped,
+// what is running is killed within a second and the rows so far are returned.
 absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const LocalHooks& hooks);
 
 struct LocalOptions {

@@ -212,12 +212,6 @@ absl::StatusOr<Collected> CollectOfSubmission(int64_t episode, const Client& cli
   return collected;
 }
 
-Json RecordToJson(const ReplayRecord& record) {
-  return {{"index", record.episode},   {"equal", record.equal},
-          {"steps", record.steps},     {"step", record.step < 0 ? Json() : Json(record.step)},
-          {"differs", record.differs}, {"detail", TextOrNull(record.detail)}};
-}
-
 absl::StatusOr<int> ReportReplay(const ReplayOptions& options, Json head,
                                  const std::vector<ReplayRecord>& records) {
   const auto equal = std::count_if(records.begin(), records.end(),
@@ -226,7 +220,14 @@ absl::StatusOr<int> ReportReplay(const ReplayOptions& options, Json head,
   head["equal"] = all;
   head["replayed"] = records.size();
   head["episodes"] = Json::array();
-  for (const ReplayRecord& record : records) head["episodes"].push_back(RecordToJson(record));
+  for (const ReplayRecord& record : records) {
+    head["episodes"].push_back({{"index", record.episode},
+                                {"equal", record.equal},
+                                {"steps", record.steps},
+                                {"step", record.step < 0 ? Json() : Json(record.step)},
+                                {"differs", record.differs},
+                                {"detail", TextOrNull(record.detail)}});
+  }
   return PrintAnswer(
       head, options.json,
       [&](const Json& replay) {

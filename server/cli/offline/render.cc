@@ -90,8 +90,9 @@ std::string SizeMistake(const std::string& text) {
   int width = 0;
   int height = 0;
   if (ReadSize(text, width, height)) return "";
-  return absl::StrCat("\"", Harmless(text.substr(0, 40)), "\" is no size: write WIDTHxHEIGHT, each ",
-                      kSmallestRenderSide, " to ", kLargestRenderSide, " pixels");
+  return absl::StrCat("\"", Harmless(text.substr(0, 40)),
+                      "\" is no size: write WIDTHxHEIGHT, each ", kSmallestRenderSide, " to ",
+                      kLargestRenderSide, " pixels");
 }
 
 absl::Status ReadOptions(const RenderOptions& options, Drawing& drawing) {
@@ -123,23 +124,11 @@ absl::Status ReadOptions(const RenderOptions& options, Drawing& drawing) {
         "--size: the sides of a film must be even"}});
 }
 
-// "failure: dropped"; "" where the phase withholds it.
-std::string RowVerdict(const Json& row) {
-  const std::string outcome = TextAt(row, "outcome");
-  const std::string reason = TextAt(row, "reason");
-  return reason.empty() ? outcome : absl::StrCat(outcome, ": ", reason);
-}
-
 absl::Status CheckHasSteps(const EpisodeLog& log) {
   if (log.steps() > 0) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat("episode ", log.header.episode,
                                           " has no step to show: it ended by \"", log.end.end,
                                           "\" before the first"));
-}
-
-bool CanBeShown(const Json& row) {
-  const Json log = row.value("log", Json());
-  return log.is_object() && log.value("steps", int64_t{0}) > 0 && TextAt(row, "end") != kPhantom;
 }
 
 // What scoring reads of a row, from what the API shows of it; nullopt if the phase withholds that.
@@ -212,7 +201,8 @@ absl::Status AddEpisode(const Client& client, const Json& evaluation, int64_t in
   }
   shown.order.logs.push_back(own.file.path);
   shown.order.title = title;
-  shown.order.verdict = RowVerdict(*RowOf(evaluation, index));
+  // "failure: dropped"; "" where the phase withholds it.
+  shown.order.verdict = Filled(*RowOf(evaluation, index), "[{outcome}][: {reason}]");
   drawing.episodes.push_back(std::move(shown));
   return absl::OkStatus();
 }
@@ -223,7 +213,9 @@ absl::Status AddStrip(const Client& client, const Json& evaluation, const std::s
                       Drawing& drawing) {
   std::vector<Json> rows;
   for (const Json& row : evaluation["episode_rows"]) {
-    if (CanBeShown(row)) rows.push_back(row);
+    const Json log = row.value("log", Json());
+    const bool shown = log.is_object() && log.value("steps", int64_t{0}) > 0;
+    if (shown && TextAt(row, "end") != kPhantom) rows.push_back(row);
   }
   if (rows.empty()) {
     return absl::FailedPreconditionError(

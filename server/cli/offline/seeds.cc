@@ -1,5 +1,5 @@
-// What is published so that others can check it: myograde seeds: commit, reveal, check, export, import;
-// release: key, sign, verify
+// What is published so that others can check it: myograde seeds: commit, reveal, check, export,
+// import; release: key, sign, verify
 #include "server/cli/offline/seeds.h"
 
 #include <absl/strings/ascii.h>
@@ -149,8 +149,9 @@ absl::StatusOr<int> CheckSeeds(const SeedOptions& options) {
       options.json,
       [&](const Json& checked) {
         if (valid) {
-          std::cout << Filled(checked, "The secret and its list of {count:seed} are those that were "
-                                       "published.\n");
+          std::cout << Filled(checked,
+                              "The secret and its list of {count:seed} are those that were "
+                              "published.\n");
         }
         for (const std::string& line : wrong) std::cout << Harmless(line) << std::endl;
       },
@@ -160,7 +161,8 @@ absl::StatusOr<int> CheckSeeds(const SeedOptions& options) {
 absl::StatusOr<int> ReportMoved(const SeedOptions& options, const std::string& secret,
                                 bool changed) {
   return PrintAnswer(
-      Json{{"phase", options.phase}, {"commitment", SecretCommitment(secret)}, {"changed", changed}},
+      Json{
+          {"phase", options.phase}, {"commitment", SecretCommitment(secret)}, {"changed", changed}},
       options.json, [](const Json& moved) {
         PlainOutput() << Filled(moved, "phase         {phase}\ncommitment    {commitment}")
                       << std::endl;
@@ -274,8 +276,9 @@ absl::StatusOr<int> VerifyRelease(const ReleaseOptions& options) {
       options.json,
       [&](const Json& answer) {
         if (valid) {
-          std::cout << Filled(answer, "Release {name}: its signature is valid, and {files:file} and no "
-                                      "other are there, as they were signed.\n");
+          std::cout << Filled(answer,
+                              "Release {name}: its signature is valid, and {files:file} and no "
+                              "other are there, as they were signed.\n");
         }
         for (const std::string& line : check.wrong) std::cout << Harmless(line) << '\n';
       },

@@ -197,7 +197,8 @@ void PrintSpec(const Json& spec, const TrackConfig& config, const Tracks::Entry&
   PrintLayout("Observation", spec["observation"]);
   const Json& extra = spec["extra_observation"];
   if (config.extra_observations && extra["size"] != 0) {
-    PrintLayout("Extra observation (\"extra_observations\" in policy.json; behind the others)", extra);
+    PrintLayout("Extra observation (\"extra_observations\" in policy.json; behind the others)",
+                extra);
   }
   PrintLayout("Action", spec["action"]);
   std::cout

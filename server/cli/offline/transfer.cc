@@ -183,8 +183,9 @@ absl::StatusOr<int> Backup(const FileOptions& options) {
                    Fetch(options.client(), "/v1/backup", options.file, "backup", bytes));
   return PrintAnswer(
       Json{{"file", options.file}, {"bytes", bytes}, {"sha256", digest}}, options.json,
-      Sentence("The store as it is now, {bytes:byte}, is in {file}. It holds the store's secret: keep "
-               "it as safe as the data folder."));
+      Sentence(
+          "The store as it is now, {bytes:byte}, is in {file}. It holds the store's secret: keep "
+          "it as safe as the data folder."));
 }
 
 // Without a daemon the store is made here; the lock keeps one from starting meanwhile.
@@ -213,11 +214,12 @@ absl::StatusOr<int> Import(const FileOptions& options) {
   const absl::Status heard = client.Get("/v1/health").status();
   absl::Status status;
   if (heard.ok()) {
-    status = client
-                 .Upload("/v1/import", options.file,
-                         Progress("import", Progress::Unit::kBytes).Listener("the daemon imports it"),
-                         "application/json")
-                 .status();
+    status =
+        client
+            .Upload("/v1/import", options.file,
+                    Progress("import", Progress::Unit::kBytes).Listener("the daemon imports it"),
+                    "application/json")
+            .status();
   } else if (choice.address.network()) {
     status = heard;
   } else if (!options.socket.empty()) {

@@ -151,8 +151,9 @@ void PrintContents(const std::string& folder, const Contents& contents) {
   std::cout << '\n' << Bold(absl::StrCat("In ", Harmless(folder))) << '\n';
   if (!contents.report.empty()) std::cout << "  " << contents.report << "  the report\n";
   for (const Json& film : contents.films) {
-    std::cout << Filled(film, film["place"] == "only" ? "  {file}  episode {episode}\n"
-                                                      : "  {file}  the {place}, episode {episode}\n");
+    std::cout << Filled(film, film["place"] == "only"
+                                  ? "  {file}  episode {episode}\n"
+                                  : "  {file}  the {place}, episode {episode}\n");
   }
   std::cout << "  logs  of all episodes, for \"myograde replay\" and \"myograde render\"\n";
   for (const std::string& sentence : contents.missing) std::cout << Harmless(sentence) << '\n';

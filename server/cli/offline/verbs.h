@@ -1,5 +1,5 @@
-// The verbs that do their work on this host: most need no daemon. Each adds its options to `verb` and
-// returns what it does.
+// The verbs that do their work on this host: most need no daemon. Each adds its options to `verb`
+// and returns what it does.
 #pragma once
 
 #include <CLI/CLI.hpp>

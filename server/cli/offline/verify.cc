@@ -224,8 +224,9 @@ absl::StatusOr<int> ReportVerified(const VerifyOptions& options, const Json& rec
       [&](const Json&) {
         PrintReceiptChecks(checks);
         for (const Json& entry : resimulated) {
-          std::cout << Filled(entry, entry["equal"] ? "episode {index}: came out as the receipt says\n"
-                                                    : "episode {index}: DIFFERS: {detail}\n");
+          std::cout << Filled(entry, entry["equal"]
+                                         ? "episode {index}: came out as the receipt says\n"
+                                         : "episode {index}: DIFFERS: {detail}\n");
         }
         std::cout << Bold(valid ? "The receipt holds." : "The receipt does not hold.") << std::endl;
       },
@@ -291,12 +292,12 @@ absl::StatusOr<int> VerifyAll(const VerifyOptions& options, const PublicKey& key
 }
 
 absl::StatusOr<int> Verify(const VerifyOptions& options) {
-  RETURN_IF_ERROR(
-      RefuseIf({{options.file.empty() == options.folder.empty(),
-                 "name a receipt's file, or with --all the folder of a whole record"},
-                {options.key.empty(),
-                 "--key: give the file of the key that the organiser published; without it, anybody "
-                 "could have made the receipt"}}));
+  RETURN_IF_ERROR(RefuseIf(
+      {{options.file.empty() == options.folder.empty(),
+        "name a receipt's file, or with --all the folder of a whole record"},
+       {options.key.empty(),
+        "--key: give the file of the key that the organiser published; without it, anybody "
+        "could have made the receipt"}}));
   ASSIGN_OR_RETURN(const PublicKey key, PublicKey::Read(options.key));
   if (!options.folder.empty()) return VerifyAll(options, key);
   const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);

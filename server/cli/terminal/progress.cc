@@ -49,7 +49,8 @@ std::string Progress::Line(int64_t done, int64_t total, const std::string& note,
   const std::string counts = !bytes      ? absl::StrCat(done, "/", total)
                              : total > 0 ? absl::StrCat(Bytes(done), " of ", Bytes(total))
                                          : Bytes(done);
-  // The pace, and "3 min left" as of the last change, less what has gone by; "" if nothing is known.
+  // The pace, and "3 min left" as of the last change, less what has gone by; "" if nothing is
+  // known.
   std::string rate;
   std::string left;
   const auto fresh = static_cast<double>(risen_done_ - first_done_);

@@ -25,7 +25,8 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
 
   // `note` stands behind the counts: what is going on, in a few words. `total` 0: not known.
-  // `waiting`: nothing can go on (a queue), and the time until the next call says nothing of the pace.
+  // `waiting`: nothing can go on (a queue), and the time until the next call says nothing of the
+  // pace.
   void Show(int64_t done, int64_t total, const std::string& note, bool waiting = false);
 
   // Calls Show, with the note `at_end` once all is done. This object must outlive it.

@@ -37,9 +37,9 @@ std::string ListCell(const Json& object, const std::string& key);
 // A JSON count with its word (counted.h): "1 episode"; "- episodes" for null or a missing key.
 std::string CountCell(const Json& object, const std::string& key, const char* one);
 
-// `text`, which is this program's own, with the Cell of `object` in place of "{key}", its CountCell in
-// place of "{key:word}", and that of the object in it in place of "{part.key}". What stands in brackets
-// is left out if a value in it is missing or null.
+// `text`, which is this program's own, with the Cell of `object` in place of "{key}", its CountCell
+// in place of "{key:word}", and that of the object in it in place of "{part.key}". What stands in
+// brackets is left out if a value in it is missing or null.
 std::string Filled(const Json& object, std::string_view text);
 
 // 75 -> "1 min 15 s".
