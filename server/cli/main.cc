@@ -13,7 +13,7 @@
 
 #include "protocol/tracks/registry.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/usage_error.h"
+#include "server/cli/base/options.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/screen.h"

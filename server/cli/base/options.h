@@ -1,4 +1,4 @@
-// Options that several verbs have.
+// Options that several verbs have, and what is wrong with a command line.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,7 +11,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "server/cli/base/exit_status.h"
 
@@ -87,5 +89,15 @@ class Parts {
   std::shared_ptr<Options> options_ = std::make_shared<Options>();
   std::shared_ptr<Action> chosen_ = std::make_shared<Action>();
 };
+
+// The candidate that is nearest to `word` by inserted, left out, changed and swapped letters,
+// one for three letters at most, or of which `word` is the beginning; "" if none or more
+// than one is.
+std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates);
+
+// One sentence on `mistake`, which parsing `words` gave, with the verb or option that was
+// probably meant or the help to read.
+std::string UsageError(const CLI::App& app, const CLI::ParseError& mistake,
+                       const std::vector<std::string>& words);
 
 }  // namespace myograde::server

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <regex>
 
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
@@ -52,25 +53,19 @@ absl::StatusOr<std::string> SiblingOf(const std::string& path, const LogHeader& 
                                       int64_t episode) {
   const std::filesystem::path file(path);
   const std::string name = file.filename();
-  constexpr const char* kDigits = "0123456789";
-  for (size_t end = name.rfind(".lcmlog"); end != std::string::npos && end > 0;) {
-    const size_t last = name.find_last_of(kDigits, end - 1);
-    if (last == std::string::npos) break;
-    const size_t before = name.find_last_not_of(kDigits, last);
-    const size_t begin = before == std::string::npos ? 0 : before + 1;
-    const std::string digits = name.substr(begin, last + 1 - begin);
-    int64_t number = -1;
-    if (absl::SimpleAtoi(digits, &number) && number == header.episode) {
-      const auto with = [&](const std::string& text) {
-        return file.parent_path() / absl::StrCat(name.substr(0, begin), text, name.substr(last + 1));
-      };
-      const std::string plain = absl::StrCat(episode);
-      const std::string padded =
-          std::string(digits.size() - std::min(digits.size(), plain.size()), '0') + plain;
-      std::error_code ignored;
-      return (std::filesystem::exists(with(plain), ignored) ? with(plain) : with(padded)).string();
-    }
-    end = begin;
+  // The last number before the ending that is the episode's.
+  const std::regex numbered(
+      absl::StrCat("(.*[^0-9]|)(0*", header.episode, ")((?:[^0-9].*)?\\.lcmlog.*)"));
+  std::smatch parts;
+  if (std::regex_match(name, parts, numbered)) {
+    const auto with = [&](const std::string& text) {
+      return (file.parent_path() / (parts[1].str() + text + parts[3].str())).string();
+    };
+    const std::string plain = absl::StrCat(episode);
+    const auto digits = static_cast<size_t>(parts[2].length());
+    std::error_code ignored;
+    if (plain.size() >= digits || std::filesystem::exists(with(plain), ignored)) return with(plain);
+    return with(std::string(digits - plain.size(), '0') + plain);
   }
   return absl::InvalidArgumentError(absl::StrCat(
       path, ": in the profile ", header.track.profile, " state carries over from the episodes before, "

@@ -1,15 +1,18 @@
 // myograde verify
 #include <absl/strings/str_cat.h>
-#include <openssl/rand.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <iterator>
 #include <memory>
+#include <numeric>
 #include <optional>
+#include <random>
 #include <set>
 #include <utility>
+#include <vector>
 
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
@@ -126,12 +129,11 @@ struct VerifyOptions : DaemonOptions {
 
 // `count` different episodes, at random, so that nobody can know which will be looked at.
 std::set<int64_t> Sample(int64_t episodes, int64_t count) {
+  std::vector<int64_t> all(static_cast<size_t>(episodes));
+  std::iota(all.begin(), all.end(), 0);
   std::set<int64_t> chosen;
-  while (std::ssize(chosen) < std::min(count, episodes)) {
-    uint64_t random = 0;
-    RAND_bytes(reinterpret_cast<unsigned char*>(&random), sizeof(random));
-    chosen.insert(static_cast<int64_t>(random % static_cast<uint64_t>(episodes)));
-  }
+  std::sample(all.begin(), all.end(), std::inserter(chosen, chosen.end()), count,
+              std::random_device());
   return chosen;
 }
 

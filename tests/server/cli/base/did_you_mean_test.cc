@@ -1,7 +1,7 @@
 // Suggestions for mistyped words.
 #include <gtest/gtest.h>
 
-#include "server/cli/base/usage_error.h"
+#include "server/cli/base/options.h"
 
 namespace myograde::server {
 namespace {
