@@ -129,12 +129,6 @@ absl::StatusOr<int> Add(const RuntimeOptions& options) {
   return BecomeMaker(options, "add", words);
 }
 
-absl::StatusOr<int> Remove(const RuntimeOptions& options) {
-  std::vector<std::string> words;
-  if (options.former) words.emplace_back("--former");
-  return BecomeMaker(options, "remove", words);
-}
-
 void PrintRuntimes(const Json& answer) {
   const auto packages = [](const Json& row) {
     return row["digest"].is_string() ? std::to_string(row["packages"].size()) : "-";
@@ -224,7 +218,11 @@ Action AddRuntime(CLI::App& verb) {
             options);
   add("list", "List the runtimes of this host", "list", "runtimes", List);
   CLI::App* remove = add("remove", "Remove a runtime and its former versions", "remove torch",
-                         "runtime-remove", Remove);
+                         "runtime-remove", [](const RuntimeOptions& of) {
+                           std::vector<std::string> words;
+                           if (of.former) words.emplace_back("--former");
+                           return BecomeMaker(of, "remove", words);
+                         });
   remove->add_option("NAME", options.name, "Its name")->required();
   remove->add_flag("--former", options.former, "Only those that were replaced");
   return parts.Chosen();

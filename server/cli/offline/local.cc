@@ -42,11 +42,10 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
   if (!options.seeds.empty()) {
     ASSIGN_OR_RETURN(seeds, ReadSeeds(options.seeds));
   }
-  if (options.episodes > std::ssize(seeds)) {
-    return absl::InvalidArgumentError(absl::StrCat("--episodes: ", options.episodes,
-                                                   " are asked for, but the seed list has only ",
-                                                   seeds.size()));
-  }
+  RETURN_IF_ERROR(RefuseIf(
+      {{options.episodes > std::ssize(seeds),
+        absl::StrCat("--episodes: ", options.episodes,
+                     " are asked for, but the seed list has only ", seeds.size())}}));
   if (options.episodes > 0) seeds.resize(static_cast<size_t>(options.episodes));
   return seeds;
 }

@@ -277,10 +277,8 @@ absl::StatusOr<int> ReplaySubmission(const ReplayOptions& options, int64_t id) {
 absl::StatusOr<int> Replay(const ReplayOptions& options) {
   int64_t id = 0;
   if (absl::SimpleAtoi(options.target, &id) && id > 0) return ReplaySubmission(options, id);
-  if (options.episode >= 0) {
-    return absl::InvalidArgumentError(
-        "--episode: a log file holds one episode; leave the option out");
-  }
+  RETURN_IF_ERROR(RefuseIf({{options.episode >= 0,
+                             "--episode: a log file holds one episode; leave the option out"}}));
   return ReplayFile(options);
 }
 

@@ -330,10 +330,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   if (!file.opened()) return CantWrite(options.file);
   const absl::StatusOr<std::string> bytes = Draw(drawing, temp.path());
   if (!bytes.ok()) return ExitOfLogError(bytes.status());
-  if (!file.Write(*bytes)) {
-    errno = file.error();
-    return CantWrite(options.file);
-  }
+  if (!file.Write(*bytes)) return CantWrite(options.file);
   ASSIGN_OR_RETURN(const std::string sha256, file.Keep());
   return PrintAnswer(ToJson(options, drawing, *bytes, sha256), options.json, PrintDrawn);
 }

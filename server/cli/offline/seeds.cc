@@ -292,17 +292,6 @@ absl::StatusOr<std::string> GivenSecret(const std::string& digits_or_path) {
   return file ? ReadPhaseSecret(digits_or_path) : SecretOfDigits(digits_or_path, "--secret");
 }
 
-std::optional<std::string> RevealedSecret(const Client& client, const std::string& phase) {
-  const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
-  if (!answer.ok()) return std::nullopt;
-  const Json known = PhaseIn(*answer, phase);
-  if (!known.is_object()) return std::nullopt;
-  absl::StatusOr<std::string> secret =
-      SecretOfDigits(TextAt(known.value("seeds", Json::object()), "secret"), "the daemon's answer");
-  if (!secret.ok()) return std::nullopt;
-  return *std::move(secret);
-}
-
 Action AddSeeds(CLI::App& verb) {
   Parts<SeedOptions> parts(verb);
   SeedOptions& options = parts.options();

@@ -35,6 +35,7 @@
 #include "server/proof/grader_build.h"
 #include "server/proof/logs.h"
 #include "server/proof/receipt.h"
+#include "server/proof/seed_list.h"
 #include "server/runner/log_keeper.h"
 
 namespace myograde::server {
@@ -245,7 +246,9 @@ absl::StatusOr<std::string> SecretFor(const VerifyOptions& options, const Json& 
   }
   if (!options.secret.empty()) return GivenSecret(options.secret);
   const std::string phase = receipt["track_config"]["phase"];
-  return RevealedSecret(options.client(), phase).value_or("");
+  const absl::StatusOr<Json> known = FindPhaseOf(options.client(), phase);
+  const Json seeds = known.ok() ? known->value("seeds", Json::object()) : Json::object();
+  return SecretOfDigits(TextAt(seeds, "secret"), "the daemon's answer").value_or("");
 }
 
 void PrintRecordReport(const RecordReport& report) {
