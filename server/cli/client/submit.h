@@ -1,4 +1,4 @@
-// myograde submit, without what it does on this host alone (../offline/dry_run.h).
+// myograde submit, without what it does on this host alone (../offline/dry_run.cc).
 #pragma once
 
 #include <absl/status/statusor.h>

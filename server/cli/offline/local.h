@@ -23,10 +23,6 @@ namespace myograde::server {
 // What server.json says on this host.
 absl::StatusOr<ServerConfig> ServerConfigOf(const HostOptions& host);
 
-// Stands for a data folder's secret in local runs under configs of form 1, whose policy seeds
-// a daemon takes from a secret of its own (policy_seed.h).
-inline constexpr char kLocalPolicyKey[] = "myograde local run";
-
 struct LocalOrder {
   TrackPtr track;
   std::vector<uint64_t> seeds;  // of the episodes to play

@@ -120,6 +120,18 @@ absl::StatusOr<int> RevealSeeds(SeedOptions options) {
   return PrintList(options, *secret, /*reveal=*/true);
 }
 
+// Of a check: what is wrong, a line each, or the sentence `good` about the report.
+absl::StatusOr<int> ReportChecked(Json report, bool json, const std::string& good,
+                                  const std::vector<std::string>& wrong) {
+  report["valid"] = wrong.empty();
+  report["wrong"] = wrong;
+  const auto print = [&](const Json&) {
+    if (wrong.empty()) std::cout << Filled(report, good) << '\n';
+    for (const std::string& line : wrong) std::cout << Harmless(line) << '\n';
+  };
+  return PrintAnswer(report, json, print, wrong.empty() ? kDone : kNoScore);
+}
+
 absl::StatusOr<int> CheckSeeds(const SeedOptions& options) {
   ASSIGN_OR_RETURN(const std::string secret, GivenSecret(options.secret));
   RETURN_IF_ERROR(RefuseIf(
@@ -138,24 +150,13 @@ absl::StatusOr<int> CheckSeeds(const SeedOptions& options) {
     ASSIGN_OR_RETURN(const std::vector<uint64_t> played, ReadSeeds(options.seeds));
     if (played != seeds) wrong.push_back("the list of " + options.seeds + " is another one");
   }
-  const bool valid = wrong.empty();
-  return PrintAnswer(
-      Json{{"phase", options.phase},
-           {"count", options.count},
-           {"commitment", SecretCommitment(secret)},
-           {"seeds_sha256", SeedListHash(seeds)},
-           {"valid", valid},
-           {"wrong", wrong}},
-      options.json,
-      [&](const Json& checked) {
-        if (valid) {
-          std::cout << Filled(checked,
-                              "The secret and its list of {count:seed} are those that were "
-                              "published.\n");
-        }
-        for (const std::string& line : wrong) std::cout << Harmless(line) << std::endl;
-      },
-      valid ? kDone : kNoScore);
+  return ReportChecked({{"phase", options.phase},
+                        {"count", options.count},
+                        {"commitment", SecretCommitment(secret)},
+                        {"seeds_sha256", SeedListHash(seeds)}},
+                       options.json,
+                       "The secret and its list of {count:seed} are those that were published.",
+                       wrong);
 }
 
 absl::StatusOr<int> ReportMoved(const SeedOptions& options, const std::string& secret,
@@ -266,23 +267,13 @@ absl::StatusOr<int> Sign(const ReleaseOptions& options) {
 absl::StatusOr<int> VerifyRelease(const ReleaseOptions& options) {
   ASSIGN_OR_RETURN(const PublicKey key, PublicKey::Read(options.key));
   ASSIGN_OR_RETURN(const ReleaseCheck check, HostStatus("", CheckRelease(options.folder, key)));
-  const bool valid = check.wrong.empty();
-  return PrintAnswer(
-      Json{{"folder", options.folder},
-           {"valid", valid},
-           {"name", TextOrNull(check.name)},
-           {"files", check.files},
-           {"wrong", check.wrong}},
-      options.json,
-      [&](const Json& answer) {
-        if (valid) {
-          std::cout << Filled(answer,
-                              "Release {name}: its signature is valid, and {files:file} and no "
-                              "other are there, as they were signed.\n");
-        }
-        for (const std::string& line : check.wrong) std::cout << Harmless(line) << '\n';
-      },
-      valid ? kDone : kNoScore);
+  return ReportChecked({{"folder", options.folder},
+                        {"name", TextOrNull(check.name)},
+                        {"files", check.files}},
+                       options.json,
+                       "Release {name}: its signature is valid, and {files:file} and no other are "
+                       "there, as they were signed.",
+                       check.wrong);
 }
 
 }  // namespace
