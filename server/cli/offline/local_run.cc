@@ -24,8 +24,8 @@ namespace myograde::server {
 namespace {
 
 constexpr int kPollMilliseconds = 100;
-// Stands for a data folder's secret under configs of form 1, whose policy seeds a daemon takes from a
-// secret of its own (policy_seed.h).
+// Stands for a data folder's secret under configs of form 1, whose policy seeds a daemon takes from
+// a secret of its own (policy_seed.h).
 constexpr char kLocalPolicyKey[] = "myograde local run";
 
 Json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
