@@ -1,5 +1,5 @@
 # What an operator does with the packages in a bare Debian 12, in order. Runs as root in the machine of
-# debian_test.py. /root has packages/ (today's), before/ (the earlier form), server.pem and server.key. Each
+# debian_test.py. /root has packages/, server.pem and server.key. Each
 # step says how it ended, and the first that fails is the last.
 step() {
   local ended=$?
@@ -107,13 +107,11 @@ cp setup.log before-upgrade.log
 apt-get install -y -q --no-install-recommends --reinstall ./packages/myograde-client_*.deb ./packages/myograde-server_*.deb >apt.log 2>&1; step upgrade
 [ "$before" != "$(value MainPID)" ]; step upgrade_restarts
 answers && board | cmp - board.json; step same_board
-[ ! -e $unit/root.conf ]; step upgrade_keeps_the_user
 systemctl stop myograded.service && myograde status >/dev/null; step activated
 
 # Removed and purged.
 apt-get remove -y -q myograde-server >apt.log 2>&1; step remove
 [ -e $data/store.db ] && [ -e /etc/myograde/server.json ]; step kept
-mv /var/cache/myograde /root/cache
 rm /etc/myograde/tracks/short.json
 mkdir -p /etc/systemd/system/myograded-https.socket.d && printf '[Socket]\nBacklog=512\n' >/etc/systemd/system/myograded-https.socket.d/own.conf
 apt-get purge -y -q 'myograde-*' libmyograde-policy-dev python3-myograde >apt.log 2>&1; step purge
@@ -121,23 +119,4 @@ left() { ! find / -xdev -name '*myograde*' -not -path '/root/*' -not -path '/var
   -not -path '/var/cache/apt/*' -not -path '/var/lib/systemd/coredump/*' | grep .; }
 left; step clean
 ! getent passwd myograde && ! getent group myograde; step no_user
-
-# From the package whose daemon ran as root.
-installed ./packages/myograde-client_*.deb ./before/*.deb; step install_before
-rm -rf /var/cache/myograde && mv /root/cache /var/cache/myograde
-short_track
-systemctl enable --now myograded.socket myograded.service 2>&1 && answers; step start_before
-[ "$(ps -o user= -p "$(value MainPID)")" = root ]; step root_before
-grade First; step grade_before
-board >board.json
-installed ./packages/myograde-server_*.deb; step upgrade_before
-[ "$(ps -o user= -p "$(value MainPID)")" = root ] && [ -f $unit/root.conf ]; step still_root
-answers && board | cmp - board.json; step same_board_as_root
-grade Second; step grade_as_root
-rm $unit/root.conf && systemctl daemon-reload && systemctl restart myograded.service && answers; step root_no_more
-[ "$(ps -o user= -p "$(value MainPID)")" = myograde ] && ! find $data ! -user myograde | grep .; step data_handed_over
-grade Third; step grade_again
-rm /etc/myograde/tracks/short.json
-apt-get purge -y -q 'myograde-*' >apt.log 2>&1; step purge_again
-left; step clean_again
 journalctl -u myograded --no-pager -o cat | tail -n 80
