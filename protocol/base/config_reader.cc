@@ -249,12 +249,6 @@ absl::StatusOr<nlohmann::json> ReadJsonFile(const std::string& path, size_t max_
   return text.ok() ? ParseJson(*text, path) : text.status();
 }
 
-void GiveKey(nlohmann::json& config, const char* pointer, const nlohmann::json& value) {
-  const nlohmann::json::json_pointer place(pointer);
-  const nlohmann::json::json_pointer parent = place.parent_pointer();
-  if (config.contains(parent) && config[parent].is_object()) config[place] = value;
-}
-
 std::string CanonicalJson(const nlohmann::json& value) {
   return value.dump(-1, ' ', /*ensure_ascii=*/false, nlohmann::json::error_handler_t::replace);
 }

@@ -85,10 +85,6 @@ inline constexpr int kMaxJsonDepth = 64;
 // Parses JSON text; `where` names it in the error.
 absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view where);
 
-// Sets the value at a JSON pointer if its parent object exists. If it doesn't, the config is
-// broken, and its parser will say so.
-void GiveKey(nlohmann::json& config, const char* pointer, const nlohmann::json& value);
-
 // Canonical text: sorted keys, no spaces, shortest round-trip numbers. Equal values give equal
 // bytes, so it can be hashed.
 std::string CanonicalJson(const nlohmann::json& value);

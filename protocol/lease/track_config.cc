@@ -9,12 +9,13 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "protocol/lease/track_config_forms.h"
 #include "protocol/tracks/registry.h"
 
 namespace myograde {
 namespace {
 
+// Of the configs that this build reads: which keys they have and what they mean.
+constexpr int64_t kTrackConfigForm = 2;
 constexpr double kDay = 86400;
 constexpr int64_t kMiB = int64_t{1} << 20;
 constexpr int64_t kTiB = int64_t{1} << 40;
@@ -65,19 +66,9 @@ absl::StatusOr<std::vector<uint64_t>> SeedRange(const nlohmann::json& json,
   return seeds;
 }
 
-// The secret of the policy seeds. Only the upgrade of a form-1 config sets null; a config that has
-// the key itself is of a form that knows it.
-std::optional<std::string> PolicySeedSecretOf(const nlohmann::json& effective,
-                                              ConfigReader& reader) {
+std::string PolicySeedSecretOf(ConfigReader& reader) {
   constexpr char kKey[] = "policy_seed_secret";
   constexpr size_t kMaxBytes = 200;
-  if (effective.contains(kKey) && effective.value("form", 1) == 1) {
-    reader.Fail(kKey, "is no key of form 1; write \"form\": 2 beside it");
-  }
-  if (!effective.contains(kKey) && reader.Has(kKey)) {
-    reader.Ignore(kKey);
-    return std::nullopt;
-  }
   std::string secret = reader.String(kKey);
   if (secret.empty() || secret.size() > kMaxBytes) {
     reader.Fail(kKey, absl::StrCat("must have 1 to ", kMaxBytes, " bytes"));
@@ -172,9 +163,8 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
 
 absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
                                              const std::string& where) {
-  ASSIGN_OR_RETURN(nlohmann::json today, UpgradeTrackConfig(effective, where));
-  ConfigReader reader(today, where);
-  reader.Ignore("form");
+  ConfigReader reader(effective, where);
+  reader.Integer("form", kTrackConfigForm, kTrackConfigForm);
   TrackConfig config;
   config.id = reader.String("id");
   config.kind = FindTrack(reader.Choice("track", TrackNames()));
@@ -185,7 +175,7 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
   const nlohmann::json& budgets = reader.Object("budgets");
   if (!reader.Has("seeds")) reader.Fail("seeds", "is missing");
   reader.Ignore("seeds");
-  config.policy_seed_secret = PolicySeedSecretOf(effective, reader);
+  config.policy_seed_secret = PolicySeedSecretOf(reader);
   ReadPhase(reader, config);
   RETURN_IF_ERROR(reader.Finish());
   for (const std::string& name : {config.id, config.profile}) {

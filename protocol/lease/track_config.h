@@ -63,7 +63,7 @@ struct TrackConfig {
   // What commitments to the seeds are made with (seed_commitment.h), 64 hexadecimal digits; "": the
   // seeds are public. As secret as the seeds, until the phase reveals them.
   std::string seed_salt;
-  // What policy seeds are derived from (policy_seed.h); nullopt only in configs of form 1.
+  // What policy seeds are derived from (policy_seed.h).
   std::optional<std::string> policy_seed_secret;
   Budgets budgets;
   nlohmann::json rules;      // the environment's settings, parsed by sim/<track>/
@@ -72,9 +72,8 @@ struct TrackConfig {
   std::string hash;          // SHA-256 (hex) of CanonicalJson(effective)
 };
 
-// Parses an effective config (from TrackConfig::effective or a lease order) of any form
-// (track_config_forms.h): `effective` and `hash` describe the input, everything else uses today's
-// keys. Unknown keys and values out of range are errors.
+// Parses an effective config (from TrackConfig::effective or a lease order). Unknown keys and
+// values out of range are errors.
 absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
                                              const std::string& where);
 

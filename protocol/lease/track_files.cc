@@ -84,19 +84,7 @@ absl::StatusOr<nlohmann::json> MergeExtended(const std::string& tracks_dir, Chai
     ASSIGN_OR_RETURN(file, ReadChainFile(tracks_dir, next, chain));
   }
   nlohmann::json merged = nlohmann::json::object();
-  for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
-    // Keys of one form merged over those of another would mean neither.
-    if (it != chain.rbegin() && it->json.contains("form")) {
-      const nlohmann::json base = merged.value("form", nlohmann::json(1));
-      if (it->json["form"] != base) {
-        return absl::InvalidArgumentError(absl::StrCat(
-            it->where, ": \"form\" is ", it->json["form"].dump(),
-            ", and what it extends is of form ", base.dump(),
-            "; leave the key out, and write the file in the keys of what it extends"));
-      }
-    }
-    MergeOver(merged, it->json);
-  }
+  for (auto it = chain.rbegin(); it != chain.rend(); ++it) MergeOver(merged, it->json);
   return merged;
 }
 

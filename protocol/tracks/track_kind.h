@@ -36,10 +36,6 @@ struct TrackKind {
   absl::StatusOr<int64_t> (*max_steps)(const nlohmann::json& rules) = nullptr;
   // Tables of a config's "rules"; null if there are none.
   std::vector<RulesTable> (*tables)(const nlohmann::json& rules) = nullptr;
-  // Upgrades an effective config from one form to the next (protocol/lease/track_config_forms.h):
-  // sets the track's own new keys to values that mean what the earlier form did. Null if the track
-  // has none.
-  void (*upgrade)(int64_t form, nlohmann::json& config) = nullptr;
   bool in_template_2024 = false;  // the agent template of MyoChallenge 2024 has it
 };
 

@@ -6,7 +6,6 @@
 
 #include <gtest/gtest.h>
 
-#include "protocol/lease/track_config_forms.h"
 #include "protocol/tracks/registry.h"
 
 namespace myograde::sim {
@@ -38,20 +37,6 @@ TEST(SimulatedTracks, RulesOfEveryShippedConfigAreRead) {
       ASSERT_TRUE(config.ok()) << config.status();
       ExpectRulesAreRead(*config);
     }
-  }
-}
-
-TEST(SimulatedTracks, RulesOfEveryEarlierFormAreRead) {
-  for (int64_t form = 1; form < kTrackConfigForm; ++form) {
-    std::ifstream file(MYOGRADE_SOURCE_DIR "/tests/protocol/lease/forms/" + std::to_string(form) +
-                       "/effective.jsonl");
-    int read = 0;
-    for (std::string line; std::getline(file, line); ++read) {
-      const auto config = ParseTrackConfig(nlohmann::json::parse(line)["config"], "test");
-      ASSERT_TRUE(config.ok()) << config.status();
-      ExpectRulesAreRead(*config);
-    }
-    EXPECT_GE(read, 5) << form;
   }
 }
 

@@ -8,9 +8,7 @@ const TrackKind& ElbowTrack() {
                                   .layout = ElbowLayout,
                                   .no_facts = ElbowFacts(),
                                   .max_steps = MaxStepsKey,
-                                  .tables = nullptr,
-                                  // It was added with form 2.
-                                  .upgrade = nullptr};
+                                  .tables = nullptr};
   return track;
 }
 

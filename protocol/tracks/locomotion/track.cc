@@ -20,14 +20,6 @@ absl::StatusOr<int64_t> MaxSteps(const nlohmann::json& rules) {
   return std::llround(limit / kControlPeriod);
 }
 
-void Upgrade(int64_t form, nlohmann::json& config) {
-  if (form != 1) return;
-  GiveKey(config, "/rules/course/mixed_at_least", 0);
-  GiveKey(config, "/rules/leg/parameter_sets", nlohmann::json::array());
-  GiveKey(config, "/scoring/boards/main/distance_band", 0);
-  GiveKey(config, "/scoring/boards/physiological/means", "episodes");
-}
-
 }  // namespace
 }  // namespace locomotion
 
@@ -38,7 +30,6 @@ const TrackKind& LocomotionTrack() {
                                   .no_facts = LocomotionFacts(),
                                   .max_steps = locomotion::MaxSteps,
                                   .tables = LegSetTables,
-                                  .upgrade = locomotion::Upgrade,
                                   .in_template_2024 = true};
   return track;
 }

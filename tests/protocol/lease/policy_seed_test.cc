@@ -14,13 +14,6 @@ using ::testing::HasSubstr;
 const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
 const Form1PolicySeeds kForm1 = {std::string(32, 'k'), std::string(64, 'a')};
 
-// The config as it was before it had a form.
-json Form1(json effective) {
-  effective.erase("form");
-  effective.erase("policy_seed_secret");
-  return effective;
-}
-
 // Values computed by Python's hmac module over the same bytes.
 TEST(PolicySeed, IsThePublishedFunctionOfSecretAndIndex) {
   EXPECT_EQ(PolicySeed("MyoGrade's public policy seeds", 0), 8683974859599755511u);
@@ -44,17 +37,7 @@ TEST(PolicySeed, KnowsNeitherHostNorArtefactNorSeeds) {
   }
 }
 
-TEST(PolicySeed, KeepsWhatConfigsOfForm1Meant) {
-  const TrackConfig today = LoadTrackConfig(kTracks, "manipulation", "").value();
-  const TrackConfig old = ParseTrackConfig(Form1(today.effective), "t").value();
-  EXPECT_FALSE(old.policy_seed_secret.has_value());
-  EXPECT_EQ(PolicySeed(old, kForm1, 0), 7674208203994250921u);
-  EXPECT_EQ(PolicySeed(old, kForm1, 12), 3350931641249901744u);
-  EXPECT_EQ(PolicySeed(WithSeeds(old, {5, 3, 1}).value(), kForm1, 12), 3350931641249901744u);
-  EXPECT_NE(PolicySeed(old, {kForm1.host_secret, "padded"}, 0), PolicySeed(old, kForm1, 0));
-}
-
-TEST(PolicySeed, OnlyForm1CanBeWithoutASecret) {
+TEST(PolicySeed, NoConfigIsWithoutASecret) {
   const json good = LoadTrackConfig(kTracks, "locomotion", "").value().effective;
   const auto mistake = [](const json& effective) {
     return std::string(ParseTrackConfig(effective, "t").status().message());
@@ -67,11 +50,9 @@ TEST(PolicySeed, OnlyForm1CanBeWithoutASecret) {
     config["policy_seed_secret"] = bad;
     EXPECT_THAT(mistake(config), HasSubstr("\"policy_seed_secret\" must")) << bad;
   }
-  for (const json& value : {json("text"), json(nullptr)}) {
-    config = Form1(good);
-    config["policy_seed_secret"] = value;
-    EXPECT_THAT(mistake(config), HasSubstr("\"form\": 2")) << value;
-  }
+  config = good;
+  config.erase("form");
+  EXPECT_THAT(mistake(config), HasSubstr("\"form\" is missing"));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 """The seeds of policies' own randomness: the same for every team, in every data folder and in
-`local`, and unchanged for configs of form 1. The runners play without physics, and their
+`local`. The runners play without physics, and their
 digests are of the episode's seed and its policy seed."""
 
 import hashlib
@@ -7,7 +7,6 @@ import hmac
 import json
 import shutil
 import signal
-import sqlite3
 import unittest
 
 from organiser_test import OrganiserCase, TRACK
@@ -25,15 +24,6 @@ def digests_of(policy_seeds, first=0):
 
 
 class PolicySeeds(OrganiserCase):
-    def track(self, **changes):
-        """Rewrites the track's whole config, without "extends"; None removes a key."""
-        folder = self.configs / "tracks"
-        config = json.loads((folder / "manipulation.json").read_text())
-        config.update(json.loads((folder / f"{TRACK}.json").read_text()), **changes)
-        config.pop("extends", None)
-        config = {key: value for key, value in config.items() if value is not None}
-        (folder / f"{TRACK}.json").write_text(json.dumps(config))
-
     def digests(self, submission):
         return [row["digest"] for row in self.result(submission)["episode_rows"]]
 
@@ -101,29 +91,6 @@ class PolicySeeds(OrganiserCase):
         self.cli("receipt", 1, "-o", receipt)
         verified = self.ask("verify", receipt, "--key", key, schema="verify")
         self.assertIn("policy_seeds", [check["name"] for check in verified["checks"]])
-
-    def test_what_was_played_under_form_1_keeps_its_seeds(self):
-        today = (self.configs / "tracks" / f"{TRACK}.json").read_text()
-        self.track(form=None, policy_seed_secret=None)
-        self.stop(signal.SIGTERM)
-        with sqlite3.connect(self.data / "store.db") as store:
-            secret = store.execute("SELECT value FROM meta WHERE key = 'policy_secret'").fetchone()
-        store.close()
-        self.start()
-        submission = self.played("ok")
-        artefact = self.get(f"/v1/submissions/{submission}")["artefact"]
-        expected = [seed_of(secret[0], f"{artefact}/{index}") for index in range(6)]
-        self.assertEqual(self.digests(submission), digests_of(expected))
-        (self.configs / "tracks" / f"{TRACK}.json").write_text(today)
-        self.stop(signal.SIGTERM)
-        self.start()
-        again = self.ask("rerun", submission)
-        self.assertEqual((again["comparison"]["compared"], again["comparison"]["equal"]), (6, 6))
-        key, receipt = self.folder / "key.pem", self.folder / "receipt.json"
-        self.cli("key", "-o", key)
-        self.cli("receipt", submission, "-o", receipt)
-        self.assertIsNone(json.loads(receipt.read_text())["receipt"]["policy_seeds"])
-        self.assertTrue(self.ask("verify", receipt, "--key", key)["valid"])
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/config_reader.h"
-#include "protocol/lease/track_config_forms.h"
 #include "protocol/tracks/registry.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
@@ -56,23 +55,6 @@ TEST(TrackScoring, ReadsEveryShippedConfigInEveryProfile) {
     }
   }
   EXPECT_GE(parsed, 10);
-}
-
-// As kept in stores (tests/protocol/lease/forms).
-TEST(TrackScoring, ReadsConfigsOfEveryEarlierForm) {
-  for (int64_t form = 1; form < kTrackConfigForm; ++form) {
-    std::ifstream file(absl::StrCat(MYOGRADE_SOURCE_DIR "/tests/protocol/lease/forms/", form,
-                                    "/effective.jsonl"));
-    int parsed = 0;
-    for (std::string line; std::getline(file, line); ++parsed) {
-      const auto config = ParseTrackConfig(Json::parse(line)["config"], "test");
-      ASSERT_TRUE(config.ok()) << config.status();
-      const auto scoring = ParseTrackScoring(*config);
-      ASSERT_TRUE(scoring.ok()) << scoring.status();
-      EXPECT_TRUE(scoring->boards.contains(kMainBoard));
-    }
-    EXPECT_GE(parsed, 5) << form;
-  }
 }
 
 scoring::ManipulationJudging ManipulationJudgingOf(const std::string& profile) {
