@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <climits>
 #include <functional>
 #include <optional>
 #include <string>
@@ -51,6 +52,11 @@ enum class FolderOf {
                  // do
   kDaemon,       // a submission that was accepted; what can't be in one is a DataLossError
 };
+
+// What the daemon has accepted is not judged again; the depth alone is bounded, by what it can have
+// accepted, as folders are walked by recursion. (An image's files are one folder deeper.)
+inline constexpr ArtefactLimits kNoLimits = {
+    .bytes = int64_t{1} << 60, .files = int64_t{1} << 40, .depth = 200, .name_bytes = NAME_MAX};
 
 // Adds the entries below `root`, a descriptor, to `listing`; of files, all but the SHA-256. The
 // listing's limit bounds the depth.

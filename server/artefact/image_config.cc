@@ -1,4 +1,4 @@
-#include "server/artefact/image_config.h"
+#include "server/artefact/image_archive.h"
 
 #include <algorithm>
 #include <climits>

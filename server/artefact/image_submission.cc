@@ -17,7 +17,6 @@
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/image_archive.h"
-#include "server/artefact/image_config.h"
 #include "server/artefact/image_tree.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/submitted_manifest.h"
@@ -138,22 +137,6 @@ absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent c
 
 constexpr std::array kNaming = {"index.json", "manifest.json", "oci-layout"};
 
-// Ends after a number of bytes, so that a small file that unpacks to a huge one takes no time.
-class CutStream : public ByteStream {
- public:
-  CutStream(ByteStream& from, int64_t left) : from_(from), left_(left) {}
-  absl::StatusOr<std::string_view> Next() override {
-    if (left_ <= 0) return std::string_view();
-    absl::StatusOr<std::string_view> piece = from_.Next();
-    if (piece.ok()) left_ -= static_cast<int64_t>(piece->size());
-    return piece;
-  }
-
- private:
-  ByteStream& from_;
-  int64_t left_;
-};
-
 // The text of an entry; "" if it is too long or can't be read.
 std::string TextOfEntry(StreamArchive& archive) {
   std::string text;
@@ -260,9 +243,11 @@ std::string SavedName(int file, const std::string& otherwise, const ArtefactLimi
   std::string tag;
   if (IsCompressed(file)) {
     EntryStream plain(bytes);
-    // The archive has the layers with their headers, and JSON.
-    CutStream cut(plain, 2 * limits.bytes + kMaxImageJson);
-    tag = TagIn(cut);
+    // The archive has the layers with their headers, and JSON; a small file that unpacks to more is
+    // not read any further.
+    int64_t left = 2 * limits.bytes + kMaxImageJson;
+    CheckedStream bounded(plain, "it", left);
+    tag = TagIn(bounded);
   } else {
     tag = TagIn(bytes);
   }

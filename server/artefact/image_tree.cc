@@ -12,7 +12,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
-#include "server/artefact/image_config.h"
+#include "server/artefact/image_archive.h"
 
 namespace myograde::server {
 namespace {

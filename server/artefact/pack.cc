@@ -1,13 +1,22 @@
+#include <archive.h>
+#include <archive_entry.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
 
+#include <absl/status/status.h>
 #include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -15,6 +24,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/program_head.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
@@ -22,13 +32,124 @@
 #include "server/artefact/image_submission.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/submitted_manifest.h"
-#include "server/artefact/tar_writer.h"
 #include "server/base/names.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr char kManifestFile[] = "policy.json";
+
+using TarHeader = std::unique_ptr<archive_entry, void (*)(archive_entry*)>;
+
+TarHeader MakeTarHeader(const std::string& path, const Entry& entry) {
+  TarHeader header(archive_entry_new(), archive_entry_free);
+  archive_entry_set_pathname(header.get(), path.c_str());
+  archive_entry_set_mtime(header.get(), entry.time, 0);
+  archive_entry_set_uid(header.get(), 0);
+  archive_entry_set_gid(header.get(), 0);
+  const bool open_to_all = entry.executable || entry.type == EntryType::kFolder;
+  archive_entry_set_perm(header.get(), open_to_all ? 0755 : 0644);
+  switch (entry.type) {
+    case EntryType::kFile:
+      archive_entry_set_filetype(header.get(), AE_IFREG);
+      archive_entry_set_size(header.get(), entry.size);
+      break;
+    case EntryType::kFolder:
+      archive_entry_set_filetype(header.get(), AE_IFDIR);
+      break;
+    case EntryType::kLink:
+      archive_entry_set_filetype(header.get(), AE_IFLNK);
+      archive_entry_set_symlink(header.get(), entry.target.c_str());
+      break;
+  }
+  return header;
+}
+
+// Writes a submission's entries as a tar: the same bytes for the same entries.
+class TarWriter {
+ public:
+  // Gets the archive's bytes.
+  using Sink = std::function<absl::Status(std::string_view bytes)>;
+  explicit TarWriter(Sink sink);
+  // Its archive refers to it.
+  TarWriter(const TarWriter&) = delete;
+  TarWriter& operator=(const TarWriter&) = delete;
+
+  // Begins an entry: without an owner, with the mode 0755 or 0644, and the time in whole seconds.
+  // Of a file, entry.size bytes follow. Errors, of all four: the sink's; UnavailableError: another
+  // one.
+  absl::Status Begin(const std::string& path, const Entry& entry);
+  absl::Status Write(std::string_view bytes);
+  // Writes the content of a begun file `path` of `size` bytes from an open one, and tells `wrote`
+  // of each piece. An error of FolderOf's kind if it can't be read, is no file or has another size.
+  absl::Status Copy(int file, const std::string& path, int64_t size, FolderOf whose,
+                    const std::function<void(std::string_view piece)>& wrote);
+  absl::Status Close();
+
+ private:
+  absl::Status Failed() const;
+
+  const Sink sink_;
+  absl::Status status_;
+  std::unique_ptr<archive, ArchiveWriter> writer_;
+};
+
+TarWriter::TarWriter(Sink sink) : sink_(std::move(sink)), writer_(archive_write_new()) {
+  archive_write_set_format_pax_restricted(writer_.get());
+  archive_write_add_filter_none(writer_.get());
+  archive_write_set_bytes_in_last_block(writer_.get(), 1);
+  const auto write = [](archive*, void* self, const void* data, size_t size) -> la_ssize_t {
+    auto& writer = *static_cast<TarWriter*>(self);
+    writer.status_ = writer.sink_({static_cast<const char*>(data), size});
+    return writer.status_.ok() ? static_cast<la_ssize_t>(size) : -1;
+  };
+  // What can't be opened fails at the first entry.
+  (void)archive_write_open(writer_.get(), this, nullptr, write, nullptr);
+}
+
+absl::Status TarWriter::Begin(const std::string& path, const Entry& entry) {
+  const TarHeader header = MakeTarHeader(path, entry);
+  const int result = archive_write_header(writer_.get(), header.get());
+  return result == ARCHIVE_OK ? absl::OkStatus() : Failed();
+}
+
+absl::Status TarWriter::Write(std::string_view bytes) {
+  const la_ssize_t put = archive_write_data(writer_.get(), bytes.data(), bytes.size());
+  return put == static_cast<la_ssize_t>(bytes.size()) ? absl::OkStatus() : Failed();
+}
+
+absl::Status TarWriter::Copy(int file, const std::string& path, int64_t size, FolderOf whose,
+                             const std::function<void(std::string_view piece)>& wrote) {
+  const auto changed = [&] {
+    const std::string what = absl::StrCat(Quoted(path), " changed while it was packed");
+    return whose == FolderOf::kParticipant
+               ? absl::InvalidArgumentError(absl::StrCat(what, "; try again"))
+               : absl::DataLossError(absl::StrCat("the submission's ", what));
+  };
+  struct stat info = {};
+  if (::fstat(file, &info) != 0) return Unreadable(path, whose);
+  if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
+  FileStream bytes(file);
+  for (int64_t left = size;;) {
+    const absl::StatusOr<std::string_view> piece = bytes.Next();
+    if (!piece.ok()) return Unreadable(path, whose);
+    left -= std::ssize(*piece);
+    if (left < 0 || (piece->empty() && left > 0)) return changed();
+    if (piece->empty()) return absl::OkStatus();
+    RETURN_IF_ERROR(Write(*piece));
+    wrote(*piece);
+  }
+}
+
+absl::Status TarWriter::Close() {
+  return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
+}
+
+absl::Status TarWriter::Failed() const {
+  if (!status_.ok()) return status_;
+  return absl::UnavailableError(
+      absl::StrCat("writing the archive failed: ", ArchiveReason(writer_.get())));
+}
 
 // What PackArtefact was asked for.
 struct Packing {
@@ -239,6 +360,32 @@ absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std
     return absl::InvalidArgumentError("is neither a file nor a folder");
   }
   return PackFile(path, info, packing);
+}
+
+absl::Status StreamArtefact(const std::string& folder, const std::string& digest,
+                            const ByteSink& sink) {
+  const Utf8Names utf8_names;
+  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!root.valid()) return HostError(absl::StrCat("can't open the submission's folder ", folder));
+  Listing listing(kNoLimits);
+  RETURN_IF_ERROR(ListFolder(root.get(), FolderOf::kDaemon, listing));
+  TarWriter tar(sink);
+  for (const auto& [path, entry] : listing.entries()) {
+    RETURN_IF_ERROR(tar.Begin(path, entry));
+    if (entry.type == EntryType::kFile) {
+      const Fd file = OpenBeneath(root.get(), path, O_RDONLY | O_NONBLOCK);
+      if (!file.valid()) return Unreadable(path, FolderOf::kDaemon);
+      Sha256 hash;
+      RETURN_IF_ERROR(tar.Copy(file.get(), path, entry.size, FolderOf::kDaemon,
+                               [&](std::string_view piece) { hash.Update(piece); }));
+      listing.SetSha256(path, hash.FinishHex());
+    }
+  }
+  RETURN_IF_ERROR(tar.Close());
+  if (listing.Digest() == digest) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat(
+      "the submission's folder ", folder, " holds files of digest ", listing.Digest(),
+      ", and should hold ", digest, "; restore it from a backup, or have it submitted again"));
 }
 
 }  // namespace myograde::server

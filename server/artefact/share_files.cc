@@ -6,17 +6,15 @@
 
 #include <atomic>
 #include <cerrno>
-#include <cstdio>
 #include <functional>
-#include <string>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/base/sha256.h"
 #include "protocol/lease/policy_image.h"
 #include "server/artefact/beneath.h"
+#include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"
 
 namespace myograde::server {
@@ -45,17 +43,11 @@ void ForEachFile(const Fd& folder, int depth,
 
 // The name in the pool of an open file; "" if it can't be read.
 std::string PoolName(int file, const struct stat& info) {
-  Sha256 hash;
-  std::string buffer(256 << 10, '\0');
-  for (int64_t at = 0;;) {
-    const ssize_t got = ::pread(file, buffer.data(), buffer.size(), at);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return "";
-    if (got == 0) break;
-    hash.Update(std::string_view(buffer.data(), static_cast<size_t>(got)));
-    at += got;
-  }
-  return absl::StrCat(hash.FinishHex(), (info.st_mode & 0111) != 0 ? "-x-" : "-r-",
+  FileStream bytes(file);
+  int64_t left = INT64_MAX;
+  CheckedStream hashed(bytes, "it", left);
+  if (!hashed.Finish().ok()) return "";
+  return absl::StrCat(hashed.sha256(), (info.st_mode & 0111) != 0 ? "-x-" : "-r-",
                       info.st_mtim.tv_sec);
 }
 

@@ -1,14 +1,23 @@
 #include "server/artefact/unpack_process.h"
 
+#include <fcntl.h>
+#include <linux/capability.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <csignal>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <filesystem>
+#include <memory>
 #include <new>
 #include <utility>
 #include <vector>
@@ -16,18 +25,118 @@
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
+#include <seccomp.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/confine_unpack.h"
 #include "server/artefact/listing.h"
+#include "server/artefact/submitted_manifest.h"
 #include "server/base/child_process.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr char kVerb[] = "unpack-one-archive";
+// What unpacking and exiting need. Nothing here gives an existing file a new name (link, rename),
+// or creates a device (mknod) or a process.
+constexpr std::array kAllowed = {
+    SCMP_SYS(brk),        SCMP_SYS(clock_gettime), SCMP_SYS(close),        SCMP_SYS(exit),
+    SCMP_SYS(exit_group), SCMP_SYS(fchmod),        SCMP_SYS(fchmodat),     SCMP_SYS(fcntl),
+    SCMP_SYS(fstat),      SCMP_SYS(futex),         SCMP_SYS(getdents64),   SCMP_SYS(getpid),
+    SCMP_SYS(getrandom),  SCMP_SYS(gettid),        SCMP_SYS(gettimeofday), SCMP_SYS(lseek),
+    SCMP_SYS(madvise),    SCMP_SYS(mkdirat),       SCMP_SYS(mremap),       SCMP_SYS(munmap),
+    SCMP_SYS(newfstatat), SCMP_SYS(openat),        SCMP_SYS(openat2),      SCMP_SYS(pread64),
+    SCMP_SYS(read),       SCMP_SYS(readlinkat),    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(rt_sigreturn), SCMP_SYS(statx),       SCMP_SYS(symlinkat),    SCMP_SYS(time),
+    // An image's upper layer removes and replaces what a lower one has.
+    SCMP_SYS(unlinkat), SCMP_SYS(write)};
+
+#if defined(__SANITIZE_ADDRESS__)
+// What the sanitizers' reports and memory need.
+constexpr std::array kSanitizerCalls = {
+    SCMP_SYS(getcwd), SCMP_SYS(getrlimit), SCMP_SYS(ioctl),        SCMP_SYS(open),
+    SCMP_SYS(pipe),   SCMP_SYS(pipe2),     SCMP_SYS(prctl),        SCMP_SYS(prlimit64),
+    SCMP_SYS(readlink), SCMP_SYS(rt_sigaction), SCMP_SYS(sched_yield), SCMP_SYS(sigaltstack),
+    SCMP_SYS(uname)};
+#endif
+
+struct Release {
+  void operator()(void* context) const { seccomp_release(context); }
+};
+
+// Libraries read system files on first use, which the filter would forbid.
+void UseLibrariesOnce() {
+  ::setenv("TZ", "UTC0", 1);  // times in a zip have no zone, and UTC needs no file
+  ::tzset();
+  (void)Sha256Hex("");
+}
+
+absl::Status EnterFolder(int folder) {
+  if (::fchdir(folder) != 0) return HostError("can't enter the folder to unpack into");
+  if (::chroot(".") == 0) return absl::OkStatus();
+  if (errno == EPERM && !EnterUserNamespace()) {
+    return HostError("unpacking needs a user namespace, or root, and can't have one here");
+  }
+  return ::chroot(".") == 0 ? absl::OkStatus()
+                            : HostError("can't make the folder to unpack into its own root");
+}
+
+absl::Status DropRights() {
+  __user_cap_header_struct header = {_LINUX_CAPABILITY_VERSION_3, 0};
+  const std::array<__user_cap_data_struct, _LINUX_CAPABILITY_U32S_3> none = {};
+  if (::syscall(SYS_capset, &header, none.data()) != 0 ||
+      ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {
+    return HostError("can't give up capabilities");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status LoadFilter() {
+  const std::unique_ptr<void, Release> filter(seccomp_init(SCMP_ACT_KILL_PROCESS));
+  if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
+  int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
+  for (const int call : kAllowed) {
+    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
+  }
+  // Unpacking never needs executable memory.
+  for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
+    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 1,
+                               SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
+  }
+  // Sets the time of an open file only, never by name.
+  result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, SCMP_SYS(utimensat), 1,
+                             SCMP_A1(SCMP_CMP_EQ, 0));
+  // abort() sends a signal to itself.
+  result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
+                             SCMP_A0(SCMP_CMP_EQ, static_cast<uint64_t>(::getpid())));
+#if defined(__SANITIZE_ADDRESS__)
+  for (const int call : kSanitizerCalls) {
+    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
+  }
+#endif
+  if (result != 0) {
+    return absl::InternalError("libseccomp refuses a rule of the unpacking's filter");
+  }
+  if (const int error = seccomp_load(filter.get()); error != 0) {
+    errno = -error;
+    return HostError("the kernel refuses the unpacking's filter of system calls");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status ConfineUnpacking(int folder) {
+  UseLibrariesOnce();
+  RETURN_IF_ERROR(EnterFolder(folder));
+  RETURN_IF_ERROR(DropRights());
+  return LoadFilter();
+}
+
+namespace {
+
 // How much nicer than the daemon it is: many uploads must not starve the daemon's own threads.
 constexpr int kNice = 10;
 constexpr size_t kMaxAnswer = 8 << 20;  // a manifest is at most 64 KiB
@@ -39,20 +148,18 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
     return {{"code", artefact.status().raw_code()},
             {"message", std::string(artefact.status().message())}};
   }
-  nlohmann::json answer = {
-      {"code", 0},
-      {"digest", artefact->digest},
-      {"name", artefact->manifest.name},
-      {"command", artefact->manifest.command},
-      {"runtimes", artefact->manifest.runtimes},
-      {"environment", artefact->manifest.environment},
-      {"adapter", artefact->manifest.adapter},
-      {"extra_observations", artefact->manifest.extra_observations},
-      {"bytes", artefact->bytes},
-      {"files", artefact->files}};
-  if (artefact->manifest.image.has_value()) {
-    answer["image"] = PolicyImageToJson(*artefact->manifest.image);
-  }
+  const ArtefactManifest& manifest = artefact->manifest;
+  nlohmann::json answer = {{"code", 0},
+                           {"digest", artefact->digest},
+                           {"bytes", artefact->bytes},
+                           {"files", artefact->files},
+                           {"manifest", {{"name", manifest.name},
+                                         {"command", manifest.command},
+                                         {"runtimes", manifest.runtimes},
+                                         {"env", manifest.environment},
+                                         {"extra_observations", manifest.extra_observations}}}};
+  if (!manifest.adapter.empty()) answer["manifest"]["adapter"] = manifest.adapter;
+  if (manifest.image.has_value()) answer["image"] = PolicyImageToJson(*manifest.image);
   return answer;
 }
 
@@ -94,20 +201,11 @@ absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::st
 
 // --- in the caller ---------------------------------------------------------------
 
-// The small program beside the running one, which starts four times as fast; without it the running
-// one, even if its file has been replaced since.
-std::string UnpackProgram() {
-  std::error_code error;
-  const std::filesystem::path running = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::string small = running.parent_path() / "myograde-unpack";
-  return !error && ::access(small.c_str(), X_OK) == 0 ? small : "/proc/self/exe";
-}
-
 // Runs the unpack process; what it writes until it exits, and how it ended.
 absl::StatusOr<ProgramEnd> RunUnpacking(std::vector<std::string> words,
                                         const UnpackBudget& budget) {
   absl::Status stop;
-  absl::StatusOr<ProgramEnd> end = RunProgram({.program = UnpackProgram(),
+  absl::StatusOr<ProgramEnd> end = RunProgram({.program = "myograde-unpack",
                                                .words = std::move(words),
                                                .most_output = kMaxAnswer,
                                                .deadline = budget.time,
@@ -156,12 +254,8 @@ absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& b
   if (code != absl::StatusCode::kOk) return absl::Status(code, reader.String("message"));
   Artefact artefact;
   artefact.digest = reader.String("digest");
-  artefact.manifest.name = reader.String("name");
-  artefact.manifest.command = reader.Strings("command");
-  artefact.manifest.runtimes = reader.Strings("runtimes");
-  artefact.manifest.environment = reader.StringsByName("environment");
-  artefact.manifest.adapter = reader.String("adapter");
-  artefact.manifest.extra_observations = reader.Boolean("extra_observations");
+  // By the same rules as policy.json: the process may not be what it was.
+  ASSIGN_OR_RETURN(artefact.manifest, ParseManifest(reader.Object("manifest")));
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);
   if (reader.Has("image")) {
@@ -176,12 +270,8 @@ absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& b
 
 absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::string& destination,
                                          const ArtefactLimits& limits, const UnpackBudget& budget) {
-  if (budget.time <= absl::ZeroDuration() || budget.memory_bytes < 1 ||
-      budget.cpu < absl::Seconds(1)) {
-    return absl::FailedPreconditionError("every budget of unpacking must be above 0");
-  }
   const absl::StatusOr<ProgramEnd> end =
-      RunUnpacking({kVerb, archive, destination, absl::StrCat(limits.bytes),
+      RunUnpacking({archive, destination, absl::StrCat(limits.bytes),
                     absl::StrCat(limits.files), absl::StrCat(limits.depth),
                     absl::StrCat(limits.name_bytes), absl::StrCat(budget.memory_bytes),
                     absl::StrCat(absl::ToInt64Seconds(budget.cpu)), absl::StrCat(::getpid())},
@@ -194,19 +284,20 @@ absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::
   return artefact;
 }
 
-bool RunUnpackProcess(int argc, char** argv, int& status) {
-  constexpr int kWords = 11;
-  if (argc < 2 || std::strcmp(argv[1], kVerb) != 0) return false;
+int RunUnpackProcess(int argc, char** argv) {
   std::array<int64_t, 7> numbers = {};
-  bool good = argc == kWords;
+  bool good = argc == 3 + std::ssize(numbers);
   for (size_t i = 0; good && i < numbers.size(); ++i) {
-    good = absl::SimpleAtoi(argv[4 + i], &numbers[i]);
+    good = absl::SimpleAtoi(argv[3 + i], &numbers[i]);
   }
-  status = good ? 0 : 2;
-  if (!good) return true;
+  if (!good) {
+    std::fputs("error: myograde-unpack is started by myograded only; submit with myograde submit\n",
+               stderr);
+    return 2;
+  }
   const ArtefactLimits limits = {numbers[0], numbers[1], numbers[2], numbers[3]};
   const absl::StatusOr<Artefact> artefact =
-      UnpackLimited(argv[2], argv[3], limits, numbers[4], numbers[5],
+      UnpackLimited(argv[1], argv[2], limits, numbers[4], numbers[5],
                     static_cast<pid_t>(numbers[6]));
   (void)WriteAll(STDOUT_FILENO, CanonicalJson(AnswerOf(artefact)));
   // No exit handlers: the filter does not allow what they might call.

@@ -1,6 +1,6 @@
 // Unpacks in a separate process, for programs that must stay up: an archive that makes the parser
 // slow, hungry or crash affects only that process, and one that takes it over finds itself in an
-// empty folder without privileges (confine_unpack.h).
+// empty folder without privileges (ConfineUnpacking).
 #pragma once
 
 #include <cstdint>
@@ -14,6 +14,7 @@
 
 namespace myograde::server {
 
+// REQUIRES: each is above 0.
 struct UnpackBudget {
   absl::Duration time;       // wall time
   int64_t memory_bytes = 0;  // address space
@@ -22,18 +23,24 @@ struct UnpackBudget {
   std::function<absl::Status()> go_on = [] { return absl::OkStatus(); };
 };
 
-// Runs UnpackArtefact in the program myograde-unpack beside the running one, or if that is missing
-// in a fresh copy of the running one, whose main must begin with RunUnpackProcess. Thread-safe;
-// returns soon after `budget`'s time at the latest. Errors as of UnpackArtefact; an archive that
-// takes too much memory or processor time, or crashes the process, is an InvalidArgumentError too.
-// Failures that say nothing about the archive: DeadlineExceededError for a host that was too busy,
-// UnavailableError for a process that was killed from outside. Nothing is left at `destination`
-// then.
+// Runs UnpackArtefact in the program myograde-unpack of BinDir(). Thread-safe; returns soon after
+// `budget`'s time at the latest. Errors as of UnpackArtefact; an archive that takes too much memory
+// or processor time, or crashes the process, is an InvalidArgumentError too. Failures that say
+// nothing about the archive: DeadlineExceededError for a host that was too busy, UnavailableError
+// for a process that was killed from outside. Nothing is left at `destination` then.
 absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::string& destination,
                                          const ArtefactLimits& limits, const UnpackBudget& budget);
 
-// If the arguments are those of an unpack process: does its work and exits, or, if they are
-// malformed, returns true with the exit `status` for main. False: they are not.
-bool RunUnpackProcess(int argc, char** argv, int& status);
+// The whole of myograde-unpack: its exit status if the arguments are malformed; else it does not
+// return.
+int RunUnpackProcess(int argc, char** argv);
+
+// For a single-threaded process that has opened all it needs. Leaves it `folder` (a descriptor) and
+// what is below as its whole file system, no capabilities and no way to gain any, and the few
+// system calls that unpacking makes. Any other call kills the process with SIGSYS: it can't start
+// programs or processes, open sockets, send signals, or change any mode, owner or name except with
+// the calls of unpacking. Non-root users enter the folder through a user namespace.
+// UnavailableError: this host does not permit it.
+absl::Status ConfineUnpacking(int folder);
 
 }  // namespace myograde::server

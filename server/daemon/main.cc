@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <absl/time/clock.h>
 
-#include "server/artefact/unpack_process.h"
 #include "server/base/log_line.h"
 #include "server/base/plain_text.h"
 #include "server/daemon/daemon.h"
@@ -21,8 +20,6 @@ int Main(int argc, char** argv) {
   // The project's exit statuses: 2 wrong use, 4 trouble with the grader or its host.
   constexpr int kWrongUse = 2;
   constexpr int kTrouble = 4;
-  // The daemon starts copies of itself that unpack one upload each.
-  if (int status = 0; RunUnpackProcess(argc, argv, status)) return status;
   DaemonOptions options;
   CLI::App app{"The MyoGrade daemon: takes submissions, plays and ranks them.\n"
                "Example: myograded --data ~/myograde-data"};

@@ -1,4 +1,4 @@
-#include "server/executor/slurm/host.h"
+#include "server/executor/slurm/lease_ends.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -18,9 +18,8 @@
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/artefact_stream.h"
+#include "server/artefact/artefact.h"
 #include "server/base/child_process.h"
-#include "server/base/output_tail.h"
 #include "server/base/plain_text.h"
 #include "server/config/slurm_config.h"
 #include "server/executor/slurm/lease_stream.h"

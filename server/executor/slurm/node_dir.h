@@ -14,7 +14,7 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
-#include "server/artefact/artefact_stream.h"
+#include "server/artefact/artefact.h"
 
 namespace myograde::server {
 

@@ -9,11 +9,13 @@
 #include <utility>
 #include <vector>
 
-#include "server/artefact/unpack_process.h"
 #include "tests/server/admission/admission_world.h"
 
 namespace myograde::server {
 namespace {
+
+// Where myograde-unpack is.
+[[maybe_unused]] const int kBinDirSet = ::setenv("MYOGRADE_BIN_DIR", MYOGRADE_BIN_DIR, 1);
 
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
@@ -249,9 +251,3 @@ TEST_F(ReceiveTest, AStoreThatCantBeReadLetsNobodyIn) {
 
 }  // namespace
 }  // namespace myograde::server
-
-int main(int argc, char** argv) {
-  if (int status = 0; myograde::server::RunUnpackProcess(argc, argv, status)) return status;
-  ::testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

@@ -1,6 +1,6 @@
 // A submission's folder on its way to a node: the same files, modes, times and digest, whatever the
 // participant called them; and nothing at all from a tar that is not the daemon's.
-#include "server/artefact/artefact_stream.h"
+#include "server/artefact/artefact.h"
 
 #include <sys/stat.h>
 #include <unistd.h>

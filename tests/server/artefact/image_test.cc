@@ -11,7 +11,7 @@
 
 #include "protocol/base/sha256.h"
 #include "server/artefact/artefact.h"
-#include "server/artefact/image_config.h"
+#include "server/artefact/image_archive.h"
 #include "server/artefact/share_files.h"
 #include "server/artefact/unpack_process.h"
 #include "tests/server/artefact/archives.h"
