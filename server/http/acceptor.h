@@ -1,11 +1,14 @@
-// Accepts connections and finds out who is at the other end, also when no descriptor is left but a
-// few that are kept for that.
+// The daemon's Unix socket, and how connections are accepted and who is at their other end found
+// out, there and on the network (tcp_listener.h).
 #pragma once
 
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
+
+#include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
 #include "server/http/api_error.h"
@@ -34,6 +37,7 @@ struct AcceptedSocket {
 // handshake.
 void Reject(const AcceptedSocket& accepted, const ApiError& error);
 
+// Accepts also when no descriptor is left but a few that are kept for that.
 class Acceptor {
  public:
   Acceptor();
@@ -53,5 +57,13 @@ class Acceptor {
 
   std::vector<Fd> spare_;  // descriptors to give up when there are no others
 };
+
+// Listens at `path` with the rights of `mode`, replacing a socket that nobody listens on.
+// AlreadyExistsError: something listens there, or it is no socket.
+absl::StatusOr<Fd> ListenAt(const std::string& path, unsigned mode);
+
+// The user at the other end, as the kernel knows them; an organiser if they are root or run this
+// process. nullopt: nobody is there.
+std::optional<Peer> UserAt(int fd);
 
 }  // namespace myograde::server

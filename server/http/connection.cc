@@ -6,11 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <tuple>
 #include <utility>
 
 #include <boost/asio/as_tuple.hpp>
-#include <boost/asio/buffer.hpp>
 #include <boost/asio/co_spawn.hpp>
 #include <boost/asio/experimental/awaitable_operators.hpp>
 #include <boost/asio/post.hpp>
@@ -126,7 +124,7 @@ awaitable<bool> Connection::ReadBody() {
       body.Append(piece);
     } else {
       const std::function<void()> write = [&] {
-        if (!body.spooled()) wrong = options_.admit_body(*this);
+        if (!body.spooled()) wrong = options_.server.AdmitBody(*this);
         if (!wrong.has_value()) wrong = body.Write(piece);
       };
       co_await OnWorker(WorkKind::kDisk, write);
@@ -149,7 +147,7 @@ awaitable<bool> Connection::Answer() {
   }
   Response response;
   const std::function<void()> serve = [&] {
-    options_.serve(*this, response);
+    options_.server.Serve(*this, response);
     // The body's place is free before the client knows that it may send the next.
     body.Drop();
   };
@@ -168,7 +166,7 @@ awaitable<bool> Connection::Answer() {
   }
   Forget();
   Enter(State::kIdle);
-  options_.on_answered();
+  options_.server.LetWaitingIn();
   co_return true;
 }
 
@@ -195,7 +193,7 @@ awaitable<bool> Connection::SendFile(FilePart& file) {
 awaitable<void> Connection::SendStream(Stream& stream) {
   while (!closed_) {
     std::optional<std::string> more;
-    const std::function<void()> next = [&] { more = options_.continue_stream(*this, stream); };
+    const std::function<void()> next = [&] { more = options_.server.Continue(*this, stream); };
     co_await OnWorker(WorkKind::kServe, next);
     Enter(State::kAnswering);
     if (!more.has_value()) co_return;
@@ -278,7 +276,7 @@ awaitable<void> Connection::OnWorker(WorkKind kind, const std::function<void()>&
 // --- ends -------------------------------------------------------------------------
 
 awaitable<void> Connection::Refuse() {
-  options_.on_refusal(refusal_->http);
+  options_.server.CountRefusal(refusal_->http);
   Forget();
   in_ = std::string();
   Enter(left_to_read_ > 0 ? State::kRefused : State::kAnswering);

@@ -36,6 +36,24 @@ class Connection;
 inline const ApiError kStoppingError = {503, "stopping",
                                         "the daemon is about to stop; nothing was changed"};
 
+// What connections ask of their server.
+class ConnectionServer {
+ public:
+  virtual ~ConnectionServer() = default;
+  // What the address of a request takes for a body.
+  virtual BodyRule RuleOf(const Request& head) const = 0;
+  // On a worker, before any of a large body goes to the disk: why its sender may not send it.
+  virtual std::optional<ApiError> AdmitBody(Connection& connection) = 0;
+  // On a worker: answers the request.
+  virtual void Serve(Connection& connection, Response& response) = 0;
+  // On a worker: the next part of a stream; nullopt ends it.
+  virtual std::optional<std::string> Continue(Connection& connection, const Stream& stream) = 0;
+  // Of a request that no handler sees.
+  virtual void CountRefusal(int http) = 0;
+  // An answer is sent. Those who wait for the connection's place come before its next request.
+  virtual void LetWaitingIn() = 0;
+};
+
 // What the connections of a server have in common.
 struct ConnectionOptions {
   HttpLimits limits;
@@ -43,17 +61,7 @@ struct ConnectionOptions {
   WorkQueue& queue;
   boost::asio::thread_pool& handshakes;  // the arithmetic of handshakes would hold up all others
   const std::atomic<bool>& draining;     // bodies are refused
-  // What the address of a request takes for a body.
-  std::function<BodyRule(const Request&)> rule_of;
-  // On a worker, before any of a large body goes to the disk: why its sender may not send it.
-  std::function<std::optional<ApiError>(Connection&)> admit_body;
-  // On a worker: answers the request.
-  std::function<void(Connection&, Response&)> serve;
-  // On a worker: the next part of a stream; nullopt ends it.
-  std::function<std::optional<std::string>(Connection&, const Stream&)> continue_stream;
-  std::function<void(int http)> on_refusal;  // of a request that no handler sees
-  // An answer is sent. Those who wait for this connection's place come before its next request.
-  std::function<void()> on_answered;
+  ConnectionServer& server;
 };
 
 // For the thread of its executor; what a worker may touch is said.

@@ -38,7 +38,7 @@ std::optional<ApiError> Connection::CheckHost() const {
 }
 
 std::optional<ApiError> Connection::BeginBody() {
-  rule_ = options_.rule_of(*head);
+  rule_ = options_.server.RuleOf(*head);
   if (rule_.upload) deadline_ = since_ + options_.limits.upload;
   parser_.BeginBody(*head, rule_.most);
   const bool known = head->content_type.empty() ||

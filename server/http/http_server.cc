@@ -16,7 +16,6 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
-#include "server/http/unix_listener.h"
 
 namespace myograde::server {
 namespace {
@@ -69,22 +68,7 @@ HttpServer::HttpServer(const HttpLimits& limits, std::string spool)
                .queue = queue_,
                .handshakes = handshakes_,
                .draining = stopping_,
-               .rule_of = [this](const Request& head) { return RuleOf(head); },
-               .admit_body =
-                   [this](Connection& connection) {
-                     return admit_ == nullptr ? std::nullopt : admit_(connection);
-                   },
-               .serve = [this](Connection& connection,
-                               Response& response) { Serve(connection, response); },
-               .continue_stream =
-                   [this](Connection& connection, const Stream& stream) {
-                     return Continue(connection, stream);
-                   },
-               .on_refusal =
-                   [this](int http) {
-                     if (count_refusal_ != nullptr) count_refusal_(http);
-                   },
-               .on_answered = [this] { LetWaitingIn(); }},
+               .server = *this},
       arrivals_(limits.address_clients, kBurst * limits.address_clients),
       connections_(limits),
       waiting_(limits.waiting(), limits.peer_waiting()),

@@ -22,21 +22,19 @@
 #include "protocol/base/fd.h"
 #include "server/config/server_config.h"
 #include "server/http/acceptor.h"
-#include "server/http/arrival_rate.h"
 #include "server/http/connection.h"
 #include "server/http/connection_table.h"
 #include "server/http/router.h"
 #include "server/http/tcp_listener.h"
-#include "server/http/waiting_connections.h"
 #include "server/http/work_queue.h"
 
 namespace myograde::server {
 
-class HttpServer {
+class HttpServer : private ConnectionServer {
  public:
   // Large bodies lie in the folder `spool`, which must be there.
   HttpServer(const HttpLimits& limits, std::string spool);
-  ~HttpServer();
+  ~HttpServer() override;
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
@@ -96,7 +94,7 @@ class HttpServer {
   void Receive(AcceptedSocket accepted);
   bool MakeRoom(const Peer& peer);
   void Admit(AcceptedSocket accepted);
-  void LetWaitingIn();
+  void LetWaitingIn() override;
   // While there is anybody to watch.
   boost::asio::awaitable<void> WatchClocks();
   bool LookAtClocks();
@@ -105,10 +103,16 @@ class HttpServer {
   bool CloseIdle();
 
   // On workers.
-  void Serve(Connection& connection, Response& response);
-  std::optional<std::string> Continue(Connection& connection, const Stream& stream);
+  void Serve(Connection& connection, Response& response) override;
+  std::optional<std::string> Continue(Connection& connection, const Stream& stream) override;
+  std::optional<ApiError> AdmitBody(Connection& connection) override {
+    return admit_ == nullptr ? std::nullopt : admit_(connection);
+  }
 
-  BodyRule RuleOf(const Request& head) const;
+  BodyRule RuleOf(const Request& head) const override;
+  void CountRefusal(int http) override {
+    if (count_refusal_ != nullptr) count_refusal_(http);
+  }
 
   const HttpLimits limits_;
   Router router_;

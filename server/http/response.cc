@@ -8,48 +8,13 @@
 #include <string_view>
 
 #include <absl/strings/str_cat.h>
+#include <boost/beast/http/status.hpp>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 
 namespace myograde::server {
-namespace {
-
-const char* ReasonOf(int status) {
-  switch (status) {
-    case 200: return "OK";
-    case 201: return "Created";
-    case 202: return "Accepted";
-    case 204: return "No Content";
-    case 302: return "Found";
-    case 304: return "Not Modified";
-    case 400: return "Bad Request";
-    case 401: return "Unauthorized";
-    case 403: return "Forbidden";
-    case 404: return "Not Found";
-    case 405: return "Method Not Allowed";
-    case 408: return "Request Timeout";
-    case 409: return "Conflict";
-    case 410: return "Gone";
-    case 413: return "Content Too Large";
-    case 414: return "URI Too Long";
-    case 415: return "Unsupported Media Type";
-    case 417: return "Expectation Failed";
-    case 421: return "Misdirected Request";
-    case 422: return "Unprocessable Content";
-    case 429: return "Too Many Requests";
-    case 431: return "Request Header Fields Too Large";
-    case 501: return "Not Implemented";
-    case 503: return "Service Unavailable";
-    case 504: return "Gateway Timeout";
-    case 505: return "HTTP Version Not Supported";
-    case 507: return "Insufficient Storage";
-    default: return "Internal Server Error";
-  }
-}
-
-}  // namespace
 
 void Response::SetHeader(const std::string& name, std::string value) {
   // No value of a client's can end a line.
@@ -101,7 +66,9 @@ void Response::SetError(const ApiError& error) {
 }
 
 std::string Response::TakeBytes(bool bodiless, bool close) {
-  std::string head = absl::StrCat("HTTP/1.1 ", status, " ", ReasonOf(status), "\r\n");
+  namespace http = boost::beast::http;
+  std::string head = absl::StrCat(
+      "HTTP/1.1 ", status, " ", std::string(http::obsolete_reason(http::status(status))), "\r\n");
   for (const auto& [name, value] : headers_) absl::StrAppend(&head, name, ": ", value, "\r\n");
   // Without a length a stream lasts as long as its connection; these two have none (RFC 9110, 8.6).
   const bool sized = stream == nullptr && status != 204 && status != 304;

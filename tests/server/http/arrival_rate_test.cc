@@ -1,4 +1,4 @@
-#include "server/http/arrival_rate.h"
+#include "server/http/connection_table.h"
 
 #include <gtest/gtest.h>
 

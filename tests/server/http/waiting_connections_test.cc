@@ -1,4 +1,4 @@
-#include "server/http/waiting_connections.h"
+#include "server/http/connection_table.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
