@@ -1,6 +1,7 @@
 #include "protocol/base/file.h"
 
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -87,6 +88,15 @@ absl::Status WriteAll(int fd, std::string_view text) {
     text.remove_prefix(static_cast<size_t>(n));
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<Fd> MakeMemoryFile(const char* name, std::string_view content) {
+  const Fd made(::memfd_create(name, MFD_CLOEXEC));
+  Fd file(::fcntl(made.get(), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
+  if (file.valid() && WriteAll(file.get(), content).ok() && ::lseek(file.get(), 0, SEEK_SET) == 0) {
+    return file;
+  }
+  return absl::InternalError(absl::StrCat("can't make a memory file: ", std::strerror(errno)));
 }
 
 absl::Status WriteFile(const std::string& path, std::string_view text) {

@@ -28,6 +28,10 @@ absl::StatusOr<std::string> ReadFile(const std::string& path, size_t max_bytes =
 // with (/dev/stdin, /dev/fd/N) may be a pipe. NotFoundError if it can't be opened.
 absl::StatusOr<Fd> OpenToRead(const std::string& path);
 
+// A memory file with that content, which is read from its beginning; its descriptor is above the
+// standard streams. InternalError if it can't be made.
+absl::StatusOr<Fd> MakeMemoryFile(const char* name, std::string_view content);
+
 // Writes all of `text`; otherwise returns the kernel's error.
 absl::Status WriteAll(int fd, std::string_view text);
 

@@ -2,14 +2,16 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <sys/mman.h>
+#include <sched.h>
+#include <signal.h>
 #include <sys/resource.h>
+#include <sys/signalfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
-#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -18,30 +20,47 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 #include <absl/strings/strip.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
+
+void OutputTail::Append(std::string_view bytes) {
+  total_ += static_cast<int64_t>(bytes.size());
+  if (bytes.size() > kTailBytes) bytes.remove_prefix(bytes.size() - kTailBytes);
+  kept_ += bytes;
+  if (kept_.size() > kTailBytes) kept_.erase(0, kept_.size() - kTailBytes);
+}
+
+std::string OutputTail::tail(int64_t since) const {
+  const auto wanted = static_cast<size_t>(std::max<int64_t>(total_ - since, 0));
+  std::string_view kept = kept_;
+  if (kept.size() > wanted) kept.remove_prefix(kept.size() - wanted);
+  // Replacements may have made it longer.
+  return std::string(LastOf(PrintableUtf8(kept), kTailBytes));
+}
+
+void DrainInto(Fd& fd, int reads, OutputTail& tail) {
+  char buffer[16 << 10];
+  for (int i = 0; fd.valid() && i < reads; ++i) {
+    const ssize_t n = ::read(fd.get(), buffer, sizeof(buffer));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno == EAGAIN) return;
+    if (n <= 0) return fd.reset();
+    tail.Append({buffer, static_cast<size_t>(n)});
+  }
+}
+
 namespace {
 
 constexpr int kMostReads = 16;
 constexpr absl::Duration kBurial = absl::Seconds(10);
 constexpr char kUsualPath[] = "/usr/local/bin:/usr/bin:/bin";
 constexpr int kPollMilliseconds = 100;
-
-absl::StatusOr<Fd> InputFile(const std::string& text) {
-  Fd file(memfd_create("myograde-input", MFD_CLOEXEC));
-  if (!file.valid() || !WriteAll(file.get(), text).ok() || lseek(file.get(), 0, SEEK_SET) != 0) {
-    return absl::InternalError(absl::StrCat("can't make a memory file: ", std::strerror(errno)));
-  }
-  // Above the standard streams, so that none is overwritten before it has been moved there.
-  Fd high(fcntl(file.get(), F_DUPFD_CLOEXEC, 3));
-  return high;
-}
 
 // Takes what is there, and closes `fd` at the end of the stream.
 void Drain(Fd& fd, std::string& out) {
@@ -158,7 +177,7 @@ std::string WhyItFailed(const absl::StatusOr<ProgramEnd>& end) {
 absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
                                       const std::function<bool()>& stopped) {
   ASSIGN_OR_RETURN(const std::string path, ProgramPath(order.program));
-  ASSIGN_OR_RETURN(Fd in, InputFile(order.input));
+  ASSIGN_OR_RETURN(Fd in, MakeMemoryFile("myograde-input", order.input));
   ASSIGN_OR_RETURN(Pipe out, MakeOutputPipe());
   std::vector<std::string> words = {path};
   words.insert(words.end(), order.words.begin(), order.words.end());
@@ -189,6 +208,29 @@ absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
   end.exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   end.errors = child.said();
   return end;
+}
+
+bool EnterUserNamespace() {
+  const uid_t uid = ::geteuid();
+  const gid_t gid = ::getegid();
+  if (::unshare(CLONE_NEWUSER) != 0) return false;
+  for (const auto& [path, text] :
+       {std::pair("/proc/self/setgroups", std::string("deny")),
+        std::pair("/proc/self/gid_map", absl::StrCat(gid, " ", gid, " 1")),
+        std::pair("/proc/self/uid_map", absl::StrCat(uid, " ", uid, " 1"))}) {
+    const Fd file(::open(path, O_WRONLY | O_CLOEXEC));
+    if (::write(file.get(), text.data(), text.size()) != std::ssize(text)) return false;
+  }
+  return true;
+}
+
+Fd StopSignals() {
+  sigset_t stop;
+  sigemptyset(&stop);
+  for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&stop, signal);
+  sigprocmask(SIG_BLOCK, &stop, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+  return Fd(signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK));
 }
 
 }  // namespace myograde::server

@@ -1,10 +1,11 @@
-// Programs that are started: one whose standard error is kept, and one that runs to its end, with
-// text in, bytes out and a deadline.
+// Programs that are started: the end of what one says, one whose standard error is kept, and one
+// that runs to its end, with text in, bytes out and a deadline. And how a program is asked to end.
 #pragma once
 
 #include <sys/types.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -16,9 +17,34 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/spawn.h"
-#include "server/base/output_tail.h"
 
 namespace myograde::server {
+
+// Counts a stream's output and keeps its end. Memory stays bounded for any amount of output.
+class OutputTail {
+ public:
+  static constexpr size_t kTailBytes = 4096;
+
+  // `limit`: output beyond this many bytes counts as truncated.
+  explicit OutputTail(int64_t limit) : limit_(limit) {}
+
+  void Append(std::string_view bytes);
+
+  // The last kTailBytes of the output at most, printable. `since`: a value of total(); omits output
+  // before it.
+  std::string tail(int64_t since = 0) const;
+  bool truncated() const { return total_ > limit_; }
+  int64_t total() const { return total_; }
+
+ private:
+  int64_t limit_;
+  int64_t total_ = 0;
+  std::string kept_;
+};
+
+// Appends what a non-blocking descriptor has, in at most `reads` reads of 16 KiB, and closes it at
+// its end.
+void DrainInto(Fd& fd, int reads, OutputTail& tail);
 
 // Has a process group of its own. Killed when this object goes.
 class ChildProcess {
@@ -96,5 +122,14 @@ std::string WhyItFailed(const absl::StatusOr<ProgramEnd>& end);
 // InternalError: it can't be started.
 absl::StatusOr<ProgramEnd> RunProgram(
     const ProgramOrder& order, const std::function<bool()>& stopped = [] { return false; });
+
+// From now on SIGTERM, SIGINT and SIGHUP make this descriptor (signalfd(2)) readable, in this
+// thread and those that it starts, and SIGPIPE is ignored.
+Fd StopSignals();
+
+// Moves this process, which has a single thread, into a new user namespace, in which it may do
+// whatever root may do to what belongs to it, and is the same user otherwise. False: errno says
+// why.
+bool EnterUserNamespace();
 
 }  // namespace myograde::server

@@ -1,17 +1,24 @@
 #include "server/base/ip_address.h"
 
-#include <absl/strings/str_cat.h>
 #include <arpa/inet.h>
-#include <netinet/in.h>
 
 #include <algorithm>
 #include <cstring>
 
+#include <absl/strings/str_cat.h>
+
 namespace myograde::server {
 namespace {
 
-constexpr std::array<uint8_t, 12> kMapped = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+constexpr size_t kV4 = 12;           // where an IPv4 address begins
 constexpr size_t kNetworkBytes = 8;  // of an IPv6 address, the /64
+
+in6_addr Mapped(const in_addr& v4) {
+  in6_addr address = {};
+  address.s6_addr[kV4 - 2] = address.s6_addr[kV4 - 1] = 0xff;
+  std::memcpy(address.s6_addr + kV4, &v4, sizeof(v4));
+  return address;
+}
 
 std::string TextOf(int family, const uint8_t* bytes) {
   char text[INET6_ADDRSTRLEN] = "";
@@ -22,62 +29,50 @@ std::string TextOf(int family, const uint8_t* bytes) {
 }  // namespace
 
 std::optional<IpAddress> IpAddress::Parse(const std::string& text) {
-  std::array<uint8_t, 16> bytes = {};
-  if (inet_pton(AF_INET, text.c_str(), bytes.data()) == 1) return IpAddress(true, bytes);
-  if (inet_pton(AF_INET6, text.c_str(), bytes.data()) == 1) return IpAddress(false, bytes);
+  in_addr v4 = {};
+  in6_addr v6 = {};
+  if (inet_pton(AF_INET, text.c_str(), &v4) == 1) return IpAddress(Mapped(v4));
+  if (inet_pton(AF_INET6, text.c_str(), &v6) == 1) return IpAddress(v6);
   return std::nullopt;
 }
 
 std::optional<IpAddress> IpAddress::Of(const sockaddr_storage& address) {
-  std::array<uint8_t, 16> bytes = {};
   if (address.ss_family == AF_INET) {
-    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address);
-    std::memcpy(bytes.data(), &v4.sin_addr, sizeof(v4.sin_addr));
-    return IpAddress(true, bytes);
+    return IpAddress(Mapped(reinterpret_cast<const sockaddr_in&>(address).sin_addr));
   }
   if (address.ss_family != AF_INET6) return std::nullopt;
-  const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address);
-  std::memcpy(bytes.data(), &v6.sin6_addr, sizeof(v6.sin6_addr));
-  return IpAddress(false, bytes);
-}
-
-bool IpAddress::IsMapped() const {
-  return !v4_ && std::equal(kMapped.begin(), kMapped.end(), bytes_.begin());
+  return IpAddress(reinterpret_cast<const sockaddr_in6&>(address).sin6_addr);
 }
 
 bool IpAddress::IsLoopback() const {
-  if (v4_) return bytes_[0] == 127;
-  if (IsMapped()) return bytes_[kMapped.size()] == 127;
-  return bytes_.back() == 1 &&
-         std::all_of(bytes_.begin(), bytes_.end() - 1, [](uint8_t byte) { return byte == 0; });
+  return is_v4() ? address_.s6_addr[kV4] == 127 : IN6_IS_ADDR_LOOPBACK(&address_) != 0;
 }
 
 std::string IpAddress::Key() const {
-  if (v4_) return absl::StrCat("address ", TextOf(AF_INET, bytes_.data()));
-  if (IsMapped()) return absl::StrCat("address ", TextOf(AF_INET, bytes_.data() + kMapped.size()));
-  std::array<uint8_t, 16> network = bytes_;
-  std::fill(network.begin() + kNetworkBytes, network.end(), uint8_t{0});
-  return absl::StrCat("address ", TextOf(AF_INET6, network.data()), "/64");
+  if (is_v4()) return absl::StrCat("address ", UrlHost());
+  in6_addr network = address_;
+  std::fill(std::begin(network.s6_addr) + kNetworkBytes, std::end(network.s6_addr), uint8_t{0});
+  return absl::StrCat("address ", TextOf(AF_INET6, network.s6_addr), "/64");
 }
 
 std::string IpAddress::UrlHost() const {
-  if (v4_) return TextOf(AF_INET, bytes_.data());
-  return absl::StrCat("[", TextOf(AF_INET6, bytes_.data()), "]");
+  if (is_v4()) return TextOf(AF_INET, address_.s6_addr + kV4);
+  return absl::StrCat("[", TextOf(AF_INET6, address_.s6_addr), "]");
 }
 
 sockaddr_storage IpAddress::SocketAddress(uint16_t port, socklen_t& size) const {
   sockaddr_storage address = {};
-  if (v4_) {
+  if (is_v4()) {
     auto& v4 = reinterpret_cast<sockaddr_in&>(address);
     v4.sin_family = AF_INET;
     v4.sin_port = htons(port);
-    std::memcpy(&v4.sin_addr, bytes_.data(), sizeof(v4.sin_addr));
+    std::memcpy(&v4.sin_addr, address_.s6_addr + kV4, sizeof(v4.sin_addr));
     size = sizeof(v4);
   } else {
     auto& v6 = reinterpret_cast<sockaddr_in6&>(address);
     v6.sin6_family = AF_INET6;
     v6.sin6_port = htons(port);
-    std::memcpy(&v6.sin6_addr, bytes_.data(), sizeof(v6.sin6_addr));
+    v6.sin6_addr = address_;
     size = sizeof(v6);
   }
   return address;

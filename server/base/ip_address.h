@@ -1,9 +1,9 @@
 // Addresses of the internet, of either version, as limits count by them.
 #pragma once
 
+#include <netinet/in.h>
 #include <sys/socket.h>
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -29,12 +29,10 @@ class IpAddress {
   sockaddr_storage SocketAddress(uint16_t port, socklen_t& size) const;
 
  private:
-  IpAddress(bool v4, const std::array<uint8_t, 16>& bytes) : v4_(v4), bytes_(bytes) {}
-  // A socket of IPv6 has IPv4 peers as ::ffff:192.0.2.1.
-  bool IsMapped() const;
+  explicit IpAddress(const in6_addr& address) : address_(address) {}
+  bool is_v4() const { return IN6_IS_ADDR_V4MAPPED(&address_) != 0; }
 
-  bool v4_;
-  std::array<uint8_t, 16> bytes_;  // of IPv4 the first four
+  in6_addr address_;  // of IPv4 ::ffff:192.0.2.1, as which a socket of IPv6 has such peers
 };
 
 }  // namespace myograde::server

@@ -1,12 +1,9 @@
 #include "server/base/paths.h"
 
-#include <limits.h>
 #include <pwd.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 
 #include <absl/strings/str_cat.h>
@@ -38,14 +35,20 @@ std::string UsualDir(const char* of_root, const char* variable, const char* in_h
 
 // The folder of the running program.
 absl::StatusOr<std::string> OwnDir() {
-  char path[PATH_MAX];
-  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
-  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
-    return absl::InternalError(
-        absl::StrCat("can't tell where the running program lies: ", std::strerror(errno)));
-  }
-  const std::string program(path, static_cast<size_t>(length));
-  return program.substr(0, program.rfind('/'));
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  if (!error) return program.parent_path();
+  return absl::InternalError(
+      absl::StrCat("can't tell where the running program lies: ", error.message()));
+}
+
+// `folder` of an installation that has its programs in `bin_dir` if it is there, else the one
+// beside `bin_dir` (a build's).
+std::string InstalledOrBuilt(const std::string& bin_dir, const std::string& folder) {
+  const std::string installed = absl::StrCat(ShareDir(bin_dir), "/", folder);
+  std::error_code error;
+  if (fs::is_directory(installed, error)) return installed;
+  return fs::path(bin_dir).parent_path() / folder;
 }
 
 }  // namespace
@@ -85,10 +88,7 @@ std::string ShareDir(const std::string& bin_dir) {
 }
 
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir) {
-  const std::string installed = absl::StrCat(ShareDir(bin_dir), "/adapters/", adapter);
-  std::error_code error;
-  if (fs::is_directory(installed, error)) return installed;
-  return fs::path(bin_dir).parent_path() / "adapters" / adapter;
+  return InstalledOrBuilt(bin_dir, "adapters/" + adapter);
 }
 
 std::string ShareDir() {
@@ -102,11 +102,7 @@ std::string ShareDir() {
 std::string DocsDir() {
   if (std::string dir = EnvironmentVariable("MYOGRADE_DOCS_DIR"); !dir.empty()) return dir;
   const absl::StatusOr<std::string> bin_dir = BinDir();
-  if (!bin_dir.ok()) return "";
-  const std::string installed = ShareDir(*bin_dir) + "/docs";
-  std::error_code error;
-  if (fs::is_directory(installed, error)) return installed;
-  return fs::path(*bin_dir).parent_path() / "docs";
+  return bin_dir.ok() ? InstalledOrBuilt(*bin_dir, "docs") : "";
 }
 
 std::string ConfigDir() {

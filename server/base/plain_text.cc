@@ -5,6 +5,22 @@
 #include <cstdio>
 
 namespace myograde::server {
+namespace {
+
+// `text` with `with` in place of invalid bytes and of the code points that are `bad`.
+template <typename Bad>
+std::string Replaced(std::string_view text, std::string_view with, Bad bad) {
+  std::string replaced;
+  replaced.reserve(text.size());
+  for (size_t at = 0; at < text.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(text, at);
+    replaced += c == kBroken || bad(c) ? with : text.substr(begin, at - begin);
+  }
+  return replaced;
+}
+
+}  // namespace
 
 bool IsHarmful(char32_t c) {
   return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0xad || c == 0x61c ||
@@ -43,27 +59,29 @@ bool IsUtf8(std::string_view text) {
 }
 
 bool IsPlainText(std::string_view text, size_t max) {
-  if (text.empty() || text.size() > max || text.front() == ' ' || text.back() == ' ') return false;
-  for (size_t at = 0; at < text.size();) {
-    const char32_t c = TakeCodePoint(text, at);
-    if (c == kBroken || IsHarmful(c)) return false;
-  }
-  return true;
+  return !text.empty() && text.size() <= max && text.front() != ' ' && text.back() != ' ' &&
+         IsUtf8(text) && FirstHarm(text).empty();
+}
+
+std::string PrintableUtf8(std::string_view bytes) {
+  return Replaced(bytes, "\xEF\xBF\xBD", [](char32_t c) {
+    // C0 except newline and tab, DEL, and C1.
+    return (c < 0x20 && c != '\n' && c != '\t') || (c >= 0x7f && c < 0xa0);
+  });
 }
 
 std::string Harmless(std::string_view text, bool tabs) {
-  std::string harmless;
-  for (size_t at = 0; at < text.size();) {
-    const size_t begin = at;
-    const char32_t c = TakeCodePoint(text, at);
-    // A terminal that is not UTF-8's may obey a byte of 0x80 to 0x9f that stands alone.
-    if (!(tabs && c == '\t') && (c == kBroken || IsHarmful(c))) {
-      harmless += '?';
-    } else {
-      harmless.append(text, begin, at - begin);
-    }
+  // A terminal that is not UTF-8's may obey a byte of 0x80 to 0x9f that stands alone.
+  return Replaced(text, "?", [&](char32_t c) { return !(tabs && c == '\t') && IsHarmful(c); });
+}
+
+std::string_view LastOf(std::string_view text, size_t most) {
+  if (text.size() <= most) return text;
+  text.remove_prefix(text.size() - most);
+  while (!text.empty() && (static_cast<unsigned char>(text.front()) & 0xC0) == 0x80) {
+    text.remove_prefix(1);
   }
-  return harmless;
+  return text;
 }
 
 }  // namespace myograde::server

@@ -22,6 +22,10 @@ std::string FirstHarm(std::string_view text);
 
 bool IsUtf8(std::string_view text);
 
+// `bytes` as valid UTF-8 without control characters other than newline and tab: anything else
+// becomes U+FFFD, so that it can't break JSON or a terminal.
+std::string PrintableUtf8(std::string_view bytes);
+
 // 1 to `max` bytes of valid UTF-8 without harmful code points, and no space at either end.
 bool IsPlainText(std::string_view text, size_t max);
 
@@ -30,5 +34,8 @@ bool IsPlainText(std::string_view text, size_t max);
 // program prints that somebody else chose (names of files, a policy's strings, answers of a server)
 // goes through here.
 std::string Harmless(std::string_view text, bool tabs = false);
+
+// The end of valid UTF-8, as much of it as fits into `most` bytes.
+std::string_view LastOf(std::string_view text, size_t most);
 
 }  // namespace myograde::server

@@ -1,7 +1,8 @@
 // A policy's output, on its way into a record and from there onto terminals.
 #include <nlohmann/json.hpp>
 
-#include "server/base/output_tail.h"
+#include "server/base/child_process.h"
+#include "server/base/plain_text.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde::server;

@@ -1,4 +1,5 @@
-#include "server/base/output_tail.h"
+#include "server/base/child_process.h"
+#include "server/base/plain_text.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
