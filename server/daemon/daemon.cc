@@ -32,7 +32,6 @@
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
 #include "server/runtime/runtimes.h"
-#include "server/sandbox/cgroup_host.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/slot_processes.h"
 #include "server/sandbox/stage.h"

@@ -23,7 +23,6 @@
 #include "server/executor/executor.h"
 #include "server/executor/slurm/slurm_executor.h"
 #include "server/proof/grader_build.h"
-#include "server/sandbox/cgroup_host.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/stage.h"

@@ -3,18 +3,19 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
+#include <sys/random.h>
 #include <sys/stat.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 #include <filesystem>
-#include <set>
 #include <sstream>
 #include <thread>
 #include <utility>
 
-#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
@@ -24,24 +25,49 @@
 namespace myograde::server {
 namespace {
 
-constexpr int kCpuPeriodUs = 100000;
+constexpr std::string_view kPrefix = "myograde.";
+constexpr char kOwnGroup[] = "/daemon";
 
-int64_t ReadNumber(const std::string& path, int64_t otherwise) {
-  const std::string text = ReadKernelFile(path);
-  int64_t value = otherwise;
-  return absl::SimpleAtoi(text, &value) ? value : otherwise;
+// This process' group in each hierarchy: "0::/path" or "3:cpu,cpuacct:/path".
+std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const CgroupHost& host) {
+  std::vector<std::pair<std::set<std::string>, std::string>> groups;
+  std::istringstream lines(ReadKernelFile(host.membership));
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits(':', 2));
+    if (parts.size() != 3) continue;
+    std::set<std::string> names = absl::StrSplit(parts[1], ',', absl::SkipEmpty());
+    groups.emplace_back(std::move(names), parts[2]);
+  }
+  return groups;
+}
+
+absl::Status CantDivide(const std::string& path) {
+  return absl::FailedPreconditionError(absl::StrCat(
+      path, ": can't be written (", std::strerror(errno),
+      "), so the sandboxes have no control groups "
+      "although some were delegated; see that nothing else runs in this service's group"));
+}
+
+bool IsDelegated(const std::string& folder) {
+  // Only the first is readable for an ordinary user.
+  for (const char* name : {"user.delegate", "trusted.delegate"}) {
+    char value = '0';
+    if (getxattr(folder.c_str(), name, &value, sizeof(value)) == 1 && value == '1') return true;
+  }
+  return false;
+}
+
+// The words of a file, such as names of controllers.
+std::set<std::string> WordsIn(const std::string& path) {
+  return absl::StrSplit(ReadKernelFile(path), absl::ByAnyChar(" \n"), absl::SkipEmpty());
 }
 
 // The number after `key` in a file of "key number" lines.
-int64_t ReadKey(const std::string& path, const std::string& key) {
-  std::istringstream lines(ReadKernelFile(path));
-  std::string name;
-  int64_t value = 0;
-  while (lines >> name >> value) {
-    if (name == key) return value;
-  }
-  return 0;
+int64_t ReadKey(const std::string& path, const char* key) {
+  return KernelNumber(ReadKernelFile(path), absl::StrCat(key, " "));
 }
+
+constexpr int kCpuPeriodUs = 100000;
 
 // A tenth of what groups have by default: enough for those who wait for a picture while all processors
 // grade, and less than a twentieth of two processors.
@@ -53,6 +79,86 @@ std::string CpuQuota(double cpus) {
 }
 
 }  // namespace
+
+const CgroupHost& ThisCgroupHost() {
+  static const CgroupHost host = {
+      .make = [](const std::string& folder) { return mkdir(folder.c_str(), 0755) == 0; },
+      .remove = [](const std::string& folder) { return rmdir(folder.c_str()) == 0; },
+      .delegated = IsDelegated};
+  return host;
+}
+
+// A mount may show only a part of its hierarchy (in a container): its root says which.
+std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host) {
+  const auto own = OwnGroups(host);
+  std::vector<CgroupHierarchy> found;
+  for (const KernelMount& mount : MountsIn(ReadKernelFile(host.mounts))) {
+    const bool v2 = mount.type == "cgroup2";
+    if (!v2 && mount.type != "cgroup") continue;
+    for (const auto& [names, path] : own) {
+      const bool mine = v2 ? names.empty()
+                           : !names.empty() && std::ranges::includes(mount.options, names);
+      if (!mine) continue;
+      std::string below = path;
+      if (mount.root != "/" && below.starts_with(mount.root)) below.erase(0, mount.root.size());
+      if (below == "/") below.clear();
+      found.push_back({v2 ? 2 : 1, names, mount.point + below, mount.point});
+    }
+  }
+  return found;
+}
+
+std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy) {
+  if (hierarchy.version == 1) return {hierarchy.folder};
+  std::vector<std::string> parents;
+  if (hierarchy.folder.size() > hierarchy.top.size()) {
+    parents.push_back(hierarchy.folder.substr(0, hierarchy.folder.rfind('/')));
+  }
+  if (parents.empty() || parents.back() != hierarchy.top) parents.push_back(hierarchy.top);
+  return parents;
+}
+
+absl::Status DivideDelegatedGroup(const CgroupHost& host) {
+  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
+    const std::string& folder = hierarchy.folder;
+    if (hierarchy.version != 2 || !host.delegated(folder)) continue;
+    const std::set<std::string> offered = WordsIn(folder + "/cgroup.controllers");
+    // Where version 1 holds them there is nothing to pass on.
+    if (!offered.contains("memory") || !offered.contains("pids")) continue;
+    const std::string own = folder + kOwnGroup;
+    if (!host.make(own) && errno != EEXIST) return CantDivide(own);
+    // The threads of this process go with it.
+    if (!WriteKernelFile(own + "/cgroup.procs", "0")) return CantDivide(own + "/cgroup.procs");
+    for (const char* controller : {"memory", "pids", "cpu"}) {
+      if (!offered.contains(controller)) continue;
+      const std::string list = folder + "/cgroup.subtree_control";
+      if (WriteKernelFile(list, absl::StrCat("+", controller))) continue;
+      const absl::Status status = CantDivide(list);
+      WriteKernelFile(folder + "/cgroup.procs", "0");
+      host.remove(own);
+      return status;
+    }
+  }
+  return absl::OkStatus();
+}
+
+std::string GroupName(const std::string& what) {
+  static const uint64_t random = [] {
+    uint64_t number = 0;
+    return getrandom(&number, sizeof(number), 0) == sizeof(number) ? number : 0;
+  }();
+  return absl::StrCat(absl::string_view(kPrefix.data(), kPrefix.size()), getpid(), "-",
+                      absl::Hex(random, absl::kZeroPad16), ".", what);
+}
+
+bool IsGroupName(const std::string& name) {
+  constexpr char kDigits[] = "0123456789";
+  if (!name.starts_with(kPrefix)) return false;
+  const size_t dash = name.find_first_not_of(kDigits, kPrefix.size());
+  return dash != std::string::npos && dash > kPrefix.size() && name[dash] == '-' &&
+         name.find_first_not_of("0123456789abcdef", dash + 1) == dash + 17 &&
+         name[dash + 17] == '.';
+}
 
 std::unique_ptr<ControlGroup> ControlGroup::Create(const std::string& name,
                                                    const GroupLimits& limits,
@@ -96,8 +202,7 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
   for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host_)) {
     if (hierarchy.version != 2) continue;
     for (const std::string& parent : CgroupParents(hierarchy)) {
-      const std::set<std::string> offered = absl::StrSplit(
-          ReadKernelFile(parent + "/cgroup.subtree_control"), absl::ByAnyChar(" \n"), absl::SkipEmpty());
+      const std::set<std::string> offered = WordsIn(parent + "/cgroup.subtree_control");
       if (!offered.contains("memory") || !offered.contains("pids")) continue;
       // Joining needs the right to move processes out of the common parent.
       if (access((parent + "/cgroup.procs").c_str(), W_OK) != 0) continue;
@@ -186,13 +291,14 @@ bool ControlGroup::Withhold(int64_t bytes) {
 int64_t ControlGroup::cpu_ns() const {
   if (cpu_account_.empty()) return -1;
   if (controllers_.version == 2) return ReadKey(cpu_account_ + "/cpu.stat", "usage_usec") * 1000;
-  return ReadNumber(cpu_account_ + "/cpuacct.usage", -1);
+  return KernelNumber(ReadKernelFile(cpu_account_ + "/cpuacct.usage"), "", -1);
 }
 
 int64_t ControlGroup::peak_memory_bytes() const {
   if (memory_.empty()) return 0;
-  return ReadNumber(memory_ + (controllers_.version == 2 ? "/memory.peak"
-                                                         : "/memory.max_usage_in_bytes"), 0);
+  return KernelNumber(
+      ReadKernelFile(memory_ + (controllers_.version == 2 ? "/memory.peak"
+                                                          : "/memory.max_usage_in_bytes")), "");
 }
 
 int64_t ControlGroup::oom_kills() const {
@@ -206,16 +312,14 @@ int64_t ControlGroup::refused_tasks() const {
 }
 
 std::vector<pid_t> ControlGroup::Members() const {
-  std::vector<pid_t> members;
+  std::set<pid_t> members;
   for (const std::string& folder : folders_) {
     std::istringstream list(ReadKernelFile(folder + "/cgroup.procs"));
     for (pid_t pid = 0; list >> pid;) {
-      if (pid > 0) members.push_back(pid);
+      if (pid > 0) members.insert(pid);
     }
   }
-  std::sort(members.begin(), members.end());
-  members.erase(std::unique(members.begin(), members.end()), members.end());
-  return members;
+  return {members.begin(), members.end()};
 }
 
 bool ControlGroup::KillAll(absl::Duration timeout) {

@@ -13,21 +13,19 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <climits>
 #include <cstdio>
 #include <cstring>
-#include <functional>
+#include <filesystem>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
-#include "server/sandbox/child.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/doctor_host.h"
 #include "server/sandbox/policy_sandbox.h"
 #include "server/sandbox/sandbox.h"
-#include "server/sandbox/seccomp_filter.h"
+#include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/slot_processes.h"
 #include "server/sandbox/stage.h"
 
@@ -185,16 +183,11 @@ struct Sandboxes {
   std::map<std::string, std::string> staged;  // staged path to host folder
 };
 
-std::string OwnProgram() {
-  char path[PATH_MAX];
-  const ssize_t length = readlink("/proc/self/exe", path, sizeof(path));
-  return length > 0 ? std::string(path, static_cast<size_t>(length)) : "";
-}
-
 // A lease whose artefact is the folder of this program. Missing folders are covered by another
 // check.
 LeaseOrder TrialOrder(const DoctorOptions& options) {
-  const std::string own = OwnProgram();
+  std::error_code error;
+  const std::string own = std::filesystem::read_symlink("/proc/self/exe", error);
   LeaseOrder order;
   order.lease = "doctor";
   order.artefact_dir = own.substr(0, own.rfind('/'));
@@ -270,42 +263,44 @@ absl::Status Play(const SandboxSpec& spec, const PolicySandboxConfig& config,
                                          : "bubblewrap could not start its command");
 }
 
-Check CheckPolicySandbox(const DoctorOptions& options) {
-  const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
-    SandboxSpec spec = sandboxes.policy;
-    // Skip the bridge, which waits for a simulator.
-    const auto separator = std::find(spec.command.begin(), spec.command.end(), "--");
-    spec.command.erase(spec.command.begin(), separator + 1);
-    return Play(spec, sandboxes.config.policy, "doctor");
-  });
-  if (end.exit_code == 0) {
-    return Fine("policy_sandbox", "starts, and LCM's multicast works in its own network");
+// Plays in the sandboxes; `good`: what is found if that succeeds.
+Check TrySandbox(const char* name, const DoctorOptions& options, const char* good,
+                 const char* costs, const char* todo,
+                 const std::function<absl::Status(const Sandboxes&)>& play) {
+  if (!options.track.has_value()) {
+    return Missing(name, "can't be tried without a track's budgets", "nothing can be graded",
+                   "mend the configs first");
   }
-  return Missing("policy_sandbox", Trouble(end),
-                 "no policy can be started, so nothing can be graded",
-                 "mend what is missing above first; in a plain chroot or an unprivileged container "
-                 "no sandbox can start");
+  const ChildEnd end = InSandboxChild(options, play);
+  return end.exit_code == 0 ? Fine(name, good) : Missing(name, Trouble(end), costs, todo);
+}
+
+Check CheckPolicySandbox(const DoctorOptions& options) {
+  return TrySandbox(
+      "policy_sandbox", options, "starts, and LCM's multicast works in its own network",
+      "no policy can be started, so nothing can be graded",
+      "mend what is missing above first; in a plain chroot or an unprivileged container "
+      "no sandbox can start",
+      [](const Sandboxes& sandboxes) {
+        SandboxSpec spec = sandboxes.policy;
+        // Skip the bridge, which waits for a simulator.
+        const auto separator = std::find(spec.command.begin(), spec.command.end(), "--");
+        spec.command.erase(spec.command.begin(), separator + 1);
+        return Play(spec, sandboxes.config.policy, "doctor");
+      });
 }
 
 Check CheckSimulatorSandbox(const DoctorOptions& options) {
-  const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
-    SandboxSpec spec = sandboxes.simulator;
-    // Loads its libraries, sets its own filter and exits.
-    spec.command.push_back("--try");
-    return Play(spec, sandboxes.config.policy, "doctor-sim");
-  });
-  if (end.exit_code == 0) {
-    return Fine("simulator_sandbox",
-                "starts; the simulator finds its libraries and sets its filter");
-  }
-  return Missing("simulator_sandbox", Trouble(end),
-                 "no episode can be simulated, so nothing can be graded",
-                 "mend what is missing elsewhere in this list first");
-}
-
-Check WithoutTrack(const char* name) {
-  return Missing(name, "can't be tried without a track's budgets", "nothing can be graded",
-                 "mend the configs first");
+  return TrySandbox("simulator_sandbox", options,
+                    "starts; the simulator finds its libraries and sets its filter",
+                    "no episode can be simulated, so nothing can be graded",
+                    "mend what is missing elsewhere in this list first",
+                    [](const Sandboxes& sandboxes) {
+                      SandboxSpec spec = sandboxes.simulator;
+                      // Loads its libraries, sets its own filter and exits.
+                      spec.command.push_back("--try");
+                      return Play(spec, sandboxes.config.policy, "doctor-sim");
+                    });
 }
 
 // A control group's limits, null where none enforces them on this host.
@@ -358,12 +353,9 @@ std::vector<Check> ExamineHost(const DoctorOptions& options) {
                 {CheckBubblewrap(), CheckUserNamespaces(options), CheckSlotUsers(options)});
   CheckControlGroups(options, checks);
   CheckSharedLimits(options, checks);
-  const bool track = options.track.has_value();
-  checks.insert(
-      checks.end(),
-      {CheckSeccomp(options), track ? CheckPolicySandbox(options) : WithoutTrack("policy_sandbox"),
-       track ? CheckSimulatorSandbox(options) : WithoutTrack("simulator_sandbox"),
-       CheckMujoco(options), CheckModels(options)});
+  checks.insert(checks.end(),
+                {CheckSeccomp(options), CheckPolicySandbox(options), CheckSimulatorSandbox(options),
+                 CheckMujoco(options), CheckModels(options)});
   return checks;
 }
 

@@ -1,7 +1,6 @@
 #include "server/sandbox/doctor_host.h"
 
 #include <dlfcn.h>
-#include <stdlib.h>
 #include <sys/statvfs.h>
 #include <sys/utsname.h>
 #include <unistd.h>
@@ -12,18 +11,17 @@
 #include <cstring>
 #include <filesystem>
 #include <set>
-#include <sstream>
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 #include <absl/strings/str_replace.h>
+#include <absl/strings/strip.h>
 
-#include "protocol/base/file.h"
 #include "protocol/base/set_up.h"
 #include "server/base/child_process.h"
 #include "server/base/temp_folder.h"
-#include "server/sandbox/child.h"
+#include "server/sandbox/kernel_files.h"
 
 namespace myograde::server {
 namespace {
@@ -38,31 +36,25 @@ constexpr absl::Duration kCompileTime = absl::Seconds(300);
 std::string HowToSetUp() { return SetUpAdvice() + ", or name the folder that it filled with --cache"; }
 
 std::string FirstLine(const std::string& path) {
-  const std::string text = ReadFile(path).value_or("");
+  const std::string text = ReadKernelFile(path);
   return text.substr(0, text.find('\n'));
 }
 
-// The value behind `key` in a file of "key<separator>value" lines; "" if none.
-std::string ValueOf(const std::string& path, const std::string& key, char separator) {
-  std::istringstream file(ReadFile(path).value_or(""));
-  for (std::string line; std::getline(file, line);) {
-    const size_t at = line.find(separator);
-    if (at == std::string::npos) continue;
-    std::string name = line.substr(0, at);
-    name.erase(name.find_last_not_of(" \t") + 1);
-    if (name != key) continue;
-    const size_t begin = line.find_first_not_of(" \t\"", at + 1);
-    if (begin == std::string::npos) return "";
-    return line.substr(begin, line.find_last_not_of(" \t\"") + 1 - begin);
-  }
-  return "";
+// A value of /proc/cpuinfo; "" if it has none of that name.
+std::string CpuValue(std::string_view name) {
+  const std::string value = KernelValue(ReadKernelFile("/proc/cpuinfo"), name);
+  return value.starts_with(": ") ? value.substr(2) : "";
+}
+
+// A value of /etc/os-release, without its quotes; "" if it has none of that name.
+std::string SystemValue(std::string_view name) {
+  const std::string value =
+      KernelValue(ReadKernelFile("/etc/os-release"), absl::StrCat(std::string(name), "="));
+  return std::string(absl::StripPrefix(absl::StripSuffix(value, "\""), "\""));
 }
 
 int64_t MemoryBytes(const char* key) {
-  std::istringstream value(ValueOf("/proc/meminfo", key, ':'));
-  int64_t kib = 0;
-  value >> kib;
-  return kib * 1024;
+  return KernelNumber(ReadKernelFile("/proc/meminfo"), key) * 1024;
 }
 
 std::string GiB(double bytes) { return absl::StrFormat("%.1f GiB", bytes / kGiB); }
@@ -89,8 +81,8 @@ int Cores() {
 }
 
 Check CheckProcessor() {
-  const std::string flags = " " + ValueOf("/proc/cpuinfo", "flags", ':') + " ";
-  const std::string found = absl::StrCat(ValueOf("/proc/cpuinfo", "model name", ':'), ", ",
+  const std::string flags = " " + CpuValue("flags") + " ";
+  const std::string found = absl::StrCat(CpuValue("model name"), ", ",
                                          sysconf(_SC_NPROCESSORS_ONLN), " processors");
   if (absl::StrContains(flags, " avx ")) return Fine("processor", found);
   return Missing("processor", found + ", without AVX", "the upstream build of MuJoCo can't run",
@@ -136,8 +128,8 @@ Check CheckFrequency() {
 }
 
 Check CheckMemory(const DoctorOptions& options) {
-  const auto total = static_cast<double>(MemoryBytes("MemTotal"));
-  const auto available = static_cast<double>(MemoryBytes("MemAvailable"));
+  const auto total = static_cast<double>(MemoryBytes("MemTotal:"));
+  const auto available = static_cast<double>(MemoryBytes("MemAvailable:"));
   const std::string found = absl::StrCat(GiB(total), ", ", GiB(available), " available");
   const auto policy = static_cast<double>(
       options.track.has_value() ? options.track->budgets.memory_bytes : 0);
@@ -216,9 +208,9 @@ Check CheckRuntime(const DoctorOptions& options, const std::string& name,
 }
 
 Check CheckSystem() {
-  const std::string system = ValueOf("/etc/os-release", "PRETTY_NAME", '=');
-  if (ValueOf("/etc/os-release", "ID", '=') == "debian" &&
-      ValueOf("/etc/os-release", "VERSION_ID", '=') == "12") {
+  const std::string system = SystemValue("PRETTY_NAME");
+  if (SystemValue("ID") == "debian" &&
+      SystemValue("VERSION_ID") == "12") {
     return Fine("system", absl::StrCat(system, " ", FirstLine("/etc/debian_version")));
   }
   return Poorer("system", system.empty() ? "unknown" : system,
@@ -238,7 +230,8 @@ Check CheckKernel() {
 
 Check CheckPrograms(const DoctorOptions& options) {
   std::string absent;
-  for (const char* program : {"myograded", "myograde-runner", "myograde-sim", "myograde-bridge"}) {
+  for (const char* program : {"myograded", "myograde-runner", "myograde-sim", "myograde-bridge",
+                              "myograde-unpack"}) {
     if (access(absl::StrCat(options.bin_dir, "/", program).c_str(), X_OK) != 0) {
       absl::StrAppend(&absent, absent.empty() ? "" : ", ", program);
     }

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -21,6 +23,23 @@ std::string ReadKernelFile(const std::string& path);
 
 // Writes `text` in one call, as kernel files want it. False: errno says why.
 bool WriteKernelFile(const std::string& path, const std::string& text);
+
+// What follows `key` in the first line of `text` that begins with it, without blanks around; "" if
+// none does.
+std::string KernelValue(std::string_view text, std::string_view key);
+// The same as a number, which ends at a blank; `otherwise` if there is none.
+int64_t KernelNumber(std::string_view text, std::string_view key, int64_t otherwise = 0);
+
+// A mount, from a line of a mountinfo file, whose escapes are undone.
+struct KernelMount {
+  int64_t id = 0;
+  std::string device;             // MAJOR:MINOR of its file system
+  std::string root;               // what of the file system is mounted
+  std::string point;              // where
+  std::string type;               // of the file system
+  std::set<std::string> options;  // likewise
+};
+std::vector<KernelMount> MountsIn(const std::string& mountinfo);
 
 // Mounts for a sandbox that already has /proc and /dev: covers each name of this host's /proc that
 // others than root can read, with a file of the list, or with nothing. /proc/sys has a list of its

@@ -20,7 +20,6 @@
 #include <cstddef>
 #include <cstring>
 #include <sstream>
-#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -175,12 +174,10 @@ int64_t NumberOf(absl::string_view word) {
 
 int64_t SocketStatistic(const std::string& text, const std::string& name,
                         const std::string& field) {
-  for (const absl::string_view line : absl::StrSplit(text, '\n')) {
-    const std::vector<absl::string_view> words = Words(line);
-    if (words.empty() || words[0] != name) continue;
-    for (size_t i = 1; i + 1 < words.size(); i += 2) {
-      if (words[i] == field) return NumberOf(words[i + 1]);
-    }
+  const std::string line = KernelValue(text, name);
+  const std::vector<absl::string_view> words = Words(line);
+  for (size_t i = 0; i + 1 < words.size(); i += 2) {
+    if (words[i] == field) return NumberOf(words[i + 1]);
   }
   return 0;
 }

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
@@ -16,7 +18,6 @@
 #include "server/base/paths.h"
 #include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/kernel_files.h"
-#include "server/sandbox/policy_command.h"
 #include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
@@ -25,6 +26,8 @@ namespace {
 using Kind = SandboxMount::Kind;
 
 constexpr char kPrograms[] = "/myograde";
+// Where a policy's sandbox shows the adapter of its order.
+constexpr char kAdapterPlace[] = "/myograde/adapter";
 // bubblewrap's two processes and the bridge, which are not the participant's.
 constexpr int64_t kOwnTasks = 3;
 
@@ -90,6 +93,134 @@ LeaseOrder OrderThatSays(const LeaseOrder& order, absl::string_view why) {
   return says;
 }
 
+constexpr char kPython[] = "/usr/bin/python3";
+
+// The libraries that runtimes bring for their modules (server/runtime/README.md).
+std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes) {
+  std::vector<std::string> folders;
+  for (const std::string& runtime : runtimes) {
+    const std::string folder = runtime + "/debian-lib";
+    if (access(folder.c_str(), F_OK) == 0) folders.push_back(folder);
+  }
+  return folders;
+}
+
+// What a submission sets comes before what its runtimes need.
+std::map<std::string, std::string> FolderEnvironment(const LeaseOrder& order) {
+  std::map<std::string, std::string> environment = order.environment;
+  const auto join = [&](const char* name, const std::vector<std::string>& folders) {
+    std::string& value = environment[name];
+    absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
+  };
+  if (environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
+    join("PYTHONPATH", order.runtimes);
+  }
+  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
+  if (!libraries.empty()) join("LD_LIBRARY_PATH", libraries);
+  return environment;
+}
+
+// What the image sets, and policy.json over it.
+std::map<std::string, std::string> ImageEnvironment(const LeaseOrder& order) {
+  // Programs that ask for the user's name find it here if the image does not know its number.
+  std::map<std::string, std::string> all = {{"USER", "policy"}, {"LOGNAME", "policy"}};
+  for (const auto& [name, value] : order.image->environment) all[name] = value;
+  for (const auto& [name, value] : order.environment) all[name] = value;
+  return all;
+}
+
+// The variables of the policy's program that are not every policy's, as "NAME=value".
+std::vector<std::string> PolicyEnvironment(const LeaseOrder& order) {
+  std::vector<std::string> variables;
+  for (const auto& [name, value] :
+       order.image.has_value() ? ImageEnvironment(order) : FolderEnvironment(order)) {
+    variables.push_back(absl::StrCat(name, "=", value));
+  }
+  return variables;
+}
+
+// The adapter's command, which starts order.command with `variables` ("NAME=value") once it
+// listens.
+std::vector<std::string> AdapterCommand(const LeaseOrder& order,
+                                        const std::vector<std::string>& variables) {
+  // No variable and no file of the participant decides what the adapter imports. In an image Python
+  // needs a variable that tells it where its library is, so it can't be wholly isolated there.
+  std::vector<std::string> command;
+  if (order.image.has_value()) {
+    command = HostCommand(kPython);
+    command.insert(command.end(), {"-P", "-s", "-S"});
+  } else {
+    command = {kPython, "-I"};
+  }
+  const auto add = [&](const std::string& option, const std::string& value) {
+    command.insert(command.end(), {option, value});
+  };
+  command.emplace_back(kAdapterPlace);
+  add("--track", std::string(order.track.kind->name));
+  for (const std::string& runtime : order.runtimes) add("--runtime", runtime);
+  for (const std::string& variable : variables) add("--env", variable);
+  if (order.image.has_value()) {
+    add("--cwd", order.image->working_dir);
+    command.emplace_back("--image");
+  }
+  if (order.extra_observations) command.emplace_back("--extra-observations");
+  command.emplace_back("--");
+  command.insert(command.end(), order.command.begin(), order.command.end());
+  return command;
+}
+
+// The command of a policy's sandbox: the bridge at `bridge`, its place in the sandbox, which starts
+// the participant's program, or an adapter (server/artefact/adapters.h) that does so. The policy's
+// variables are set through it, so that none of them affects a program that is not the
+// participant's.
+std::vector<std::string> BridgeCommand(const LeaseOrder& order, const PolicySandboxConfig& config,
+                                       const std::string& bridge) {
+  const Budgets& budgets = order.track.budgets;
+  const bool image = order.image.has_value();
+  std::vector<std::string> command =
+      image ? LoaderCommand(bridge, bridge) : std::vector<std::string>{bridge};
+  const auto add = [&](const std::string& option, std::string value) {
+    command.insert(command.end(), {option, std::move(value)});
+  };
+  add("--stray", std::to_string(budgets.stray_messages));
+  add("--wrong", std::to_string(budgets.wrong_answers));
+  if (const auto farewell = static_cast<int64_t>(std::lround(config.farewell_s * 1000));
+      farewell > 0) {
+    add("--farewell", std::to_string(farewell));
+  }
+  const std::vector<std::string> variables = PolicyEnvironment(order);
+  std::vector<std::string> policy = order.command;
+  if (order.adapter.empty()) {
+    // An image's folder may be missing, which is not the sandbox' fault.
+    if (image) add("--cwd", order.image->working_dir);
+    for (const std::string& variable : variables) add("--env", variable);
+  } else {
+    if (image) add("--env", absl::StrCat("PYTHONHOME=", kHostPlace, "/usr"));
+    policy = AdapterCommand(order, variables);
+  }
+  command.emplace_back("--");
+  command.insert(command.end(), policy.begin(), policy.end());
+  return command;
+}
+
+// Why the kernel would not start the command; "": nothing. Uploads have smaller bounds, artefacts
+// of an import may not.
+std::string TooLong(const std::vector<std::string>& command) {
+  constexpr size_t kMostOfOne = 128 << 10;  // MAX_ARG_STRLEN of execve(2)
+  constexpr size_t kMost = 1 << 20;         // leaves room for the sandbox' own
+  size_t all = 0;
+  for (const std::string& word : command) {
+    if (word.size() >= kMostOfOne) {
+      return absl::StrCat("an argument or variable of the policy has ", word.size(),
+                          " bytes; at most ", kMostOfOne - 1, " can be passed to a program");
+    }
+    all += word.size() + 1;
+  }
+  if (all <= kMost) return "";
+  return absl::StrCat("the policy's arguments and variables have ", all, " bytes; at most ", kMost,
+                      " are passed");
+}
+
 }  // namespace
 
 std::vector<std::string> PolicyPath(const std::vector<std::string>& runtimes) {
@@ -118,18 +249,10 @@ std::vector<std::string> SystemLinks() {
 
 absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& stage) {
   EtcFiles files;
-  const struct {
-    std::string* path;
-    const char* name;
-    const char* text;
-  } entries[] = {{&files.passwd, "passwd",
-                  "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"},
-                 {&files.group, "group", "root:x:0:\npolicy:x:1000:\n"},
-                 {&files.hosts, "hosts", kImageHosts}};
-  for (const auto& entry : entries) {
-    ASSIGN_OR_RETURN(std::string path, stage.AddFile(entry.name, entry.text));
-    *entry.path = std::move(path);
-  }
+  ASSIGN_OR_RETURN(files.passwd, stage.AddFile("passwd",
+      "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"));
+  ASSIGN_OR_RETURN(files.group, stage.AddFile("group", "root:x:0:\npolicy:x:1000:\n"));
+  ASSIGN_OR_RETURN(files.hosts, stage.AddFile("hosts", kImageHosts));
   ASSIGN_OR_RETURN(files.kernel, StageKernelFiles(stage, order.track.budgets.memory_bytes));
   return files;
 }

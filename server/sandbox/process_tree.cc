@@ -10,7 +10,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <optional>
-#include <string>
 
 #include <absl/strings/str_cat.h>
 
@@ -103,17 +102,6 @@ double ThreadsOnProcessors(pid_t pid, const ProcessTimes& times, bool each) {
     }
   }
   return running;
-}
-
-bool AnyThreadIs(std::string_view states, const std::vector<pid_t>& processes) {
-  for (const pid_t pid : processes) {
-    const std::string folder = absl::StrCat("/proc/", pid, "/task");
-    for (const pid_t thread : NumbersIn(folder)) {
-      const auto seen = ReadStat(absl::StrCat(folder, "/", thread, "/stat"));
-      if (seen.has_value() && states.find(seen->state) != states.npos) return true;
-    }
-  }
-  return false;
 }
 
 }  // namespace
@@ -243,8 +231,15 @@ std::vector<pid_t> ProcessTree::members() const {
   return members;
 }
 
-bool AnyRuns(const std::vector<pid_t>& processes) { return AnyThreadIs("R", processes); }
-
-bool AnyRunsOrReads(const std::vector<pid_t>& processes) { return AnyThreadIs("RD", processes); }
+bool AnyThreadIs(std::string_view states, const std::vector<pid_t>& processes) {
+  for (const pid_t pid : processes) {
+    const std::string folder = absl::StrCat("/proc/", pid, "/task");
+    for (const pid_t thread : NumbersIn(folder)) {
+      const auto seen = ReadStat(absl::StrCat(folder, "/", thread, "/stat"));
+      if (seen.has_value() && states.find(seen->state) != states.npos) return true;
+    }
+  }
+  return false;
+}
 
 }  // namespace myograde::server

@@ -14,6 +14,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -82,11 +83,9 @@ class ProcessTree {
 // The numeric names in a folder of /proc, such as the processes of this host. Cheap.
 std::vector<pid_t> NumbersIn(const std::string& folder);
 
-// True if any thread of the processes runs or waits for a processor.
-bool AnyRuns(const std::vector<pid_t>& processes);
-
-// The same, or waits uninterruptibly in the kernel, as for a disk. A process can stay in that state
-// for as long as it likes (vfork).
-bool AnyRunsOrReads(const std::vector<pid_t>& processes);
+// True if any thread of the processes is in one of these states of proc(5): R, it runs or waits for
+// a processor; D, it waits uninterruptibly in the kernel, as for a disk. A process can stay in that
+// state for as long as it likes (vfork).
+bool AnyThreadIs(std::string_view states, const std::vector<pid_t>& processes);
 
 }  // namespace myograde::server

@@ -1,5 +1,5 @@
 // configs/sandbox/*.json: settings of the two kinds of sandboxes, apart from the budgets of a
-// track.
+// track, and the filter of system calls that follows from them.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +7,8 @@
 #include <vector>
 
 #include <absl/status/statusor.h>
+
+#include "protocol/base/fd.h"
 
 namespace myograde::server {
 
@@ -42,5 +44,14 @@ bool IsSystemCall(const std::string& name);
 // Reads policy.json and sim.json in `config_dir`/sandbox. An error names the file, the key and the
 // problem.
 absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir);
+
+// A program for bubblewrap's --seccomp: a memory file with BPF, positioned at its start. Allows
+// what the config does not deny. Whatever the config says, it denies new namespaces through clone,
+// terminal injection, ways to learn of other users of a shared file (leases, locks, hints in its
+// inode, directory notification), foreign execution domains, core scheduling cookies, sockets other
+// than stream, datagram and seqpacket sockets over TCP, UDP or no protocol, and all calls of other
+// architectures (32-bit, x32); calls newer than Linux 6.1 do not exist behind it.
+// InvalidArgumentError names an unknown system call.
+absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config);
 
 }  // namespace myograde::server

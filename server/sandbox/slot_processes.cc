@@ -5,18 +5,16 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdlib>
 #include <filesystem>
 #include <optional>
-#include <sstream>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/file.h"
-#include "server/base/output_tail.h"
+#include "server/base/plain_text.h"
+#include "server/sandbox/kernel_files.h"
 #include "server/sandbox/process_tree.h"
 
 namespace myograde::server {
@@ -30,12 +28,6 @@ constexpr std::string_view kDeleted = "//deleted";
 // A location: a file system by its device, and a path from its root.
 using Place = std::pair<std::string, std::string>;
 
-struct MountLine {
-  int64_t id = 0;
-  Place root;         // what is mounted
-  std::string point;  // where
-};
-
 struct StatusFacts {
   std::string name;
   std::string state;
@@ -45,24 +37,16 @@ struct StatusFacts {
   bool dead() const { return state.empty() || state == "Z" || state == "X"; }
 };
 
-// The text after `key` on its line. Names are escaped, so no process can forge such a line.
-std::string LineValue(const std::string& text, std::string_view key) {
-  const size_t at = text.find(key);
-  if (at == std::string::npos) return "";
-  const size_t begin = text.find_first_not_of(" \t", at + key.size());
-  return text.substr(begin, text.find('\n', begin) - begin);
-}
-
 // `path`: the /proc folder of a process or thread. All fields are empty if it is gone.
 StatusFacts StatusOf(const std::string& path) {
   // The file's owner says nothing: for a process that can't be inspected it is root.
-  const std::string text = ReadFile(path + "/status").value_or("");
+  const std::string text = ReadKernelFile(path + "/status");
   StatusFacts facts;
-  if (text.empty()) return facts;
-  facts.name = LineValue(text, "Name:");
-  facts.state = LineValue(text, "\nState:").substr(0, 1);
-  facts.user = std::strtoll(LineValue(text, "\nUid:").c_str(), nullptr, 10);
-  facts.threads = std::strtoll(LineValue(text, "\nThreads:").c_str(), nullptr, 10);
+  // Names are escaped, so no process can forge a line.
+  facts.name = KernelValue(text, "Name:");
+  facts.state = KernelValue(text, "State:").substr(0, 1);
+  facts.user = KernelNumber(text, "Uid:", -1);
+  facts.threads = KernelNumber(text, "Threads:");
   return facts;
 }
 
@@ -84,35 +68,10 @@ void Append(pid_t pid, const StatusFacts& facts, std::string& words) {
                   ", state ", facts.state, ")");
 }
 
-// Spaces and the like are octal escapes in mountinfo.
-std::string Unescaped(const std::string& text) {
-  std::string plain;
-  for (size_t i = 0; i < text.size(); ++i) {
-    if (text[i] != '\\' || i + 3 >= text.size()) {
-      plain += text[i];
-      continue;
-    }
-    plain += static_cast<char>(std::strtol(text.substr(i + 1, 3).c_str(), nullptr, 8));
-    i += 3;
-  }
-  return plain;
-}
-
 // The mounts that a process or thread sees; empty if it has none any more. Never waits for a file
 // system.
-std::vector<MountLine> MountsOf(const std::string& path) {
-  std::istringstream file(ReadFile(path + "/mountinfo").value_or(""));
-  std::vector<MountLine> mounts;
-  for (std::string line; std::getline(file, line);) {
-    std::istringstream words(line);
-    MountLine mount;
-    std::string parent, root, point;
-    words >> mount.id >> parent >> mount.root.first >> root >> point;
-    mount.root.second = Unescaped(root);
-    mount.point = Unescaped(point);
-    mounts.push_back(std::move(mount));
-  }
-  return mounts;
+std::vector<KernelMount> MountsOf(const std::string& path) {
+  return MountsIn(ReadKernelFile(path + "/mountinfo"));
 }
 
 // Returns an error number: ENOENT if it has none any more.
@@ -133,12 +92,12 @@ std::optional<Place> PlaceOf(const std::string& folder) {
   if (error || statx(AT_FDCWD, path.c_str(), AT_STATX_DONT_SYNC, STATX_MNT_ID, &facts) != 0) {
     return std::nullopt;
   }
-  for (const MountLine& mount : MountsOf("/proc/self")) {
+  for (const KernelMount& mount : MountsOf("/proc/self")) {
     if (mount.id != static_cast<int64_t>(facts.stx_mnt_id)) continue;
     const fs::path inside = fs::path(path).lexically_relative(mount.point);
-    std::string whole = (fs::path(mount.root.second) / inside).lexically_normal();
+    std::string whole = (fs::path(mount.root) / inside).lexically_normal();
     if (whole.ends_with('/')) whole.pop_back();  // so that names can be appended
-    return Place(mount.root.first, whole);
+    return Place(mount.device, whole);
   }
   return std::nullopt;
 }
@@ -146,11 +105,12 @@ std::optional<Place> PlaceOf(const std::string& folder) {
 // Slots by the places of their marks.
 using Marks = std::map<Place, int>;
 
-std::optional<int> MarkedAmong(const std::vector<MountLine>& mounts, const Marks& marks) {
-  for (MountLine mount : mounts) {
-    std::string& path = mount.root.second;
-    if (path.ends_with(kDeleted)) path.resize(path.size() - kDeleted.size());
-    if (const auto mark = marks.find(mount.root); mark != marks.end()) return mark->second;
+std::optional<int> MarkedAmong(const std::vector<KernelMount>& mounts, const Marks& marks) {
+  for (const KernelMount& mount : mounts) {
+    std::string_view path = mount.root;
+    if (path.ends_with(kDeleted)) path.remove_suffix(kDeleted.size());
+    const auto mark = marks.find({mount.device, std::string(path)});
+    if (mark != marks.end()) return mark->second;
   }
   return std::nullopt;
 }
@@ -183,7 +143,7 @@ class MarkSearch {
  private:
   std::optional<int> SlotOfNamespace(const std::string& space, const std::string& path) {
     if (const auto known = known_.find(space); known != known_.end()) return known->second;
-    const std::vector<MountLine> mounts = MountsOf(path);
+    const std::vector<KernelMount> mounts = MountsOf(path);
     // It has just died, which says nothing about the others.
     if (mounts.empty()) return std::nullopt;
     return known_[space] = MarkedAmong(mounts, marks_);

@@ -17,7 +17,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
-#include "server/sandbox/kernel_files.h"
+#include "server/base/child_process.h"
 
 namespace myograde::server {
 namespace {
@@ -72,18 +72,9 @@ bool ShowHosts(const Node& node, const std::string& path) {
 }
 
 absl::Status EnterNamespaces() {
-  const uid_t uid = geteuid();
-  const gid_t gid = getegid();
-  if (uid != 0) {
-    if (unshare(CLONE_NEWUSER) != 0) {
-      return Errno(
-          "this host lets ordinary users make no user namespace (`myograde doctor` says more)");
-    }
-    if (!WriteKernelFile("/proc/self/setgroups", "deny") ||
-        !WriteKernelFile("/proc/self/uid_map", absl::StrCat(uid, " ", uid, " 1")) ||
-        !WriteKernelFile("/proc/self/gid_map", absl::StrCat(gid, " ", gid, " 1"))) {
-      return Errno("can't map the user into a user namespace");
-    }
+  if (geteuid() != 0 && !EnterUserNamespace()) {
+    return Errno(
+        "this host lets ordinary users make no user namespace (`myograde doctor` says more)");
   }
   if (unshare(CLONE_NEWNS) != 0) return Errno("can't make a mount namespace");
   if (mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0) {

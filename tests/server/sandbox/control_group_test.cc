@@ -16,7 +16,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/sandbox/cgroup_host.h"
 
 namespace myograde::server {
 namespace {

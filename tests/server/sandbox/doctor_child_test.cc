@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/clock.h"
-#include "server/sandbox/child.h"
+#include "server/sandbox/doctor_host.h"
 
 namespace myograde::server {
 namespace {

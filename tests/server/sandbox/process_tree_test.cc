@@ -83,16 +83,16 @@ TEST(ProcessTree, SleepersDoNotRunAndSpinnersDo) {
   // The sleeper may not be asleep yet.
   bool slept = false;
   for (int i = 0; i < 1000 && !slept; ++i) {
-    slept = !AnyRuns({sleeper});
+    slept = !AnyThreadIs("R", {sleeper});
     usleep(5000);
   }
   EXPECT_TRUE(slept);
-  EXPECT_TRUE(AnyRuns({spinner}));
-  EXPECT_TRUE(AnyRuns({sleeper, spinner}));
+  EXPECT_TRUE(AnyThreadIs("R", {spinner}));
+  EXPECT_TRUE(AnyThreadIs("R", {sleeper, spinner}));
   for (const pid_t child : {sleeper, spinner}) {
     kill(child, SIGKILL);
     waitpid(child, nullptr, 0);
-    EXPECT_FALSE(AnyRuns({child}));
+    EXPECT_FALSE(AnyThreadIs("R", {child}));
   }
 }
 
@@ -108,7 +108,7 @@ TEST(ProcessTree, WhoWaitsInTheKernelReadsAndDoesNotRun) {
   }
   bool waits = false;
   for (int i = 0; i < 1000 && !waits; ++i) {
-    waits = !AnyRuns({parent}) && AnyRunsOrReads({parent});
+    waits = !AnyThreadIs("R", {parent}) && AnyThreadIs("RD", {parent});
     usleep(5000);
   }
   EXPECT_TRUE(waits);
@@ -116,7 +116,7 @@ TEST(ProcessTree, WhoWaitsInTheKernelReadsAndDoesNotRun) {
   tree.CpuNs(false);
   for (const pid_t one : tree.members()) kill(one, SIGKILL);
   waitpid(parent, nullptr, 0);
-  EXPECT_FALSE(AnyRunsOrReads({parent}));
+  EXPECT_FALSE(AnyThreadIs("RD", {parent}));
 }
 
 // A simulated host with one parent whose children follow each other, sampled by a ledger at random

@@ -1,6 +1,6 @@
 // The policy's system call filter from the shipped config, loaded into processes that try what it
 // denies.
-#include "server/sandbox/seccomp_filter.h"
+#include "server/sandbox/sandbox_config.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -26,7 +26,7 @@
 
 #include "protocol/base/clock.h"
 #include "server/sandbox/policy_sandbox.h"
-#include "server/sandbox/seccomp_filter.h"
+#include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {
 namespace {
