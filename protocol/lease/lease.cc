@@ -165,10 +165,10 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"cache_dir", order.cache_dir},
           {"log_dir", order.log_dir},
           {"log_bytes", order.log_bytes},
-          {"replay", order.replay}};
-  if (!order.adapter.empty()) json["adapter"] = order.adapter;
-  if (!order.trajectory.empty()) json["trajectory"] = order.trajectory;
-  if (order.background) json["background"] = true;
+          {"replay", order.replay},
+          {"adapter", order.adapter},
+          {"trajectory", order.trajectory},
+          {"background", order.background}};
   if (order.image.has_value()) json["image"] = PolicyImageToJson(*order.image);
   return json;
 }
@@ -180,13 +180,10 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   order.lease = reader.String("lease");
   order.artefact_dir = reader.String("artefact_dir");
   order.command = reader.Strings("command");
-  // Absent in orders of earlier versions.
-  if (reader.Has("environment")) order.environment = reader.StringsByName("environment");
+  order.environment = reader.StringsByName("environment");
   order.runtimes = reader.Strings("runtimes");
-  if (reader.Has("adapter")) order.adapter = reader.String("adapter");
-  if (reader.Has("extra_observations")) {
-    order.extra_observations = reader.Boolean("extra_observations");
-  }
+  order.adapter = reader.String("adapter");
+  order.extra_observations = reader.Boolean("extra_observations");
   if (reader.Has("image")) {
     ASSIGN_OR_RETURN(order.image,
                      PolicyImageFromJson(reader.Object("image"), absl::StrCat(where, ": image")));
@@ -195,16 +192,15 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   const Json& episodes = reader.Array("episodes");
   order.uid = reader.Integer("uid", -1, INT32_MAX);
   order.slot = reader.Integer("slot", 0, INT32_MAX);
-  // Absent in orders of earlier versions.
-  if (reader.Has("slot_mark")) order.slot_mark = reader.String("slot_mark");
+  order.slot_mark = reader.String("slot_mark");
   order.pinned = reader.Boolean("pinned");
   order.work_dir = reader.String("work_dir");
   order.cache_dir = reader.String("cache_dir");
   order.log_dir = reader.String("log_dir");
   order.log_bytes = reader.Integer("log_bytes", 0, INT64_MAX);
   order.replay = reader.Strings("replay");
-  if (reader.Has("trajectory")) order.trajectory = reader.String("trajectory");
-  if (reader.Has("background")) order.background = reader.Boolean("background");
+  order.trajectory = reader.String("trajectory");
+  order.background = reader.Boolean("background");
   if (!order.replay.empty() && order.replay.size() != episodes.size()) {
     reader.Fail("replay", "must name one log for each episode");
   }
@@ -225,7 +221,11 @@ std::string LeaseRecordToLine(const LeaseRecord& record) {
 }
 
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
-  ASSIGN_OR_RETURN(Json json, ParseJson(line, "lease record"));
+  ASSIGN_OR_RETURN(const Json json, ParseJson(line, "lease record"));
+  return LeaseRecordFromJson(json);
+}
+
+absl::StatusOr<LeaseRecord> LeaseRecordFromJson(const Json& json) {
   ConfigReader reader(json, "lease record");
   const std::string type = reader.Choice("type", {"progress", "episode", "replay", "lease_end", "node"});
   if (!json.is_object()) return reader.Finish();

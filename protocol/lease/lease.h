@@ -26,31 +26,42 @@ struct EpisodeOrder {
   uint64_t policy_seed = 0;  // for the policy's own randomness
 };
 
-struct LeaseOrder {
-  std::string lease;               // id, for messages and names of temporary files
+// What to run: a submission's program.
+struct LeaseProgram {
   std::string artefact_dir;        // unpacked submission, mounted read-only at /policy
   // Run in /policy; command[0] is relative to it, absolute, or a word to look up in PATH.
   std::vector<std::string> command;
   std::map<std::string, std::string> environment;  // environment variables for the policy
   std::vector<std::string> runtimes;  // host folders mounted read-only at their own path
-  std::string adapter;  // program of the grader that plays the command; "": it speaks LCM itself
+  // Program of the grader that plays the command; "": it speaks LCM itself.
+  std::string adapter = {};
   // The policy is shown TrackLayout::extra after the graded observation.
   bool extra_observations = false;
   // The submission is a container image: artefact_dir's folder kImageFolder is the policy's root, and
   // the command starts in it.
   std::optional<PolicyImage> image = {};
-  TrackConfig track;
-  std::vector<EpisodeOrder> episodes;  // consecutive indices
-  int64_t uid = -1;                // unprivileged uid and gid of the slot; -1: the caller's own
+};
+
+// Where to run it.
+struct LeasePlace {
   int64_t slot = 0;
-  // Empty folder of the slot that its sandboxes mount, which identifies their processes from
-  // outside; "": none.
-  std::string slot_mark;
+  // Unprivileged uid and gid of the slot; -1: the caller's own, or set by whoever starts the
+  // runner.
+  int64_t uid = -1;
   bool pinned = false;             // the slot is pinned to one processor, the slot-th of the
                                    // runner's
   std::string work_dir;            // empty folder of the lease, owned by the caller
   std::string cache_dir;           // models (MYOGRADE_CACHE)
   std::string log_dir;             // where episode logs are kept; "": nowhere
+};
+
+struct LeaseOrder : LeaseProgram, LeasePlace {
+  std::string lease;               // id, for messages and names of temporary files
+  TrackConfig track;
+  std::vector<EpisodeOrder> episodes;  // consecutive indices
+  // Empty folder of the slot that its sandboxes mount, which identifies their processes from
+  // outside; "": none.
+  std::string slot_mark;
   int64_t log_bytes = 0;           // largest packed log; filled in by the runner from its config
   // Log files, packed or not, one per episode: replay them without a policy, and compare. Needs
   // neither an artefact nor a command.
@@ -97,18 +108,22 @@ struct LeaseEndRecord {
   int64_t peak_memory_bytes = 0;  // 0: not measured on this host
 };
 
+// Where a runner is, and what it used: for people and their accounts, not for any decision.
+struct RunnerSite {
+  std::string node = {};                // "": this host; of a lease on a cluster: none has begun it
+  std::string job = {};                 // the cluster's number for it, such as 1234; "": no job
+  double cpu_s = 0;                     // of all processes of the lease; 0: not known (yet)
+  std::optional<double> energy_j = {};  // of the job, where the cluster measures it
+};
+
 // Of a lease on a cluster: where it is and what became of it, beside its runner's records. Each one
 // replaces the one before.
-struct NodeRecord {
-  std::string node = {};       // "": none has begun it
-  std::string job = {};        // the cluster's number of it
+struct NodeRecord : RunnerSite {
   std::string processor = {};  // as the kernel names it; "": the node has not proved itself (yet)
   std::string trouble = {};    // why the cluster takes no job for it; it is asked again
   std::string unfit = {};      // why the node's results would not be the daemon's, or can't be
   std::string lost = {};       // why it was not played to its end, though that is no fault of the grader's
   bool blamed = false;         // the node is to blame for that
-  double cpu_s = 0;            // of all processes of the lease on the node, once it has ended
-  std::optional<double> energy_j = {};  // of the job, where the cluster measures it
 };
 
 using LeaseRecord =
@@ -121,6 +136,7 @@ bool IsNodeName(std::string_view name);
 // "progress", "episode", "replay", "lease_end" or "node".
 std::string LeaseRecordToLine(const LeaseRecord& record);
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line);
+absl::StatusOr<LeaseRecord> LeaseRecordFromJson(const nlohmann::json& json);
 
 // Without the details: it is what a result's row keeps as its facts.
 nlohmann::json EpisodeFactsToJson(const EpisodeFacts& facts);

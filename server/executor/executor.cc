@@ -7,7 +7,6 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/runner/runner_process.h"
 
 namespace myograde::server {
 namespace {

@@ -12,7 +12,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/lease.h"
-#include "server/runner/runner.h"
+#include "server/runner/runner_process.h"
 #include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
@@ -34,11 +34,10 @@ struct DrainedNode {
 
 // What people see of a cluster's node.
 struct NodeView {
-  std::string name;
-  // "new": it has not proved itself yet; "proved"; "drained".
-  std::string state;
-  std::string why;        // of a drained one
-  std::string processor;  // as it describes itself; "": not known
+  std::string name = {};
+  std::string state = "new";   // it has not proved itself yet; or "proved", or "drained"
+  std::string why = {};        // of a drained one
+  std::string processor = {};  // as it describes itself; "": not known
   int running = 0;        // leases
   int64_t done = 0;       // leases that ended well, since the daemon started
   int64_t faults = 0;     // those that ended by the grader's fault

@@ -11,12 +11,7 @@ LeaseOrder OrderAt(std::string id, const TrackConfig& track, std::vector<Episode
   order.lease = std::move(id);
   order.track = track;
   order.episodes = std::move(episodes);
-  order.uid = place.uid;
-  order.slot = place.slot;
-  order.pinned = place.pinned;
-  order.work_dir = place.work_dir;
-  order.cache_dir = place.cache_dir;
-  order.log_dir = place.log_dir;
+  static_cast<LeasePlace&>(order) = place;
   return order;
 }
 
@@ -36,13 +31,7 @@ LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,
                           std::vector<EpisodeOrder> episodes, const LeaseProgram& program,
                           const LeasePlace& place) {
   LeaseOrder order = OrderAt(std::move(id), track, std::move(episodes), place);
-  order.artefact_dir = program.artefact_dir;
-  order.command = program.command;
-  order.environment = program.environment;
-  order.runtimes = program.runtimes;
-  order.adapter = program.adapter;
-  order.extra_observations = program.extra_observations;
-  order.image = program.image;
+  static_cast<LeaseProgram&>(order) = program;
   return order;
 }
 

@@ -17,11 +17,13 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
 #include "protocol/base/outcome.h"
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
-#include "server/sandbox/seccomp_filter.h"
+#include "server/base/plain_text.h"
+#include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {
 namespace {
@@ -45,14 +47,6 @@ absl::StatusOr<std::pair<Fd, Fd>> SocketPair() {
     return Errno("can't make a socket pair");
   }
   return std::pair(Fd(ends[0]), Fd(ends[1]));
-}
-
-absl::StatusOr<Fd> MemoryFile(const char* name, const std::string& text) {
-  Fd file(memfd_create(name, MFD_CLOEXEC));
-  if (!file.valid()) return Errno("can't make a memory file");
-  if (!WriteAll(file.get(), text).ok()) return Errno("can't write a memory file");
-  if (lseek(file.get(), 0, SEEK_SET) != 0) return Errno("can't rewind a memory file");
-  return file;
 }
 
 }  // namespace
@@ -96,7 +90,7 @@ bool LeaseRunner::Run() {
   end.simulator_cpu_s = static_cast<double>(std::max<int64_t>(sim_cpu_ns_, 0)) * 1e-9;
   end.wall_s = absl::ToDoubleSeconds(SystemClock().Monotonic() - start_);
   end.peak_memory_bytes = peak_memory_;
-  const bool recorded = Print(end).ok() && status.ok();
+  const bool recorded = Print(LeaseRecordToLine(end)).ok() && status.ok();
   WaitForLeftovers();
   return recorded;
 }
@@ -117,8 +111,9 @@ absl::Status LeaseRunner::Play() {
 absl::Status LeaseRunner::StartSim() {
   ASSIGN_OR_RETURN(auto channel, SocketPair());
   ASSIGN_OR_RETURN(const Fd order,
-                   MemoryFile("myograde-order", LeaseOrderToJson(context_.order).dump()));
-  ASSIGN_OR_RETURN(Fd page, MemoryFile("myograde-cpu", std::string(sizeof(CpuPage), '\0')));
+                   MakeMemoryFile("myograde-order", LeaseOrderToJson(context_.order).dump()));
+  ASSIGN_OR_RETURN(Fd page,
+                   MakeMemoryFile("myograde-cpu", std::string(sizeof(CpuPage), '\0')));
   void* memory =
       mmap(nullptr, sizeof(CpuPage), PROT_READ | PROT_WRITE, MAP_SHARED, page.get(), 0);
   if (memory == MAP_FAILED) return Errno("can't share a page with the simulator");
@@ -216,14 +211,14 @@ absl::Status LeaseRunner::HandleSimMessage() {
 }
 
 absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
-  absl::StatusOr<LeaseRecord> record = LeaseRecordFromLine(json.dump());
+  absl::StatusOr<LeaseRecord> record = LeaseRecordFromJson(json);
   if (!record.ok()) {
     return absl::InternalError(
         absl::StrCat("the simulator sent a broken record: ", record.status().message()));
   }
   if (auto* progress = std::get_if<ProgressRecord>(&*record)) {
     progress_ = *progress;
-    return Print(*record);
+    return Print(CanonicalJson(json));
   }
   const auto* facts = std::get_if<EpisodeFacts>(&*record);
   const auto* replay = std::get_if<ReplayRecord>(&*record);
@@ -242,7 +237,7 @@ absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
   }
   ++next_episode_;
   if (policy_ != nullptr) policy_->EpisodeOver();
-  return Print(*record);
+  return Print(CanonicalJson(json));
 }
 
 absl::Status LeaseRunner::SendLog() {
@@ -400,12 +395,12 @@ absl::Status LeaseRunner::CheckDeadlines() const {
 }
 
 absl::Status LeaseRunner::Heartbeat() {
-  return SystemClock().Monotonic() - last_printed_ < kBeatPeriod ? absl::OkStatus()
-                                                                 : Print(progress_);
+  if (SystemClock().Monotonic() - last_printed_ < kBeatPeriod) return absl::OkStatus();
+  return Print(LeaseRecordToLine(progress_));
 }
 
-absl::Status LeaseRunner::Print(const LeaseRecord& record) {
-  const std::string line = LeaseRecordToLine(record) + "\n";
+absl::Status LeaseRunner::Print(std::string line) {
+  line += '\n';
   const Deadline deadline(kPrintDeadline);
   size_t written = 0;
   while (written < line.size()) {

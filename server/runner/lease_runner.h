@@ -54,7 +54,8 @@ class LeaseRunner {
   void RefreshCpu(bool by_chance = false);
   absl::Status ReportCpu();
   absl::Status Heartbeat();
-  absl::Status Print(const LeaseRecord& record);
+  // A record's line.
+  absl::Status Print(std::string line);
 
   const LeaseContext& context_;
   const int records_;

@@ -44,22 +44,22 @@ void LeaseRunner::CountIdle() {
   const absl::Duration now = SystemClock().Monotonic();
   const absl::Duration since = std::min(now - last_idle_sample_, kMostIdle);
   last_idle_sample_ = now;
-  const auto count = [&](const std::atomic<uint64_t>& asked, auto&& busy,
+  const auto count = [&](const std::atomic<uint64_t>& asked, const char* busy,
                          std::atomic<uint64_t>& idle_ns) {
     const uint64_t wait = asked.load();
     // The simulator may already have its answer and be waiting for a processor itself.
-    if (wait % 2 == 0 || SimRuns() || busy(policy_->Processes()) || SimRuns()) return;
+    if (wait % 2 == 0 || SimRuns() || AnyThreadIs(busy, policy_->Processes()) || SimRuns()) return;
     if (asked.load() != wait) return;
     idle_ns.fetch_add(static_cast<uint64_t>(absl::ToInt64Nanoseconds(since)));
   };
-  count(cpu_page_->waits, AnyRuns, cpu_page_->idle_ns);
-  count(cpu_page_->starts, AnyRunsOrReads, cpu_page_->start_idle_ns);
+  count(cpu_page_->waits, "R", cpu_page_->idle_ns);
+  count(cpu_page_->starts, "RD", cpu_page_->start_idle_ns);
 }
 
 bool LeaseRunner::SimRuns() {
-  if (!sim_tree_.has_value()) return AnyRuns(sim_group_->Members());
+  if (!sim_tree_.has_value()) return AnyThreadIs("R", sim_group_->Members());
   sim_tree_->CpuNs(/*by_chance=*/false);
-  return AnyRuns(sim_tree_->members());
+  return AnyThreadIs("R", sim_tree_->members());
 }
 
 // The caller reuses the slot once this process is dead.

@@ -1,12 +1,14 @@
 #include "server/runner/log_keeper.h"
 
 #include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/sendfile.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
+#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
@@ -14,6 +16,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "protocol/lease/sim_channel.h"
 
 namespace myograde::server {
 namespace {
@@ -121,6 +124,39 @@ absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
     return Trouble("kept");
   }
   return next.empty() ? absl::OkStatus() : Write({next.data(), next.size()});
+}
+
+namespace {
+
+absl::Status TrajectoryTrouble(const std::string& path, const char* what) {
+  return absl::InternalError(
+      absl::StrCat("the trajectory ", path, " can't be ", what, ": ", std::strerror(errno)));
+}
+
+}  // namespace
+
+absl::StatusOr<TrajectoryFile> TrajectoryFile::Make(const std::string& path) {
+  Fd file(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!file.valid()) return TrajectoryTrouble(path, "made");
+  Fd memory(memfd_create("myograde-trajectory", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!memory.valid() || ftruncate(memory.get(), kMostTrajectoryFileBytes) != 0 ||
+      fcntl(memory.get(), F_ADD_SEALS, F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0) {
+    return TrajectoryTrouble(path, "given memory");
+  }
+  return TrajectoryFile(path, std::move(file), std::move(memory));
+}
+
+absl::Status TrajectoryFile::Keep(int64_t bytes) {
+  if (bytes <= 0 || bytes > kMostTrajectoryFileBytes) {
+    return absl::InternalError(
+        absl::StrCat("the simulator told of a trajectory of ", bytes, " bytes"));
+  }
+  for (off_t at = 0; at < bytes;) {
+    const ssize_t n = sendfile(file_.get(), memory_.get(), &at, static_cast<size_t>(bytes - at));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return TrajectoryTrouble(path_, "written");
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

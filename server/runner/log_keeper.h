@@ -1,8 +1,9 @@
-// Stores the logs of a lease's episodes: reads the bytes that the simulator sends and writes each
-// log to a file named after its content. No path leads through a place that a participant can write
-// to: the folder is opened once, before any sandbox exists, and files are created relative to it.
+// What leaves the simulator's sandbox to be kept: the logs of episodes, and a replay's trajectory.
+// No path leads through a place that a participant can write to: folders and files are opened
+// before any sandbox exists, and the logs' are created relative to theirs.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -17,6 +18,7 @@ namespace myograde::server {
 // The file name of a log in its folder.
 std::string LogFileName(const std::string& sha256);
 
+// Reads the bytes that the simulator sends and writes each log to a file named after its content.
 class LogKeeper {
  public:
   // `folder` must exist; `lease` makes the names of unfinished files unique; `budget` is the
@@ -61,6 +63,28 @@ class LogKeeper {
   Fd writer_;
   Fd file_;            // invalid between logs
   int64_t written_ = 0;  // to `file_`
+};
+
+// The trajectory of a replayed episode: a memory file that the simulator maps, as it can write no
+// other, and the file that its content is kept in.
+class TrajectoryFile {
+ public:
+  // Creates `path`, which must not exist yet, and the memory file.
+  static absl::StatusOr<TrajectoryFile> Make(const std::string& path);
+
+  // Of a fixed size, kMostTrajectoryFileBytes, which nobody can change.
+  int memory() const { return memory_.get(); }
+
+  // Copies the first `bytes` of the memory file to the file. InternalError: there can't be so many,
+  // or the copy fails; nothing is kept then.
+  absl::Status Keep(int64_t bytes);
+
+ private:
+  TrajectoryFile(std::string path, Fd file, Fd memory)
+      : path_(std::move(path)), file_(std::move(file)), memory_(std::move(memory)) {}
+  std::string path_;
+  Fd file_;
+  Fd memory_;
 };
 
 }  // namespace myograde::server

@@ -28,10 +28,9 @@
 #include "protocol/lease/lease.h"
 #include "server/base/paths.h"
 #include "server/base/plain_text.h"
-#include "server/base/stop_signals.h"
+#include "server/base/child_process.h"
 #include "server/runner/lease_runner.h"
 #include "server/runner/log_keeper.h"
-#include "server/runner/trajectory_file.h"
 #include "server/sandbox/control_group.h"
 
 namespace myograde::server {

@@ -16,7 +16,8 @@
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/sim_channel.h"
-#include "server/sandbox/seccomp_filter.h"
+#include "server/base/plain_text.h"
+#include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {
 namespace {
@@ -44,12 +45,7 @@ std::string LastLine(std::string text) {
   }
   while (!text.empty() && text.back() == '\n') text.pop_back();
   if (const size_t line = text.rfind('\n'); line != std::string::npos) text.erase(0, line + 1);
-  if (text.size() > kQuotedBytes) {
-    size_t start = text.size() - kQuotedBytes;
-    while (start < text.size() && (static_cast<unsigned char>(text[start]) & 0xC0) == 0x80) ++start;
-    text.erase(0, start);
-  }
-  return text;
+  return std::string(LastOf(text, kQuotedBytes));
 }
 
 // The library that the dynamic loader could not find, from the last line of its error message; ""

@@ -12,9 +12,8 @@
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
 #include "protocol/tracks/episode_facts.h"
-#include "server/base/output_tail.h"
+#include "server/base/child_process.h"
 #include "server/runner/log_keeper.h"
-#include "server/runner/trajectory_file.h"
 #include "server/sandbox/policy_sandbox.h"
 #include "server/sandbox/process_tree.h"
 

@@ -6,7 +6,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -41,12 +40,14 @@ absl::Status WriteOrder(const std::string& text, const std::string& path) {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order) {
-  return Start(order, "myograde-runner", LeaseOrderToJson(order).dump());
+  ASSIGN_OR_RETURN(Started started,
+                   Launch(order, "myograde-runner", LeaseOrderToJson(order).dump()));
+  return std::make_unique<RunnerProcess>(std::move(started));
 }
 
-absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order,
-                                                                    const std::string& name,
-                                                                    const std::string& text) {
+absl::StatusOr<RunnerProcess::Started> RunnerProcess::Launch(const LeaseOrder& order,
+                                                             const std::string& name,
+                                                             const std::string& text) {
   ASSIGN_OR_RETURN(std::string bin_dir, BinDir());
   const std::string program = absl::StrCat(bin_dir, "/", name);
   if (::access(program.c_str(), X_OK) != 0) {
@@ -64,14 +65,13 @@ absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseO
                                         .in = in.read.get(),
                                         .out = out.write.get(),
                                         .nice = order.background ? kBackgroundNice : kNice}));
-  return std::unique_ptr<RunnerProcess>(
-      new RunnerProcess(order.lease, std::move(child), std::move(in.write), std::move(out.read)));
+  return Started{order.lease, std::move(child), std::move(in.write), std::move(out.read)};
 }
 
 RunnerProcess::~RunnerProcess() { Kill(); }
 
 absl::StatusOr<std::vector<LeaseRecord>> RunnerProcess::Read() {
-  child_.Look();
+  started_.child.Look();
   std::vector<LeaseRecord> records;
   RETURN_IF_ERROR(DrainStdout(records));
   return records;
@@ -79,15 +79,15 @@ absl::StatusOr<std::vector<LeaseRecord>> RunnerProcess::Read() {
 
 absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
   char buffer[16 << 10];
-  while (stdout_.valid()) {
-    const ssize_t n = ::read(stdout_.get(), buffer, sizeof(buffer));
+  while (started_.records.valid()) {
+    const ssize_t n = ::read(started_.records.get(), buffer, sizeof(buffer));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0 && errno == EAGAIN) return absl::OkStatus();
     if (n <= 0) {
-      stdout_.reset();
+      started_.records.reset();
       if (line_.empty()) return absl::OkStatus();
       return absl::DataLossError(
-          absl::StrCat("the runner of lease ", lease_, " ended in the middle of a record"));
+          absl::StrCat("the runner of lease ", started_.lease, " ended in the middle of a record"));
     }
     line_.append(buffer, static_cast<size_t>(n));
     size_t start = 0;
@@ -96,7 +96,7 @@ absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
           LeaseRecordFromLine(std::string_view(line_).substr(start, end - start));
       if (!record.ok() || saw_end_) {
         return absl::DataLossError(absl::StrCat(
-            "the runner of lease ", lease_, " printed ",
+            "the runner of lease ", started_.lease, " printed ",
             saw_end_ ? "a record after its last one"
                      : absl::StrCat("what is no record: ", record.status().message())));
       }
@@ -106,7 +106,7 @@ absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
     line_.erase(0, start);
     if (line_.size() > kMaxRecordBytes) {
       return absl::DataLossError(
-          absl::StrCat("the runner of lease ", lease_, " printed a line without an end"));
+          absl::StrCat("the runner of lease ", started_.lease, " printed a line without an end"));
     }
   }
   return absl::OkStatus();
@@ -114,8 +114,8 @@ absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
 
 void RunnerProcess::AskToEnd() {
   if (dead()) return;
-  lifeline_.reset();
-  child_.Signal(SIGTERM);
+  started_.lifeline.reset();
+  started_.child.Signal(SIGTERM);
 }
 
 void RunnerProcess::Kill() {

@@ -3,8 +3,9 @@
 //   myograde-node --lifeline ORDER.json
 //   myograde-node --play [--cache DIR] [--configs DIR] [--node-dir DIR]
 //
-// The daemon starts the first on its own host, in the place of a runner (host.h); that has srun start
-// the second on a node (node.h). Exit status: 0 all was said, 2 wrong use, else as in host.h and node.h.
+// The daemon starts the first on its own host, in the place of a runner (lease_ends.h); that has
+// srun start the second on a node. Exit status: 0 all was said, 2 wrong use, else as in
+// lease_ends.h.
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -23,9 +24,8 @@
 #include "protocol/base/fd.h"
 #include "server/base/paths.h"
 #include "server/base/plain_text.h"
-#include "server/base/stop_signals.h"
-#include "server/executor/slurm/host.h"
-#include "server/executor/slurm/node.h"
+#include "server/base/child_process.h"
+#include "server/executor/slurm/lease_ends.h"
 #include "server/executor/slurm/node_proof.h"
 #include "server/sandbox/doctor.h"
 

@@ -1,4 +1,4 @@
-#include "server/executor/slurm/node.h"
+#include "server/executor/slurm/lease_ends.h"
 
 #include <poll.h>
 #include <unistd.h>
@@ -19,7 +19,7 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/output_tail.h"
+#include "server/base/child_process.h"
 #include "server/base/plain_text.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/node_dir.h"

@@ -5,12 +5,19 @@
 #include <absl/strings/str_cat.h>
 
 namespace myograde::server {
+namespace {
+
+constexpr char kNew[] = "new";
+constexpr char kProved[] = "proved";
+constexpr char kDrained[] = "drained";
+
+}  // namespace
 
 void NodeHealth::Proved(const std::string& name, const std::string& processor) {
   Node& node = nodes_[name];
-  node.processor = processor;
-  if (node.drained) return;
-  node.proved = true;
+  node.view.processor = processor;
+  if (node.view.state == kDrained) return;
+  node.view.state = kProved;
   node.prove_again = false;
 }
 
@@ -23,50 +30,49 @@ void NodeHealth::Unfit(const std::string& name, const std::string& why) {
 void NodeHealth::Ended(const std::string& name, bool badly, const std::string& why) {
   Node& node = nodes_[name];
   if (!badly) {
-    ++node.done;
+    ++node.view.done;
     node.bad_ends = 0;
     return;
   }
-  ++node.faults;
+  ++node.view.faults;
   if (++node.bad_ends < kMostBadEnds) return;
   Unfit(name, absl::StrCat(kMostBadEnds, " leases in a row ended badly there, the last one: ", why));
 }
 
-void NodeHealth::Began(const std::string& node) { ++nodes_[node].running; }
+void NodeHealth::Began(const std::string& node) { ++nodes_[node].view.running; }
 
-void NodeHealth::Left(const std::string& node) {
-  const auto it = nodes_.find(node);
-  if (it != nodes_.end() && it->second.running > 0) --it->second.running;
+void NodeHealth::Left(const std::string& name) {
+  const auto it = nodes_.find(name);
+  if (it != nodes_.end() && it->second.view.running > 0) --it->second.view.running;
 }
 
 void NodeHealth::Drain(const std::string& name, const std::string& why) {
-  Node& node = nodes_[name];
-  node.drained = true;
-  node.proved = false;
-  node.why = why;
+  NodeView& view = nodes_[name].view;
+  view.state = kDrained;
+  view.why = why;
 }
 
 void NodeHealth::Admit(const std::string& name) {
   Node& node = nodes_[name];
-  node.drained = node.proved = false;
+  node.view.state = kNew;
+  node.view.why.clear();
   node.prove_again = true;
-  node.why.clear();
   node.bad_ends = 0;
 }
 
 bool NodeHealth::drained(const std::string& name) const {
   const auto it = nodes_.find(name);
-  return it != nodes_.end() && it->second.drained;
+  return it != nodes_.end() && it->second.view.state == kDrained;
 }
 
 std::string NodeHealth::WhyDrained(const std::string& name) const {
-  return drained(name) ? nodes_.at(name).why : "";
+  return drained(name) ? nodes_.at(name).view.why : "";
 }
 
 std::vector<std::string> NodeHealth::Drained() const {
   std::vector<std::string> names;
   for (const auto& [name, node] : nodes_) {
-    if (node.drained) names.push_back(name);
+    if (node.view.state == kDrained) names.push_back(name);
   }
   return names;
 }
@@ -81,15 +87,7 @@ std::vector<std::string> NodeHealth::ToProveAgain() const {
 
 std::vector<NodeView> NodeHealth::Views() const {
   std::vector<NodeView> views;
-  for (const auto& [name, node] : nodes_) {
-    views.push_back({.name = name,
-                     .state = node.drained ? "drained" : node.proved ? "proved" : "new",
-                     .why = node.why,
-                     .processor = node.processor,
-                     .running = node.running,
-                     .done = node.done,
-                     .faults = node.faults});
-  }
+  for (const auto& [name, node] : nodes_) views.emplace_back(node.view).name = name;
   return views;
 }
 

@@ -5,7 +5,6 @@
 //    └──Admit──┴──────────► drained ◄────────┘
 #pragma once
 
-#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -47,15 +46,9 @@ class NodeHealth {
 
  private:
   struct Node {
-    bool proved = false;
-    bool drained = false;
+    NodeView view;  // without its name
     bool prove_again = false;
-    std::string why;
-    std::string processor;
     int bad_ends = 0;  // in a row
-    int running = 0;
-    int64_t done = 0;
-    int64_t faults = 0;
   };
   std::map<std::string, Node> nodes_;
   std::vector<DrainedNode> news_;

@@ -17,13 +17,14 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
-#include "server/base/output_tail.h"
 #include "server/base/paths.h"
+#include "server/base/plain_text.h"
 #include "server/base/this_host.h"
 #include "server/executor/slurm/node_dir.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/sandbox/doctor.h"
+#include "server/sandbox/kernel_files.h"
 #include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
@@ -113,11 +114,8 @@ std::string NodeName() {
 }
 
 std::string ProcessorName() {
-  const std::string text = ReadFile("/proc/cpuinfo").value_or("");
-  const size_t key = text.find("model name");
-  const size_t colon = text.find(": ", key);
-  if (key == std::string::npos || colon == std::string::npos) return "unknown";
-  return PrintableUtf8(text.substr(colon + 2, text.find('\n', colon) - colon - 2));
+  const std::string name = KernelValue(ReadKernelFile("/proc/cpuinfo"), "model name");
+  return name.starts_with(": ") ? PrintableUtf8(name.substr(2)) : "unknown";
 }
 
 std::string BuildDifference(const std::string& expected, const std::string& found) {

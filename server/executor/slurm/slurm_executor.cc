@@ -17,7 +17,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
-#include "server/base/output_tail.h"
+#include "server/base/plain_text.h"
 #include "server/base/secret.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/srun.h"
@@ -45,25 +45,22 @@ absl::Status CheckNodeName(const std::string& node) {
 }  // namespace
 
 // A lease on the cluster, as the engine sees it.
-class SlurmExecutor::Lease : public Runner {
+class SlurmExecutor::Lease : public RunnerProcess {
  public:
-  // Its job, of this comment, is none to cancel from now on.
-  Lease(SlurmExecutor& executor, std::string comment) : executor_(executor), comment_(std::move(comment)) {
+  Lease(SlurmExecutor& executor, std::string comment, Started process)
+      : RunnerProcess(std::move(process)), executor_(executor), comment_(std::move(comment)) {
     const MutexLock lock(executor_.mutex_);
-    executor_.leases_.emplace(comment_, this);
+    executor_.leases_[comment_] = this;
   }
-  void Follow(std::unique_ptr<RunnerProcess> process) { process_ = std::move(process); }
   ~Lease() override {
-    process_.reset();
+    Kill();
     const MutexLock lock(executor_.mutex_);
     executor_.leases_.erase(comment_);
     if (!here_.node.empty()) executor_.health_.Left(here_.node);
   }
 
-  int stdout_fd() const override { return process_->stdout_fd(); }
-  int stderr_fd() const override { return process_->stderr_fd(); }
   absl::StatusOr<std::vector<LeaseRecord>> Read() override {
-    ASSIGN_OR_RETURN(std::vector<LeaseRecord> records, process_->Read());
+    ASSIGN_OR_RETURN(std::vector<LeaseRecord> records, RunnerProcess::Read());
     std::erase_if(records, [&](const LeaseRecord& record) {
       const auto* node = std::get_if<NodeRecord>(&record);
       if (node != nullptr) Take(*node);
@@ -73,18 +70,10 @@ class SlurmExecutor::Lease : public Runner {
     return records;
   }
   // One that was lost is for the engine to return.
-  bool finished() override { return process_->finished() && lost().empty(); }
-  bool dead() override { return process_->dead(); }
-  void AskToEnd() override { process_->AskToEnd(); }
-  void KillNow() override { process_->KillNow(); }
+  bool finished() override { return RunnerProcess::finished() && lost().empty(); }
   bool begun() const override { return begun_; }
   std::string lost() const override { return here_.lost; }
-  RunnerSite site() const override {
-    return {.node = here_.node, .job = here_.job, .cpu_s = here_.cpu_s, .energy_j = here_.energy_j};
-  }
-  pid_t pid() const override { return process_->pid(); }
-  int wait_status() const override { return process_->wait_status(); }
-  std::string stderr_tail() const override { return process_->stderr_tail(); }
+  RunnerSite site() const override { return here_; }
 
   // Why no job can be had for it; "": it has one, or waits for one.
   const std::string& trouble() const { return here_.trouble; }
@@ -117,7 +106,6 @@ class SlurmExecutor::Lease : public Runner {
 
   SlurmExecutor& executor_;
   const std::string comment_;  // of its job
-  std::unique_ptr<RunnerProcess> process_;
   NodeRecord here_;
   bool begun_ = false;
 };
@@ -148,16 +136,19 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
       absl::StrCat(subject.lease, "-", subject.attempt, "-",
                    HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
   ASSIGN_OR_RETURN(const std::string text, OrderText(order, subject, comment));
-  auto lease = std::make_unique<Lease>(*this, comment);
   RETURN_IF_ERROR(MakeWorkDir(order.work_dir));
-  absl::StatusOr<std::unique_ptr<RunnerProcess>> process =
-      RunnerProcess::Start(order, "myograde-node", text);
-  if (!process.ok()) {
-    CleanUp(order.work_dir);
-    return process.status();
+  {
+    // Its job, of this comment, is none to cancel from now on.
+    const MutexLock lock(mutex_);
+    leases_.emplace(comment, nullptr);
   }
-  lease->Follow(*std::move(process));
-  return lease;
+  absl::StatusOr<RunnerProcess::Started> process =
+      RunnerProcess::Launch(order, "myograde-node", text);
+  if (process.ok()) return std::make_unique<Lease>(*this, comment, *std::move(process));
+  CleanUp(order.work_dir);
+  const MutexLock lock(mutex_);
+  leases_.erase(comment);
+  return process.status();
 }
 
 absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
@@ -289,7 +280,7 @@ std::string SlurmExecutor::CannotStart() const {
                         "; repair them, then \"myograde cluster admit NODE\"");
   }
   for (const auto& [comment, lease] : leases_) {
-    if (!lease->trouble().empty()) {
+    if (lease != nullptr && !lease->trouble().empty()) {
       return absl::StrCat("the cluster takes no jobs: ", lease->trouble());
     }
   }

@@ -71,7 +71,8 @@ class SlurmExecutor : public Executor {
   mutable Mutex mutex_;
   Condition news_;
   NodeHealth health_ ABSL_GUARDED_BY(mutex_);
-  std::map<std::string, const Lease*> leases_ ABSL_GUARDED_BY(mutex_);  // by their jobs' comments
+  // By their jobs' comments; null: it is being started.
+  std::map<std::string, const Lease*> leases_ ABSL_GUARDED_BY(mutex_);
   // Why jobs of an earlier daemon are not cancelled yet; "": they are.
   std::string unseen_ ABSL_GUARDED_BY(mutex_);
   // That Slurm gives jobs, while any node is drained; none: not known.

@@ -1,5 +1,5 @@
 // The memory file that a simulator writes a trajectory to.
-#include "server/runner/trajectory_file.h"
+#include "server/runner/log_keeper.h"
 
 #include <sys/mman.h>
 #include <unistd.h>
