@@ -48,6 +48,54 @@ Fd OpenByNames(int root, const std::string& path, int flags, mode_t mode) {
   }
 }
 
+// Lists what is below `folder`, which is "" for the top.
+absl::Status ListBelow(int root, const std::string& folder, FolderOf whose, Listing& listing);
+
+// Lists one entry, and what is below it.
+absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Listing& listing) {
+  const bool submitted = whose == FolderOf::kParticipant;
+  ASSIGN_OR_RETURN(const std::string path, listing.CleanPath(raw_path));
+  const Fd fd = OpenBeneath(root, path, O_PATH);
+  struct stat info = {};
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(path, whose);
+  if (S_ISDIR(info.st_mode)) {
+    RETURN_IF_ERROR(listing.Add(path, EntryType::kFolder).status());
+    return ListBelow(root, path, whose, listing);
+  }
+  if (S_ISLNK(info.st_mode)) {
+    const std::string target = TargetOf(fd.get());
+    // An image's links lead where they like.
+    if (submitted) RETURN_IF_ERROR(CheckLinkTarget(path, target));
+    ASSIGN_OR_RETURN(Entry* const link, listing.Add(path, EntryType::kLink));
+    link->target = target;
+    return absl::OkStatus();
+  }
+  if (!S_ISREG(info.st_mode)) {
+    const std::string what = absl::StrCat(Quoted(path), " is no file, folder or symbolic link");
+    return submitted ? absl::InvalidArgumentError(absl::StrCat(what, "; remove it"))
+                     : absl::DataLossError(absl::StrCat("the submission's ", what));
+  }
+  if (submitted && (info.st_mode & (S_ISUID | S_ISGID)) != 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), " has the setuid or setgid bit; remove it with chmod a-s"));
+  }
+  ASSIGN_OR_RETURN(Entry* const entry, listing.Add(path, EntryType::kFile));
+  entry->size = info.st_size;
+  entry->time = KeptTime(info.st_mtim.tv_sec);
+  entry->executable = (info.st_mode & 0111) != 0;
+  return listing.AddBytes(path, info.st_size);
+}
+
+absl::Status ListBelow(int root, const std::string& folder, FolderOf whose, Listing& listing) {
+  const Fd fd = OpenBeneath(root, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+  const auto names = fd.valid() ? NamesIn(fd.get()) : std::nullopt;
+  if (!names.has_value()) return Unreadable(folder.empty() ? "the folder" : folder, whose);
+  for (const std::string& name : *names) {
+    RETURN_IF_ERROR(ListEntry(root, folder.empty() ? name : folder + "/" + name, whose, listing));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<Fd> MakeFolderToFill(const std::string& path) {
@@ -146,68 +194,8 @@ absl::Status MakeFileBeneath(int root, const std::string& path, Entry& entry,
   return absl::OkStatus();
 }
 
-namespace {
-
-class FolderLister {
- public:
-  FolderLister(int root, FolderOf whose, Listing& listing)
-      : root_(root), whose_(whose), listing_(listing) {}
-
-  // `folder` is "" for the top.
-  absl::Status List(const std::string& folder) {
-    const Fd fd = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
-    const auto names = fd.valid() ? NamesIn(fd.get()) : std::nullopt;
-    if (!names.has_value()) return Unreadable(folder.empty() ? "the folder" : folder, whose_);
-    for (const std::string& name : *names) {
-      RETURN_IF_ERROR(Take(folder.empty() ? name : folder + "/" + name));
-    }
-    return absl::OkStatus();
-  }
-
- private:
-  absl::Status Take(const std::string& raw_path) {
-    const bool submitted = whose_ == FolderOf::kParticipant;
-    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw_path));
-    const Fd fd = OpenBeneath(root_, path, O_PATH);
-    struct stat info = {};
-    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(path, whose_);
-    if (S_ISDIR(info.st_mode)) {
-      RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
-      return List(path);
-    }
-    if (S_ISLNK(info.st_mode)) {
-      const std::string target = TargetOf(fd.get());
-      // An image's links lead where they like.
-      if (submitted) RETURN_IF_ERROR(CheckLinkTarget(path, target));
-      ASSIGN_OR_RETURN(Entry* const link, listing_.Add(path, EntryType::kLink));
-      link->target = target;
-      return absl::OkStatus();
-    }
-    if (!S_ISREG(info.st_mode)) {
-      const std::string what = absl::StrCat(Quoted(path), " is no file, folder or symbolic link");
-      return submitted ? absl::InvalidArgumentError(absl::StrCat(what, "; remove it"))
-                       : absl::DataLossError(absl::StrCat("the submission's ", what));
-    }
-    if (submitted && (info.st_mode & (S_ISUID | S_ISGID)) != 0) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(Quoted(path), " has the setuid or setgid bit; remove it with chmod a-s"));
-    }
-    ASSIGN_OR_RETURN(Entry* const entry, listing_.Add(path, EntryType::kFile));
-    entry->size = info.st_size;
-    entry->time = KeptTime(info.st_mtim.tv_sec);
-    entry->executable = (info.st_mode & 0111) != 0;
-    return listing_.AddBytes(path, info.st_size);
-  }
-
-  const int root_;
-  const FolderOf whose_;
-  Listing& listing_;
-};
-
-}  // namespace
-
 absl::Status ListFolder(int root, FolderOf whose, Listing& listing) {
-  return FolderLister(root, whose, listing).List("");
+  return ListBelow(root, "", whose, listing);
 }
 
 absl::Status Unreadable(const std::string& path, FolderOf whose) {

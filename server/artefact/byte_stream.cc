@@ -70,10 +70,7 @@ StreamArchive::StreamArchive(ByteStream& from, Form form)
   if (form == Form::kTar) {
     archive_read_support_format_tar(reader);
   } else {
-    for (const Compression each : {Compression::kGzip, Compression::kZstd, Compression::kXz,
-                                   Compression::kBzip2}) {
-      SupportCompression(reader, each);
-    }
+    SupportCompression(reader);
     archive_read_support_format_raw(reader);
   }
   archive_read_support_format_empty(reader);
@@ -135,27 +132,24 @@ absl::StatusOr<std::string_view> EntryStream::Next() {
   return archive_.NextData();
 }
 
-Compression CompressionOf(int file) {
+bool IsCompressed(int file) {
   std::array<char, 6> bytes = {};
   const ssize_t got = ::pread(file, bytes.data(), bytes.size(), 0);
   const std::string_view magic(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
   using std::string_view_literals::operator""sv;
-  if (magic.starts_with("\x1f\x8b")) return Compression::kGzip;
-  if (magic.starts_with("\xfd" "7zXZ\0"sv)) return Compression::kXz;
-  if (magic.starts_with("BZh")) return Compression::kBzip2;
+  for (const std::string_view known :
+       {"\x1f\x8b"sv, "\xfd" "7zXZ\0"sv, "BZh"sv, "\x28\xb5\x2f\xfd"sv}) {
+    if (magic.starts_with(known)) return true;
+  }
   // A skippable frame may precede zstd's own.
-  const bool skippable = magic.size() >= 4 && (magic[0] & 0xf0) == 0x50 && magic.substr(1, 3) == "\x2a\x4d\x18";
-  return magic.starts_with("\x28\xb5\x2f\xfd") || skippable ? Compression::kZstd : Compression::kNone;
+  return magic.size() >= 4 && (magic[0] & 0xf0) == 0x50 && magic.substr(1, 3) == "\x2a\x4d\x18";
 }
 
-void SupportCompression(archive* reader, Compression compression) {
-  switch (compression) {
-    case Compression::kNone: return;
-    case Compression::kGzip: archive_read_support_filter_gzip(reader); return;
-    case Compression::kZstd: archive_read_support_filter_zstd(reader); return;
-    case Compression::kXz: archive_read_support_filter_xz(reader); return;
-    case Compression::kBzip2: archive_read_support_filter_bzip2(reader); return;
-  }
+void SupportCompression(archive* reader) {
+  archive_read_support_filter_gzip(reader);
+  archive_read_support_filter_zstd(reader);
+  archive_read_support_filter_xz(reader);
+  archive_read_support_filter_bzip2(reader);
 }
 
 }  // namespace myograde::server

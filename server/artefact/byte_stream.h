@@ -108,12 +108,9 @@ class EntryStream : public ByteStream {
   bool empty_ = false;
 };
 
-// How a file is compressed, by its first bytes.
-enum class Compression { kNone, kGzip, kZstd, kXz, kBzip2 };
-Compression CompressionOf(int file);
-inline bool IsCompressed(int file) { return CompressionOf(file) != Compression::kNone; }
-
-// Lets a reader undo it, and no other.
-void SupportCompression(archive* reader, Compression compression);
+// Whether a file is compressed in a way that is accepted, by its first bytes.
+bool IsCompressed(int file);
+// Lets a reader undo any of these ways.
+void SupportCompression(archive* reader);
 
 }  // namespace myograde::server

@@ -10,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/image_archive.h"
@@ -264,13 +265,7 @@ absl::StatusOr<std::string> ImageTree::ReadText(const std::string& path) const {
   }
   const Fd file = OpenBeneath(root_, real, O_RDONLY | O_NONBLOCK);
   if (!file.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(real)));
-  std::string text;
-  FileStream stream(file.get());
-  for (;;) {
-    ASSIGN_OR_RETURN(const std::string_view piece, stream.Next());
-    if (piece.empty()) return text;
-    text += piece;
-  }
+  return ReadAll(file.get(), path);
 }
 
 absl::Status ImageTree::AddText(const std::string& path, std::string_view text) {

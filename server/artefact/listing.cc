@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <functional>
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
@@ -20,10 +22,7 @@ absl::Status Broken(std::string_view path, absl::string_view rule) {
 }
 
 bool HasControlCharacter(std::string_view text) {
-  for (const char c : text) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return true;
-  }
-  return false;
+  return std::ranges::any_of(text, absl::ascii_iscntrl);
 }
 
 }  // namespace
@@ -31,9 +30,7 @@ bool HasControlCharacter(std::string_view text) {
 std::string Quoted(std::string_view path) {
   constexpr size_t kShown = 120;
   std::string shown(path.substr(0, kShown));
-  for (char& c : shown) {
-    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = '?';
-  }
+  std::ranges::replace_if(shown, std::not_fn(absl::ascii_isprint), '?');
   return absl::StrCat("\"", shown, path.size() > kShown ? "..." : "", "\"");
 }
 
@@ -160,9 +157,7 @@ absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
 std::string ArchiveReason(archive* reader) {
   const char* text = archive_error_string(reader);
   std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
-  for (char& c : reason) {
-    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = ' ';
-  }
+  std::ranges::replace_if(reason, std::not_fn(absl::ascii_isprint), ' ');
   reason.erase(reason.find_last_not_of(' ') + 1);
   return reason;
 }

@@ -209,16 +209,6 @@ absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
   });
 }
 
-// A reader for the documented kinds of archive only: each further parser of libarchive adds attack
-// surface.
-std::unique_ptr<archive, ArchiveReader> MakeReader(Compression compression) {
-  std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
-  SupportCompression(reader.get(), compression);
-  archive_read_support_format_tar(reader.get());
-  archive_read_support_format_zip(reader.get());
-  return reader;
-}
-
 // Archives from Windows have no modes, or have them for .bat and the like. Where no program can be executed
 // and the submission needs one that can, its programs and scripts become executable.
 absl::Status AddModes(int folder, Listing& listing) {
@@ -245,8 +235,11 @@ absl::Status AddModes(int folder, Listing& listing) {
 absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimits& limits,
                                     const ByteProgress& progress) {
   const Utf8Names utf8_names;
-  const Compression compression = CompressionOf(archive);
-  const auto reader = MakeReader(compression);
+  // The documented kinds of archive only: each further parser of libarchive adds attack surface.
+  const std::unique_ptr<struct archive, ArchiveReader> reader(archive_read_new());
+  SupportCompression(reader.get());
+  archive_read_support_format_tar(reader.get());
+  archive_read_support_format_zip(reader.get());
   struct stat info = {};
   const int64_t total = progress && ::fstat(archive, &info) == 0 ? info.st_size : 0;
   Unpacker unpacker(reader.get(), folder, limits, FolderOf::kParticipant, [&] {
@@ -259,7 +252,7 @@ absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimit
         "zip)");
   }
   // One layer besides the file itself: nested bombs multiply.
-  if (archive_filter_count(reader.get()) > (compression == Compression::kNone ? 1 : 2)) {
+  if (archive_filter_count(reader.get()) > (IsCompressed(archive) ? 2 : 1)) {
     return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
   }
   RETURN_IF_ERROR(unpacker.UnpackAll());
@@ -319,6 +312,19 @@ absl::Status UnpackStream(const ByteSource& source, const std::string& digest, i
                                           ", and is to be ", digest));
 }
 
+// What `unpack` makes of the opened archive and folder; after an error there is no folder.
+template <typename Result, typename Unpack>
+Result UnpackInto(const std::string& archive, const std::string& destination,
+                  const Unpack& unpack) {
+  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
+  Result result = unpack(place.archive.get(), place.folder.get());
+  if (!result.ok()) {
+    std::error_code ignored;  // the first error is the one to report
+    std::filesystem::remove_all(destination, ignored);
+  }
+  return result;
+}
+
 }  // namespace
 
 absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
@@ -344,23 +350,6 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
                   .bytes = listing.bytes(),
                   .files = static_cast<int64_t>(listing.entries().size())};
 }
-
-namespace {
-
-// What `unpack` makes of the opened archive and folder; after an error there is no folder.
-template <typename Result, typename Unpack>
-Result UnpackInto(const std::string& archive, const std::string& destination,
-                  const Unpack& unpack) {
-  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
-  Result result = unpack(place.archive.get(), place.folder.get());
-  if (!result.ok()) {
-    std::error_code ignored;  // the first error is the one to report
-    std::filesystem::remove_all(destination, ignored);
-  }
-  return result;
-}
-
-}  // namespace
 
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
                                         const ArtefactLimits& limits,

@@ -126,17 +126,6 @@ absl::Status LoadFilter() {
   return absl::OkStatus();
 }
 
-}  // namespace
-
-absl::Status ConfineUnpacking(int folder) {
-  UseLibrariesOnce();
-  RETURN_IF_ERROR(EnterFolder(folder));
-  RETURN_IF_ERROR(DropRights());
-  return LoadFilter();
-}
-
-namespace {
-
 // How much nicer than the daemon it is: many uploads must not starve the daemon's own threads.
 constexpr int kNice = 10;
 constexpr size_t kMaxAnswer = 8 << 20;  // a manifest is at most 64 KiB
@@ -267,6 +256,13 @@ absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& b
 }
 
 }  // namespace
+
+absl::Status ConfineUnpacking(int folder) {
+  UseLibrariesOnce();
+  RETURN_IF_ERROR(EnterFolder(folder));
+  RETURN_IF_ERROR(DropRights());
+  return LoadFilter();
+}
 
 absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::string& destination,
                                          const ArtefactLimits& limits, const UnpackBudget& budget) {

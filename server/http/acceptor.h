@@ -53,8 +53,6 @@ class Acceptor {
   void RestoreSpare();
 
  private:
-  Outcome AcceptWithSpare(const Listener& listener, AcceptedSocket& accepted);
-
   std::vector<Fd> spare_;  // descriptors to give up when there are no others
 };
 

@@ -30,6 +30,17 @@ int RankOf(const Connection& connection) {
   return 4;
 }
 
+const ApiError kAllBusy = {429, "too_many",
+                           "all connections that you may have are busy; let one of them end first"};
+
+// Who only sends no more still waits for an answer; but over TCP that is all that is seen of
+// somebody who has left.
+bool HasHungUp(const AcceptedSocket& accepted) {
+  const short left = accepted.peer.network ? POLLRDHUP : short{0};
+  pollfd entry = {accepted.socket.get(), left, 0};
+  return ::poll(&entry, 1, 0) == 1 && (entry.revents & (POLLHUP | POLLERR | left)) != 0;
+}
+
 }  // namespace
 
 int MaxConnections(const Peer& peer, const HttpLimits& limits) {
@@ -107,21 +118,6 @@ void ConnectionTable::Remove(Connection& connection) {
   if (!load->peer.organiser) --others_;
   if (--load->connections == 0) peers_.erase(load->peer.key);
 }
-
-namespace {
-
-const ApiError kAllBusy = {429, "too_many",
-                           "all connections that you may have are busy; let one of them end first"};
-
-// Who only sends no more still waits for an answer; but over TCP that is all that is seen of
-// somebody who has left.
-bool HasHungUp(const AcceptedSocket& accepted) {
-  const short left = accepted.peer.network ? POLLRDHUP : short{0};
-  pollfd entry = {accepted.socket.get(), left, 0};
-  return ::poll(&entry, 1, 0) == 1 && (entry.revents & (POLLHUP | POLLERR | left)) != 0;
-}
-
-}  // namespace
 
 void WaitingConnections::Add(AcceptedSocket accepted, absl::Duration until) {
   const auto own = lines_.find(accepted.peer.key);

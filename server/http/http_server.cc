@@ -137,6 +137,7 @@ void HttpServer::Shutdown() {
   workers_.clear();
   queue_.Clear();
   connections_ = ConnectionTable(limits_);
+  handshakes_.join();  // its threads may not have let go yet of what they did for the connections
   io_.reset();
 }
 

@@ -23,6 +23,11 @@ namespace {
 
 constexpr size_t kBufferBytes = 64 << 10;
 
+absl::Status TrajectoryTrouble(const std::string& path, const char* what) {
+  return absl::InternalError(
+      absl::StrCat("the trajectory ", path, " can't be ", what, ": ", std::strerror(errno)));
+}
+
 }  // namespace
 
 std::string LogFileName(const std::string& sha256) { return sha256 + ".lcmlog.zst"; }
@@ -125,15 +130,6 @@ absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
   }
   return next.empty() ? absl::OkStatus() : Write({next.data(), next.size()});
 }
-
-namespace {
-
-absl::Status TrajectoryTrouble(const std::string& path, const char* what) {
-  return absl::InternalError(
-      absl::StrCat("the trajectory ", path, " can't be ", what, ": ", std::strerror(errno)));
-}
-
-}  // namespace
 
 absl::StatusOr<TrajectoryFile> TrajectoryFile::Make(const std::string& path) {
   Fd file(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));

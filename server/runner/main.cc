@@ -57,18 +57,6 @@ absl::StatusOr<LeaseOrder> ReadOrder(const std::string& path) {
   return order;
 }
 
-absl::StatusOr<std::optional<LogKeeper>> OpenLogs(const LeaseOrder& order) {
-  if (order.log_dir.empty()) return std::nullopt;
-  ASSIGN_OR_RETURN(LogKeeper keeper, LogKeeper::Open(order.log_dir, order.lease, order.log_bytes));
-  return std::optional<LogKeeper>(std::move(keeper));
-}
-
-absl::StatusOr<std::optional<TrajectoryFile>> OpenTrajectory(const LeaseOrder& order) {
-  if (order.trajectory.empty()) return std::nullopt;
-  ASSIGN_OR_RETURN(TrajectoryFile file, TrajectoryFile::Make(order.trajectory));
-  return std::optional<TrajectoryFile>(std::move(file));
-}
-
 absl::StatusOr<std::vector<Fd>> OpenReplays(const LeaseOrder& order) {
   std::vector<Fd> files;
   for (const std::string& path : order.replay) {
@@ -125,9 +113,17 @@ absl::StatusOr<bool> Play(const std::string& path, int stop, const Fd& signals) 
   ASSIGN_OR_RETURN(const SandboxConfig config, LoadSandboxConfig(ConfigDir()));
   order.log_bytes = config.sim.log_bytes;
   // Open them before entering the stage, where their paths may be hidden.
-  ASSIGN_OR_RETURN(std::optional<LogKeeper> logs, OpenLogs(order));
+  std::optional<LogKeeper> logs;
+  if (!order.log_dir.empty()) {
+    ASSIGN_OR_RETURN(LogKeeper keeper,
+                     LogKeeper::Open(order.log_dir, order.lease, order.log_bytes));
+    logs.emplace(std::move(keeper));
+  }
   ASSIGN_OR_RETURN(const std::vector<Fd> replays, OpenReplays(order));
-  ASSIGN_OR_RETURN(std::optional<TrajectoryFile> trajectory, OpenTrajectory(order));
+  std::optional<TrajectoryFile> trajectory;
+  if (!order.trajectory.empty()) {
+    ASSIGN_OR_RETURN(trajectory, TrajectoryFile::Make(order.trajectory));
+  }
   ControlGroup::RemoveStale();
   ASSIGN_OR_RETURN(const Stage stage, Stage::Enter(StagedSources(order, bin_dir)));
   ASSIGN_OR_RETURN(const EtcFiles etc, StageEtcFiles(order, stage));

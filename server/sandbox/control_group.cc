@@ -208,17 +208,16 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
       if (access((parent + "/cgroup.procs").c_str(), W_OK) != 0) continue;
       const std::string folder = parent + "/" + name;
       if (!Make(folder)) continue;
-      controllers_.version = 2;
-      controllers_.memory = WriteKernelFile(folder + "/memory.max", std::to_string(limits.memory_bytes));
-      WriteKernelFile(folder + "/memory.swap.max", "0");
-      controllers_.pids = WriteKernelFile(folder + "/pids.max", std::to_string(limits.tasks));
-      controllers_.cpu =
-          limits.cpus.has_value() &&
-          WriteKernelFile(folder + "/cpu.max", absl::StrCat(CpuQuota(*limits.cpus), " ", kCpuPeriodUs));
-      controllers_.cpu_account = true;
-      if (limits.background) WriteKernelFile(folder + "/cpu.weight", kBackgroundWeight);
-      memory_ = controllers_.memory ? folder : "";
-      pids_ = controllers_.pids ? folder : "";
+      const auto write = [&](const char* file, const std::string& text) {
+        return WriteKernelFile(folder + file, text);
+      };
+      version_ = 2;
+      if (write("/memory.max", std::to_string(limits.memory_bytes))) memory_ = folder;
+      write("/memory.swap.max", "0");
+      if (write("/pids.max", std::to_string(limits.tasks))) pids_ = folder;
+      cpu_limited_ = limits.cpus.has_value() &&
+                     write("/cpu.max", absl::StrCat(CpuQuota(*limits.cpus), " ", kCpuPeriodUs));
+      if (limits.background) write("/cpu.weight", kBackgroundWeight);
       cpu_account_ = folder;
       return true;
     }
@@ -234,27 +233,23 @@ void ControlGroup::TryVersion1(const std::string& name, const GroupLimits& limit
     if (!has("memory") && !has("pids") && !has("cpu") && !has("cpuacct")) continue;
     const std::string folder = hierarchy.folder + "/" + name;
     if (!Make(folder)) continue;
-    controllers_.version = 1;
-    if (has("memory") &&
-        WriteKernelFile(folder + "/memory.limit_in_bytes", std::to_string(limits.memory_bytes))) {
-      controllers_.memory = true;
+    const auto write = [&](const char* file, const std::string& text) {
+      return WriteKernelFile(folder + file, text);
+    };
+    version_ = 1;
+    const std::string memory = std::to_string(limits.memory_bytes);
+    if (has("memory") && write("/memory.limit_in_bytes", memory)) {
       memory_ = folder;
-      WriteKernelFile(folder + "/memory.memsw.limit_in_bytes", std::to_string(limits.memory_bytes));
-      WriteKernelFile(folder + "/memory.swappiness", "0");
+      write("/memory.memsw.limit_in_bytes", memory);
+      write("/memory.swappiness", "0");
     }
-    if (has("pids") && WriteKernelFile(folder + "/pids.max", std::to_string(limits.tasks))) {
-      controllers_.pids = true;
-      pids_ = folder;
-    }
+    if (has("pids") && write("/pids.max", std::to_string(limits.tasks))) pids_ = folder;
     if (has("cpu") && limits.cpus.has_value()) {
-      controllers_.cpu = WriteKernelFile(folder + "/cpu.cfs_period_us", std::to_string(kCpuPeriodUs)) &&
-                         WriteKernelFile(folder + "/cpu.cfs_quota_us", CpuQuota(*limits.cpus));
+      cpu_limited_ = write("/cpu.cfs_period_us", std::to_string(kCpuPeriodUs)) &&
+                     write("/cpu.cfs_quota_us", CpuQuota(*limits.cpus));
     }
-    if (has("cpu") && limits.background) WriteKernelFile(folder + "/cpu.shares", kBackgroundShares);
-    if (has("cpuacct")) {
-      controllers_.cpu_account = true;
-      cpu_account_ = folder;
-    }
+    if (has("cpu") && limits.background) write("/cpu.shares", kBackgroundShares);
+    if (has("cpuacct")) cpu_account_ = folder;
   }
 }
 
@@ -276,8 +271,8 @@ std::vector<int> ControlGroup::join_fds() const {
 }
 
 bool ControlGroup::Withhold(int64_t bytes) {
-  if (memory_.empty() || controllers_.version == 2) {
-    return controllers_.version == 2 || bytes <= memory_bytes_;
+  if (memory_.empty() || version_ == 2) {
+    return version_ == 2 || bytes <= memory_bytes_;
   }
   // Small changes are not worth the kernel's work.
   const int64_t rounded = bytes & ~int64_t{0xfffff};
@@ -290,20 +285,20 @@ bool ControlGroup::Withhold(int64_t bytes) {
 
 int64_t ControlGroup::cpu_ns() const {
   if (cpu_account_.empty()) return -1;
-  if (controllers_.version == 2) return ReadKey(cpu_account_ + "/cpu.stat", "usage_usec") * 1000;
+  if (version_ == 2) return ReadKey(cpu_account_ + "/cpu.stat", "usage_usec") * 1000;
   return KernelNumber(ReadKernelFile(cpu_account_ + "/cpuacct.usage"), "", -1);
 }
 
 int64_t ControlGroup::peak_memory_bytes() const {
   if (memory_.empty()) return 0;
   return KernelNumber(
-      ReadKernelFile(memory_ + (controllers_.version == 2 ? "/memory.peak"
+      ReadKernelFile(memory_ + (version_ == 2 ? "/memory.peak"
                                                           : "/memory.max_usage_in_bytes")), "");
 }
 
 int64_t ControlGroup::oom_kills() const {
   if (memory_.empty()) return 0;
-  return ReadKey(memory_ + (controllers_.version == 2 ? "/memory.events" : "/memory.oom_control"),
+  return ReadKey(memory_ + (version_ == 2 ? "/memory.events" : "/memory.oom_control"),
                  "oom_kill");
 }
 
@@ -325,7 +320,7 @@ std::vector<pid_t> ControlGroup::Members() const {
 bool ControlGroup::KillAll(absl::Duration timeout) {
   const Deadline deadline(timeout);
   // Version 2 can kill all at once, which no fork can race.
-  if (controllers_.version == 2) WriteKernelFile(folders_.front() + "/cgroup.kill", "1");
+  if (version_ == 2) WriteKernelFile(folders_.front() + "/cgroup.kill", "1");
   while (true) {
     const std::vector<pid_t> members = Members();
     if (members.empty()) return true;

@@ -95,7 +95,9 @@ class ControlGroup {
   ControlGroup(const ControlGroup&) = delete;
   ControlGroup& operator=(const ControlGroup&) = delete;
 
-  const GroupControllers& controllers() const { return controllers_; }
+  GroupControllers controllers() const {
+    return {version_, !memory_.empty(), !pids_.empty(), cpu_limited_, !cpu_account_.empty()};
+  }
 
   // Descriptors of the groups' process lists: a child joins by writing "0" to each (before it gives
   // up its uid).
@@ -129,7 +131,8 @@ class ControlGroup {
   void TryVersion1(const std::string& name, const GroupLimits& limits);
 
   const CgroupHost& host_;
-  GroupControllers controllers_;
+  int version_ = 0;
+  bool cpu_limited_ = false;
   std::vector<std::string> folders_;  // all that were created
   std::vector<Fd> locks_;             // on each of them, until it is removed
   int64_t memory_bytes_ = 0;          // the limit

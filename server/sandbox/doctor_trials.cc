@@ -70,6 +70,89 @@ bool Drain(int fd, std::string& output) {
   }
 }
 
+constexpr int kBatches = 5;
+constexpr int kMessages = 1000;  // per batch
+// Messages per graded step: two between simulator, bridge and policy, plus the cost of multicast
+// and caches (sim/README.md).
+constexpr double kOfAStep = 6;
+// Above this, a step (a millisecond of physics) loses a tenth of its time to messages.
+constexpr absl::Duration kSlow = absl::Microseconds(15);
+
+void Keep(int processor) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(processor, &set);
+  sched_setaffinity(0, sizeof(set), &set);
+}
+
+// Echoes each byte until the other end is closed.
+[[noreturn]] void Answer(int socket) {
+  char byte;
+  while (read(socket, &byte, 1) == 1 && write(socket, &byte, 1) == 1) continue;
+  _exit(0);
+}
+
+std::optional<absl::Duration> Batch(int socket) {
+  const absl::Duration start = SystemClock().Monotonic();
+  for (int i = 0; i < kMessages; ++i) {
+    char byte = 0;
+    if (write(socket, &byte, 1) != 1 || read(socket, &byte, 1) != 1) return std::nullopt;
+  }
+  return (SystemClock().Monotonic() - start) / kMessages;
+}
+
+std::string Mitigations() {
+  std::set<std::string> active;
+  std::error_code error;
+  const char folder[] = "/sys/devices/system/cpu/vulnerabilities";
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string state = ReadFile(entry.path().string()).value_or("");
+    // The mitigations that cost at each entry into the kernel or each process switch.
+    for (const char* known : {"Safe RET", "Retpolines", "PTI", "IBRS", "IBPB", "untrained return",
+                              "Clear CPU buffers", "prctl and seccomp"}) {
+      if (absl::StrContains(state, known)) active.insert(known);
+    }
+  }
+  return absl::StrJoin(active, ", ");
+}
+
+int BusComplaint(absl::string_view problem) {
+  dprintf(STDERR_FILENO, "the bus of the sandbox: %.*s\n", static_cast<int>(problem.size()),
+          problem.data());
+  return 1;
+}
+
+// The largest datagram; the kernel accepts one whenever a buffer is not full yet.
+constexpr int64_t kDatagramBytes = 65536;
+// SCM_MAX_FD: descriptors in one message.
+constexpr int64_t kDescriptorsOfAMessage = 253;
+
+std::string MiB(int64_t bytes) {
+  return absl::StrFormat("%.0f MiB", static_cast<double>(bytes) / 1048576);
+}
+
+// The number at `index` in a kernel file; 0 if there is none.
+int64_t Setting(const char* path, int index) {
+  std::istringstream file(ReadFile(path).value_or(""));
+  int64_t value = 0;
+  for (int i = 0; i <= index; ++i) {
+    if (!(file >> value)) return 0;
+  }
+  return value;
+}
+
+// Tried in a child, as an ordinary user can create networks only in a user namespace.
+bool CanBoundBuffers() {
+  return RunInChild(
+             [] {
+               if (geteuid() != 0 && unshare(CLONE_NEWUSER) != 0) return 1;
+               const absl::StatusOr<BusNetwork> network = BusNetwork::Make();
+               return network.ok() && network->bounded() ? 0 : 1;
+             },
+             kQuick)
+             .exit_code == 0;
+}
+
 }  // namespace
 
 ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
@@ -118,56 +201,6 @@ std::string LastWords(const std::string& output, int lines) {
   return words;
 }
 
-namespace {
-
-constexpr int kBatches = 5;
-constexpr int kMessages = 1000;  // per batch
-// Messages per graded step: two between simulator, bridge and policy, plus the cost of multicast
-// and caches (sim/README.md).
-constexpr double kOfAStep = 6;
-// Above this, a step (a millisecond of physics) loses a tenth of its time to messages.
-constexpr absl::Duration kSlow = absl::Microseconds(15);
-
-void Keep(int processor) {
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  CPU_SET(processor, &set);
-  sched_setaffinity(0, sizeof(set), &set);
-}
-
-// Echoes each byte until the other end is closed.
-[[noreturn]] void Answer(int socket) {
-  char byte;
-  while (read(socket, &byte, 1) == 1 && write(socket, &byte, 1) == 1) continue;
-  _exit(0);
-}
-
-std::optional<absl::Duration> Batch(int socket) {
-  const absl::Duration start = SystemClock().Monotonic();
-  for (int i = 0; i < kMessages; ++i) {
-    char byte = 0;
-    if (write(socket, &byte, 1) != 1 || read(socket, &byte, 1) != 1) return std::nullopt;
-  }
-  return (SystemClock().Monotonic() - start) / kMessages;
-}
-
-std::string Mitigations() {
-  std::set<std::string> active;
-  std::error_code error;
-  const char folder[] = "/sys/devices/system/cpu/vulnerabilities";
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const std::string state = ReadFile(entry.path().string()).value_or("");
-    // The mitigations that cost at each entry into the kernel or each process switch.
-    for (const char* known : {"Safe RET", "Retpolines", "PTI", "IBRS", "IBPB", "untrained return",
-                              "Clear CPU buffers", "prctl and seccomp"}) {
-      if (absl::StrContains(state, known)) active.insert(known);
-    }
-  }
-  return absl::StrJoin(active, ", ");
-}
-
-}  // namespace
-
 std::optional<absl::Duration> MeasureMessages() {
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) return std::nullopt;
@@ -214,16 +247,6 @@ Check JudgeMessages(std::optional<absl::Duration> there_and_back, const std::str
 
 Check CheckMessages() { return JudgeMessages(MeasureMessages(), Mitigations()); }
 
-namespace {
-
-int BusComplaint(absl::string_view problem) {
-  dprintf(STDERR_FILENO, "the bus of the sandbox: %.*s\n", static_cast<int>(problem.size()),
-          problem.data());
-  return 1;
-}
-
-}  // namespace
-
 int ProbeBus() {
   constexpr auto kPatience = std::chrono::seconds(2);
   constexpr std::string_view kChannel = "MYOGRADE_DOCTOR";
@@ -236,41 +259,6 @@ int ProbeBus() {
   if (heard && heard->channel == kChannel) return 0;
   return BusComplaint("a datagram did not come through in 2 s");
 }
-
-namespace {
-
-// The largest datagram; the kernel accepts one whenever a buffer is not full yet.
-constexpr int64_t kDatagramBytes = 65536;
-// SCM_MAX_FD: descriptors in one message.
-constexpr int64_t kDescriptorsOfAMessage = 253;
-
-std::string MiB(int64_t bytes) {
-  return absl::StrFormat("%.0f MiB", static_cast<double>(bytes) / 1048576);
-}
-
-// The number at `index` in a kernel file; 0 if there is none.
-int64_t Setting(const char* path, int index) {
-  std::istringstream file(ReadFile(path).value_or(""));
-  int64_t value = 0;
-  for (int i = 0; i <= index; ++i) {
-    if (!(file >> value)) return 0;
-  }
-  return value;
-}
-
-// Tried in a child, as an ordinary user can create networks only in a user namespace.
-bool CanBoundBuffers() {
-  return RunInChild(
-             [] {
-               if (geteuid() != 0 && unshare(CLONE_NEWUSER) != 0) return 1;
-               const absl::StatusOr<BusNetwork> network = BusNetwork::Make();
-               return network.ok() && network->bounded() ? 0 : 1;
-             },
-             kQuick)
-             .exit_code == 0;
-}
-
-}  // namespace
 
 Check JudgeSocketMemory(const SocketMemory& memory) {
   const char name[] = "socket_memory";

@@ -16,6 +16,7 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "protocol/base/program_head.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
@@ -264,9 +265,7 @@ class ProgramCheck {
   // The value of "home" in a pyvenv.cfg, "" if there is none.
   std::string HomeOf(const std::string& path) const {
     const Fd file = view_.Open(path);
-    std::string text(kMaxVenvConfig, '\0');
-    const ssize_t size = file.valid() ? ::pread(file.get(), text.data(), text.size(), 0) : 0;
-    text.resize(static_cast<size_t>(std::max<ssize_t>(size, 0)));
+    const std::string text = ReadAll(file.get(), path, kMaxVenvConfig).value_or("");
     for (const absl::string_view line : absl::StrSplit(text, '\n')) {
       const std::pair<absl::string_view, absl::string_view> entry =
           absl::StrSplit(line, absl::MaxSplits('=', 1));

@@ -80,20 +80,6 @@ absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
   return config;
 }
 
-}  // namespace
-
-bool IsSystemCall(const std::string& name) {
-  return seccomp_syscall_resolve_name(name.c_str()) != __NR_SCMP_ERROR;
-}
-
-absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
-  ASSIGN_OR_RETURN(PolicySandboxConfig policy, LoadPolicy(config_dir + "/sandbox/policy.json"));
-  ASSIGN_OR_RETURN(SimSandboxConfig sim, LoadSim(config_dir + "/sandbox/sim.json"));
-  return SandboxConfig{std::move(policy), std::move(sim)};
-}
-
-namespace {
-
 struct Release {
   void operator()(void* context) const { seccomp_release(context); }
 };
@@ -265,6 +251,16 @@ absl::StatusOr<Fd> Export(scmp_filter_ctx filter) {
 }
 
 }  // namespace
+
+bool IsSystemCall(const std::string& name) {
+  return seccomp_syscall_resolve_name(name.c_str()) != __NR_SCMP_ERROR;
+}
+
+absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
+  ASSIGN_OR_RETURN(PolicySandboxConfig policy, LoadPolicy(config_dir + "/sandbox/policy.json"));
+  ASSIGN_OR_RETURN(SimSandboxConfig sim, LoadSim(config_dir + "/sandbox/sim.json"));
+  return SandboxConfig{std::move(policy), std::move(sim)};
+}
 
 absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config) {
   Filter filter(seccomp_init(SCMP_ACT_ALLOW));

@@ -106,13 +106,9 @@ class NodeLease {
   absl::Status Prepare() {
     const bool again = std::find(order_.prove_again.begin(), order_.prove_again.end(), me_.node) !=
                        order_.prove_again.end();
-    ASSIGN_OR_RETURN(std::string unfit, WhyUnfit({.cache_dir = options_.cache_dir,
-                                                  .config_dir = options_.config_dir,
-                                                  .node_dir = options_.node_dir,
-                                                  .adapter = order_.order.adapter,
-                                                  .uid_base = order_.uid_base,
-                                                  .again = again},
-                                                 order_.grader));
+    ASSIGN_OR_RETURN(
+        std::string unfit,
+        WhyUnfit({options_, order_.order.adapter, order_.uid_base, again}, order_.grader));
     if (!unfit.empty()) {
       me_.unfit = absl::StrCat("it ", unfit);
       return absl::FailedPreconditionError(me_.unfit);

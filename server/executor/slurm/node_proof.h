@@ -7,15 +7,14 @@
 
 #include <absl/status/statusor.h>
 
+#include "server/executor/slurm/lease_ends.h"
+
 namespace myograde::server {
 
-struct ProofOptions {
-  std::string cache_dir;
-  std::string config_dir;
-  std::string node_dir;   // must be there
-  std::string adapter;    // whose files are part of the build; "": none's
-  int64_t uid_base = -1;  // of the sandboxes; -1: none
-  bool again = false;     // whatever is known of an earlier proof
+struct ProofOptions : NodeOptions {
+  std::string adapter = {};  // whose files are part of the build; "": none's
+  int64_t uid_base = -1;     // of the sandboxes; -1: none
+  bool again = false;        // whatever is known of an earlier proof
 };
 
 // The node's name: what the cluster calls it (SLURMD_NODENAME), else this host's, with "-" for what
