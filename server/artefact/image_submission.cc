@@ -1,4 +1,4 @@
-#include "server/artefact/image_submission.h"
+#include "server/artefact/submission.h"
 
 #include <archive_entry.h>
 #include <fcntl.h>
@@ -19,7 +19,6 @@
 #include "server/artefact/image_archive.h"
 #include "server/artefact/image_tree.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/submitted_manifest.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {

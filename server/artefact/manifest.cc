@@ -18,7 +18,7 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/submitted_manifest.h"
+#include "server/artefact/submission.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {

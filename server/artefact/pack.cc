@@ -29,9 +29,8 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
-#include "server/artefact/image_submission.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/submitted_manifest.h"
+#include "server/artefact/submission.h"
 #include "server/base/names.h"
 
 namespace myograde::server {

@@ -25,9 +25,8 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
-#include "server/artefact/image_submission.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/submitted_manifest.h"
+#include "server/artefact/submission.h"
 
 namespace myograde::server {
 namespace {

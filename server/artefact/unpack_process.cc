@@ -33,7 +33,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/listing.h"
-#include "server/artefact/submitted_manifest.h"
+#include "server/artefact/submission.h"
 #include "server/base/child_process.h"
 
 namespace myograde::server {

@@ -3,7 +3,7 @@
 #include <sys/stat.h>
 
 #include "protocol/base/fd.h"
-#include "server/artefact/submitted_manifest.h"
+#include "server/artefact/submission.h"
 #include "server/sandbox/program.h"
 #include "tests/fuzz/fuzz.h"
 

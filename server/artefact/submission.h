@@ -1,4 +1,5 @@
-// A container image as a submission: whether a file is one, what it is called, and what it becomes.
+// What a participant submits: a policy.json, or a container image, which is told from other archives,
+// named and unpacked. Internal to the artefact's library.
 #pragma once
 
 #include <string>
@@ -9,6 +10,25 @@
 #include "server/artefact/artefact.h"
 
 namespace myograde::server {
+
+struct SubmittedManifest {
+  ArtefactManifest manifest;
+  std::string image_file;  // the image's archive, beside policy.json; "": an ordinary submission
+  nlohmann::json json;     // the whole object
+};
+
+// Reads and checks the policy.json of a folder: no unknown keys, and a command that exists and is
+// executable. A command outside the submission is not checked here (see server/sandbox/program.h).
+// `name` takes the place of its name, unless it is "". InvalidArgumentError otherwise.
+absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder, const std::string& name = "");
+
+// Unpacks the files of an archive as UnpackArtefact does, but does not look at policy.json, and leaves
+// the archive of an image as it is.
+absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
+                              const ArtefactLimits& limits, const ByteProgress& progress);
+
+// Checks a manifest without "image" by itself, without the files.
+absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json);
 
 // Whether a file is the archive of an image, compressed at most once, and not of an ordinary
 // submission. Ordinary ones are told by their first header.
