@@ -23,7 +23,7 @@ absl::StatusOr<TrackPtr> TrackOfPhase(Reader& reader, const ApiContext& context,
                                       const std::string& name) {
   const absl::StatusOr<PhasePtr> phase = context.phases.Find(name);
   if (phase.ok()) return (*phase)->track;
-  const std::string config = reader.ConfigOfPhase(name);
+  const std::string config = reader.Board().ConfigOfPhase(name);
   if (config.empty()) return phase.status();
   return StoredTrack(reader, config);
 }
@@ -78,7 +78,7 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, Reader& reader,
                      " or more of the digits 0-9 and a-f"));
   }
   std::map<std::string, TrackPtr> found;
-  for (const std::string& hash : reader.ConfigsLike(digits, CallerIsOrganiser())) found[hash];
+  for (const std::string& hash : reader.Board().ConfigsLike(digits, CallerIsOrganiser())) found[hash];
   // Nothing need have been accepted under what is played now.
   const auto add = [&](const TrackPtr& track) {
     if (track->config.hash.starts_with(digits)) found[track->config.hash] = track;
@@ -136,8 +136,7 @@ absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now
                        BoardQuery& asked) {
   const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
   if (phase == nullptr) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const auto events, reader.PhaseEvents(phase->name));
-  const PhaseStatus status = StatusOfPhase(*phase, events, now);
+  const PhaseStatus status = StatusOfPhase(*phase, reader.Board().PhaseEvents(phase->name), now);
   const bool ever = phase->freezes != absl::InfiniteFuture();
   if (!ever || status.published || status.revealed) return absl::OkStatus();
   asked.freezes = phase->freezes;

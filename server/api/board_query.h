@@ -12,7 +12,7 @@
 #include "server/api/context.h"
 #include "server/grading/tracks.h"
 #include "server/http/request.h"
-#include "server/store/boards.h"
+#include "server/board/acts.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {

@@ -1,5 +1,6 @@
 #include "server/api/board_source.h"
 
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -28,22 +29,36 @@ absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row)
 
 absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
                                      const BoardMoment& moment) {
+  const BoardState& board = reader.Board();
+  const std::string& config = track.config.hash;
   const std::string names = scoring::RankedNames(*track.scoring.track);
-  InForce in_force = reader.StandingsInForce(track.config.hash, moment);
-  MarksInForce marks = reader.Marks(moment.before_ms);
-  BoardSource source{
-      {}, std::move(marks.by_submission), std::move(in_force.damaged), in_force.withheld};
+  BoardSource source{.standings = {},
+                     .marks = board.MarksAt(moment.before_ms),
+                     .damaged = {},
+                     .withheld = board.Withholds(config, moment)};
+  for (const auto& [act, what] : board.damaged()) {
+    source.damaged.push_back({"journal", absl::StrCat(act), what});
+  }
   const bool choose = track.scoring.team == scoring::TeamRule::kChosen;
-  const std::set<int64_t> chosen =
-      choose ? reader.Choices(track.config.hash, moment) : std::set<int64_t>();
-  for (StandingRow& row : in_force.rows) {
-    row.chosen = chosen.contains(row.submission);
-    // Nobody can tell whether it is hidden or disqualified.
-    if (const auto mark = marks.damaged.find(row.submission); mark != marks.damaged.end()) {
-      source.damaged.push_back(mark->second);
-      continue;
-    }
-    const absl::Status filled = FillRow(reader, names, row);
+  const std::set<int64_t> chosen = choose ? board.Chosen(config, moment) : std::set<int64_t>();
+  const std::map<int64_t, const BoardResult*> in_force = board.InForce(config, moment);
+  std::vector<int64_t> evaluations;
+  for (const auto& [submission, result] : in_force) evaluations.push_back(result->evaluation);
+  std::map<int64_t, Standing> standings = reader.Standings(evaluations);
+  for (const auto& [submission, result] : in_force) {
+    const TeamState* team = board.TeamOf(submission);
+    if (result->failed || team->banned) continue;
+    const absl::StatusOr<SubmissionRow> stored = reader.Submission(submission);
+    StandingRow row{.submission = submission,
+                    .evaluation = result->evaluation,
+                    .team = team->name,
+                    .artefact_name = stored.ok() ? stored->artefact_name : "",
+                    .standing = std::move(standings[result->evaluation]),
+                    .finished_at = result->at,
+                    .chosen = chosen.contains(submission),
+                    .rejudge = result->rejudge};
+    absl::Status filled = stored.status();
+    if (filled.ok()) filled = FillRow(reader, names, row);
     if (filled.ok()) {
       source.standings.push_back(std::move(row));
     } else if (const std::optional<Damage> damage = DamageOf(filled)) {
@@ -51,9 +66,6 @@ absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
     } else {
       return filled;
     }
-  }
-  if (const auto mark = marks.damaged.find(0); mark != marks.damaged.end()) {
-    source.damaged.push_back(mark->second);
   }
   return source;
 }
@@ -80,8 +92,8 @@ absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track, const
 absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t before_ms) {
   const TrackConfig& config = live->config;
   if (before_ms == INT64_MAX) return live;
-  ASSIGN_OR_RETURN(const std::string hash,
-                   reader.ConfigAt({config.phase, config.id, config.profile}, before_ms));
+  const std::string hash =
+      reader.Board().ConfigAt({config.phase, config.id, config.profile}, before_ms);
   if (hash.empty() || hash == config.hash) return live;
   return StoredTrack(reader, hash);
 }

@@ -10,7 +10,6 @@
 #include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
-#include "server/store/boards.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {

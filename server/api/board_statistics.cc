@@ -82,20 +82,16 @@ absl::StatusOr<Further> FurtherEpisodes(Reader& reader, const Track& track,
   return further;
 }
 
-absl::StatusOr<bool> IsDropped(Reader& reader, int64_t rejudge) {
-  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge));
-  return !events.empty() && events.back().event == RejudgeEvent::kDropped;
-}
-
 absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& all) {
-  ASSIGN_OR_RETURN(const bool dropped, IsDropped(reader, rejudge.id));
+  const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
   ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
-  ASSIGN_OR_RETURN(const std::vector<RejudgeItemRow> items, reader.RejudgeItems(rejudge.id));
-  for (const RejudgeItemRow& item : items) {
+  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items,
+                   reader.EvaluationsOfRejudge(rejudge.id));
+  for (const EvaluationRow& item : items) {
     const bool has_none =
         item.state == EvaluationState::kCancelled || item.state == EvaluationState::kGraderError;
     if (has_none) continue;
-    all[item.submission].push_back({item.evaluation, item.state, seeds, dropped});
+    all[item.submission].push_back({item.id, item.state, seeds, dropped});
   }
   return absl::OkStatus();
 }
@@ -146,10 +142,9 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(Reader& reader, const Rejud
 
 absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& config) {
   FurtherItems all;
-  const Listed<RejudgeRow> rejudges = reader.Rejudges();
-  for (auto rejudge = rejudges.rows.rbegin(); rejudge != rejudges.rows.rend(); ++rejudge) {
-    if (rejudge->purpose != RejudgePurpose::kSeeds || rejudge->from_config != config) continue;
-    RETURN_IF_ERROR(AddItems(reader, *rejudge, all));
+  for (const auto& [id, rejudge] : reader.Board().rejudges()) {
+    if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.from_config != config) continue;
+    RETURN_IF_ERROR(AddItems(reader, rejudge, all));
   }
   return all;
 }
@@ -227,7 +222,8 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
   const BoardMoment moment = asked.moment();
   const std::string key = absl::StrJoin(
       std::tuple(track.hash, asked.board, moment.freeze_ms,
-                 reader.BoardChangedAt(track.hash, track.phase, moment), reader.BoardChanges()),
+                 reader.Board().ChangedAt(track.hash, track.phase, moment),
+                 reader.Board().board_changes()),
       "/");
   if (Made made = Find(key); made != nullptr) return made;
   const absl::Status busy =

@@ -35,9 +35,9 @@ void AddBuilds(Reader& reader, const Leaderboard& board, Json& json) {
 void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
   const std::string& config = asked.track->config.hash;
   const BoardMoment moment = asked.moment();
-  json["other_config"] = reader.RankedElsewhere(asked.name(), config, moment);
+  json["other_config"] = reader.Board().RankedElsewhere(asked.name(), config, moment);
   json["other_configs"] = Json::array();
-  for (const OtherConfig& other : reader.OtherConfigs(asked.name(), config, moment)) {
+  for (const OtherConfig& other : reader.Board().OtherConfigs(asked.name(), config, moment)) {
     json["other_configs"].push_back({{"config", other.config},
                                      {"submissions", other.submissions},
                                      {"teams", other.teams},

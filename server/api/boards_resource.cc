@@ -67,7 +67,7 @@ absl::Status SendFeed(const ApiContext& context, const Answers& answers, const R
       ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
     }
     const Json last = TimeToJson(
-        reader.BoardChangedAt(asked.track->config.hash, asked.track->config.phase, asked.moment()));
+        reader.Board().ChangedAt(asked.track->config.hash, asked.track->config.phase, asked.moment()));
     const std::string changed = last.is_null() ? "1970-01-01T00:00:00.000Z"  // an empty board
                                                : last.get<std::string>();
     SendFresh(FeedOf(board, changed, ended), "application/atom+xml", response);

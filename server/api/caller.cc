@@ -56,7 +56,9 @@ absl::Status RequireEvaluation(Reader& reader, int64_t id) {
   ASSIGN_OR_RETURN(const std::string team, reader.TeamOfEvaluation(id));
   const absl::Status missing = absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
   RETURN_IF_ERROR(Require(team, missing));
-  return CallerSees(reader.RejudgeOfEvaluation(id)) ? absl::OkStatus() : missing;
+  const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
+  return CallerSees(reader.Board().SightOf(rejudge)) ? absl::OkStatus() : missing;
 }
 
 bool CallerSees(const RejudgeSight& rejudge) {

@@ -120,7 +120,7 @@ Json FormerPhases(const std::map<std::string, PhaseUse>& uses, const Phases& pha
 
 ApiResult ListChallenges(const ApiContext& context, Reader& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  ASSIGN_OR_RETURN(const Events events, reader.PhaseEvents(std::nullopt));
+  const Events events = reader.Board().PhaseEvents(std::nullopt);
   ASSIGN_OR_RETURN(std::vector<PhaseUse> listed, reader.PhasesInUse());
   std::map<std::string, PhaseUse> uses;
   for (PhaseUse& use : listed) uses.emplace(use.phase, std::move(use));
@@ -185,7 +185,7 @@ absl::Status CheckChoice(Reader& reader, const SubmissionRow& row, const ApiCont
 bool IsFormerPhase(const ApiContext& context, const std::string& phase) {
   if (context.phases.ConfigOf(phase) != nullptr) return false;
   const absl::StatusOr<std::string> config = context.readers.Read<std::string>(
-      [&](Reader& reader) { return reader.ConfigOfPhase(phase); });
+      [&](Reader& reader) { return reader.Board().ConfigOfPhase(phase); });
   return config.ok() && !config->empty();
 }
 
@@ -209,7 +209,7 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
   Json state;
   if (config != nullptr) {
     ASSIGN_OR_RETURN(const Events events, context.readers.Read<Events>([&](Reader& reader) {
-      return reader.PhaseEvents(phase);
+      return reader.Board().PhaseEvents(phase);
     }));
     state = PhaseStateName(StatusOfPhase(*config, events, context.clock.Now()).state);
   }

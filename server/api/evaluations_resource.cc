@@ -108,7 +108,7 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
 
   Json json = SubmissionToJson(submission, evaluation, reader.Counts(id, !sight.progress));
   json["kind"] = EvaluationKindName(evaluation.kind);
-  json["rejudge"] = IdOrNull(reader.RejudgeOfEvaluation(id).rejudge);
+  json["rejudge"] = IdOrNull(evaluation.rejudge);
   json["ranked"] = submission.ranked && evaluation.kind == EvaluationKind::kOriginal;
   json["track_kind"] = config.kind->name;
   json["reason"] = TextOrNull(evaluation.reason);

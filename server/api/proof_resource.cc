@@ -24,7 +24,7 @@
 #include "server/proof/seed_list.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
-#include "server/store/record.h"
+#include "server/store/journal.h"
 
 namespace myograde::server {
 namespace {
@@ -166,7 +166,7 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, Reader& re
 
 // Until a rejudge is applied, only organisers know of its results.
 absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, bool everybody) {
-  const RejudgeSight rejudge = reader.RejudgeOfEvaluation(evaluation.id);
+  const RejudgeSight rejudge = reader.Board().SightOf(evaluation.rejudge);
   if (rejudge.rejudge == 0) return absl::OkStatus();
   if (!CallerSees(rejudge)) {
     return absl::NotFoundError(
@@ -208,10 +208,10 @@ absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, Reader& read
                       : !DamageOf(evaluation.status()).has_value()) {
     return why;
   }
-  const RejudgeSight rejudge = reader.RejudgeOfEvaluation(withheld.evaluation);
-  withheld.reason = unreadable                                      ? "unreadable"
-                    : rejudge.rejudge != 0 && !rejudge.ever_applied ? "rejudge"
-                                                                    : "phase";
+  const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
+  withheld.reason = unreadable                                             ? "unreadable"
+                    : rejudge != 0 && !reader.Board().WasApplied(rejudge) ? "rejudge"
+                                                                           : "phase";
   ASSIGN_OR_RETURN(withheld.head, context.record.Head(reader));
   return withheld;
 }
@@ -247,12 +247,6 @@ ApiResult GetReceipt(const ApiContext& context, const Request& request) {
   std::optional<WithheldReceipt> withheld;
   RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     receipt = AskedReceipt(request, reader, context);
-    // A copy's boards can't be compared with those of a store that can't read what they follow
-    // from.
-    if (reason && (receipt.ok() || ErrorCodeOf(receipt.status()) == kWithheldCode)) {
-      const absl::Status rows = reader.CheckStandingRows(IdOf(request));
-      if (DamageOf(rows).has_value()) receipt = rows;
-    }
     if (receipt.ok() || !reason) return receipt.status();
     ASSIGN_OR_RETURN(withheld, WithheldFor(request, reader, context, receipt.status()));
     return absl::OkStatus();

@@ -6,7 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/store/record.h"
+#include "server/store/journal.h"
 
 namespace myograde::server {
 namespace {

@@ -1,4 +1,4 @@
-// The tree over the public record (server/store/record.h), kept in memory as the record grows.
+// The tree over the public record (server/store/journal.h), kept in memory as the record grows.
 #pragma once
 
 #include <cstdint>

@@ -176,13 +176,12 @@ void RedactRow(Json& row, const View& view) {
 
 absl::StatusOr<PhaseSight> KnownOf(Reader& reader, const ApiContext& context,
                                    const std::string& phase) {
-  ASSIGN_OR_RETURN(const std::vector<PhaseEventRow> events, reader.PhaseEvents(phase));
   PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
   if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
     known.shown = config->shown;
     known.committed = config->committed != 0;
   }
-  for (const PhaseEventRow& event : events) {
+  for (const PhaseEventRow& event : reader.Board().PhaseEvents(phase)) {
     if (event.phase != phase) continue;
     known.published = known.published || event.event == kPublishedEvent;
     known.revealed = known.revealed || event.event == kRevealedEvent;

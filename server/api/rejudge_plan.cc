@@ -97,44 +97,6 @@ void AddDiffering(const Json& from, const Json& to, const std::string& at,
   }
 }
 
-// The item of a submission whose result is on the board: the first repetition.
-Json ResultsOf(const std::vector<RejudgeItemRow>& items) {
-  Json results = Json::array();
-  for (const RejudgeItemRow& item : items) {
-    if (item.repetition != 1) continue;
-    results.push_back({{"submission", item.submission},
-                       {"evaluation", item.evaluation},
-                       {"state", EvaluationStateName(item.state)},
-                       {"results", TextOrNull(item.results_hash)}});
-  }
-  return results;
-}
-
-// The document of an event. `items`: those whose results it makes those of the board, for an
-// application; otherwise none.
-Json RejudgeDocument(const RejudgeRow& rejudge, const RejudgeEventRow& event,
-                     const std::vector<RejudgeItemRow>& items) {
-  Json document = RejudgeKeys(rejudge);
-  document.update({{"format", 1},
-                   {"document", "rejudge"},
-                   {"event", RejudgeEventName(event.event)},
-                   {"at", TimeToJson(event.at)},
-                   {"who", event.who},
-                   {"reason", event.why},
-                   {"seeds", rejudge.seeds}});
-  if (event.event == RejudgeEvent::kApplied) document["results"] = ResultsOf(items);
-  return document;
-}
-
-// The document is made of what was written before the act. A result that is written along with the
-// act would be missing from it.
-absl::Status CheckComplete(Reader& reader, const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
-  if (progress.complete) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat(
-      "rejudge ", rejudge.id, " got another result just now; look at it, and try again"));
-}
-
 }  // namespace
 
 absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
@@ -187,7 +149,7 @@ absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
   if (found.ok()) return (*found)->track;
   // One that no file describes any more.
   const std::string hash =
-      context.phases.ConfigOf(phase) == nullptr ? reader.ConfigOfPhase(phase) : "";
+      context.phases.ConfigOf(phase) == nullptr ? reader.Board().ConfigOfPhase(phase) : "";
   if (hash.empty()) return found.status();
   return StoredTrack(reader, hash);
 }
@@ -228,35 +190,10 @@ std::vector<std::string> DifferingKeys(const Json& from, const Json& to) {
   return {keys.begin(), keys.end()};
 }
 
-Json RejudgeKeys(const RejudgeRow& rejudge) {
-  return {{"rejudge", rejudge.id},
-          {"purpose", RejudgePurposeName(rejudge.purpose)},
-          {"phase", TextOrNull(rejudge.phase)},
-          {"track", rejudge.track},
-          {"profile", rejudge.profile},
-          {"from_config", rejudge.from_config},
-          {"to_config", rejudge.to_config},
-          {"method", RejudgeMethodName(rejudge.method)},
-          {"repeats", rejudge.repeats}};
-}
-
-absl::StatusOr<SignRejudge> RejudgeSigner(const ApiContext& context) {
+absl::StatusOr<SignDocument> RejudgeSigner(const ApiContext& context) {
   ASSIGN_OR_RETURN(std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
   // Called on the engine's thread, which may be after the request has been answered.
-  return [&readers = context.readers, key = std::move(key)](
-             const RejudgeRow& rejudge,
-             const RejudgeEventRow& event) -> absl::StatusOr<SignedDocument> {
-    std::vector<RejudgeItemRow> items;
-    if (event.event == RejudgeEvent::kApplied) {
-      RETURN_IF_ERROR(readers.Read([&](Reader& reader) -> absl::Status {
-        ASSIGN_OR_RETURN(items, reader.RejudgeItems(rejudge.id));
-        return CheckComplete(reader, rejudge);
-      }));
-    }
-    SignedDocument signed_document = {CanonicalJson(RejudgeDocument(rejudge, event, items)), ""};
-    ASSIGN_OR_RETURN(signed_document.signature, key->Sign(signed_document.json));
-    return signed_document;
-  };
+  return [key = std::move(key)](const std::string& document) { return key->Sign(document); };
 }
 
 }  // namespace myograde::server

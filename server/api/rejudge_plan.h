@@ -51,11 +51,8 @@ absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context
 // The JSON pointers at which two effective configs differ, sorted.
 std::vector<std::string> DifferingKeys(const nlohmann::json& from, const nlohmann::json& to);
 
-// What every answer and document about a rejudge tells: its purpose, board, configs and method.
-nlohmann::json RejudgeKeys(const RejudgeRow& rejudge);
-
-// What makes and signs the document of the act that the store is about to write, with the key of
-// receipts. An error if there is no key.
-absl::StatusOr<SignRejudge> RejudgeSigner(const ApiContext& context);
+// Signs the document of the act that the store is about to write, with the key of receipts. An error if
+// there is no key.
+absl::StatusOr<SignDocument> RejudgeSigner(const ApiContext& context);
 
 }  // namespace myograde::server

@@ -60,14 +60,15 @@ absl::StatusOr<Json> WithoutResultToJson(Reader& reader, const RejudgeRow& rejud
                                          const RejudgeProgress& progress) {
   Json without = Json::array();
   if (progress.without_result.empty()) return without;
-  ASSIGN_OR_RETURN(const std::vector<RejudgeItemRow> items, reader.RejudgeItems(rejudge.id));
-  std::map<int64_t, const RejudgeItemRow*> first;
-  for (const RejudgeItemRow& item : items) first.try_emplace(item.submission, &item);
+  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items,
+                   reader.EvaluationsOfRejudge(rejudge.id));
+  std::map<int64_t, const EvaluationRow*> first;
+  for (const EvaluationRow& item : items) first.try_emplace(item.submission, &item);
   for (const int64_t submission : progress.without_result) {
-    const RejudgeItemRow& item = *first.at(submission);
+    const EvaluationRow& item = *first.at(submission);
     without.push_back({{"submission", submission},
                        {"team", TeamToJson(reader, submission)},
-                       {"evaluation", item.evaluation},
+                       {"evaluation", item.id},
                        {"state", EvaluationStateName(item.state)},
                        {"reason", TextOrNull(item.reason)}});
   }
@@ -114,13 +115,12 @@ struct RejudgeMoments {
   BoardMoment after;
 };
 
-absl::StatusOr<RejudgeMoments> MomentsOf(Reader& reader, const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge.id));
+RejudgeMoments MomentsOf(const RejudgeRow& rejudge) {
   RejudgeMoments moments;
   moments.after.assumed_rejudge = rejudge.id;
-  if (!events.empty() && events.back().event == RejudgeEvent::kApplied) {
-    moments.before.before_ms = events.back().at;
-    moments.after.before_ms = events.back().at + 1;
+  if (rejudge.last() == RejudgeEvent::kApplied) {
+    moments.before.before_ms = rejudge.events.back().at;
+    moments.after.before_ms = rejudge.events.back().at + 1;
   }
   return moments;
 }
@@ -171,9 +171,8 @@ absl::StatusOr<Json> WholeRejudgeToJson(Reader& reader, const RejudgeRow& rejudg
   ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
   Json json = SummaryOf(rejudge, progress);
   ASSIGN_OR_RETURN(json["without_result"], WithoutResultToJson(reader, rejudge, progress));
-  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events, reader.RejudgeEvents(rejudge.id));
   json["events"] = Json::array();
-  for (const RejudgeEventRow& event : events) json["events"].push_back(EventToJson(event));
+  for (const RejudgeEventRow& event : rejudge.events) json["events"].push_back(EventToJson(event));
   ASSIGN_OR_RETURN(const std::string from, reader.ConfigJson(rejudge.from_config));
   ASSIGN_OR_RETURN(const std::string to, reader.ConfigJson(rejudge.to_config));
   json["differs"] = DifferingKeys(Json::parse(from), Json::parse(to));
@@ -188,7 +187,7 @@ absl::Status AddRejudgeChanges(Reader& reader, const RejudgeRow& rejudge, Json& 
   if (rejudge.purpose == RejudgePurpose::kRules) {
     ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
     ASSIGN_OR_RETURN(const TrackPtr to, StoredTrack(reader, rejudge.to_config));
-    ASSIGN_OR_RETURN(const RejudgeMoments moments, MomentsOf(reader, rejudge));
+    const RejudgeMoments moments = MomentsOf(rejudge);
     auto names = from->scoring.boards;
     names.insert(to->scoring.boards.begin(), to->scoring.boards.end());
     for (const auto& [name, board] : names) {
@@ -211,9 +210,14 @@ Json PlanToJson(const RejudgePlan& plan) {
 
 ApiResult ListRejudges(const ApiContext&, Reader& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
-  const Listed<RejudgeRow> listed = reader.Rejudges(page.before, page.limit);
-  ApiAnswer answer{200,
-                   {{"rejudges", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}}};
+  Listed<RejudgeRow> listed;
+  const auto& rejudges = reader.Board().rejudges();
+  for (auto it = rejudges.rbegin(); it != rejudges.rend(); ++it) {
+    if (it->first >= page.before || std::ssize(listed.rows) == page.limit) continue;
+    listed.rows.push_back(it->second);
+    listed.last_id = it->first;
+  }
+  ApiAnswer answer{200, {{"rejudges", Json::array()}, {"unreadable", Json::array()}}};
   for (const RejudgeRow& row : listed.rows) {
     ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(row));
     answer.body["rejudges"].push_back(SummaryOf(row, progress));
@@ -248,7 +252,7 @@ ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& b
   ASSIGN_OR_RETURN(const NewRejudge rejudge, context.readers.Read<NewRejudge>([&](Reader& reader) {
     return MakeRejudge(reader, context, asked);
   }));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
+  ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   ASSIGN_OR_RETURN(
       const CreatedRejudge created,
       context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
@@ -286,7 +290,7 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
 // Applies or drops a rejudge.
 ApiResult ActOnRejudge(const ApiContext& context, int64_t id, ApplyRequest asked, bool apply) {
   ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
+  ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   const auto act = apply ? &Engine::ApplyRejudge : &Engine::DropRejudge;
   const RejudgeAct what{id, std::move(asked.reason), std::move(asked.without), std::move(in_force)};
   ASSIGN_OR_RETURN(const RejudgeDone done,

@@ -39,7 +39,7 @@ absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(Reader& reader, const s
                                                          const std::string& secret) {
   std::set<uint64_t> played;
   size_t own = 0;
-  for (const RejudgeRow& rejudge : reader.Rejudges().rows) {
+  for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.phase != phase) continue;
     ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
     ASSIGN_OR_RETURN(const TrackConfig config, StoredConfig(reader, rejudge.from_config));
@@ -86,7 +86,7 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& cont
   absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
   if (absl::IsNotFound(secret.status()) && is_public) return NothingToReveal(name);
   if (const PhaseConfig* phase = context.phases.ConfigOf(name)) {
-    ASSIGN_OR_RETURN(const std::vector<PhaseEventRow> events, reader.PhaseEvents(name));
+    const std::vector<PhaseEventRow> events = reader.Board().PhaseEvents(name);
     const absl::Time now = context.clock.Now();
     const absl::Status over = CheckOver(*phase, now);
     // To move its close afterwards hides nothing again.
@@ -315,7 +315,7 @@ ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const
                    context.readers.Read<std::vector<NewRejudge>>([&](Reader& reader) {
                      return MakeFurtherRejudges(reader, context, asked, secret);
                    }));
-  ASSIGN_OR_RETURN(const SignRejudge sign, RejudgeSigner(context));
+  ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   Json created = Json::array();
   for (const NewRejudge& rejudge : rejudges) {
     ASSIGN_OR_RETURN(

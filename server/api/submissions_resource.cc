@@ -207,7 +207,6 @@ absl::StatusOr<Json> SubmissionStatus(Reader& reader, const ApiContext& context,
   const EvaluationRow& original = evaluations.front();
   ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.Leases(original.id));
   ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.LeaseRunsOf(original.id));
-  ASSIGN_OR_RETURN(const std::vector<MarkRow> marks, reader.MarkHistory(id));
   ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
   ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
   const EpisodeCounts counts = reader.Counts(original.id, !sight.progress);
@@ -226,17 +225,16 @@ absl::StatusOr<Json> SubmissionStatus(Reader& reader, const ApiContext& context,
     json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
     json["leases"].back()["attempts"] = AttemptsToJson(runs, lease.id);
   }
-  json["marks"] = MarksToJson(marks);
+  json["marks"] = MarksToJson(reader.Board().MarkHistory(id));
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : evaluations) {
-    const RejudgeSight rejudge = reader.RejudgeOfEvaluation(evaluation.id);
-    if (!CallerSees(rejudge)) continue;
+    if (!CallerSees(reader.Board().SightOf(evaluation.rejudge))) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
                                    {"kind", EvaluationKindName(evaluation.kind)},
                                    {"state", EvaluationStateName(evaluation.state)},
                                    {"first", evaluation.first},
                                    {"last", evaluation.last},
-                                   {"rejudge", IdOrNull(rejudge.rejudge)},
+                                   {"rejudge", IdOrNull(evaluation.rejudge)},
                                    {"config", ConfigOf(evaluation, row)}});
   }
   RedactStatus(json, sight);
@@ -342,10 +340,8 @@ ApiResult MarkSubmission(const ApiContext& context, const Request& request, cons
   ASSIGN_OR_RETURN(MarkRequest wanted, ParseMark(body));
   const int64_t id = IdOf(request);
   // What can't be answered is not done.
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
-    RETURN_IF_ERROR(reader.Submission(id).status());
-    return reader.MarkHistory(id).status();
-  }));
+  RETURN_IF_ERROR(
+      context.readers.Read([&](Reader& reader) { return reader.Submission(id).status(); }));
   const auto mark = [id, who = CallerKey(), wanted](Writer& writer) {
     return writer.Mark(id, wanted.mark, wanted.set, who, wanted.reason);
   };
@@ -354,11 +350,10 @@ ApiResult MarkSubmission(const ApiContext& context, const Request& request, cons
   ApiAnswer answer;
   RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(id));
-    ASSIGN_OR_RETURN(const std::vector<MarkRow> marks, reader.MarkHistory(id));
     answer.body = {{"submission", id},          {"team", submission.team},
                    {"track", submission.track}, {"profile", submission.profile},
                    {"mark", wanted.mark},       {"set", wanted.set},
-                   {"changed", changed},        {"marks", MarksToJson(marks)}};
+                   {"changed", changed},        {"marks", MarksToJson(reader.Board().MarkHistory(id))}};
     return absl::OkStatus();
   }));
   NoteAct(absl::StrCat("submission ", id),

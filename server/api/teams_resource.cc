@@ -52,9 +52,8 @@ void AddHistory(Reader& reader, const std::string& team, Json& body) {
     body["memberships"].push_back(
         {{"person", member.person}, {"since_at", TimeToJson(member.since)}, {"who", member.who}});
   }
-  const Listed<TeamEventRow> events = reader.TeamEvents(team);
   body["events"] = Json::array();
-  for (const TeamEventRow& event : events.rows) {
+  for (const TeamEventRow& event : reader.TeamEvents(team)) {
     body["events"].push_back({{"at", TimeToJson(event.at)},
                               {"team", event.team},
                               {"event", event.event},
@@ -62,9 +61,7 @@ void AddHistory(Reader& reader, const std::string& team, Json& body) {
                               {"who", event.who},
                               {"reason", TextOrNull(event.why)}});
   }
-  std::vector<Damage> damaged = members.damaged;
-  damaged.insert(damaged.end(), events.damaged.begin(), events.damaged.end());
-  body["unreadable"] = DamagedToJson(damaged);
+  body["unreadable"] = DamagedToJson(members.damaged);
 }
 
 absl::StatusOr<Json> WholeTeam(Reader& reader, const std::string& name) {

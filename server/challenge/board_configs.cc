@@ -1,6 +1,5 @@
 #include "server/challenge/board_configs.h"
 
-#include <map>
 #include <set>
 #include <utility>
 
@@ -63,14 +62,11 @@ absl::Status SwitchConfig(Reader& reader, const std::string& config_hash, Tracks
 }
 
 absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& phases) {
-  ASSIGN_OR_RETURN(std::vector<BoardConfigRow> all, reader.BoardConfigs());
-  std::map<BoardName, std::vector<BoardConfigRow>> rows;
-  for (BoardConfigRow& row : all) rows[row.board].push_back(std::move(row));
   Overlaid overlaid;
   for (const FileBoard& file : BoardsOfFiles(tracks, phases)) {
     const std::string& hash = file.track->config.hash;
-    const std::vector<BoardConfigRow>& own = rows[file.board];
-    ASSIGN_OR_RETURN(const std::string before, reader.ConfigAt(file.board, INT64_MAX));
+    const std::vector<BoardConfigRow>& own = reader.Board().ConfigsOf(file.board);
+    const std::string before = reader.Board().ConfigAt(file.board);
     if (before.empty() || before == hash) continue;
     if (!FileConfigsBehind(own).contains(hash)) {
       overlaid.changed.push_back({file.board, hash, CanonicalJson(file.track->config.effective)});

@@ -1,5 +1,5 @@
 // The configs in force. At start they are those of the files, until a rejudge changes the rules of a
-// board; the store says which board has which config (server/store/boards.h).
+// board; the journal says which board has which config (server/board/board_state.h).
 #pragma once
 
 #include <string>
@@ -10,15 +10,13 @@
 
 #include "server/challenge/phases.h"
 #include "server/grading/tracks.h"
-#include "server/store/boards.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
 
 // Has the daemon play and show a config on its board from now on: the phase that the config names
-// or, if it names none, the track's profile. To be called once the store has the board_config row of
-// it. Evaluations that were accepted before keep their config. A phase that no file describes any
+// or, if it names none, the track's profile. To be called once the journal has the act of it. Evaluations that were accepted before keep their config. A phase that no file describes any
 // more is played by nobody, and nothing is changed.
 // InvalidArgumentError if there is no such track or profile, or if it is of another environment.
 absl::Status SwitchConfig(const TrackPtr& track, Tracks& tracks, Phases& phases);

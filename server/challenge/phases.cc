@@ -203,7 +203,7 @@ PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRo
 
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
     std::span<const ChallengeConfig> challenges, Reader& reader, absl::Time now) {
-  ASSIGN_OR_RETURN(const std::vector<PhaseEventRow> events, reader.PhaseEvents(std::nullopt));
+  const std::vector<PhaseEventRow> events = reader.Board().PhaseEvents(std::nullopt);
   std::vector<std::string> found;
   for (const ChallengeConfig& challenge : challenges) {
     for (const PhaseConfig& phase : challenge.phases) {
@@ -213,7 +213,7 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
                                       : reader.CheckPhaseSecret(phase.name, challenge.name);
       if (!secret.ok()) {
         found.push_back(absl::StrCat(place, secret.message()));
-      } else if (phase.committed == 0 && reader.HasCommitted(phase.name)) {
+      } else if (phase.committed == 0 && reader.Board().HasCommitted(phase.name)) {
         found.push_back(absl::StrCat(
             place, "this store has committed to hidden seeds for it, and its file gives other ones, so nobody "
             "can check what it plays; set \"seeds\" back to {\"committed\": N}, or give the phase another "

@@ -71,13 +71,13 @@ class Engine {
   // on the loop's thread, in the act's transaction: its error undoes the whole.
   // `after` (if set) runs on that thread too, once the act is written: also for a caller who did not
   // wait for it, and in the order of the acts. It must own what it touches.
-  absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
+  absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignDocument& sign,
                                                const std::string& who, absl::Duration timeout);
-  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
                                            const std::string& who, absl::Duration timeout,
                                            AfterRejudge after = nullptr);
   // The leases that still run of it are killed.
-  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignDocument& sign,
                                           const std::string& who, absl::Duration timeout,
                                           AfterRejudge after = nullptr);
   // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what

@@ -52,7 +52,7 @@ nlohmann::json Engine::HostBuild() const {
 }
 
 absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
-                                                     const SignRejudge& sign,
+                                                     const SignDocument& sign,
                                                      const std::string& who,
                                                      absl::Duration timeout) {
   NewRejudge rejudge = asked;
@@ -83,14 +83,14 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
   return CreatedRejudge{std::move(created), std::move(plan)};
 }
 
-absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                  const std::string& who, absl::Duration timeout,
                                                  AfterRejudge after) {
   return ActOnRejudge([=](Writer& writer) { return writer.ApplyRejudge(act, sign, who); }, timeout,
                       std::move(after));
 }
 
-absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                 const std::string& who, absl::Duration timeout,
                                                 AfterRejudge after) {
   return ActOnRejudge([=](Writer& writer) { return writer.DropRejudge(act, sign, who); }, timeout,

@@ -84,7 +84,7 @@ void Rejudger::Loop() {
 
 absl::Status Rejudger::LookForWork() {
   ASSIGN_OR_RETURN(const int64_t newest,
-                   readers_.Read<int64_t>([](Reader& reader) { return reader.RejudgeWork(); }));
+                   readers_.Read<int64_t>([](Reader& reader) { return reader.Board().last(); }));
   if (newest == seen_) return absl::OkStatus();
   ASSIGN_OR_RETURN(const std::vector<Work> open, OpenWork());
   for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
@@ -95,10 +95,8 @@ absl::Status Rejudger::LookForWork() {
 absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
   std::vector<Work> open;
   RETURN_IF_ERROR(readers_.Read([&](Reader& reader) -> absl::Status {
-    Listed<RejudgeRow> rejudges = reader.Rejudges();
-    for (auto it = rejudges.rows.rbegin(); it != rejudges.rows.rend(); ++it) {
-      const int64_t id = it->id;
-      absl::StatusOr<Work> work = WorkOf(reader, *std::move(it));
+    for (const auto& [id, rejudge] : reader.Board().rejudges()) {
+      absl::StatusOr<Work> work = WorkOf(reader, rejudge);
       if (MayPass(work.status()) || IsBrokenStore(work.status())) return work.status();
       if (!work.ok()) {
         spdlog::error("rejudge {} can't go on: {}", id, std::string(work.status().message()));
@@ -114,9 +112,7 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
 absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(Reader& reader, RejudgeRow rejudge) {
   Work work;
   work.rejudge = std::move(rejudge);
-  ASSIGN_OR_RETURN(const std::vector<RejudgeEventRow> events,
-                   reader.RejudgeEvents(work.rejudge.id));
-  if (events.back().event == RejudgeEvent::kDropped) return work;
+  if (work.rejudge.last() == RejudgeEvent::kDropped) return work;
   work.missing = reader.MissingItems(work.rejudge);
   if (work.missing.empty()) return work;
   ASSIGN_OR_RETURN(work.track, content_.Track(reader, work.rejudge.to_config));

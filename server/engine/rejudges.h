@@ -61,7 +61,7 @@ class Rejudger {
   Engine& engine_;
   ReaderPool& readers_;
   StoredContent content_;
-  int64_t seen_ = -1;  // Reader::RejudgeWork() before the last look that left nothing to do
+  int64_t seen_ = -1;  // BoardState::last() before the last look that left nothing to do
   std::stop_token stop_;  // of the thread alone
   std::jthread thread_;
 };

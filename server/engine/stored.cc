@@ -160,20 +160,16 @@ absl::Status CheckTeams(Reader& reader) {
   for (const TeamRow& team : teams.rows) {
     RETURN_IF_ERROR(status);
     status.Update(StatusOfList(reader.Members(team.name)));
-    status.Update(StatusOfList(reader.TeamEvents(team.name)));
     status.Update(StatusOfList(reader.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
   }
   return status;
 }
 
 absl::Status CheckRejudges(Reader& reader) {
-  const Listed<RejudgeRow> rejudges = reader.Rejudges();
-  absl::Status status = StatusOfList(rejudges);
-  for (const RejudgeRow& rejudge : rejudges.rows) {
-    status.Update(reader.RejudgeEvents(rejudge.id).status());
-    status.Update(reader.RejudgeItems(rejudge.id).status());
+  for (const auto& [id, rejudge] : reader.Board().rejudges()) {
+    RETURN_IF_ERROR(reader.EvaluationsOfRejudge(id).status());
   }
-  return status;
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -195,8 +191,7 @@ absl::Status CheckReadable(Reader& reader) {
   const Listed<SubmissionRow> submissions = reader.Submissions(all);
   RETURN_IF_ERROR(StatusOfList(submissions));
   for (const SubmissionRow& submission : submissions.rows) {
-    absl::Status status = reader.MarkHistory(submission.id).status();
-    status.Update(reader.Transitions("submission", submission.id).status());
+    absl::Status status = reader.Transitions("submission", submission.id).status();
     const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.Evaluations(submission.id);
     status.Update(evaluations.status());
     RETURN_IF_ERROR(status);
@@ -204,9 +199,10 @@ absl::Status CheckReadable(Reader& reader) {
       RETURN_IF_ERROR(CheckEvaluation(reader, evaluation.id, content));
     }
   }
-  absl::Status status = reader.PhaseEvents(std::nullopt).status();
-  status.Update(reader.BoardConfigs().status());
-  status.Update(StatusOfList(reader.DrainedNodes()));
+  for (const auto& [act, what] : reader.Board().damaged()) {
+    return DamagedRow({"journal", absl::StrCat(act), what});
+  }
+  absl::Status status = StatusOfList(reader.DrainedNodes());
   status.Update(StatusOfList(reader.Record(0, reader.RecordSize())));
   if (status.ok()) status = CheckRejudges(reader);
   return status;

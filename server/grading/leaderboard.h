@@ -16,6 +16,7 @@
 #include "scoring/aggregate.h"
 #include "scoring/board.h"
 #include "scoring/track.h"
+#include "server/board/acts.h"
 #include "server/store/damage.h"
 #include "server/store/rows.h"
 
@@ -24,9 +25,6 @@ namespace myograde::server {
 inline constexpr char kHidden[] = "hidden";
 inline constexpr char kDisqualified[] = "disqualified";
 inline constexpr char kBaseline[] = "baseline";
-
-// The marks in force, by submission and name.
-using Marks = std::map<int64_t, std::map<std::string, MarkRow>>;
 
 struct LeaderboardRow {
   scoring::RankedEntry ranked;  // rank 0: a baseline, which is not ranked

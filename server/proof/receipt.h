@@ -12,9 +12,9 @@
 // it.
 //
 // "artefact" commits to the artefact's hash without telling it (ArtefactCommitment of
-// server/store/record.h), so that whoever reads a receipt can't name the artefact of another team.
+// server/board/acts.h), so that whoever reads a receipt can't name the artefact of another team.
 //
-// "record", if there is one, is the entry of the public record (server/store/record.h) with this
+// "record", if there is one, is the entry of the public record (server/board/acts.h) with this
 // result, and the proof that the tree with "root" holds it (record_head.h).
 #pragma once
 

@@ -140,7 +140,7 @@ absl::StatusOr<std::optional<Accepted>> Reader::FindRequest(const std::string& w
 
 absl::StatusOr<Accepted> Writer::Once(const std::string& who, const RequestKey& key,
                                       const std::function<absl::StatusOr<Accepted>()>& accept) {
-  ASSIGN_OR_RETURN(std::optional<Accepted> earlier, Reader(db_).FindRequest(who, key));
+  ASSIGN_OR_RETURN(std::optional<Accepted> earlier, Reader(db_, Board()).FindRequest(who, key));
   if (earlier.has_value()) return *earlier;
   absl::StatusOr<Accepted> accepted = accept();
   if (accepted.ok() && !key.key.empty()) {
@@ -177,7 +177,7 @@ absl::StatusOr<int64_t> Writer::AddToken(const NewToken& token, const std::strin
 }
 
 absl::StatusOr<bool> Writer::RevokeToken(int64_t id, const std::string& who) {
-  const absl::Status there = Reader(db_).Token(id).status();
+  const absl::Status there = Reader(db_, Board()).Token(id).status();
   if (absl::IsNotFound(there)) return there;
   // A damaged row is revoked as well, if the schema takes it.
   return Run(db_, R"(UPDATE token

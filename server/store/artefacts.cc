@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
@@ -53,14 +54,11 @@ constexpr char kLogOfEpisode[] =
 // An evaluation `e` of a submission `s` whose files may be removed: it has ended and can't stand on
 // a board, nor on one that a rejudge is made for, which may have to play it. Unreadable rows keep
 // their files.
-constexpr char kOver[] =
-    "(e.finished_at IS NOT NULL AND "
-    "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')) AND NOT "
-    "(s.ranked = 1 AND EXISTS (SELECT 1 FROM rejudge AS q WHERE q.purpose = 'rules' AND "
-    "q.phase = s.phase AND (SELECT event FROM rejudge_event WHERE rejudge = q.id "
-    "ORDER BY id DESC LIMIT 1) = 'created' AND (q.from_config = s.config OR EXISTS "
-    "(SELECT 1 FROM rejudge_item AS i JOIN rejudge AS before ON before.id = i.rejudge "
-    "WHERE i.submission = s.id AND before.to_config = q.from_config)))))";
+std::string Over(const BoardState& board) {
+  return absl::StrCat("(e.finished_at IS NOT NULL AND "
+                      "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')) AND "
+                      "s.id NOT IN (", absl::StrJoin(board.NeededByRejudges(), ","), "))");
+}
 
 constexpr char kEpisodesOf[] =
     "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "
@@ -87,7 +85,7 @@ absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
 
 absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                                const UnsubmittedLimits& limits) {
-  RETURN_IF_ERROR(CheckNotBanned(db_, upload.team));
+  RETURN_IF_ERROR(CheckNotBanned(db_, Board(), upload.team));
   const std::string team = KnownTeam(db_, upload.team);
   Run(db_, "INSERT INTO artefact_holder VALUES (?, ?, ?) ON CONFLICT DO NOTHING", artefact.hash,
       upload.uploader, team);
@@ -151,7 +149,7 @@ std::vector<ArtefactUse> Reader::ArtefactUses() {
       db_, absl::StrCat("SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
                         "ifnull(max(e.finished_at), 0)), "
                         "ifnull(max(e.id IS NOT NULL AND ",
-                        kOver,
+                        Over(Board()),
                         " IS NOT TRUE), 0) "
                         "FROM artefact AS a LEFT JOIN submission AS s ON s.artefact = a.hash "
                         "LEFT JOIN evaluation AS e ON e.submission = s.id GROUP BY a.hash"));
@@ -181,13 +179,13 @@ std::set<std::string> Reader::LogsWhere(const std::string& condition) {
 }
 
 std::set<std::string> Reader::NeededLogs() {
-  return LogsWhere(absl::StrCat(kOver, " IS NOT TRUE"));
+  return LogsWhere(absl::StrCat(Over(Board()), " IS NOT TRUE"));
 }
 
 std::set<std::string> Reader::PracticeLogs() {
   std::set<std::string> logs = LogsWhere("s.ranked = 0");
   for (const std::string& log :
-       LogsWhere(absl::StrCat(kOver, " IS NOT TRUE AND s.ranked IS NOT 0"))) {
+       LogsWhere(absl::StrCat(Over(Board()), " IS NOT TRUE AND s.ranked IS NOT 0"))) {
     logs.erase(log);
   }
   return logs;
@@ -207,10 +205,10 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
     needed = absl::StrCat(
         "SELECT 1 FROM submission AS s JOIN evaluation AS e ON "
         "e.submission = s.id WHERE s.artefact = ?1 AND ",
-        kOver, " IS NOT TRUE LIMIT 1");
+        Over(Board()), " IS NOT TRUE LIMIT 1");
   } else {
     const std::string open =
-        absl::StrCat(kOver, " IS NOT TRUE", practice ? " AND s.ranked IS NOT 0 " : " ");
+        absl::StrCat(Over(Board()), " IS NOT TRUE", practice ? " AND s.ranked IS NOT 0 " : " ");
     // Of unreadable facts, those that contain the name anywhere.
     needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?1 AND ", open,
                           "UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode,

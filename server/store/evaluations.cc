@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
@@ -84,9 +85,11 @@ absl::StatusOr<Accepted> Writer::AddEvaluation(const NewEvaluation& added, const
   const std::vector<std::pair<int64_t, int64_t>>& blocks = added.blocks;
   if (blocks.empty()) return absl::InvalidArgumentError("an evaluation needs at least one lease");
   Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at,
-      config, seeds) VALUES (?, ?, ?, ?, 'queued', ?, ?, nullif(?, ''), nullif(?, '')))",
+      config, seeds, rejudge, repetition, source, method) VALUES (?, ?, ?, ?, 'queued', ?, ?,
+      nullif(?, ''), nullif(?, ''), nullif(?, 0), nullif(?, 0), nullif(?, 0), nullif(?, '')))",
       added.submission, EvaluationKindName(added.kind), blocks.front().first, blocks.back().second,
-      added.grader_json, now_ms_, added.config, added.seeds);
+      added.grader_json, now_ms_, added.config, added.seeds, added.rejudge, added.repetition,
+      added.source, added.rejudge == 0 ? "" : RejudgeMethodName(added.method));
   Accepted accepted{added.submission, db_.getLastInsertRowid(), {}};
   RETURN_IF_ERROR(Audit("evaluation", accepted.evaluation, "", "queued", who, ""));
   int64_t next = blocks.front().first;
@@ -239,15 +242,43 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
         ": it is ", std::string(EvaluationStateName(before)), ", ", select.getColumn(1).getInt64(),
         " leases are open"));
   }
-  MendBoardState();
   Run(db_, R"(UPDATE evaluation
       SET state = ?, reason = ?, results_hash = ?, finished_at = ? WHERE id = ?)",
       EvaluationStateName(state), reason, results_hash, now_ms_, evaluation);
   SettleCharge(evaluation, state, who);
-  AppendEntry(db_, kGradedEntry, evaluation);
+  AppendGraded(evaluation, who);
   TellEnd(evaluation, state);
   return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
                who, reason);
+}
+
+// Practice and re-runs have no act.
+void Writer::AppendGraded(int64_t evaluation, const std::string& who) {
+  Statement select(db_, R"(SELECT e.submission, e.state, e.results_hash, ifnull(e.config, s.config),
+      ifnull(e.seeds, s.seeds), e.grader_json, e.rejudge, e.repetition FROM evaluation AS e
+      JOIN submission AS s ON s.id = e.submission
+      WHERE e.id = ? AND s.ranked = 1 AND e.kind != 'rerun')",
+                   evaluation);
+  if (!select.executeStep()) return;
+  const std::string state = select.getColumn(1).getString();
+  const bool failed = state == EvaluationStateName(EvaluationState::kFailed);
+  const bool result = failed || state == EvaluationStateName(EvaluationState::kDone);
+  // The hash of the build as a receipt shows it.
+  const std::string grader = Sha256Hex(CanonicalJson(nlohmann::json::parse(
+      select.getColumn(5).getString(), nullptr, /*allow_exceptions=*/false)));
+  Append({.kind = kGradedAct,
+          .who = who,
+          .content = {{"evaluation", evaluation},
+                      {"submission", select.getColumn(0).getInt64()},
+                      {"state", result ? "graded" : state},
+                      {"results", result ? nlohmann::json(select.getColumn(2).getString()) : nullptr},
+                      {"config", select.getColumn(3).getString()},
+                      {"seeds", select.getColumn(4).getString()},
+                      {"grader", grader},
+                      {"rejudge", OrNull(select.getColumn(6).getInt64())},
+                      {"repetition", OrNull(select.getColumn(7).getInt64())}},
+          .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
+          .evaluation = evaluation});
 }
 
 std::vector<int64_t> Writer::OpenEvaluationsOf(int64_t submission, bool reruns) {
@@ -306,7 +337,7 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
         why, now_ms_, evaluation);
   }));
   (void)part([&] { SettleCharge(evaluation, EvaluationState::kGraderError, who); });
-  (void)part([&] { AppendEntry(db_, kGradedEntry, evaluation); });
+  (void)part([&] { AppendGraded(evaluation, who); });
   TellEnd(evaluation, EvaluationState::kGraderError);
   return Audit("evaluation", evaluation, before, "grader_error", who, why);
 }

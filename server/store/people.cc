@@ -134,17 +134,6 @@ std::map<int64_t, std::vector<std::string>> TextsByTeam(SQLite::Database& db,
   return texts;
 }
 
-StoredRow TeamEventOf(SQLite::Statement& select, TeamEventRow& event) {
-  StoredRow row(select, "team_event");
-  event.id = row.Id(0);
-  event.at = row.Time(1);
-  event.event = row.OneOf(2, {"created", "renamed", "merged", "banned", "unbanned"});
-  row.TextsInto(3, {&event.detail, &event.who, &event.why});
-  row.Joined("team", 6);
-  event.team = row.Text(7);
-  return row;
-}
-
 }  // namespace
 
 absl::StatusOr<std::string> Writer::CreateTeam(const std::string& team, const std::string& who,
@@ -157,7 +146,7 @@ absl::StatusOr<std::string> Writer::CreateTeam(const std::string& team, const st
 
 absl::Status Writer::FoundTeam(const std::string& team, const std::string& person, int64_t most) {
   ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, team));
-  std::set<std::string> teams = Reader(db_).TeamsOf(person);
+  std::set<std::string> teams = Reader(db_, Board()).TeamsOf(person);
   if (teams.contains(name)) return absl::OkStatus();
   // Also of teams that were merged into it, and those who were removed; a team may also be of people
   // with tokens, or of somebody for whom an organiser submits.
@@ -188,14 +177,12 @@ absl::StatusOr<bool> Writer::RenameTeam(const std::string& team, const std::stri
   ASSIGN_OR_RETURN(const std::string clean, CleanName(name, "the team's new name"));
   if (clean == found.name) return false;
   RETURN_IF_ERROR(CheckFree(db_, clean, found.id));
-  MendBoardState();
   Run(db_, "DELETE FROM former_name WHERE name = ? AND team_id = ?", clean, found.id);
   Run(db_, "UPDATE team SET name = ? WHERE id = ?", clean, found.id);
   Run(db_, "INSERT INTO former_name (name, team_id) VALUES (?, ?)", found.name, found.id);
   AddLooks(db_, found.id, clean);
   RenameUploads(db_, found.name, clean);
-  AddTeamEvent(db_, {.at = now_ms_, .event = "renamed", .detail = found.name, .who = who,
-                     .why = why}, found.id);
+  AddTeamEvent(db_, now_ms_, found.id, "renamed", found.name, who, why);
   return true;
 }
 
@@ -211,7 +198,6 @@ absl::Status Writer::MergeTeams(const std::string& team, const std::string& into
                                 const std::string& who, const std::string& why) {
   ASSIGN_OR_RETURN(const MergePair pair, Mergeable(db_, team, into));
   const auto& [from, to] = pair;
-  MendBoardState();
   // Teams that were merged into the first follow it, so that no row leads to another merged one.
   Run(db_, "UPDATE team SET merged_into = ?1 WHERE id = ?2 OR merged_into = ?2", to.id, from.id);
   for (const std::string& person : MembersOf(db_, from.id)) {
@@ -219,8 +205,7 @@ absl::Status Writer::MergeTeams(const std::string& team, const std::string& into
     if (!Belongs(db_, to.id, person)) AddMember(db_, now_ms_, to.id, person, true, who);
   }
   RenameUploads(db_, from.name, to.name);
-  AddTeamEvent(db_, {.at = now_ms_, .event = "merged", .detail = to.name, .who = who,
-                     .why = why}, from.id);
+  AddTeamEvent(db_, now_ms_, from.id, "merged", to.name, who, why);
   return absl::OkStatus();
 }
 
@@ -228,10 +213,8 @@ absl::StatusOr<bool> Writer::BanTeam(const std::string& team, bool banned, const
                                      const std::string& why) {
   ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
   if (found.banned == banned) return false;
-  MendBoardState();
   Run(db_, "UPDATE team SET banned = ? WHERE id = ?", banned, found.id);
-  AddTeamEvent(db_, {.at = now_ms_, .event = banned ? "banned" : "unbanned", .who = who,
-                     .why = why}, found.id);
+  AddTeamEvent(db_, now_ms_, found.id, banned ? "banned" : "unbanned", "", who, why);
   return true;
 }
 
@@ -300,16 +283,8 @@ Listed<MemberRow> Reader::Members(const std::string& team) {
       });
 }
 
-Listed<TeamEventRow> Reader::TeamEvents(const std::string& team) {
-  return ListOf<TeamEventRow>(
-      Statement(
-          db_,
-          absl::StrCat("SELECT e.id, e.at, e.event, e.detail, e.who, e.why, e.team_id, t.name "
-                       "FROM team_event AS e LEFT JOIN team AS t ON t.id = e.team_id "
-                       "WHERE e.team_id IN ",
-                       RowsOfTeam(1), " ORDER BY e.id"),
-          KnownTeamId(db_, team)),
-      TeamEventOf);
+std::vector<TeamEventRow> Reader::TeamEvents(const std::string& team) {
+  return Board().TeamEvents(KnownTeamId(db_, team));
 }
 
 int64_t Reader::SubmissionsOf(const std::string& team) {

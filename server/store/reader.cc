@@ -22,7 +22,8 @@ constexpr size_t kKept = 8;
 
 constexpr char kEvaluationColumns[] =
     "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
-    "e.results_hash, e.created_at, e.started_at, e.finished_at, e.config, e.seeds "
+    "e.results_hash, e.created_at, e.started_at, e.finished_at, e.config, e.seeds, e.rejudge, "
+    "e.repetition, e.source, e.method "
     "FROM evaluation AS e ";
 
 StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
@@ -41,6 +42,12 @@ StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
   evaluation.finished_at = row.TimeOr0(11);
   if (!select.isColumnNull(12)) evaluation.config = row.Hash(12);
   if (!select.isColumnNull(13)) evaluation.seeds = row.Hash(13);
+  if (!select.isColumnNull(14)) {
+    evaluation.rejudge = row.Id(14);
+    evaluation.repetition = row.Number(15, 1, kMostRepeats);
+    evaluation.source = row.Id(16);
+    evaluation.method = row.Named(17, ParseRejudgeMethod);
+  }
   if (IsFinal(evaluation.state) == select.isColumnNull(11)) {
     row.Fail(5, "its time of ending says otherwise");
   }
@@ -106,6 +113,14 @@ absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, con
 
 }  // namespace
 
+const BoardState& Reader::Board() {
+  if (state_ == nullptr) {
+    followed_ = fold_->Follow(db_);
+    state_ = followed_.get();
+  }
+  return *state_;
+}
+
 absl::StatusOr<EvaluationRow> Reader::Evaluation(int64_t id) {
   return FirstOf<EvaluationRow>(
       Statement(db_, absl::StrCat(kEvaluationColumns, "WHERE e.id = ?"), id), EvaluationOf,
@@ -124,6 +139,15 @@ absl::StatusOr<std::vector<EvaluationRow>> Reader::Evaluations(int64_t submissio
                        "it has no evaluation, or none that is its original one"});
   }
   return rows;
+}
+
+absl::StatusOr<std::vector<EvaluationRow>> Reader::EvaluationsOfRejudge(int64_t rejudge) {
+  return AllOf<EvaluationRow>(
+      Statement(db_,
+                absl::StrCat(kEvaluationColumns,
+                             "WHERE e.rejudge = ? ORDER BY e.submission, e.repetition"),
+                rejudge),
+      EvaluationOf);
 }
 
 absl::StatusOr<EvaluationRow> Reader::Original(int64_t submission) {
@@ -228,7 +252,7 @@ absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) 
   absl::Status answer;
   const absl::Status status = GuardSqlite(path_, [&] {
     SQLite::Transaction transaction(**db);  // deferred: all queries see one state
-    Reader reader(**db);
+    Reader reader(**db, fold_);
     answer = body(reader);
     transaction.commit();
     return absl::OkStatus();

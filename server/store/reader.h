@@ -16,11 +16,10 @@
 
 #include "protocol/base/mutex.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/deliveries.h"
 #include "server/store/quota.h"
-#include "server/store/record.h"
+#include "server/store/journal.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/submissions.h"
@@ -48,20 +47,6 @@ struct SubmissionFilter {
 // status.
 std::string ResembledTeam(const absl::Status& status);
 
-// The marks in force, by submission and mark.
-struct MarksInForce {
-  std::map<int64_t, std::map<std::string, MarkRow>> by_submission;
-  std::map<int64_t, Damage> damaged;  // of submissions with unreadable marks; 0: it is unknown
-                                      // whose
-};
-
-// What may rank on a board as of a moment.
-struct InForce {
-  std::vector<StandingRow> rows;  // by submission; nothing of a banned team
-  std::vector<Damage> damaged;
-  bool withheld = false;          // a freeze left some out
-};
-
 // Where an episode is that a log is of.
 struct LoggedEpisode {
   int64_t evaluation = 0;
@@ -80,7 +65,13 @@ struct EndedEvaluation {
 // fails, lists omit the row and report it.
 class Reader {
  public:
-  explicit Reader(SQLite::Database& db) : db_(db) {}
+  // On a connection whose journal `fold` follows.
+  Reader(SQLite::Database& db, BoardFold& fold) : db_(db), fold_(&fold) {}
+  // Where somebody has the state of the journal.
+  Reader(SQLite::Database& db, const BoardState& state) : db_(db), state_(&state) {}
+
+  // What the journal says: marks, choices, phases, teams, configs and rejudges, and what counts on boards.
+  const BoardState& Board();
 
   absl::StatusOr<ArtefactRow> Artefact(const std::string& hash);
   // Whether `who` may submit an artefact for a team: they uploaded it themselves, or the team holds it.
@@ -127,7 +118,7 @@ class Reader {
   // By person.
   Listed<MemberRow> Members(const std::string& team);
   // Oldest first, with those of the teams that were merged into it.
-  Listed<TeamEventRow> TeamEvents(const std::string& team);
+  std::vector<TeamEventRow> TeamEvents(const std::string& team);
   // Whether they can be merged; errors as of Writer::MergeTeams.
   absl::Status CheckMerge(const std::string& team, const std::string& into);
   // The number of submissions, with those of the teams that were merged into it.
@@ -170,29 +161,12 @@ class Reader {
   // Newest first. `track` "" matches any; `before` is an id.
   Listed<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
                            int64_t limit);
-  // Those of before `before_ms`.
-  MarksInForce Marks(int64_t before_ms = INT64_MAX);
-  // A submission's mark changes, oldest first.
-  absl::StatusOr<std::vector<MarkRow>> MarkHistory(int64_t submission);
-  // Changes whenever a board may have changed, and only then.
-  int64_t BoardChanges();
-  // What may rank under a config: done, ranked and original, by submission, but nothing of a banned
-  // team. A damaged row of the view counts as missing from it.
-  Listed<StandingRow> Standings(const std::string& config);
-  // What happened to a phase and to all submissions (phase ""), or with nullopt to any, by id.
-  absl::StatusOr<std::vector<PhaseEventRow>> PhaseEvents(const std::optional<std::string>& phase);
   // NotFoundError: it has none; otherwise as Writer::PhaseSecret.
   absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
   // Why Writer::PhaseSecret would refuse.
   absl::Status CheckPhaseSecret(const std::string& phase, const std::string& challenge);
-  // The submission that each team stands with, of those on the board of a config where teams choose.
-  std::set<int64_t> Choices(const std::string& config, const BoardMoment& moment);
-  // Whether the record has committed to hidden seeds of the phase.
-  bool HasCommitted(const std::string& phase);
   // Phases with submissions, by name.
   absl::StatusOr<std::vector<PhaseUse>> PhasesInUse();
-  // The config that a phase has by the store, else that of its latest submission; "": it has none.
-  std::string ConfigOfPhase(const std::string& phase);
   // The keys of a table that is keyed by hash: "artefact", "config", "seed_list".
   std::vector<std::string> Hashes(const std::string& table);
   // The whole store as one document, in transfer.h's format.
@@ -204,6 +178,8 @@ class Reader {
   std::set<std::string> NeededLogs();
   // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs too.
   std::set<std::string> PracticeLogs();
+  // What finished evaluations are ranked by, as far as the view has it and it can be read.
+  std::map<int64_t, Standing> Standings(const std::vector<int64_t>& evaluations);
   // Evaluations that are done: all, or those without a standing.
   std::vector<int64_t> DoneEvaluations(bool without_standing);
 
@@ -215,57 +191,18 @@ class Reader {
 
   // Rejudges (rejudges.h).
   absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
-  // Newest first; `before` is an id.
-  Listed<RejudgeRow> Rejudges(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
-  absl::StatusOr<std::vector<RejudgeEventRow>> RejudgeEvents(int64_t rejudge);  // oldest first
   // By submission and repetition.
-  absl::StatusOr<std::vector<RejudgeItemRow>> RejudgeItems(int64_t rejudge);
-  // The item whose evaluation this is; nullopt: it is of no rejudge.
-  absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
+  absl::StatusOr<std::vector<EvaluationRow>> EvaluationsOfRejudge(int64_t rejudge);
   absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
   // The items that it lacks, first repetitions first; none for purpose kSeeds.
-  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
+  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge);
   // The same before it is created.
   std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
   // The submissions whose repetitions that have ended as done or failed differ, with every episode
   // that does.
   absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
-  // Changes whenever rejudges may have something new to do, and only then.
-  int64_t RejudgeWork();
-
-  // Of a board, or with nullopt of all, by id.
-  absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
-      const std::optional<BoardName>& board = std::nullopt);
-  // The hash of the config that a board had: the latest of its rows, else that of the latest ranked
-  // submission of that time, else of the earliest one at all. "": the store knows none, so it was
-  // that of the files.
-  absl::StatusOr<std::string> ConfigAt(const BoardName& board, int64_t before_ms);
-  // Rejudges of rules to a config that are in force as of a moment, in the order in which they were
-  // applied.
-  std::vector<int64_t> AppliedRejudges(const std::string& to_config, const BoardMoment& moment);
-  // When anything last happened that may have changed the board of a config, or 0: a result, a mark,
-  // a choice, a rejudge, an act on a team or a phase ("": none).
-  int64_t BoardChangedAt(const std::string& config, const std::string& phase,
-                         const BoardMoment& moment);
-  // What may rank under a config as of a moment, by submission: the results of the latest rejudge in
-  // force that holds a submission, once it has ended there, else of its original.
-  InForce StandingsInForce(const std::string& config, const BoardMoment& moment);
-  // The other configs of a board that ranked submissions stand under, the earliest first.
-  std::vector<OtherConfig> OtherConfigs(const BoardName& board, const std::string& config,
-                                        const BoardMoment& moment);
-  // The number of originals among them that no rejudge has brought to `config`.
-  int64_t RankedElsewhere(const BoardName& board, const std::string& config,
-                          const BoardMoment& moment);
-  // Hashes that begin with `prefix`, of configs that a board has or had, or has been rejudged to;
-  // also by rejudges that were never applied, if asked for.
-  std::vector<std::string> ConfigsLike(const std::string& prefix, bool of_open_rejudges);
   // The builds that evaluations are of, as stored; "" for one that is missing.
   std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
-  // The rejudge that an evaluation belongs to.
-  RejudgeSight RejudgeOfEvaluation(int64_t evaluation);
-  // Whether everything beside its evaluations can be read that decides how a submission stands on boards:
-  // marks, team, rejudges. Otherwise the damage.
-  absl::Status CheckStandingRows(int64_t submission);
   // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h).
   absl::StatusOr<DeliveryRow> NextDelivery(const std::string& webhook);
   // Its id, also if it is damaged; 0: none waits.
@@ -283,6 +220,9 @@ class Reader {
   std::set<std::string> LogsWhere(const std::string& condition);
 
   SQLite::Database& db_;
+  BoardFold* fold_ = nullptr;
+  std::shared_ptr<const BoardState> followed_;
+  const BoardState* state_ = nullptr;
 };
 
 // Connections for readers; safe to use from any thread.
@@ -324,6 +264,7 @@ class ReaderPool {
   absl::StatusOr<std::unique_ptr<SQLite::Database>> Take();
 
   const std::string path_;
+  BoardFold fold_;
   std::function<void(absl::Duration)> observer_;
   std::function<void(const absl::Status&)> corrupt_observer_;
   Mutex mutex_;

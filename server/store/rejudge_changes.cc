@@ -4,6 +4,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
@@ -19,12 +21,18 @@ absl::Status Refused(const RejudgeRow& rejudge, const std::string& what) {
 }
 
 // A later one of the same board that is applied, or 0.
-int64_t LaterApplied(SQLite::Database& db, const RejudgeRow& rejudge) {
-  return FirstNumber(db, R"(SELECT q.id FROM rejudge AS q JOIN rejudge_event AS v ON v.rejudge
-      = q.id WHERE q.purpose = 'rules' AND q.phase = ?1 AND q.track = ?2 AND q.profile = ?3
-      AND v.event = 'applied' AND v.id = (SELECT max(id) FROM rejudge_event WHERE rejudge = q.id)
-      AND v.id > (SELECT max(id) FROM rejudge_event WHERE rejudge = ?4) ORDER BY v.id DESC)",
-                     rejudge.phase, rejudge.track, rejudge.profile, rejudge.id);
+int64_t LaterApplied(const BoardState& board, const RejudgeRow& rejudge) {
+  int64_t later = 0;
+  int64_t latest = rejudge.events.back().id;
+  for (const auto& [id, other] : board.rejudges()) {
+    if (other.purpose != RejudgePurpose::kRules || other.board() != rejudge.board() ||
+        other.last() != RejudgeEvent::kApplied || other.events.back().id <= latest) {
+      continue;
+    }
+    later = id;
+    latest = other.events.back().id;
+  }
+  return later;
 }
 
 std::string Listing(const std::vector<int64_t>& submissions) {
@@ -63,65 +71,100 @@ std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& prog
                       "then), and ", Listing(without), " named");
 }
 
-// `item`: what was asked for; `evaluation`: what was made of it.
-template <typename Item>
-void AddItemRow(SQLite::Database& db, const Item& item, RejudgeMethod method, int64_t evaluation) {
-  Run(db, R"(INSERT INTO rejudge_item (rejudge, submission, repetition, source, method, evaluation)
-      VALUES (?, ?, ?, ?, ?, ?))",
-      item.rejudge, item.submission, item.repetition, item.source, RejudgeMethodName(method),
-      evaluation);
+// The results that an application makes those of the board: of each submission the first repetition.
+nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
+  nlohmann::json results = nlohmann::json::array();
+  for (const EvaluationRow& row : evaluations) {
+    if (row.repetition != 1) continue;
+    results.push_back({{"submission", row.submission},
+                       {"evaluation", row.id},
+                       {"state", EvaluationStateName(row.state)},
+                       {"results", OrNull(row.results_hash)}});
+  }
+  return results;
+}
+
+// The config in force on a board; `usual`: of one that was never given any.
+std::string ConfigInForce(const BoardState& board, const BoardName& name,
+                          const std::string& usual) {
+  const std::vector<BoardConfigRow>& rows = board.ConfigsOf(name);
+  return rows.empty() ? usual : rows.back().config;
 }
 
 }  // namespace
 
 absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudge,
                                                         RejudgeEvent event, const std::string& why,
-                                                        const SignRejudge& sign,
+                                                        const SignDocument& sign,
                                                         const std::string& who) {
-  RejudgeEventRow row;
-  row.at = now_ms_;
-  row.rejudge = rejudge.id;
-  row.event = event;
-  row.who = who;
-  row.why = why;
-  ASSIGN_OR_RETURN(SignedDocument document, sign(rejudge, row));
-  row.document_json = std::move(document.json);
-  row.signature = std::move(document.signature);
-  MendBoardState();
-  Run(db_, R"(INSERT INTO rejudge_event (at, rejudge, event, who, why, document_json, signature)
-      VALUES (?, ?, ?, ?, ?, ?, ?))",
-      row.at, row.rejudge, RejudgeEventName(event), who, why, row.document_json, row.signature);
-  row.id = db_.getLastInsertRowid();
-  AppendEntry(db_, kRejudgeEntry, row.id);
-  return row;
+  const bool applied = event == RejudgeEvent::kApplied;
+  nlohmann::json document = RejudgeKeys(rejudge);
+  document.update({{"format", 1},
+                   {"document", "rejudge"},
+                   {"event", RejudgeEventName(event)},
+                   {"at", TimeText(now_ms_)},
+                   {"who", who},
+                   {"reason", why},
+                   {"seeds", rejudge.seeds}});
+  if (applied) {
+    ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations,
+                     Reader(db_, Board()).EvaluationsOfRejudge(rejudge.id));
+    document["results"] = ResultsOf(evaluations);
+  }
+  const std::string text = CanonicalJson(document);
+  ASSIGN_OR_RETURN(const std::string signature, sign(text));
+  NewAct act{.kind = kRejudgeAct,
+             .who = who,
+             .content = {{"event", RejudgeEventName(event)},
+                         {"rejudge", rejudge.id},
+                         {"document_sha256", Sha256Hex(text)},
+                         {"signature", signature}}};
+  // Until a rejudge is applied, participants see nothing of it: its document is committed to, and told
+  // when it is applied.
+  if (applied) {
+    for (const char* key : {"purpose", "from_config", "to_config", "phase", "track", "profile"}) {
+      act.content[key] = document[key];
+    }
+  }
+  (applied ? act.content : act.beside)["document"] = std::move(document);
+  Append(act);
+  return Board().Rejudge(rejudge.id)->events.back();
 }
 
-absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge,
-                                              const SignRejudge& sign, const std::string& who) {
+absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge, const SignDocument& sign,
+                                              const std::string& who) {
   RETURN_IF_ERROR(
       AddConfig(rejudge.from_config, rejudge.track, rejudge.profile, rejudge.from_config_json));
   RETURN_IF_ERROR(
       AddConfig(rejudge.to_config, rejudge.track, rejudge.profile, rejudge.to_config_json));
   RETURN_IF_ERROR(AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
-  Run(db_, R"(INSERT INTO rejudge (at, purpose, phase, track, profile, from_config,
-      to_config, seeds, method, repeats, who, why) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
-      now_ms_, RejudgePurposeName(rejudge.purpose), rejudge.phase, rejudge.track, rejudge.profile,
-      rejudge.from_config, rejudge.to_config, rejudge.seeds, RejudgeMethodName(rejudge.method),
-      rejudge.repeats, who, rejudge.why);
-  ASSIGN_OR_RETURN(RejudgeRow row, Reader(db_).Rejudge(db_.getLastInsertRowid()));
+  const auto& earlier = Board().rejudges();
+  const RejudgeRow row{.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1,
+                       .at = now_ms_,
+                       .purpose = rejudge.purpose,
+                       .phase = rejudge.phase,
+                       .track = rejudge.track,
+                       .profile = rejudge.profile,
+                       .from_config = rejudge.from_config,
+                       .to_config = rejudge.to_config,
+                       .seeds = rejudge.seeds,
+                       .method = rejudge.method,
+                       .repeats = rejudge.repeats,
+                       .who = who,
+                       .why = rejudge.why,
+                       .events = {}};
   RETURN_IF_ERROR(AddRejudgeEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
-  return row;
+  return *Board().Rejudge(row.id);
 }
 
 absl::StatusOr<std::optional<RejudgeRow>> Writer::RejudgeWithout(int64_t id, int64_t submission,
                                                                  int64_t repetition) {
-  ASSIGN_OR_RETURN(RejudgeRow rejudge, Reader(db_).Rejudge(id));
+  ASSIGN_OR_RETURN(RejudgeRow rejudge, Reader(db_, Board()).Rejudge(id));
   if (AnyRow(db_, R"(SELECT 1
-      FROM rejudge_item WHERE rejudge = ? AND submission = ? AND repetition = ?)",
+      FROM evaluation WHERE rejudge = ? AND submission = ? AND repetition = ?)",
              id, submission, repetition))
     return std::optional<RejudgeRow>();
-  ASSIGN_OR_RETURN(std::vector<RejudgeEventRow> events, Reader(db_).RejudgeEvents(id));
-  if (events.back().event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
+  if (rejudge.last() == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
   return std::optional(std::move(rejudge));
 }
 
@@ -135,9 +178,12 @@ absl::StatusOr<Accepted> Writer::AddRejudgeItem(const NewRejudgeItem& item,
                                                   .config = rejudge->to_config,
                                                   .seeds = rejudge->seeds,
                                                   .grader_json = item.grader_json,
-                                                  .blocks = item.blocks},
+                                                  .blocks = item.blocks,
+                                                  .rejudge = item.rejudge,
+                                                  .repetition = item.repetition,
+                                                  .source = item.source,
+                                                  .method = item.method},
                                                  who));
-  AddItemRow(db_, item, item.method, added.evaluation);
   if (item.impossible.empty()) return added;
   RETURN_IF_ERROR(
       EndWithLeases(added.evaluation, EvaluationState::kGraderError, item.impossible, who));
@@ -149,13 +195,14 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
                    RejudgeWithout(item.rejudge, item.submission, item.repetition));
   if (!rejudge.has_value()) return false;
   const std::string state(EvaluationStateName(item.state));
-  MendBoardState();
-  if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last,
-      state, reason, grader_json, results_hash, created_at, started_at, finished_at, config, seeds)
-      SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6
+  if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json,
+      results_hash, created_at, started_at, finished_at, config, seeds, rejudge, repetition, source,
+      method) SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6,
+      ?10, ?11, id, 'facts'
       FROM evaluation WHERE id = ?7 AND submission = ?8 AND last - first + 1 = ?9)",
           state, item.reason, item.results_hash, now_ms_, rejudge->to_config, rejudge->seeds,
-          item.source, item.submission, std::ssize(item.episodes)) != 1) {
+          item.source, item.submission, std::ssize(item.episodes), item.rejudge,
+          item.repetition) != 1) {
     return absl::InternalError(absl::StrCat("evaluation ", item.source, " is not of submission ",
                                             item.submission, ", or has other episodes"));
   }
@@ -185,11 +232,10 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
   Run(db_, R"(INSERT INTO episode_details (evaluation, idx, details_json)
       SELECT ?, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx)",
       evaluation, item.source);
-  AddItemRow(db_, item, RejudgeMethod::kFacts, evaluation);
   if (item.state == EvaluationState::kDone) {
     RETURN_IF_ERROR(SetStanding(evaluation, item.standing));
   }
-  AppendEntry(db_, kGradedEntry, evaluation);
+  AppendGraded(evaluation, who);
   return true;
 }
 
@@ -197,21 +243,21 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
 absl::StatusOr<RejudgeDone> Writer::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                               const std::string& who) {
   if (done.config_after == done.config_before) return done;
-  const BoardName board = {rejudge.phase, rejudge.track, rejudge.profile};
-  RETURN_IF_ERROR(
-      SetBoardConfig({.board = board, .config = done.config_after, .rejudge = rejudge.id}, who)
-          .status());
+  RETURN_IF_ERROR(SetBoardConfig({.board = rejudge.board(),
+                                  .config = done.config_after,
+                                  .rejudge = rejudge.id},
+                                 who)
+                      .status());
   return done;
 }
 
-absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                  const std::string& who) {
-  Reader reader(db_);
+  Reader reader(db_, Board());
   ASSIGN_OR_RETURN(const RejudgeRow rejudge, reader.Rejudge(act.rejudge));
   ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
   RejudgeDone done;
-  done.config_before = NewestBoardConfig(db_, {rejudge.phase, rejudge.track, rejudge.profile})
-                           .value_or(act.in_force);
+  done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
   if (const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);
       !why.empty()) {
     return Refused(rejudge, why);
@@ -222,31 +268,30 @@ absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const Si
   return MoveBoard(rejudge, std::move(done), who);
 }
 
-absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                 const std::string& who) {
-  Reader reader(db_);
-  ASSIGN_OR_RETURN(const RejudgeRow rejudge, reader.Rejudge(act.rejudge));
-  ASSIGN_OR_RETURN(std::vector<RejudgeEventRow> events, reader.RejudgeEvents(act.rejudge));
-  const RejudgeEventRow& last = events.back();
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Reader(db_, Board()).Rejudge(act.rejudge));
+  const RejudgeEventRow& last = rejudge.events.back();
   if (last.event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped already");
   const bool applied = last.event == RejudgeEvent::kApplied;
-  if (const int64_t later = applied ? LaterApplied(db_, rejudge) : 0; later != 0) {
+  if (const int64_t later = applied ? LaterApplied(Board(), rejudge) : 0; later != 0) {
     return Refused(rejudge, absl::StrCat("can't be dropped before rejudge ", later,
                                          ", which was applied after it to the same board"));
   }
   RejudgeDone done;
-  done.config_before = NewestBoardConfig(db_, {rejudge.phase, rejudge.track, rejudge.profile})
-                           .value_or(act.in_force);
+  done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
   // If the config files have changed the board's config since, it stays.
   const bool back = applied && done.config_before == rejudge.to_config;
   done.config_after = back ? rejudge.from_config : done.config_before;
   if (applied && rejudge.from_config != rejudge.to_config) {
-    done.stay = FirstNumber(db_, R"(SELECT count(*)
-        FROM submission WHERE config = ? AND ranked = 1 AND phase = ? AND accepted_at >= ?)",
-                            rejudge.to_config, rejudge.phase, last.at);
+    const auto& submissions = Board().submissions();
+    done.stay = std::count_if(submissions.begin(), submissions.end(), [&](const auto& one) {
+      return one.second.config == rejudge.to_config &&
+             one.second.board.phase == rejudge.phase && one.second.at >= last.at;
+    });
   }
-  done.cancelled = AllNumbers(db_, R"(SELECT e.id FROM rejudge_item AS i JOIN evaluation AS e
-      ON e.id = i.evaluation WHERE i.rejudge = ? AND e.finished_at IS NULL ORDER BY e.id)",
+  done.cancelled = AllNumbers(db_, R"(SELECT id FROM evaluation
+      WHERE rejudge = ? AND finished_at IS NULL ORDER BY id)",
                               rejudge.id);
   for (const int64_t evaluation : done.cancelled) {
     RETURN_IF_ERROR(EndWithLeases(evaluation, EvaluationState::kCancelled,

@@ -1,20 +1,12 @@
-// Rejudges: all submissions of a board judged again, under another config (purpose "rules") or with
-// further episodes (purpose "seeds"). schema.sql describes the tables.
+// Rejudges (server/board/acts.h) in the store: the evaluations that they need and have, and what
+// organisers ask for.
 //
-// The operations are Writer's (AddRejudge, AddRejudgeItem, AddJudgedItem, ApplyRejudge,
-// DropRejudge), the views Reader's (Rejudge, Rejudges, RejudgeEvents, RejudgeItems, ProgressOf,
-// MissingItems).
-//
-//   created ──(every item has ended)── ready ──apply──► applied ──drop──► dropped
-//      └───────────────────drop──────────┴───────────────► dropped ──apply──► applied, if complete
-//
-// While it is created or applied it follows the board: a submission whose evaluation under
-// from_config ends later gets items too. A dropped one whose items are complete may be applied.
+// While it is created or applied it follows the board: a submission whose evaluation under from_config
+// ends later is judged again too. A dropped one whose evaluations are complete may be applied.
 #pragma once
 
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,76 +14,16 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "server/board/acts.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
-
-enum class RejudgePurpose {
-  kRules,  // the results of to_config take the place of those of from_config
-  kSeeds,  // further episodes for statistics, of the listed submissions; they never rank
-};
-std::string_view RejudgePurposeName(RejudgePurpose purpose);  // "rules", "seeds"
-std::optional<RejudgePurpose> ParseRejudgePurpose(std::string_view name);
-
-enum class RejudgeMethod {
-  kAuto,   // from facts where that gives what playing would give, else played
-  kFacts,  // judged anew from the facts of an evaluation
-  kPlay,   // played
-};
-std::string_view RejudgeMethodName(RejudgeMethod method);  // "auto", "facts", "play"
-std::optional<RejudgeMethod> ParseRejudgeMethod(std::string_view name);
-
-enum class RejudgeEvent { kCreated, kApplied, kDropped };
-std::string_view RejudgeEventName(RejudgeEvent event);  // "created", "applied", "dropped"
-std::optional<RejudgeEvent> ParseRejudgeEvent(std::string_view name);
-
-inline constexpr int64_t kMostRepeats = 20;
-
-struct RejudgeRow {
-  int64_t id = 0;
-  int64_t at = 0;
-  RejudgePurpose purpose = RejudgePurpose::kRules;
-  std::string phase;  // "": the track's own board
-  std::string track;
-  std::string profile;
-  std::string from_config;  // hashes
-  std::string to_config;
-  std::string seeds;        // of to_config
-  RejudgeMethod method = RejudgeMethod::kAuto;
-  int64_t repeats = 1;      // items per submission
-  std::string who;
-  std::string why;
-};
-
-struct RejudgeEventRow {
-  int64_t id = 0;
-  int64_t at = 0;
-  int64_t rejudge = 0;
-  RejudgeEvent event = RejudgeEvent::kCreated;
-  std::string who;
-  std::string why;
-  std::string document_json;  // canonical
-  std::string signature;      // 128 hexadecimal digits: Ed25519 over document_json
-};
-
-struct RejudgeItemRow {
-  int64_t rejudge = 0;
-  int64_t submission = 0;
-  int64_t repetition = 1;
-  int64_t source = 0;  // the evaluation that it is the new result of
-  RejudgeMethod method = RejudgeMethod::kPlay;  // kFacts or kPlay
-  int64_t evaluation = 0;
-  // Of the evaluation.
-  EvaluationState state = EvaluationState::kQueued;
-  std::string reason = "";
-  std::string results_hash = "";
-};
 
 // What a rejudge has to do next for a submission.
 struct RejudgeCandidate {
   int64_t submission = 0;
   int64_t source = 0;      // its evaluation in force under from_config; done or failed
-  int64_t repetition = 1;  // that it has no item of yet
+  int64_t repetition = 1;  // that it has no evaluation of yet
 };
 
 // Where it stands. In `without_result` are the submissions with an item (of repetition 1) that ended
@@ -138,16 +70,9 @@ struct NewRejudge {
   std::vector<int64_t> submissions = {};
 };
 
-// What an event says, and its signature.
-struct SignedDocument {
-  std::string json;       // canonical
-  std::string signature;  // 128 hexadecimal digits
-};
-// Makes an event's document. Called inside the change, as the id and the time are known only there:
-// `event` has all but the document and the signature. An error undoes the change.
-using SignRejudge =
-    std::function<absl::StatusOr<SignedDocument>(const RejudgeRow& rejudge,
-                                                 const RejudgeEventRow& event)>;
+// Signs the document of an act: 128 hexadecimal digits. Called inside the change, whose id and time are
+// known only there; an error undoes the change.
+using SignDocument = std::function<absl::StatusOr<std::string>(const std::string& document_json)>;
 
 // An item to play: its evaluation is queued.
 struct NewRejudgeItem {
@@ -185,7 +110,7 @@ struct RejudgeAct {
   // For apply: the submissions that the caller knows to have no result. It must name exactly
   // RejudgeProgress::without_result.
   std::vector<int64_t> without = {};
-  // For apply: the hash of the config in force on its board, for a board without a board_config row.
+  // For apply: the hash of the config in force on its board, for a board that was never given one.
   std::string in_force = "";
 };
 

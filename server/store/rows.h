@@ -12,6 +12,7 @@
 
 #include "protocol/base/outcome.h"
 #include "protocol/lease/policy_image.h"
+#include "server/board/acts.h"
 
 namespace myograde::server {
 
@@ -82,6 +83,11 @@ struct EvaluationRow {
   // Hashes of what a rejudge is played under; "" is the submission's.
   std::string config = {};
   std::string seeds = {};
+  // Of a rejudge; 0: of none.
+  int64_t rejudge = 0;
+  int64_t repetition = 0;  // from 1 on
+  int64_t source = 0;      // the evaluation that it is the new result of
+  RejudgeMethod method = RejudgeMethod::kPlay;  // kFacts or kPlay
 };
 
 // Hashes of the config and the seeds of an evaluation of `submission`.
@@ -250,32 +256,6 @@ struct MemberRow {
   std::string who;  // who made them a member
 };
 
-// An act on a team.
-struct TeamEventRow {
-  int64_t id = 0;
-  int64_t at = 0;
-  std::string team = "";  // today's name of the team that it was done to
-  std::string event = "";  // "created", "renamed", "merged", "banned", "unbanned"
-  std::string detail = "";  // the name before, or the team that it was merged into; else ""
-  std::string who = "";
-  std::string why = "";
-};
-
-// An act on a phase of a challenge. The newest pause or resumption of a phase is in force; the others
-// are never taken back.
-inline constexpr char kPausedEvent[] = "paused";
-inline constexpr char kResumedEvent[] = "resumed";
-inline constexpr char kPublishedEvent[] = "published";
-inline constexpr char kRevealedEvent[] = "revealed";
-struct PhaseEventRow {
-  int64_t id = 0;
-  int64_t at = 0;
-  std::string phase;  // "" for a pause and a resumption: all submissions
-  std::string event;
-  std::string who;
-  std::string why;
-};
-
 // A bearer token. Its text is not kept, only the text's hash, which is never shown.
 struct TokenRow {
   int64_t id = 0;
@@ -298,17 +278,6 @@ struct PhaseUse {
   std::string config;  // of its latest submission
   int64_t submissions = 0;
   int64_t waiting = 0;  // evaluations that have not ended
-};
-
-// One change of a mark. The newest row of a submission and mark is in force.
-struct MarkRow {
-  int64_t id = 0;
-  int64_t at = 0;
-  int64_t submission = 0;
-  std::string mark;  // "hidden", "disqualified", "baseline"
-  bool set = false;
-  std::string who;
-  std::string why;
 };
 
 // A request that was denied, or an act of an organiser or operator.

@@ -13,7 +13,6 @@
 -- Teams, and who calls:
 --   team             may have been merged into another one, and may be banned
 --   former_name      names that a team had before, so that they still find it
---   team_event       every act on a team: created, renamed, merged, banned, unbanned
 --   team_look        what a team's name looks like (server/base/names.h): names that share a look can be
 --                    taken for one another. Made again when the rule for it changes
 --   member           who belongs to a team; the newest row of a team and a person is in force
@@ -23,8 +22,9 @@
 --   request_key      submissions and re-runs that were asked for with an Idempotency-Key
 -- What happens:
 --   submission       a team asks for an artefact to be graded; its id is the acceptance number
---   evaluation       one playing of it: the original, a re-run of some of its leases, or a rejudge: its
---                    result under another config than its own, whose seeds may differ too
+--   evaluation       one playing of it: the original, a re-run of some of its leases, or of a rejudge: its
+--                    result under that one's config and seeds, computed from the facts of its source or
+--                    played. Of several repetitions the first one counts
 --   lease            a block of consecutive episodes of an evaluation, played by one policy process
 --   episode          one row for each episode played: the facts, and what scoring made of them
 --   episode_details  what pages and reports show of it besides (protocol/README.md). No result follows
@@ -38,36 +38,22 @@
 --                    as exports hold nothing else
 --   node_event       a node of the cluster gets no more leases, or gets them again. The newest row of a
 --                    node is in force
--- Quotas, marks and files:
+-- Acts:
+--   journal          every act that decides what stands on a board or that the public record tells, in
+--                    order (server/board/acts.h): its public keys, which are an entry of the record, and
+--                    the private ones. `chain` is the SHA-256 over the digits of the entry before ('' for
+--                    the first), a line feed and the entry. What follows from the journal is computed by
+--                    server/board, and by no query
+-- Quotas and files:
 --   admission        what an accepted submission will be charged to, and for which day
 --   ledger           every charge, refund and grant of a team's quota
---   mark             every time a submission was hidden, disqualified or marked as baseline, or brought
---                    back; the newest row of a submission and mark is in force
 --   removal          files that were removed from the data folder, by the organiser's policy
--- Phases ('' is a track's own board):
+-- Phases:
 --   phase_secret     what the seeds of a phase with committed seeds follow from
---   phase_event      acts on a phase: paused, resumed, published (a frozen board), revealed (its seeds)
---   choice           the submission that a team stands with where it may choose; the newest row is in
---                    force
--- Results by changed rules:
---   rejudge          a board's submissions, all judged again. For purpose 'rules' the results of
---                    to_config take the place of those of from_config; for 'seeds' they are further
---                    episodes, which statistics use and no rank
---   rejudge_item     which evaluation it has of a submission, of which evaluation that is the new
---                    result, and whether it was computed from that one's facts or played. Of several
---                    repetitions the first one counts
---   rejudge_event    what became of it; the newest row is in force. The document says what was done,
---                    and is signed with the key of receipts
---   board_config     the config that the board of a phase, or of a track's profile where no phase is
---                    named, had from then on
 -- What others are told:
---   record           what anybody may check afterwards: entries that are only ever added. `chain` is
---                    the SHA-256 over the digits of the entry before ('' for the first), a line feed
---                    and the entry
 --   delivery         what webhooks are told, until they have taken it
 -- Boards, which can be dropped and made again at any time:
 --   standing         what a finished evaluation is ranked by: a view of its episode rows
---   board_state      counts the changes that can touch a board, so that a kept board is never stale
 --
 -- States, and the function of Store that makes each step (anything else is refused by CHECK, by
 -- trigger, or by the store's own comparison with the state before):
@@ -90,16 +76,15 @@
 --    5. The leases of an evaluation do not overlap and cover [first, last].
 --    6. Every change of a state inserts its transition in the same transaction.
 --    7. A submission is charged once in each budget, and each charge is refunded at most once.
---    8. Ledger, marks and admissions are never changed or deleted.
+--    8. The journal, ledger and admissions are never changed or deleted.
 --    9. A day is the number of whole days since 1970-01-01 UTC: the clock's, or the day after if the
 --       admissions or the ledger have rows of that already.
---   10. Team events, memberships, access events (but for their count, and denials that are old), phase
---       events and choices are never changed or deleted.
+--   10. Memberships and access events (but for their count, and denials that are old) are never changed
+--       or deleted.
 --   11. A phase's secret is never changed.
---   12. Rejudges, their items and events, board configs and the record are never changed or deleted.
---   13. The ids of the record are 0, 1, 2 and so on.
---   14. An evaluation of the kind 'rejudge' has one item.
---   15. An attempt has at most one lease_run, and neither those nor node events are ever changed or
+--   12. The entries of the public record are numbered 0, 1, 2 and so on.
+--   13. An evaluation has a rejudge if and only if it is of that kind.
+--   14. An attempt has at most one lease_run, and neither those nor node events are ever changed or
 --       deleted.
 --
 -- Times are milliseconds since 1970-01-01 UTC: for people, and never for an order or a decision.
@@ -181,16 +166,6 @@ CREATE TABLE former_name (
   team_id INTEGER NOT NULL REFERENCES team (id)
 ) STRICT;
 
-CREATE TABLE team_event (
-  id      INTEGER PRIMARY KEY AUTOINCREMENT,
-  at      INTEGER NOT NULL,
-  team_id INTEGER NOT NULL REFERENCES team (id),
-  event   TEXT NOT NULL CHECK (event IN ('created', 'renamed', 'merged', 'banned', 'unbanned')),
-  detail  TEXT NOT NULL,                 -- the former name, or the team it was merged into; else ''
-  who     TEXT NOT NULL CHECK (length(who) > 0),
-  why     TEXT NOT NULL
-) STRICT;
-
 CREATE TABLE team_look (
   look TEXT NOT NULL,
   team INTEGER NOT NULL REFERENCES team (id),
@@ -246,16 +221,11 @@ CREATE TABLE request_key (
 ) STRICT, WITHOUT ROWID;
 
 CREATE INDEX team_look_by_team ON team_look (team);
-CREATE INDEX team_event_by_team ON team_event (team_id, id);
 CREATE INDEX member_by_team ON member (team_id, person, id);
 CREATE INDEX member_by_person ON member (person, team_id, id);
 CREATE INDEX request_key_by_age ON request_key (at);
 CREATE INDEX request_key_by_caller ON request_key (who, at DESC, key);
 CREATE INDEX access_event_by_age ON access_event (kind, at);
-CREATE TRIGGER team_event_fixed BEFORE UPDATE ON team_event
-  BEGIN SELECT RAISE(ABORT, 'team events are never changed'); END;
-CREATE TRIGGER team_event_kept BEFORE DELETE ON team_event
-  BEGIN SELECT RAISE(ABORT, 'team events are never deleted'); END;
 CREATE TRIGGER member_fixed BEFORE UPDATE ON member
   BEGIN SELECT RAISE(ABORT, 'memberships are never changed'); END;
 CREATE TRIGGER member_kept BEFORE DELETE ON member
@@ -300,6 +270,13 @@ CREATE TABLE evaluation (
   finished_at  INTEGER,
   config       TEXT REFERENCES config (hash),     -- of a rejudge; NULL: the submission's
   seeds        TEXT REFERENCES seed_list (hash),  -- the same
+  rejudge      INTEGER,                           -- its number in the journal; NULL: of none
+  repetition   INTEGER CHECK (repetition >= 1),   -- of a rejudge that plays several times
+  source       INTEGER REFERENCES evaluation (id),  -- that it is the new result of
+  method       TEXT CHECK (method IN ('facts', 'play')),
+  CHECK ((kind = 'rejudge') = (rejudge IS NOT NULL)),
+  CHECK ((rejudge IS NULL) = (repetition IS NULL) AND (rejudge IS NULL) = (source IS NULL) AND
+         (rejudge IS NULL) = (method IS NULL)),
   CHECK ((state IN ('queued', 'running')) = (finished_at IS NULL)),
   CHECK (state != 'running' OR started_at IS NOT NULL)
 ) STRICT;
@@ -401,6 +378,8 @@ CREATE TABLE node_event (
 CREATE INDEX submission_by_team ON submission (team_id, id);
 CREATE INDEX submission_by_board ON submission (config, ranked, id);
 CREATE UNIQUE INDEX evaluation_original ON evaluation (submission) WHERE kind = 'original';
+CREATE UNIQUE INDEX evaluation_of_rejudge ON evaluation (rejudge, submission, repetition)
+  WHERE rejudge IS NOT NULL;
 CREATE INDEX evaluation_by_submission ON evaluation (submission, id);
 CREATE INDEX evaluation_unfinished ON evaluation (id) WHERE finished_at IS NULL;
 CREATE INDEX lease_unfinished ON lease (evaluation) WHERE finished_at IS NULL;
@@ -451,7 +430,7 @@ CREATE TRIGGER node_event_fixed BEFORE UPDATE ON node_event
 CREATE TRIGGER node_event_kept BEFORE DELETE ON node_event
   BEGIN SELECT RAISE(ABORT, 'what was done to a node is never deleted'); END;
 
--- Quotas, marks and removals.
+-- Quotas and removals.
 
 CREATE TABLE admission (
   submission INTEGER PRIMARY KEY REFERENCES submission (id),
@@ -478,16 +457,6 @@ CREATE TABLE ledger (
   CHECK (entry != 'refund' OR submission IS NOT NULL)
 ) STRICT;
 
-CREATE TABLE mark (
-  id         INTEGER PRIMARY KEY AUTOINCREMENT,
-  at         INTEGER NOT NULL,
-  submission INTEGER NOT NULL REFERENCES submission (id),
-  mark       TEXT NOT NULL CHECK (mark IN ('hidden', 'disqualified', 'baseline')),
-  set_to     INTEGER NOT NULL CHECK (set_to IN (0, 1)),
-  who        TEXT NOT NULL CHECK (length(who) > 0),
-  why        TEXT NOT NULL
-) STRICT;
-
 CREATE TABLE removal (
   id    INTEGER PRIMARY KEY AUTOINCREMENT,
   at    INTEGER NOT NULL,
@@ -503,7 +472,6 @@ CREATE UNIQUE INDEX ledger_once ON ledger (submission, budget, entry)
   WHERE submission IS NOT NULL;
 CREATE INDEX ledger_by_team ON ledger (team_id, track, id);
 CREATE INDEX ledger_by_day ON ledger (day);
-CREATE INDEX mark_by_submission ON mark (submission, mark, id);
 CREATE TRIGGER admission_fixed BEFORE UPDATE ON admission
   BEGIN SELECT RAISE(ABORT, 'an admission is never changed'); END;
 CREATE TRIGGER admission_kept BEFORE DELETE ON admission
@@ -517,10 +485,6 @@ CREATE TRIGGER ledger_refund BEFORE INSERT ON ledger
     (SELECT 1 FROM ledger WHERE submission = NEW.submission AND budget = NEW.budget
        AND entry = 'charge' AND amount = NEW.amount AND day = NEW.day)
   BEGIN SELECT RAISE(ABORT, 'a refund gives back one charge, for its day'); END;
-CREATE TRIGGER mark_fixed BEFORE UPDATE ON mark
-  BEGIN SELECT RAISE(ABORT, 'marks are never changed; a further row takes one back'); END;
-CREATE TRIGGER mark_kept BEFORE DELETE ON mark
-  BEGIN SELECT RAISE(ABORT, 'marks are never deleted; a further row takes one back'); END;
 CREATE TRIGGER removal_fixed BEFORE UPDATE ON removal
   BEGIN SELECT RAISE(ABORT, 'removals are never changed'); END;
 CREATE TRIGGER removal_kept BEFORE DELETE ON removal
@@ -535,118 +499,26 @@ CREATE TABLE phase_secret (
   challenge  TEXT NOT NULL DEFAULT ''    -- whose phase it is; '': the first that loads the phase
 ) STRICT;
 
-CREATE TABLE phase_event (
-  id    INTEGER PRIMARY KEY AUTOINCREMENT,
-  at    INTEGER NOT NULL,
-  phase TEXT NOT NULL,                   -- '' for 'paused' and 'resumed': all submissions
-  event TEXT NOT NULL CHECK (event IN ('paused', 'resumed', 'published', 'revealed')),
-  who   TEXT NOT NULL CHECK (length(who) > 0),
-  why   TEXT NOT NULL
-) STRICT;
-
-CREATE TABLE choice (
-  id         INTEGER PRIMARY KEY AUTOINCREMENT,
-  at         INTEGER NOT NULL,
-  team_id    INTEGER NOT NULL REFERENCES team (id),
-  phase      TEXT NOT NULL,
-  submission INTEGER NOT NULL REFERENCES submission (id),
-  who        TEXT NOT NULL CHECK (length(who) > 0)
-) STRICT;
-
-CREATE INDEX phase_event_by_phase ON phase_event (phase, id);
-CREATE INDEX choice_by_team ON choice (phase, team_id, id);
-CREATE TRIGGER phase_event_fixed BEFORE UPDATE ON phase_event
-  BEGIN SELECT RAISE(ABORT, 'phase events are never changed'); END;
-CREATE TRIGGER phase_event_kept BEFORE DELETE ON phase_event
-  BEGIN SELECT RAISE(ABORT, 'phase events are never deleted'); END;
-CREATE TRIGGER choice_fixed BEFORE UPDATE ON choice
-  BEGIN SELECT RAISE(ABORT, 'choices are never changed'); END;
-CREATE TRIGGER choice_kept BEFORE DELETE ON choice
-  BEGIN SELECT RAISE(ABORT, 'choices are never deleted'); END;
 CREATE TRIGGER phase_secret_fixed BEFORE UPDATE ON phase_secret
   WHEN OLD.challenge != '' OR NEW.phase IS NOT OLD.phase OR NEW.secret IS NOT OLD.secret OR
        NEW.created_at IS NOT OLD.created_at
   BEGIN SELECT RAISE(ABORT, 'a phase''s secret is never changed'); END;
 
--- Rejudges.
+-- The journal, and what webhooks are told.
 
-CREATE TABLE rejudge (
-  id          INTEGER PRIMARY KEY AUTOINCREMENT,
-  at          INTEGER NOT NULL,
-  purpose     TEXT NOT NULL CHECK (purpose IN ('rules', 'seeds')),
-  phase       TEXT NOT NULL,             -- '': the track's own board
-  track       TEXT NOT NULL,
-  profile     TEXT NOT NULL,
-  from_config TEXT NOT NULL REFERENCES config (hash),
-  to_config   TEXT NOT NULL REFERENCES config (hash),
-  seeds       TEXT NOT NULL REFERENCES seed_list (hash),
-  method      TEXT NOT NULL CHECK (method IN ('auto', 'facts', 'play')),
-  repeats     INTEGER NOT NULL CHECK (repeats BETWEEN 1 AND 20),
-  who         TEXT NOT NULL CHECK (length(who) > 0),
-  why         TEXT NOT NULL CHECK (length(why) > 0)
-) STRICT;
-
-CREATE TABLE rejudge_item (
-  rejudge    INTEGER NOT NULL REFERENCES rejudge (id),
-  submission INTEGER NOT NULL REFERENCES submission (id),
-  repetition INTEGER NOT NULL CHECK (repetition >= 1),
-  source     INTEGER NOT NULL REFERENCES evaluation (id),
-  method     TEXT NOT NULL CHECK (method IN ('facts', 'play')),
-  evaluation INTEGER NOT NULL UNIQUE REFERENCES evaluation (id),
-  PRIMARY KEY (rejudge, submission, repetition)
-) STRICT, WITHOUT ROWID;
-
-CREATE TABLE rejudge_event (
-  id            INTEGER PRIMARY KEY AUTOINCREMENT,
-  at            INTEGER NOT NULL,
-  rejudge       INTEGER NOT NULL REFERENCES rejudge (id),
-  event         TEXT NOT NULL CHECK (event IN ('created', 'applied', 'dropped')),
-  who           TEXT NOT NULL CHECK (length(who) > 0),
-  why           TEXT NOT NULL CHECK (length(why) > 0),
-  document_json TEXT NOT NULL,           -- canonical
-  signature     TEXT NOT NULL CHECK (length(signature) = 128)
-) STRICT;
-
-CREATE TABLE board_config (
-  id      INTEGER PRIMARY KEY AUTOINCREMENT,
-  at      INTEGER NOT NULL,
-  phase   TEXT NOT NULL,
-  track   TEXT NOT NULL,
-  profile TEXT NOT NULL,
-  config  TEXT NOT NULL REFERENCES config (hash),
-  rejudge INTEGER REFERENCES rejudge (id),   -- whose act it was; NULL: the config files changed
-  who     TEXT NOT NULL CHECK (length(who) > 0)
-) STRICT;
-
-CREATE INDEX rejudge_item_by_submission ON rejudge_item (submission, rejudge);
-CREATE INDEX rejudge_event_by_rejudge ON rejudge_event (rejudge, id);
-CREATE INDEX board_config_by_board ON board_config (phase, track, profile, id);
-CREATE TRIGGER rejudge_fixed BEFORE UPDATE ON rejudge
-  BEGIN SELECT RAISE(ABORT, 'a rejudge is never changed'); END;
-CREATE TRIGGER rejudge_kept BEFORE DELETE ON rejudge
-  BEGIN SELECT RAISE(ABORT, 'a rejudge is never deleted'); END;
-CREATE TRIGGER rejudge_item_fixed BEFORE UPDATE ON rejudge_item
-  BEGIN SELECT RAISE(ABORT, 'what a rejudge holds is never changed'); END;
-CREATE TRIGGER rejudge_item_kept BEFORE DELETE ON rejudge_item
-  BEGIN SELECT RAISE(ABORT, 'what a rejudge holds is never deleted'); END;
-CREATE TRIGGER rejudge_event_fixed BEFORE UPDATE ON rejudge_event
-  BEGIN SELECT RAISE(ABORT, 'what became of a rejudge is never changed'); END;
-CREATE TRIGGER rejudge_event_kept BEFORE DELETE ON rejudge_event
-  BEGIN SELECT RAISE(ABORT, 'what became of a rejudge is never deleted'); END;
-CREATE TRIGGER board_config_fixed BEFORE UPDATE ON board_config
-  BEGIN SELECT RAISE(ABORT, 'the configs that boards had are never changed'); END;
-CREATE TRIGGER board_config_kept BEFORE DELETE ON board_config
-  BEGIN SELECT RAISE(ABORT, 'the configs that boards had are never deleted'); END;
-
--- The public record, and what webhooks are told.
-
-CREATE TABLE record (
-  id         INTEGER PRIMARY KEY CHECK (id >= 0),
-  at         INTEGER NOT NULL,
-  kind       TEXT NOT NULL CHECK (length(kind) > 0),
-  evaluation INTEGER,                    -- that the entry is about; NULL: none
-  entry_json TEXT NOT NULL,              -- canonical
-  chain      TEXT NOT NULL CHECK (length(chain) = 64)
+CREATE TABLE journal (
+  id           INTEGER PRIMARY KEY AUTOINCREMENT,
+  at           INTEGER NOT NULL,
+  kind         TEXT NOT NULL CHECK (kind IN ('accepted', 'graded', 'marked', 'chosen', 'team',
+                                             'commitment', 'phase', 'config', 'rejudge', 'key')),
+  who          TEXT NOT NULL CHECK (length(who) > 0),
+  evaluation   INTEGER REFERENCES evaluation (id),  -- that it is the end of; NULL: none
+  private_json TEXT NOT NULL CHECK (json_valid(private_json)),
+  entry        INTEGER UNIQUE CHECK (entry >= 0),   -- in the public record; NULL: it is not public
+  entry_json   TEXT CHECK (json_valid(entry_json)), -- canonical
+  chain        TEXT CHECK (length(chain) = 64),
+  CHECK ((entry IS NULL) = (entry_json IS NULL) AND (entry IS NULL) = (chain IS NULL)),
+  CHECK ((kind = 'graded') = (evaluation IS NOT NULL))
 ) STRICT;
 
 CREATE TABLE delivery (
@@ -661,17 +533,18 @@ CREATE TABLE delivery (
   detail     TEXT NOT NULL DEFAULT ''    -- what went wrong last
 ) STRICT;
 
-CREATE INDEX record_by_evaluation ON record (evaluation, id) WHERE evaluation IS NOT NULL;
 CREATE INDEX delivery_waiting ON delivery (webhook, id) WHERE state = 'waiting';
-CREATE TRIGGER record_in_order BEFORE INSERT ON record
-  WHEN NEW.id != (SELECT ifnull(max(id) + 1, 0) FROM record)
-  BEGIN SELECT RAISE(ABORT, 'the record''s ids are 0, 1, 2 and so on'); END;
-CREATE TRIGGER record_fixed BEFORE UPDATE ON record
-  BEGIN SELECT RAISE(ABORT, 'the record is never changed'); END;
-CREATE TRIGGER record_kept BEFORE DELETE ON record
-  BEGIN SELECT RAISE(ABORT, 'the record is never deleted'); END;
+CREATE UNIQUE INDEX journal_by_evaluation ON journal (evaluation) WHERE evaluation IS NOT NULL;
+CREATE TRIGGER journal_in_order BEFORE INSERT ON journal
+  WHEN NEW.entry !=
+    (SELECT ifnull(max(entry) + 1, 0) FROM journal WHERE entry BETWEEN 0 AND 1 << 40)
+  BEGIN SELECT RAISE(ABORT, 'the entries of the record are numbered 0, 1, 2 and so on'); END;
+CREATE TRIGGER journal_fixed BEFORE UPDATE ON journal
+  BEGIN SELECT RAISE(ABORT, 'the journal is never changed'); END;
+CREATE TRIGGER journal_kept BEFORE DELETE ON journal
+  BEGIN SELECT RAISE(ABORT, 'the journal is never deleted'); END;
 
--- Boards. Both tables can be dropped and made again.
+-- Boards. The table can be dropped and made again.
 
 CREATE TABLE standing (
   evaluation     INTEGER PRIMARY KEY REFERENCES evaluation (id),
@@ -681,37 +554,3 @@ CREATE TABLE standing (
   numbers        BLOB NOT NULL,  -- a double each, least significant byte first; NaN is none
   aggregate_json TEXT NOT NULL   -- holds the numbers above too
 ) STRICT;
-
-CREATE TABLE board_state (
-  id      INTEGER PRIMARY KEY CHECK (id = 1),
-  changes INTEGER NOT NULL
-) STRICT;
-INSERT INTO board_state VALUES (1, 0);
-
-CREATE TRIGGER board_by_new_evaluation AFTER INSERT ON evaluation WHEN NEW.state = 'done'
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_mark AFTER INSERT ON mark
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_evaluation AFTER UPDATE OF state ON evaluation
-  WHEN NEW.state = 'done' AND NEW.kind = 'original' AND
-       EXISTS (SELECT 1 FROM submission WHERE id = NEW.submission AND ranked = 1)
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_dropping AFTER DELETE ON standing
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_choice AFTER INSERT ON choice
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_phase AFTER INSERT ON phase_event
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_team AFTER INSERT ON team_event WHEN NEW.event != 'created'
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_standing AFTER INSERT ON standing
-  WHEN EXISTS (SELECT 1 FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
-                 WHERE e.id = NEW.evaluation AND e.kind IN ('original', 'rejudge') AND s.ranked = 1)
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_failed_rejudge AFTER UPDATE OF state ON evaluation
-  WHEN NEW.kind = 'rejudge' AND NEW.state = 'failed'
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_rejudge AFTER INSERT ON rejudge_event
-  BEGIN UPDATE board_state SET changes = changes + 1; END;
-CREATE TRIGGER board_by_config AFTER INSERT ON board_config
-  BEGIN UPDATE board_state SET changes = changes + 1; END;

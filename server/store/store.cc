@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <absl/cleanup/cleanup.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
@@ -34,6 +35,11 @@ std::optional<int64_t> TrustedTimeOf(SQLite::Database& db) {
 // How many rows were ever added to the tables that number their rows so. It never goes back.
 int64_t RowsEver(SQLite::Database& db) {
   return db.execAndGet("SELECT CAST(total(seq) AS INTEGER) FROM sqlite_sequence").getInt64();
+}
+
+// A state that has seen acts which are not in the journal any more is folded anew.
+void ForgetRolledBack(SQLite::Database& db, BoardState& board) {
+  if (board.last() > FirstNumber(db, "SELECT max(id) FROM journal")) board = BoardState();
 }
 
 }  // namespace
@@ -163,15 +169,27 @@ absl::Status Store::LoadSecret() {
 
 absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
   RETURN_IF_ERROR(Check());
+  const absl::Cleanup check = [&] {
+    const absl::Status read = GuardSqlite(path_, [&] {
+      ForgetRolledBack(*db_, board_);
+      return absl::OkStatus();
+    });
+    if (!read.ok()) board_ = BoardState();
+  };
   return GuardSqlite(path_, [&]() -> absl::Status {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
-    Writer writer(*db_, absl::ToUnixMillis(clock_.Now()), &subscriptions_);
+    Writer writer(*db_, absl::ToUnixMillis(clock_.Now()), board_, &subscriptions_);
     RETURN_IF_ERROR(change(writer));  // rolls back
     const int64_t rows = RowsEver(*db_);
     transaction.commit();
     Remember(rows);
     return absl::OkStatus();
   });
+}
+
+const BoardState& Writer::Board() {
+  CatchUp(db_, board_);
+  return board_;
 }
 
 absl::Status Writer::Part(const std::function<absl::Status(Writer&)>& change) {
@@ -183,7 +201,10 @@ absl::Status Writer::Part(const std::function<absl::Status(Writer&)>& change) {
     status = StatusOf("the store", error);
     if (!absl::IsFailedPrecondition(status)) throw;  // not just of this part
   }
-  if (!status.ok()) db_.exec("ROLLBACK TO part");
+  if (!status.ok()) {
+    db_.exec("ROLLBACK TO part");
+    ForgetRolledBack(db_, board_);
+  }
   db_.exec("RELEASE part");
   return status;
 }

@@ -24,12 +24,11 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
-#include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/deliveries.h"
 #include "server/store/migration.h"
 #include "server/store/quota.h"
-#include "server/store/record.h"
+#include "server/store/journal.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/submissions.h"
@@ -69,6 +68,14 @@ struct NewToken {
   int64_t expires_at = 0;  // 0: never
 };
 
+// The config that a board has from now on.
+struct NewBoardConfig {
+  BoardName board;
+  std::string config;            // hash
+  std::string config_json = "";  // canonical; "": the store has it
+  int64_t rejudge = 0;           // whose act it is; 0: the config files changed
+};
+
 // The result of recording an episode.
 struct Recorded {
   bool counted = false;              // false: a row was already there, and stays
@@ -80,8 +87,13 @@ struct Recorded {
 class Writer {
  public:
   // `subscriptions`: who is told of what is written; nullptr: nobody.
-  Writer(SQLite::Database& db, int64_t now_ms, const Subscriptions* subscriptions = nullptr)
-      : db_(db), now_ms_(now_ms), subscriptions_(subscriptions) {}
+  // `board` follows the journal.
+  Writer(SQLite::Database& db, int64_t now_ms, BoardState& board,
+         const Subscriptions* subscriptions = nullptr)
+      : db_(db), now_ms_(now_ms), board_(board), subscriptions_(subscriptions) {}
+
+  // What the journal says, with what this change has added. Valid until more is added.
+  const BoardState& Board();
 
   // One of several changes that share a transaction: if it fails, or the schema rejects one of its
   // rows, all of it is rolled back and the others go on.
@@ -240,16 +252,15 @@ class Writer {
   // `check`: what the store's readers can't tell of its new rows; its error undoes the whole.
   absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who,
                       const std::function<absl::Status(Reader&)>& check);
-  // Adds the row that gives a board its config from now on; true if it had another one. A rejudge
-  // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
+  // Gives a board its config from now on; true if it had another one. A rejudge's act is always added. FailedPreconditionError if the store has neither the config nor its JSON.
   absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
 
-  // Adds to the public record (record.h) the key that signs from now on, unless it is the latest
+  // Adds to the public record (journal.h) the key that signs from now on, unless it is the latest
   // one already.
   absl::Status AppendKey(const std::string& public_pem);
 
   // Rejudges (rejudges.h). Adds one with its event 'created'.
-  absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
+  absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, const SignDocument& sign,
                                         const std::string& who);
   // An item to play. The answer's `evaluation` is to be queued unless the item is impossible. Adding
   // an item that is there changes nothing, and `repeated` is true. FailedPreconditionError if the
@@ -260,11 +271,11 @@ class Writer {
   // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds, is
   // applied already, is not complete, has other submissions without result than `without` says, or
   // the board's config in force is not from_config.
-  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
                                            const std::string& who);
   // Event; cancels its unfinished evaluations; if it was applied, the board has its config of before.
   // FailedPreconditionError: it was dropped before, or a later one of its board is applied.
-  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignDocument& sign,
                                           const std::string& who);
 
   // Webhooks (deliveries.h). Adds what is to be told of an event, for each webhook that wants it.
@@ -287,7 +298,13 @@ class Writer {
     std::string seeds = "";
     std::string grader_json;
     std::vector<std::pair<int64_t, int64_t>> blocks;
+    int64_t rejudge = 0;  // 0: of none, and nothing below counts
+    int64_t repetition = 0;
+    int64_t source = 0;
+    RejudgeMethod method = RejudgeMethod::kPlay;
   };
+  void Append(const NewAct& act) { AppendAct(db_, now_ms_, act); }
+  void AppendGraded(int64_t evaluation, const std::string& who);
   absl::StatusOr<Accepted> AddEvaluation(const NewEvaluation& added, const std::string& who);
   // Content rows, each found by the SHA-256 of its text and never changed. Each is added unless it
   // is there. A damaged row (damage.h) if what is there under this hash is not this text.
@@ -299,13 +316,12 @@ class Writer {
   absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(int64_t rejudge, int64_t submission,
                                                            int64_t repetition);
   absl::StatusOr<RejudgeEventRow> AddRejudgeEvent(const RejudgeRow& rejudge, RejudgeEvent event,
-                                                  const std::string& why, const SignRejudge& sign,
+                                                  const std::string& why, const SignDocument& sign,
                                                   const std::string& who);
   absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                         const std::string& who);
   void AddNodeEvent(const std::string& node, const char* event, const std::string& why,
                     const std::string& who);
-  void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);
@@ -313,9 +329,8 @@ class Writer {
   absl::Status CheckTakesSubmissions(const std::string& phase);
   absl::StatusOr<std::string> DrawSecret(const std::string& phase, const std::string& challenge,
                                          bool further);
-  // Returns the row's id.
-  int64_t AddSecret(const std::string& phase, const std::string& challenge,
-                    const std::string& secret);
+  void AddSecret(const std::string& phase, const std::string& challenge,
+                 const std::string& secret);
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
   void SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who);
 
@@ -324,6 +339,7 @@ class Writer {
 
   SQLite::Database& db_;
   int64_t now_ms_;
+  BoardState& board_;
   const Subscriptions* subscriptions_;
 };
 
@@ -387,6 +403,7 @@ class Store {
   Look look_ ABSL_GUARDED_BY(mutex_);
   int64_t rows_ ABSL_GUARDED_BY(mutex_) = 0;  // RowsEver as of the last write
   std::unique_ptr<SQLite::Database> db_;
+  BoardState board_;  // of the journal; empty again after what was rolled back
   const Clock& clock_;
   std::optional<int64_t> trusted_time_ms_;
   std::string policy_secret_;

@@ -149,7 +149,7 @@ std::string Writer::WithHold(int64_t evaluation, const std::string& why) {
 absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                  const RerunLimits& limits) {
   if (!organiser) {
-    RETURN_IF_ERROR(CheckNotBanned(db_, FirstText(db_, R"(SELECT t.name
+    RETURN_IF_ERROR(CheckNotBanned(db_, Board(), FirstText(db_, R"(SELECT t.name
         FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
                                                   submission)));
     Statement last(db_, R"(SELECT s.artefact, e.grader_json FROM submission AS s
@@ -229,7 +229,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   // In this transaction, so that of two names that look alike the second is rejected.
   NewSubmission submission = asked;
   ASSIGN_OR_RETURN(submission.team, TeamNamed(db_, asked.team));
-  RETURN_IF_ERROR(CheckNotBanned(db_, submission.team));
+  RETURN_IF_ERROR(CheckNotBanned(db_, Board(), submission.team));
   if (submission.ranked) {
     ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, rules));
     if (first.has_value()) return *first;
@@ -264,7 +264,18 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
                                                      .grader_json = submission.grader_json,
                                                      .blocks = submission.blocks},
                                                     who));
-  AppendEntry(db_, kAcceptedEntry, id);
+  if (!submission.ranked) return accepted;
+  Append({.kind = kAcceptedAct,
+          .who = who,
+          .content = {{"submission", id},
+                      {"team_id", team_id},
+                      {"team", submission.team},
+                      {"artefact", ArtefactCommitment(id, submission.artefact)},
+                      {"track", submission.track},
+                      {"profile", submission.profile},
+                      {"phase", OrNull(submission.phase)},
+                      {"config", submission.config},
+                      {"evaluation", accepted.evaluation}}});
   return accepted;
 }
 

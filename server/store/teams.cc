@@ -9,8 +9,8 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/names.h"
 #include "server/store/quota.h"
+#include "server/store/journal.h"
 #include "server/store/reader.h"
-#include "server/store/record.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -35,13 +35,6 @@ std::string Resembled(SQLite::Database& db, const std::string& name, int64_t tea
     if (!other.empty()) return other;
   }
   return "";
-}
-
-// Why it was banned; "" if no reason was given.
-std::string ReasonOfBan(SQLite::Database& db, int64_t team) {
-  return FirstText(db, R"(SELECT why
-      FROM team_event WHERE team_id = ? AND event = 'banned' ORDER BY id DESC LIMIT 1)",
-                   team);
 }
 
 }  // namespace
@@ -100,12 +93,16 @@ absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& n
   return clean;
 }
 
-absl::Status CheckNotBanned(SQLite::Database& db, const std::string& name) {
+absl::Status CheckNotBanned(SQLite::Database& db, const BoardState& board,
+                            const std::string& name) {
   const int64_t row = TeamRowNamed(db, name);
   if (row == 0) return absl::OkStatus();
   ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db, row));
   if (!team.banned) return absl::OkStatus();
-  const std::string why = ReasonOfBan(db, team.id);
+  std::string why;
+  for (const TeamEventRow& event : board.TeamEvents(team.id)) {
+    if (event.event == "banned") why = event.why;
+  }
   return CodedRefusal(
       kBannedCode,
       absl::StrCat("team \"", team.name, "\" is banned by the organisers",
@@ -133,11 +130,18 @@ void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
   }
 }
 
-void AddTeamEvent(SQLite::Database& db, const TeamEventRow& event, int64_t team) {
-  Run(db, R"(INSERT INTO team_event (at, team_id, event, detail, who, why)
-      VALUES (?, ?, ?, ?, ?, ?))",
-      event.at, team, event.event, event.detail, event.who, event.why);
-  AppendEntry(db, kTeamEntry, db.getLastInsertRowid());
+void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
+                  const std::string& detail, const std::string& who, const std::string& why) {
+  Statement row(db, "SELECT name, merged_into FROM team WHERE id = ?", team);
+  row.executeStep();
+  nlohmann::json content = {
+      {"event", event}, {"team_id", team}, {"team", row.getColumn(0).getString()}};
+  if (event == "merged") content["into"] = row.getColumn(1).getInt64();
+  AppendAct(db, now_ms,
+            {.kind = kTeamAct,
+             .who = who,
+             .content = std::move(content),
+             .beside = {{"detail", detail}, {"why", why}}});
 }
 
 int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
@@ -146,7 +150,7 @@ int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
   Run(db, "INSERT INTO team (name, created_at) VALUES (?, ?)", name, now_ms);
   const int64_t team = db.getLastInsertRowid();
   AddLooks(db, team, name);
-  AddTeamEvent(db, {.at = now_ms, .event = "created", .who = who, .why = why}, team);
+  AddTeamEvent(db, now_ms, team, "created", "", who, why);
   return team;
 }
 
@@ -167,7 +171,7 @@ void FillTeamLooks(SQLite::Database& db) {
 
 absl::Status Reader::CheckTeam(const std::string& team) {
   absl::Status status = TeamNamed(db_, team).status();
-  if (status.ok()) status = CheckNotBanned(db_, team);
+  if (status.ok()) status = CheckNotBanned(db_, Board(), team);
   return status;
 }
 

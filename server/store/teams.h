@@ -7,6 +7,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "server/board/board_state.h"
 #include "server/store/connection.h"
 #include "server/store/rows.h"
 
@@ -44,7 +45,7 @@ absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& n
 absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t team);
 
 // FailedPreconditionError with the code "banned" if the team called `name` is banned.
-absl::Status CheckNotBanned(SQLite::Database& db, const std::string& name);
+absl::Status CheckNotBanned(SQLite::Database& db, const BoardState& board, const std::string& name);
 
 // For queries, which need not reject new names: an existing team's name, else `name`.
 std::string KnownTeam(SQLite::Database& db, const std::string& name);
@@ -52,7 +53,9 @@ std::string KnownTeam(SQLite::Database& db, const std::string& name);
 // REQUIRES: `name` came from TeamNamed. Returns the team's id; it is created if it does not exist.
 int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
                 const std::string& who, const std::string& why = "");
-void AddTeamEvent(SQLite::Database& db, const TeamEventRow& event, int64_t team);
+// Adds an act to the journal; `detail`: as of TeamEventRow. Its name is that of the row now.
+void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
+                  const std::string& detail, const std::string& who, const std::string& why);
 // Adds the looks of one more name of a team.
 void AddLooks(SQLite::Database& db, int64_t team, const std::string& name);
 

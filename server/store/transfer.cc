@@ -38,9 +38,8 @@ constexpr char kBytes[] = "bytes";  // the key of a value that is neither text n
 // SQLite's own tables.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
-    "name NOT IN ('meta', 'standing', 'board_state', 'team_look', 'upload', 'artefact_holder', "
-    "'phase_secret', "
-    "'token', 'request_key', 'access_event', 'delivery') ORDER BY name";
+    "name NOT IN ('meta', 'standing', 'team_look', 'upload', 'artefact_holder', "
+    "'phase_secret', 'token', 'request_key', 'access_event', 'delivery') ORDER BY name";
 
 struct Table {
   std::string name;
@@ -389,7 +388,7 @@ absl::Status Writer::Import(const std::string& path, const ExportInfo& info, con
                             const std::function<absl::Status(Reader&)>& check) {
   RETURN_IF_ERROR(ImportRows(db_, path, info));
   FillTeamLooks(db_);
-  Reader reader(db_);
+  Reader reader(db_, Board());
   if (absl::Status read = check(reader); !read.ok()) {
     if (!DamageOf(read).has_value()) return read;
     return absl::InvalidArgumentError(

@@ -8,21 +8,11 @@ import sqlite3
 import statistics
 import time
 
+from support.store_copies import copy_submission
+
 EPISODES = 100
 TEAMS = 200
 REPETITIONS = 15
-
-
-def columns(database, table):
-    return [row[1] for row in database.execute(f"PRAGMA table_info({table})")]
-
-
-def copy_rows(database, table, where, changes):
-    """Inserts the rows of `where` again, columns replaced by SQL expressions."""
-    names = columns(database, table)
-    values = ", ".join(changes.get(name, name) for name in names)
-    database.execute(
-        f"INSERT INTO {table} ({', '.join(names)}) SELECT {values} FROM {table} WHERE {where}")
 
 
 def fill(path, rows):
@@ -31,24 +21,7 @@ def fill(path, rows):
         database.execute("PRAGMA synchronous = OFF")
         have = database.execute("SELECT max(id) FROM submission").fetchone()[0]
         for number in range(have + 1, rows // EPISODES + 1):
-            team = (number - 1) % TEAMS + 1
-            artefact = f"{number:064x}"
-            copy_rows(database, "team",
-                      f"id = 1 AND NOT EXISTS (SELECT 1 FROM team WHERE id = {team})",
-                      {"id": str(team), "name": f"'Team {team}'"})
-            copy_rows(database, "artefact", "hash = (SELECT artefact FROM submission WHERE id = 1)",
-                      {"hash": f"'{artefact}'"})
-            copy_rows(database, "submission", "id = 1",
-                      {"id": str(number), "team_id": str(team), "artefact": f"'{artefact}'"})
-            copy_rows(database, "evaluation", "id = 1",
-                      {"id": str(number), "submission": str(number)})
-            copy_rows(database, "standing", "evaluation = 1", {"evaluation": str(number)})
-            copy_rows(database, "lease", "evaluation = 1",
-                      {"id": f"id + {number - 1} * 1000", "evaluation": str(number)})
-            copy_rows(database, "episode", "evaluation = 1",
-                      {"evaluation": str(number), "lease": f"lease + {number - 1} * 1000"})
-            copy_rows(database, "episode_details", "evaluation = 1",
-                      {"id": "NULL", "evaluation": str(number)})
+            copy_submission(database, 1, number, (number - 1) % TEAMS + 1)
     database.close()
 
 

@@ -127,7 +127,8 @@ std::string Changed(fuzz::Input& input) {
 
 // Everything that the daemon reads to show and rank results.
 void ReadAll(SQLite::Database& db) {
-  Reader reader(db);
+  BoardFold fold;
+  Reader reader(db, fold);
   for (const SubmissionRow& submission : reader.Submissions({}).rows) {
     const auto evaluations = reader.Evaluations(submission.id);
     for (const EvaluationRow& evaluation : evaluations.value_or(std::vector<EvaluationRow>())) {
@@ -146,9 +147,9 @@ void ReadAll(SQLite::Database& db) {
     (void)reader.Quota(submission.team, submission.track, 1700000000000);
     (void)reader.ConfigJson(submission.config).status();
     (void)reader.SeedsJson(submission.seeds).status();
-    (void)reader.Standings(submission.config);
+    (void)reader.Board().InForce(submission.config);
   }
-  (void)reader.Marks();
+  (void)reader.Board().MarksAt();
   (void)reader.NeededLogs();
   (void)reader.ArtefactUses();
 }

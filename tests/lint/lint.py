@@ -49,21 +49,25 @@ RULES = {
                         "server/runtime"}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|spdlog/"),
     "server/scheduler": ({"protocol/base", "server/base", "server/scheduler"},
                          r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|fstream$|filesystem$|unistd"),
-    "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|boost/|CLI/"),
+    # What counts is a function of acts.
+    "server/board": ({"protocol/base", "server/base/plain_text.h", "server/board"},
+                     r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|spdlog/|chrono$|fstream$|filesystem$|"
+                     r"unistd"),
+    "server/store": ({"protocol", "server/base", "server/board", "server/store"}, r"mujoco/|lcm/|boost/|CLI/"),
     "server/config": ({"protocol", "scoring/statistics_config.h", "server/base", "server/access",
                        "server/scheduler", "server/store", "server/config"}, r"mujoco/|lcm/|boost/|CLI/"),
     # Who is connected and what they ask; it knows no address of the API.
     "server/http": ({"protocol/base", "server/base", "server/access/access.h",
                      "server/config/server_config.h", "server/http"},
                     r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
-    "server/grading": ({"protocol", "scoring", "server/base", "server/store", "server/proof",
+    "server/grading": ({"protocol", "scoring", "server/base", "server/board", "server/store", "server/proof",
                         "server/grading"}, r"mujoco/|lcm/|boost/|CLI/|fstream$|filesystem$|unistd"),
     "server/challenge": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "access", "proof/seed_list.h", "store", "grading", "challenge")},
+        "base", "access", "board", "proof/seed_list.h", "store", "grading", "challenge")},
         r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|fstream$|unistd"),
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "artefact", "runtime", "sandbox", "runner", "executor", "proof", "scheduler",
-        "store", "config", "grading", "engine")}, r"mujoco/|lcm/|boost/|CLI/"),
+        "board", "store", "config", "grading", "engine")}, r"mujoco/|lcm/|boost/|CLI/"),
     # Where leases run; it decides nothing, and knows neither evaluations nor boards.
     "server/executor": ({"protocol"} | {f"server/{part}" for part in (
         "base", "artefact", "runtime", "sandbox", "runner", "proof", "config/slurm_config.h",
@@ -76,7 +80,7 @@ RULES = {
         "base", "artefact", "runtime", "sandbox", "proof", "store", "config", "grading", "challenge",
         "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "metrics", "access", "runner", "executor", "proof", "store", "config", "http", "grading",
+        "base", "metrics", "access", "board", "runner", "executor", "proof", "store", "config", "http", "grading",
         "challenge", "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "pictures", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     # What browsers are sent as it is.
@@ -92,7 +96,7 @@ RULES = {
                                "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
     "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "artefact", "runtime", "sandbox", "runner", "executor/slurm/srun.h", "proof",
-        "scheduler", "store", "config", "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|boost/"),
+        "scheduler", "board", "store", "config", "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|boost/"),
     "server/cli": ({"protocol/tracks/registry.h", "server/cli"},
                    r"mujoco/|lcm/|SQLiteCpp/|boost/"),
     "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),

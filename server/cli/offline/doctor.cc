@@ -26,7 +26,7 @@
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/reader.h"
-#include "server/store/record.h"
+#include "server/store/journal.h"
 
 namespace myograde::server {
 namespace {

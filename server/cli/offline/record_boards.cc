@@ -1,13 +1,11 @@
 #include "server/cli/offline/record_boards.h"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
@@ -60,24 +58,6 @@ void TakeNumbersOfFacts(const scoring::ScoredTrack& track, const Json& said, Jso
   }
 }
 
-// Earlier versions left the ends of the interval of a success rate of 0 or 1 a rounding error away from
-// 0 and 1.
-void TakeRoundedEnds(const Json& said, Json& aggregate) {
-  constexpr double kRounding = 1e-15;
-  const Json::json_pointer place("/spread/success_rate");
-  if (!said.is_object() || !said.contains(place) || !aggregate.contains(place)) return;
-  for (const auto& [end, exact] : {std::pair{"low", 0.0}, std::pair{"high", 1.0}}) {
-    const Json theirs = said[place].is_object() ? said[place].value(end, Json()) : Json();
-    Json& ours = aggregate[place][end];
-    if (ours != exact || !theirs.is_number()) continue;
-    if (std::abs(theirs.get<double>() - exact) <= kRounding) ours = theirs;
-  }
-}
-
-std::string AtText(int64_t ms) {
-  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
-}
-
 Json BoardRowJson(const LeaderboardRow& row) {
   const bool baseline = row.ranked.rank == 0;
   return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
@@ -96,24 +76,24 @@ Json DisqualifiedJson(const DisqualifiedRow& row) {
           {"evaluation", row.source.evaluation},
           {"name", row.source.artefact_name},
           {"reason", row.mark.why},
-          {"at", AtText(row.mark.at)},
+          {"at", TimeText(row.mark.at)},
           {"aggregate", row.aggregate}};
 }
 
-std::vector<StandingRow> StandingsOf(const RecordState& record,
+std::vector<StandingRow> StandingsOf(const BoardState& record,
                                      const std::map<int64_t, ReceivedResult>& results,
                                      const std::string& config) {
   const std::set<int64_t> chosen = record.Chosen(config);
   std::vector<StandingRow> standings;
-  for (const auto& [submission, evaluation] : record.InForce(config)) {
-    const RecordedTeam* team = record.TeamOf(submission);
-    const auto result = results.find(evaluation);
-    if (team == nullptr || team->banned || result == results.end() || !result->second.done) {
+  for (const auto& [submission, ended] : record.InForce(config)) {
+    const TeamState* team = record.TeamOf(submission);
+    const auto result = results.find(ended->evaluation);
+    if (team->banned || result == results.end() || !result->second.done) {
       continue;
     }
     StandingRow row;
     row.submission = submission;
-    row.evaluation = evaluation;
+    row.evaluation = ended->evaluation;
     row.team = team->name;
     row.artefact_name = result->second.name;
     row.standing = result->second.standing;
@@ -195,7 +175,6 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   Json numbers = AggregateToJson(*track, *aggregate);
   const Json said = receipt.value("aggregate", Json());
   TakeNumbersOfFacts(*track, said, numbers);
-  TakeRoundedEnds(said, numbers);
   const bool done = StringAt(receipt, "state") == "done";
   if (numbers != said || done == aggregate->failed) {
     return absl::InvalidArgumentError(
@@ -209,21 +188,21 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   return result;
 }
 
-std::vector<int64_t> UnknownResults(const RecordState& record,
+std::vector<int64_t> UnknownResults(const BoardState& record,
                                     const std::map<int64_t, ReceivedResult>& results,
                                     const std::string& config) {
   std::vector<int64_t> unknown;
-  for (const auto& [submission, evaluation] : record.InForce(config)) {
-    const RecordedTeam* team = record.TeamOf(submission);
-    const auto marks = record.marks().find(submission);
-    const bool off = (team != nullptr && team->banned) ||
-                     (marks != record.marks().end() && marks->second.contains(kHidden));
-    if (!off && !results.contains(evaluation)) unknown.push_back(evaluation);
+  const Marks marks = record.MarksAt();
+  for (const auto& [submission, ended] : record.InForce(config)) {
+    const auto own = marks.find(submission);
+    const bool off = record.TeamOf(submission)->banned ||
+                     (own != marks.end() && own->second.contains(kHidden));
+    if (!off && !results.contains(ended->evaluation)) unknown.push_back(ended->evaluation);
   }
   return unknown;
 }
 
-absl::StatusOr<std::string> BoardText(const RecordState& record,
+absl::StatusOr<std::string> BoardText(const BoardState& record,
                                       const std::map<int64_t, ReceivedResult>& results,
                                       const std::string& hash, const RecordedConfig& config,
                                       const std::string& board) {
@@ -232,7 +211,7 @@ absl::StatusOr<std::string> BoardText(const RecordState& record,
     return absl::InvalidArgumentError("its config has no board of this name");
   }
   ASSIGN_OR_RETURN(const Leaderboard made,
-                   MakeLeaderboard(StandingsOf(record, results, hash), record.marks(),
+                   MakeLeaderboard(StandingsOf(record, results, hash), record.MarksAt(),
                                    spec->second.rules, config.scoring.team));
   Json rows = Json::array();
   for (const LeaderboardRow& row : made.rows) rows.push_back(BoardRowJson(row));

@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/track.h"
-#include "server/cli/offline/record_state.h"
+#include "server/board/board_state.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
@@ -42,12 +42,12 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const nlohmann::json& receipt);
 
 // Evaluations without a receipt that may stand on the boards of a config. As long as there are any, it
 // is not known what the boards are.
-std::vector<int64_t> UnknownResults(const RecordState& record,
+std::vector<int64_t> UnknownResults(const BoardState& record,
                                     const std::map<int64_t, ReceivedResult>& results,
                                     const std::string& config);
 
 // The text of boards/HASH.BOARD.json, as it must be. REQUIRES: no result is unknown.
-absl::StatusOr<std::string> BoardText(const RecordState& record,
+absl::StatusOr<std::string> BoardText(const BoardState& record,
                                       const std::map<int64_t, ReceivedResult>& results,
                                       const std::string& hash, const RecordedConfig& config,
                                       const std::string& board);

@@ -94,8 +94,10 @@ absl::Status WarnOfHiddenSeeds(const std::string& path) {
   std::set<std::string> hidden;
   std::set<std::string> revealed;
   RETURN_IF_ERROR(ForEachRow(path, [&](const std::string& table, const Json& row) {
-    if (table == "phase_event" && TextAt(row, "event") == "revealed") {
-      revealed.insert(TextAt(row, "phase"));
+    if (table == "journal" && TextAt(row, "kind") == "phase") {
+      const Json act = Json::parse(TextAt(row, "entry_json"), nullptr, /*allow_exceptions=*/false);
+      const bool reveals = act.is_object() && act.value("event", Json()) == "revealed";
+      if (reveals) revealed.insert(TextAt(act, "phase"));
     }
     if (table != "config") return absl::OkStatus();
     const Json config =

@@ -14,7 +14,7 @@
 
 #include "server/cli/offline/record_boards.h"
 #include "server/cli/offline/record_folder.h"
-#include "server/cli/offline/record_state.h"
+#include "server/board/board_state.h"
 #include "server/proof/merkle_tree.h"
 #include "server/proof/receipt.h"
 #include "server/proof/record_head.h"
@@ -55,11 +55,11 @@ class RecordVerifier {
   absl::Status CheckReceipts();
   absl::Status CheckCommitments();
   // Whether the seeds of a phase were committed to before it took anything.
-  absl::Status CheckCommitment(const std::string& name, const RecordedPhase& phase);
+  absl::Status CheckCommitment(const std::string& name, const PhaseHistory& phase);
   absl::Status CheckHidden(const nlohmann::json& receipt, const std::string& name);
   absl::Status CheckReceiptFile(const std::string& file, int64_t evaluation,
-                                const RecordedResult& result);
-  absl::Status CheckPlace(const nlohmann::json& receipt, const RecordedResult& result);
+                                const BoardResult& result);
+  absl::Status CheckPlace(const nlohmann::json& receipt, const BoardResult& result);
   absl::Status CheckConfigs();
   absl::Status CheckBoards();
   absl::Status CheckBoard(const std::string& hash, const RecordedConfig& config,
@@ -71,7 +71,7 @@ class RecordVerifier {
   const std::function<void(int64_t, int64_t)> progress_;
   RecordHead head_;
   MerkleTree tree_;
-  RecordState state_;
+  BoardState state_;
   std::map<int64_t, std::string> withheld_;          // evaluation and reason
   std::map<int64_t, ReceivedResult> results_;        // by evaluation
   std::map<std::string, std::string> config_texts_;  // hash of the text, by the config's hash

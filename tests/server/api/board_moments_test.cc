@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <regex>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,9 +47,7 @@ const std::vector<TrackPtr>& Configs() {
   return configs;
 }
 
-absl::StatusOr<SignedDocument> Sign(const RejudgeRow&, const RejudgeEventRow&) {
-  return SignedDocument{"{}", std::string(128, 'a')};
-}
+absl::StatusOr<std::string> Sign(const std::string&) { return std::string(128, 'a'); }
 
 // A board with everything that can happen to it.
 class Board {
@@ -208,7 +207,7 @@ class Board {
   void ChangeFile(const TrackPtr& to) {
     std::string before;
     Read([&](Reader& reader) {
-      before = reader.ConfigAt({"", kTrack, kProfile}, INT64_MAX).value();
+      before = reader.Board().ConfigAt({"", kTrack, kProfile});
       return absl::OkStatus();
     });
     if (!before.empty() && before != to->config.hash) {
@@ -385,20 +384,20 @@ TEST_F(RejudgedBoard, TellsWhatStandsUnderOtherConfigs) {
   const std::string& old_hash = Configs()[0]->config.hash;
   const std::string& new_hash = Configs()[1]->config.hash;
   board_.Read([&](Reader& reader) {
-    const std::vector<OtherConfig> others = reader.OtherConfigs(name, new_hash, {});
+    const std::vector<OtherConfig> others = reader.Board().OtherConfigs(name, new_hash, {});
     EXPECT_EQ(others.size(), 1u);
     EXPECT_EQ(others.at(0).config, old_hash);
     EXPECT_EQ(others.at(0).submissions, 2);
-    EXPECT_EQ(reader.RankedElsewhere(name, new_hash, {}), 0) << "the rejudge brought them here";
-    const std::vector<OtherConfig> newer = reader.OtherConfigs(name, old_hash, {});
+    EXPECT_EQ(reader.Board().RankedElsewhere(name, new_hash, {}), 0) << "the rejudge brought them here";
+    const std::vector<OtherConfig> newer = reader.Board().OtherConfigs(name, old_hash, {});
     EXPECT_EQ(newer.size(), 1u);
     EXPECT_EQ(newer.at(0).submissions, 3);
     EXPECT_EQ(newer.at(0).teams, 3);
-    EXPECT_EQ(reader.RankedElsewhere(name, old_hash, {}), 1);
-    EXPECT_EQ(reader.ConfigsLike(new_hash.substr(0, 8), false), std::vector{new_hash});
-    EXPECT_TRUE(reader.ConfigsLike("00000000", true).empty());
-    EXPECT_TRUE(reader.RejudgeOfEvaluation(3).ever_applied);
-    EXPECT_EQ(reader.RejudgeOfEvaluation(1).rejudge, 0);
+    EXPECT_EQ(reader.Board().RankedElsewhere(name, old_hash, {}), 1);
+    EXPECT_EQ(reader.Board().ConfigsLike(new_hash.substr(0, 8), false), std::set{new_hash});
+    EXPECT_TRUE(reader.Board().ConfigsLike("00000000", true).empty());
+    EXPECT_TRUE(reader.Board().SightOf(reader.Evaluation(3)->rejudge).ever_applied);
+    EXPECT_EQ(reader.Evaluation(1)->rejudge, 0);
     return absl::OkStatus();
   });
 }

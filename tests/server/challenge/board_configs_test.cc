@@ -28,9 +28,7 @@ TrackPtr Changed(const TrackPtr& track, int64_t files) {
   return *MakeTrack(*ParseTrackConfig(effective, "test"));
 }
 
-absl::StatusOr<SignedDocument> Sign(const RejudgeRow&, const RejudgeEventRow&) {
-  return SignedDocument{"{}", std::string(128, 'a')};
-}
+absl::StatusOr<std::string> Sign(const std::string&) { return std::string(128, 'a'); }
 
 // A daemon's configs and store, started as often as wanted.
 class BoardConfigsTest : public testing::Test {
@@ -134,7 +132,7 @@ class BoardConfigsTest : public testing::Test {
   }
   std::vector<BoardConfigRow> Rows() {
     std::vector<BoardConfigRow> rows;
-    Read([&](Reader& reader) { rows = reader.BoardConfigs().value(); });
+    Read([&](Reader& reader) { rows = reader.Board().ConfigsOf({"", kArm, kProfile}); });
     return rows;
   }
 
@@ -214,7 +212,7 @@ TEST_F(BoardConfigsTest, PhasesHaveBoardsOfTheirOwn) {
   EXPECT_EQ(Final()->config.hash, to->config.hash);
   EXPECT_EQ(Arm()->config.hash, arm);
   Start(0, /*with_phase=*/false);
-  Read([&](Reader& reader) { EXPECT_EQ(reader.ConfigOfPhase(kFinal), to->config.hash); });
+  Read([&](Reader& reader) { EXPECT_EQ(reader.Board().ConfigOfPhase(kFinal), to->config.hash); });
   EXPECT_TRUE(SwitchConfig(to, *tracks_, *phases_).ok()) << "nobody plays it any more";
 }
 

@@ -270,10 +270,10 @@ class Files(OrganiserCase):
 
     def check_copy(self, copy, original):
         """They are equal, but for the key of the host that holds the copy, which goes on the record."""
-        size = len(original["data"]["record"])
-        added = copy["data"]["record"][size:]
+        size = len(original["data"]["journal"])
+        added = copy["data"]["journal"][size:]
         self.assertLessEqual([entry["kind"] for entry in added], ["key"])
-        copy["data"]["record"] = copy["data"]["record"][:size]
+        copy["data"]["journal"] = copy["data"]["journal"][:size]
         for text in (copy, original):
             text.pop("sha256", None)
             text.pop("rows", None)

@@ -69,7 +69,6 @@ class RecordCase(OrganiserCase):
             for name, in store.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
                 store.execute(f"DROP TRIGGER {name}")
             store.execute(statement)
-            store.execute("UPDATE board_state SET changes = changes + 1")
         store.close()
         self.start()
 
@@ -81,18 +80,21 @@ class RecordCase(OrganiserCase):
         record is made of what it leaves, with a chain of its own."""
         self.stop(signal.SIGTERM)
         with sqlite3.connect(self.data / "store.db") as store:
-            store.execute("DROP TRIGGER IF EXISTS record_fixed")
-            store.execute("DROP TRIGGER IF EXISTS record_kept")
-            rows = store.execute("SELECT at, kind, evaluation, entry_json FROM record ORDER BY id"
-                                 ).fetchall()
+            for name in ("TRIGGER IF EXISTS journal_fixed", "TRIGGER IF EXISTS journal_kept",
+                         "INDEX IF EXISTS journal_by_evaluation"):
+                store.execute(f"DROP {name}")
+            rows = store.execute("SELECT at, kind, evaluation, entry_json, private_json FROM journal "
+                                 "WHERE entry IS NOT NULL ORDER BY entry").fetchall()
+            private = {row[3]: row[4] for row in rows}
             rows = edit([(*row[:3], json.loads(row[3])) for row in rows])
-            store.execute("DELETE FROM record")
+            store.execute("DELETE FROM journal")
             chain = ""
             for index, (at, kind, evaluation, entry) in enumerate(rows):
                 text = json.dumps(entry, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
                 chain = hashlib.sha256(f"{chain}\n{text}".encode()).hexdigest()
-                store.execute("INSERT INTO record (id, at, kind, evaluation, entry_json, chain) "
-                              "VALUES (?, ?, ?, ?, ?, ?)", (index, at, kind, evaluation, text, chain))
+                store.execute("INSERT INTO journal (at, kind, who, evaluation, private_json, entry, "
+                              "entry_json, chain) VALUES (?, ?, 'x', ?, ?, ?, ?, ?)",
+                              (at, kind, evaluation, private.get(text, "{}"), index, text, chain))
         store.close()
         self.start()
 
@@ -253,22 +255,6 @@ class Records(RecordCase):
         self.rewritten(lambda rows: rows + [row for row in rows if row[1] == "graded"][:1])
         self.refuted(self.exported(), "entries", "ends evaluation 1 a second time")
 
-    def test_an_entry_of_a_row_that_could_not_be_read_leaves_the_copy_incomplete(self):
-        self.cli("hide", self.first, "--reason", "private")
-
-        def damaged(rows):
-            return [(*row[:3], {"at": row[3]["at"], "kind": row[1], "unreadable": True, "row": 1})
-                    if row[1] == "marked" else row for row in rows]
-
-        self.rewritten(damaged)
-        folder = self.exported()
-        answer = self.incomplete(folder, "1 entry of the record stand", "that the server could not read")
-        self.assertLess(answer["boards"], self.said["boards"])
-        # What the entry may have said excuses no receipt.
-        copy = self.altered(folder)
-        (copy / "receipts/2.json").unlink()
-        self.refuted(copy, "receipts", "neither a receipt nor a line in withheld.json")
-
     def test_hostile_folders_are_refused(self):
         whole = self.exported()
         for make, words in (
@@ -310,9 +296,9 @@ class Records(RecordCase):
         self.stop(signal.SIGTERM)
         with sqlite3.connect(self.data / "store.db") as store:
             store.executescript(
-                "DROP TRIGGER record_fixed; UPDATE record SET entry_json = "
+                "DROP TRIGGER journal_fixed; UPDATE journal SET entry_json = "
                 "replace(entry_json, '\"team\":\"beta\"', '\"team\":\"best\"') WHERE id = "
-                "(SELECT min(id) FROM record WHERE entry_json LIKE '%\"team\":\"beta\"%')")
+                "(SELECT min(id) FROM journal WHERE entry_json LIKE '%\"team\":\"beta\"%')")
         store.close()
         self.start()
         self.assertIn("the record was changed here", self.daemon.log())
@@ -328,9 +314,11 @@ class Records(RecordCase):
         self.stop(signal.SIGTERM)
         with sqlite3.connect(self.data / "store.db") as store:
             chain = ""
-            for index, text in store.execute("SELECT id, entry_json FROM record").fetchall():
+            for index, text in store.execute(
+                    "SELECT entry, entry_json FROM journal WHERE entry IS NOT NULL ORDER BY entry"
+                    ).fetchall():
                 chain = hashlib.sha256(f"{chain}\n{text}".encode()).hexdigest()
-                store.execute("UPDATE record SET chain = ? WHERE id = ?", (chain, index))
+                store.execute("UPDATE journal SET chain = ? WHERE entry = ?", (chain, index))
         store.close()
         self.start()
         forged = self.exported("resigned")
@@ -338,8 +326,8 @@ class Records(RecordCase):
 
     def test_an_edit_of_the_store_is_found(self):
         self.holds(self.exported("before"))
-        self.damaged("INSERT INTO mark (at, submission, mark, set_to, who, why) VALUES "
-                     f"(1, {self.first}, 'hidden', 1, 'x', '')")
+        self.damaged("INSERT INTO journal (at, kind, who, private_json) VALUES (1, 'marked', 'x', "
+                     f"'{{\"mark\":\"hidden\",\"set\":true,\"submission\":{self.first}}}')")
         self.refuted(self.exported("after"), "boards", 'row 1 of its "rows"')
 
     def test_receipts_refer_to_their_entry_and_stay_the_same(self):
@@ -388,7 +376,8 @@ class Records(RecordCase):
         self.cli("import", self.folder / "all.json", data=other)
         with sqlite3.connect(other / "store.db") as store:
             after = [json.loads(row[0]) for row in
-                     store.execute("SELECT entry_json FROM record ORDER BY id")]
+                     store.execute(
+                         "SELECT entry_json FROM journal WHERE entry IS NOT NULL ORDER BY entry")]
         store.close()
         self.assertEqual(after[:len(before)], before)
 

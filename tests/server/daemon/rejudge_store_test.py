@@ -10,6 +10,7 @@ import unittest
 
 from phases_test import TRACK
 from rejudge_case import RejudgeCase, Skill, expected_order
+from support.store_copies import copy_submission
 
 EPISODES = int(os.environ.get("MYOGRADE_TEST_EPISODES", "20"))
 PATTERNS = 30  # submissions that are played
@@ -23,34 +24,6 @@ NEW_RULES = {"line": 70, "factor": 1.3, "limit": LOW_FORCE}
 def pattern(number):
     return Skill(placed=EPISODES * (40 + 2 * number) // 100, force=900 if number % 3 == 1 else 10,
                  effort=1 + number * 7 % 11)
-
-
-def copy_rows(database, table, where, changes):
-    """Inserts the rows of `where` again, columns replaced by SQL expressions."""
-    names = [row[1] for row in database.execute(f"PRAGMA table_info({table})")]
-    values = ", ".join(changes.get(name, name) for name in names)
-    database.execute(
-        f"INSERT INTO {table} ({', '.join(names)}) SELECT {values} FROM {table} WHERE {where}")
-
-
-def copy_submission(database, source, number):
-    """Makes submission `number` of a team of its own, which is graded as `source` is."""
-    artefact = f"{number:064x}"
-    apart = number * 1_000_000
-    copy_rows(database, "team", f"id = (SELECT team_id FROM submission WHERE id = {source})",
-              {"id": str(number), "name": f"'Team {number}'"})
-    copy_rows(database, "artefact",
-              f"hash = (SELECT artefact FROM submission WHERE id = {source})",
-              {"hash": f"'{artefact}'"})
-    copy_rows(database, "submission", f"id = {source}",
-              {"id": str(number), "team_id": str(number), "artefact": f"'{artefact}'"})
-    copy_rows(database, "evaluation", f"id = {source}",
-              {"id": str(number), "submission": str(number)})
-    copy_rows(database, "standing", f"evaluation = {source}", {"evaluation": str(number)})
-    copy_rows(database, "lease", f"evaluation = {source}",
-              {"id": f"id + {apart}", "evaluation": str(number)})
-    copy_rows(database, "episode", f"evaluation = {source}",
-              {"evaluation": str(number), "lease": f"lease + {apart}"})
 
 
 class LargeStore(RejudgeCase):
@@ -70,7 +43,7 @@ class LargeStore(RejudgeCase):
         with sqlite3.connect(self.data / "store.db") as database:
             database.execute("PRAGMA synchronous = OFF")
             for number in range(PATTERNS, PATTERNS * COPIES):
-                copy_submission(database, number % PATTERNS + 1, number + 1)
+                copy_submission(database, number % PATTERNS + 1, number + 1, number + 1)
         database.close()
         self.start()
         self.entries = [(f"Team {number + 1}", pattern(number % PATTERNS))

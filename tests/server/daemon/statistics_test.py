@@ -82,7 +82,7 @@ class CloseCase(PhasesCase):
     def evaluations_of(self, rejudge):
         with sqlite3.connect(f"file:{self.data}/store.db?mode=ro", uri=True) as store:
             return [row[0] for row in store.execute(
-                "SELECT evaluation FROM rejudge_item WHERE rejudge = ? ORDER BY submission",
+                "SELECT id FROM evaluation WHERE rejudge = ? ORDER BY submission",
                 (rejudge,))]
 
 

@@ -73,7 +73,7 @@ class DamageTest : public testing::Test {
       EXPECT_GE(list.rows.size() + list.damaged.size(), 4u);
       for (const SubmissionRow& row : list.rows) {
         for (const absl::Status& read :
-             {reader.Original(row.id).status(), reader.MarkHistory(row.id).status(),
+             {reader.Original(row.id).status(),
               reader.Artefact(row.artefact).status(), reader.ConfigJson(row.config).status()}) {
           EXPECT_TRUE(read.ok() || DamageOf(read)) << read;
         }

@@ -33,23 +33,29 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
       text = std::string(track.status().message());
       return DamageOf(track.status()) ? absl::OkStatus() : track.status();
     }
-    Listed<StandingRow> listed = reader.Standings(config);
-    for (StandingRow& row : listed.rows) {
-      if (!row.standing.aggregate_json.empty()) continue;
-      const absl::StatusOr<Standing> standing = ReadStanding(reader, row.evaluation);
+    const BoardState& state = reader.Board();
+    std::vector<StandingRow> rows;
+    std::vector<Damage> damaged;
+    for (const auto& [submission, result] : state.InForce(config)) {
+      const absl::StatusOr<Standing> standing = ReadStanding(reader, result->evaluation);
       if (!standing.ok() && !DamageOf(standing.status())) return standing.status();
-      row.standing = standing.value_or(Standing());
+      if (!standing.ok()) damaged.push_back(*DamageOf(standing.status()));
+      rows.push_back({.submission = submission,
+                      .evaluation = result->evaluation,
+                      .team = state.TeamOf(submission)->name,
+                      .artefact_name = "",
+                      .standing = standing.value_or(Standing())});
     }
-    const MarksInForce marks = reader.Marks();
     const absl::StatusOr<Leaderboard> board =
-        MakeLeaderboard(listed.rows, marks.by_submission,
-                  (*track)->scoring.boards.at(scoring::kMainBoard).rules, (*track)->scoring.team);
+        MakeLeaderboard(rows, state.MarksAt(),
+                        (*track)->scoring.boards.at(scoring::kMainBoard).rules,
+                        (*track)->scoring.team);
     if (!board.ok()) return board.status();
     for (const LeaderboardRow& row : board->rows) {
       absl::StrAppend(&text, row.ranked.rank, " ", row.source.team, " ", row.source.submission, " ",
                       row.source.standing.aggregate_json, "\n");
     }
-    for (const Damage& damage : listed.damaged) absl::StrAppend(&text, DamageText(damage), "\n");
+    for (const Damage& damage : damaged) absl::StrAppend(&text, DamageText(damage), "\n");
     for (const Damage& damage : board->damaged) absl::StrAppend(&text, DamageText(damage), "\n");
     return absl::OkStatus();
   }));
@@ -118,13 +124,13 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
        "FROM team_look WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
       {"team", "name = 'victim'"},
       {"former_name", "name = 'former'"},
-      {"team_event", "id = 1"},
+      {"journal", "id = 1"},
+      {"journal", "evaluation = " + done},
+      {"journal", "kind = 'marked'"},
       {"member", "person = 'uid 1001'"},
       {"token", "id = 1"},
       {"config", absl::StrCat("hash = '", teams.victim.config, "'")},
-      {"board_state", "1"},
       {"removal", "id = 1"},
-      {"mark", "id = 1"},
       {"ledger", "entry = 'grant'"},
       {"replay", "id = 1"},
       {"standing", "evaluation = " + done},

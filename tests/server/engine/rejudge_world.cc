@@ -80,11 +80,7 @@ class QuickProcesses : public Executor {
   Playing& playing_;
 };
 
-absl::StatusOr<SignedDocument> SignAnything(const RejudgeRow& rejudge, const RejudgeEventRow& event) {
-  return SignedDocument{CanonicalJson(Json{{"rejudge", rejudge.id},
-                                           {"event", RejudgeEventName(event.event)}}),
-                        std::string(128, 'f')};
-}
+absl::StatusOr<std::string> SignAnything(const std::string&) { return std::string(128, 'f'); }
 
 }  // namespace
 
@@ -289,10 +285,10 @@ RejudgeProgress RejudgeWorld::Progress(int64_t rejudge) {
   return progress;
 }
 
-std::vector<RejudgeItemRow> RejudgeWorld::Items(int64_t rejudge) {
-  std::vector<RejudgeItemRow> items;
+std::vector<EvaluationRow> RejudgeWorld::Items(int64_t rejudge) {
+  std::vector<EvaluationRow> items;
   Read([&](Reader& reader) {
-    const auto read = reader.RejudgeItems(rejudge);
+    const auto read = reader.EvaluationsOfRejudge(rejudge);
     ASSERT_TRUE(read.ok()) << read.status();
     items = *read;
   });

@@ -67,7 +67,7 @@ class RejudgeWorld : public testing::Test {
   absl::StatusOr<RejudgeDone> Apply(int64_t rejudge, std::vector<int64_t> without = {});
   absl::StatusOr<RejudgeDone> Drop(int64_t rejudge);
   RejudgeProgress Progress(int64_t rejudge);
-  std::vector<RejudgeItemRow> Items(int64_t rejudge);
+  std::vector<EvaluationRow> Items(int64_t rejudge);
   std::string StateOf(int64_t evaluation);
   // Waits until `holds`; fails the test after 30 s.
   void Await(const std::function<bool()>& holds, const std::string& what);

@@ -58,24 +58,24 @@ TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
   EXPECT_EQ(progress.episodes, 6);
   EXPECT_EQ(progress.episodes_done, 6);
   EXPECT_THAT(progress.without_result, IsEmpty());
-  const std::vector<RejudgeItemRow> items = Items(id);
+  const std::vector<EvaluationRow> items = Items(id);
   ASSERT_EQ(items.size(), 2u);
   EXPECT_EQ(items[0].submission, alpha);
   EXPECT_EQ(items[1].submission, beta);
   Read([&](Reader& reader) {
     const std::vector<EpisodeRow> before = *reader.Episodes(items[0].source);
-    const std::vector<EpisodeRow> after = *reader.Episodes(items[0].evaluation);
+    const std::vector<EpisodeRow> after = *reader.Episodes(items[0].id);
     ASSERT_EQ(after.size(), before.size());
     for (size_t i = 0; i < after.size(); ++i) {
       EXPECT_EQ(after[i].facts_json, before[i].facts_json);
       const bool failed = after[i].outcome == Outcome::kFailure;
       EXPECT_EQ(Json::parse(after[i].metrics_json)["time_s"] == 20, failed);
     }
-    EXPECT_EQ(reader.EpisodeDetails(items[0].evaluation)->size(), after.size());
-    EXPECT_EQ(*reader.EpisodeDetails(items[0].evaluation),
+    EXPECT_EQ(reader.EpisodeDetails(items[0].id)->size(), after.size());
+    EXPECT_EQ(*reader.EpisodeDetails(items[0].id),
               *reader.EpisodeDetails(items[0].source));
     const EvaluationRow source = *reader.Evaluation(items[0].source);
-    const EvaluationRow row = *reader.Evaluation(items[0].evaluation);
+    const EvaluationRow row = *reader.Evaluation(items[0].id);
     EXPECT_EQ(row.kind, EvaluationKind::kRejudge);
     EXPECT_EQ(row.state, EvaluationState::kDone);
     EXPECT_EQ(row.config, created->rejudge.to_config);
@@ -83,8 +83,8 @@ TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
     EXPECT_NE(row.results_hash, source.results_hash);
     EXPECT_EQ(reader.Leases(row.id)->size(), reader.Leases(source.id)->size());
     EXPECT_THAT(reader.DoneEvaluations(/*without_standing=*/true), IsEmpty());
-    EXPECT_EQ((*reader.RejudgeItemOf(row.id))->rejudge, id);
-    EXPECT_FALSE(reader.RejudgeItemOf(source.id)->has_value());
+    EXPECT_EQ(row.rejudge, id);
+    EXPECT_EQ(source.rejudge, 0);
   });
 }
 
@@ -150,7 +150,7 @@ TEST_F(RejudgesTest, IsAppliedAndDroppedAsAWhole) {
   EXPECT_EQ(Progress(id).state, State::kDropped);
   EXPECT_TRUE(Apply(id).ok());
   Read([&](Reader& reader) {
-    const std::vector<RejudgeEventRow> events = *reader.RejudgeEvents(id);
+    const std::vector<RejudgeEventRow> events = reader.Rejudge(id)->events;
     std::vector<std::string_view> names;
     for (const RejudgeEventRow& event : events) {
       names.push_back(RejudgeEventName(event.event));
@@ -172,7 +172,7 @@ TEST_F(RejudgesTest, OnlyTheLatestOfABoardIsDropped) {
   next.from_config_json = CanonicalJson(SlowFailures()->config.effective);
   const int64_t two = MustCreate(next);
   AwaitComplete(two);
-  EXPECT_EQ(Items(two)[0].source, Items(one)[0].evaluation) << "what stands under the first";
+  EXPECT_EQ(Items(two)[0].source, Items(one)[0].id) << "what stands under the first";
   ASSERT_TRUE(Apply(two).ok());
   EXPECT_THAT(std::string(Drop(one).status().message()),
               HasSubstr(absl::StrCat("before rejudge ", two)));
@@ -216,10 +216,10 @@ TEST_F(RejudgesTest, GivesWayToLiveSubmissionsWithoutAFault) {
   playing_.hold = false;
   AwaitComplete(id);
   Read([&](Reader& reader) {
-    const std::vector<LeaseRow> leases = *reader.Leases(Items(id)[0].evaluation);
+    const std::vector<LeaseRow> leases = *reader.Leases(Items(id)[0].id);
     EXPECT_GE(leases[0].attempt, 2);
     for (const LeaseRow& lease : leases) EXPECT_EQ(lease.faults, 0);
-    EXPECT_EQ(reader.Evaluation(Items(id)[0].evaluation)->state, EvaluationState::kDone);
+    EXPECT_EQ(reader.Evaluation(Items(id)[0].id)->state, EvaluationState::kDone);
   });
 }
 
@@ -236,7 +236,7 @@ TEST_F(RejudgesTest, ACancelLeavesItAloneAndADropEndsIt) {
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("can't be applied yet"));
   const absl::StatusOr<RejudgeDone> dropped = Drop(id);
   ASSERT_TRUE(dropped.ok()) << dropped.status();
-  EXPECT_THAT(dropped->cancelled, ElementsAre(Items(id)[0].evaluation));
+  EXPECT_THAT(dropped->cancelled, ElementsAre(Items(id)[0].id));
   Await([&] { return engine_->Health().running == 0; }, "nothing runs");
   EXPECT_EQ(Items(id)[0].state, EvaluationState::kCancelled);
   EXPECT_THAT(std::string(Apply(id, {alpha}).status().message()), HasSubstr("dropped"));
@@ -310,7 +310,7 @@ TEST_F(RejudgesTest, RefusesWhatMakesNoSense) {
   rejudge.to_config_json = "{}";
   EXPECT_THAT(message(rejudge), HasSubstr("is not the hash"));
   EXPECT_THAT(std::string(Apply(99).status().message()), HasSubstr("no rejudge 99"));
-  Read([&](Reader& reader) { EXPECT_THAT(reader.Rejudges().rows, IsEmpty()); });
+  Read([&](Reader& reader) { EXPECT_THAT(reader.Board().rejudges(), IsEmpty()); });
 }
 
 TEST_F(RejudgesTest, KeepsTheFilesThatItMayHaveToPlay) {
@@ -364,10 +364,10 @@ TEST_F(RejudgesTest, AnExportBringsThemAlong) {
   const absl::Status imported = (*other)->Write(
       [&](Writer& writer) { return writer.Import(path, *info, "test", CheckReadable); });
   ASSERT_TRUE(imported.ok()) << imported;
-  const std::vector<RejudgeItemRow> items = Items(id);
+  const std::vector<EvaluationRow> items = Items(id);
   EXPECT_TRUE(ReaderPool(dir_ + "/other.db").Read([&](Reader& reader) {
     EXPECT_EQ(reader.ProgressOf(*reader.Rejudge(id))->state, State::kApplied);
-    const EvaluationRow row = *reader.Evaluation(items[0].evaluation);
+    const EvaluationRow row = *reader.Evaluation(items[0].id);
     EXPECT_EQ(row.config, SlowFailures()->config.hash);
     EXPECT_EQ(row.results_hash, items[0].results_hash);
     return absl::OkStatus();
@@ -407,7 +407,7 @@ TEST_F(RejudgesTest, APowerCutAtAnyCommitLosesNothing) {
       }
       AwaitComplete(1);
       std::vector<std::string> results;
-      for (const RejudgeItemRow& item : Items(1)) {
+      for (const EvaluationRow& item : Items(1)) {
         results.push_back(absl::StrCat(item.submission, "/", item.repetition, " ",
                                        std::string(RejudgeMethodName(item.method)), " ",
                                        std::string(EvaluationStateName(item.state)), " ",

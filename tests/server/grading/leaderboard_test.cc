@@ -29,7 +29,7 @@ StandingRow Row(int64_t submission, const std::string& team, int successes, doub
 }
 
 void Set(Marks& marks, int64_t submission, const std::string& mark, const std::string& why = "") {
-  marks[submission][mark] = {1, 1, submission, mark, true, "uid 0", why};
+  marks[submission][mark] = {1, submission, mark, true, "uid 0", why};
 }
 
 std::vector<std::string> PlacesOf(const Leaderboard& board) {

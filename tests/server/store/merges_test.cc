@@ -83,7 +83,7 @@ TEST_F(MergesTest, OfTheChoicesOfMergedTeamsTheNewerStands) {
   };
   const auto choices = [&] {
     std::set<int64_t> chosen;
-    Read([&](Reader& reader) { chosen = reader.Choices(std::string(64, 'c'), {}); });
+    Read([&](Reader& reader) { chosen = reader.Board().Chosen(std::string(64, 'c')); });
     return chosen;
   };
   EXPECT_TRUE(choose(second));

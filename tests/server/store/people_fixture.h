@@ -78,15 +78,17 @@ class PeopleTest : public StoreTest {
   std::vector<std::string> Board() {
     std::vector<std::string> teams;
     Read([&](Reader& reader) {
-      const Listed<StandingRow> listed = reader.Standings(std::string(64, 'c'));
-      for (const StandingRow& row : listed.rows) teams.push_back(row.team);
-      for (const Damage& damage : listed.damaged) teams.push_back(DamageText(damage));
+      const BoardState& board = reader.Board();
+      for (const auto& [submission, result] : board.InForce(std::string(64, 'c'))) {
+        const TeamState* team = board.TeamOf(submission);
+        if (!result->failed && !team->banned) teams.push_back(team->name);
+      }
     });
     return teams;
   }
   int64_t BoardChanges() {
     int64_t changes = 0;
-    Read([&](Reader& reader) { changes = reader.BoardChanges(); });
+    Read([&](Reader& reader) { changes = reader.Board().board_changes(); });
     return changes;
   }
   QuotaUse Quota(const std::string& team) {

@@ -35,7 +35,7 @@ TEST_F(PeopleTest, TheFirstWhoSubmitsForATeamFoundsIt) {
   EXPECT_THAT(TeamsOf(kAda), ElementsAre("alpha", "beta"));
   EXPECT_EQ(ErrorCodeOf(Found("ALPHA", kBob)), "look_alike");
   Read([&](Reader& reader) {
-    const auto events = reader.TeamEvents("alpha").rows;
+    const auto events = reader.TeamEvents("alpha");
     ASSERT_EQ(events.size(), 1u);
     EXPECT_EQ(events[0].event, "created");
     EXPECT_EQ(events[0].who, kAda);
@@ -117,7 +117,7 @@ TEST_F(PeopleTest, ATeamMayTakeItsOwnNamesBack) {
   for (const char* name : {"alpha", "Alpha", "beta"}) EXPECT_EQ(TeamOf(name), "alpha");
   Read([&](Reader& reader) {
     EXPECT_THAT(reader.Team("beta")->other_names, ElementsAre("Alpha", "beta"));
-    EXPECT_EQ(reader.TeamEvents("alpha").rows.size(), 4u);
+    EXPECT_EQ(reader.TeamEvents("alpha").size(), 4u);
   });
   Open();
   EXPECT_EQ(ErrorCodeOf(Try("BETA")), "look_alike") << "after a start too";
@@ -232,10 +232,7 @@ TEST_F(PeopleTest, DamagedRowsAreReportedAndTheRestGoesOn) {
               "");
   };
   damage("UPDATE team SET merged_into = 99 WHERE name = 'alpha'");
-  const std::vector<std::string> board = Board();
-  ASSERT_EQ(board.size(), 2u);
-  EXPECT_THAT(board, testing::UnorderedElementsAre("beta", HasSubstr("team 1 of the store can't "
-                                                                     "be read")));
+  EXPECT_THAT(Board(), ElementsAre("alpha", "beta")) << "what counts is in the journal";
   EXPECT_TRUE(DamageOf(Try("alpha", 'e')).has_value());
   EXPECT_TRUE(Try("beta", 'e').ok());
   EXPECT_THAT(TeamsOf(kAda), IsEmpty()) << "nobody gains rights by damage";
@@ -246,8 +243,6 @@ TEST_F(PeopleTest, DamagedRowsAreReportedAndTheRestGoesOn) {
   });
   damage("UPDATE team SET merged_into = NULL, banned = 7 WHERE name = 'alpha'");
   EXPECT_TRUE(DamageOf(Try("alpha", 'e')).has_value());
-  EXPECT_THAT(Board(), testing::UnorderedElementsAre(
-                           "beta", HasSubstr("its \"banned\" is 7")));
   damage("UPDATE member SET belongs = 7 WHERE person = 'uid 1002'");
   EXPECT_THAT(TeamsOf(kBob), IsEmpty());
 }

@@ -2,7 +2,6 @@
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
-#include "server/store/boards.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {
@@ -90,14 +89,14 @@ class PhaseStoreTest : public StoreTest {
   std::set<int64_t> Choices(char config, int64_t before = INT64_MAX) {
     std::set<int64_t> chosen;
     Read([&](Reader& reader) {
-      chosen = reader.Choices(std::string(64, config), {.before_ms = before});
+      chosen = reader.Board().Chosen(std::string(64, config), {.before_ms = before});
     });
     return chosen;
   }
 
   int64_t Changes() {
     int64_t changes = 0;
-    Read([&](Reader& reader) { changes = reader.BoardChanges(); });
+    Read([&](Reader& reader) { changes = reader.Board().board_changes(); });
     return changes;
   }
 };
@@ -117,11 +116,10 @@ TEST_F(PhaseStoreTest, AnActIsARowOnlyIfItChangesSomething) {
   EXPECT_NE(Changes(), before) << "a board is not as it was";
   std::vector<std::string> seen;
   Read([&](Reader& reader) {
-    const auto events = reader.PhaseEvents("final");
-    for (const PhaseEventRow& event : *events) {
+    for (const PhaseEventRow& event : reader.Board().PhaseEvents("final")) {
       seen.push_back(absl::StrCat(event.phase, " ", event.event));
     }
-    EXPECT_EQ(reader.PhaseEvents(std::nullopt)->size(), 6u);
+    EXPECT_EQ(reader.Board().PhaseEvents(std::nullopt).size(), 6u);
   });
   EXPECT_THAT(seen, ElementsAre("final paused", "final paused", " paused", "final resumed",
                                 "final published"));
@@ -137,8 +135,8 @@ TEST_F(PhaseStoreTest, OnlyAPhaseIsPublished) {
 TEST_F(PhaseStoreTest, ActsAndSecretsStayAsTheyAre) {
   ASSERT_TRUE(Secret("final").ok());
   Act("final", kPausedEvent);
-  EXPECT_THAT(SqlError("UPDATE phase_event SET why = ''"), HasSubstr("never changed"));
-  EXPECT_THAT(SqlError("DELETE FROM phase_event"), HasSubstr("never deleted"));
+  EXPECT_THAT(SqlError("UPDATE journal SET who = 'x'"), HasSubstr("never changed"));
+  EXPECT_THAT(SqlError("DELETE FROM journal"), HasSubstr("never deleted"));
   EXPECT_THAT(SqlError("UPDATE phase_secret SET secret = zeroblob(32)"), HasSubstr("never changed"));
 }
 
@@ -189,21 +187,6 @@ TEST_F(PhaseStoreTest, AUsedPhaseDrawsNoSecret) {
   ASSERT_TRUE(Secret("final").ok());
   ASSERT_EQ(SqlError("DELETE FROM phase_secret"), "");
   EXPECT_EQ(ErrorCodeOf(Secret("final").status()), "no_secret") << "the record commits to another";
-}
-
-TEST(BoardRulesTest, ARejudgePutsItsResultsInPlaceAndTakesOffWhatHasNone) {
-  const std::vector<EndedResult> own = {{1, 11, true}, {2, 12, true}, {3, 13, true}, {4, 14, false}};
-  EXPECT_EQ(EvaluationsInForce(own, {}), (std::map<int64_t, int64_t>{{1, 11}, {2, 12}, {3, 13}}));
-  EXPECT_EQ(EvaluationsInForce(own, {{{1, 21, true}, {2, 22, false}}, {{1, 31, true}}}),
-            (std::map<int64_t, int64_t>{{1, 31}, {3, 13}}));
-}
-
-TEST(BoardRulesTest, ATeamsNewestChoiceStandsEvenWithoutAResult) {
-  const TeamChoice first{7, 1, true, false};
-  const TeamChoice of_another_board{7, 2, false, false};
-  const TeamChoice left_out{7, 3, false, true};
-  EXPECT_THAT(StandingChoices({first, of_another_board}), ElementsAre(1));
-  EXPECT_THAT(StandingChoices({first, left_out, {8, 4, true, true}}), ElementsAre(3, 4));
 }
 
 TEST_F(PhaseStoreTest, ARevealedPhaseTakesNothing) {
@@ -312,8 +295,8 @@ TEST_F(PhaseStoreTest, TheNewestChoiceOfATeamIsInForce) {
   EXPECT_THAT(Choices('f'), ElementsAre(second->submission, others->submission));
   EXPECT_THAT(Choices('f', before), ElementsAre(first->submission, others->submission));
   EXPECT_THAT(Choices('o'), ElementsAre(elsewhere->submission));
-  EXPECT_THAT(SqlError("UPDATE choice SET at = 0"), HasSubstr("never changed"));
-  EXPECT_THAT(SqlError("DELETE FROM choice"), HasSubstr("never deleted"));
+  EXPECT_THAT(SqlError("UPDATE journal SET at = 0"), HasSubstr("never changed"));
+  EXPECT_THAT(SqlError("DELETE FROM journal"), HasSubstr("never deleted"));
 }
 
 TEST_F(PhaseStoreTest, TeamsThatWereMergedHaveOneChoice) {
@@ -343,7 +326,7 @@ TEST_F(PhaseStoreTest, OnlyWhatIsRankedAndDoneIsChosen) {
 
 TEST_F(PhaseStoreTest, PhasesAreKnownByTheirSubmissions) {
   Read([&](Reader& reader) {
-    EXPECT_EQ(reader.ConfigOfPhase("final"), "");
+    EXPECT_EQ(reader.Board().ConfigOfPhase("final"), "");
     EXPECT_THAT(*reader.PhasesInUse(), IsEmpty());
   });
   ASSERT_TRUE(SubmitTo("", 'a').ok());
@@ -351,8 +334,8 @@ TEST_F(PhaseStoreTest, PhasesAreKnownByTheirSubmissions) {
   Finish(*first);
   ASSERT_TRUE(SubmitTo("final", 'b').ok());
   Read([&](Reader& reader) {
-    EXPECT_EQ(reader.ConfigOfPhase("final"), std::string(64, 'f'));
-    EXPECT_EQ(reader.ConfigOfPhase(""), "");
+    EXPECT_EQ(reader.Board().ConfigOfPhase("final"), std::string(64, 'f'));
+    EXPECT_EQ(reader.Board().ConfigOfPhase(""), "");
     const auto uses = reader.PhasesInUse();
     ASSERT_EQ(uses->size(), 1u);
     EXPECT_EQ(uses->front().phase, "final");

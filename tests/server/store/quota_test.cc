@@ -337,8 +337,8 @@ TEST_F(QuotaTest, MarksAreRowsAndTheNewestIsInForce) {
   EXPECT_TRUE(mark("disqualified", true, "reads the seeds"));
   EXPECT_TRUE(mark("hidden", false, ""));
   Read([&](Reader& reader) {
-    EXPECT_EQ(reader.MarkHistory(accepted.submission)->size(), 4u);
-    const auto marks = reader.Marks().by_submission.at(accepted.submission);
+    EXPECT_EQ(reader.Board().MarkHistory(accepted.submission).size(), 4u);
+    const auto marks = reader.Board().MarksAt().at(accepted.submission);
     ASSERT_EQ(marks.size(), 1u);
     EXPECT_EQ(marks.at("disqualified").why, "reads the seeds");
     EXPECT_EQ(marks.at("disqualified").who, "uid 0");
@@ -358,8 +358,8 @@ TEST_F(QuotaTest, TheSchemaRefusesToRewriteAccounts) {
        " who, why, phase FROM ledger", "UNIQUE"},
       {"INSERT INTO ledger SELECT NULL, at, day, team_id, track, budget, 'refund', 2, submission,"
        " who, why, phase FROM ledger", "gives back one charge"},
-      {"UPDATE mark SET set_to = 0", "never changed"},
-      {"DELETE FROM mark", "never deleted"},
+      {"UPDATE journal SET at = 0", "never changed"},
+      {"DELETE FROM journal", "never deleted"},
       {"UPDATE admission SET day = 0", "never changed"},
       {"DELETE FROM admission", "never deleted"},
       {"DELETE FROM submission", "never deleted"},

@@ -119,25 +119,10 @@ TEST_F(RecordTest, PracticeIsNotPublicAndFailedOnesLookLikeDoneOnes) {
   EXPECT_EQ(Entries().back()["state"], "graded");
 }
 
-TEST_F(RecordTest, AnUnreadableRowHasAnEntryThatSaysSoAndStopsNoOther) {
-  const Accepted accepted = Submit("alpha");
-  EXPECT_EQ(SqlError("PRAGMA ignore_check_constraints = ON; "
-                     "UPDATE submission SET config = 'none' WHERE id = 1"),
-            "");
-  Play(accepted);
-  Submit("beta", 'b');
-  EXPECT_THAT(Kinds(), ElementsAre("team", "accepted", "graded", "team", "accepted"));
-  const std::vector<Json> entries = Entries();
-  EXPECT_EQ(entries[2].value("unreadable", false), true);
-  EXPECT_EQ(entries[2].value("row", 0), accepted.evaluation);
-  EXPECT_EQ(entries[4]["team"], "beta");
-  ExpectChain();
-}
-
 TEST_F(RecordTest, ABrokenLastEntryIsGoneOnFrom) {
   Submit("alpha");
-  EXPECT_EQ(SqlError("DROP TRIGGER record_fixed; UPDATE record SET chain = printf('%064d', 1) "
-                     "WHERE id = 1"), "");
+  EXPECT_EQ(SqlError("DROP TRIGGER journal_fixed; UPDATE journal SET chain = printf('%064d', 1) "
+                     "WHERE entry = 1"), "");
   Submit("beta", 'b');
   const std::vector<RecordRow> rows = Rows();
   ASSERT_EQ(rows.size(), 4u);
@@ -146,9 +131,10 @@ TEST_F(RecordTest, ABrokenLastEntryIsGoneOnFrom) {
 
 TEST_F(RecordTest, NobodyChangesOrRemovesAnEntry) {
   Submit("alpha");
-  EXPECT_THAT(SqlError("UPDATE record SET entry_json = '{}'"), HasSubstr("never changed"));
-  EXPECT_THAT(SqlError("DELETE FROM record"), HasSubstr("never deleted"));
-  EXPECT_THAT(SqlError("INSERT INTO record VALUES (7, 1, 'x', NULL, '{}', printf('%064d', 1))"),
+  EXPECT_THAT(SqlError("UPDATE journal SET entry_json = '{}'"), HasSubstr("never changed"));
+  EXPECT_THAT(SqlError("DELETE FROM journal"), HasSubstr("never deleted"));
+  EXPECT_THAT(SqlError("INSERT INTO journal SELECT 99, at, kind, who, evaluation, private_json, 7, "
+                       "entry_json, chain FROM journal WHERE entry = 1"),
               HasSubstr("0, 1, 2 and so on"));
 }
 

@@ -1,0 +1,108 @@
+#include "server/board/acts.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/sha256.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::string_view kPurposes[] = {"rules", "seeds"};
+constexpr std::string_view kMethods[] = {"auto", "facts", "play"};
+constexpr std::string_view kEvents[] = {"created", "applied", "dropped"};
+
+template <typename Value, typename Names>
+std::optional<Value> Parse(const Names& names, std::string_view name) {
+  const auto found = std::find(std::begin(names), std::end(names), name);
+  if (found == std::end(names)) return std::nullopt;
+  return static_cast<Value>(found - std::begin(names));
+}
+
+std::string TextOrEmpty(const Json& value) {
+  return value.is_null() ? "" : value.get<std::string>();
+}
+
+}  // namespace
+
+absl::StatusOr<Act> ActOfEntry(int64_t index, Json entry) {
+  const Json kind = entry.is_object() ? entry.value("kind", Json()) : Json();
+  const Json at = entry.is_object() ? entry.value("at", Json()) : Json();
+  absl::Time time;
+  std::string error;
+  if (!kind.is_string() || !at.is_string() ||
+      !absl::ParseTime(absl::RFC3339_full, at.get<std::string>(), &time, &error)) {
+    return absl::InvalidArgumentError(absl::StrCat("entry ", index, " has no kind, or no time"));
+  }
+  return Act{.id = index + 1,
+             .at = absl::ToUnixMillis(time),
+             .kind = kind.get<std::string>(),
+             .who = "",
+             .entry = index,
+             .content = std::move(entry)};
+}
+
+std::string TimeText(int64_t ms) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
+}
+
+std::string ArtefactCommitment(int64_t submission, const std::string& artefact) {
+  return Sha256Hex(absl::StrCat("myograde artefact/", submission, "/", artefact));
+}
+
+std::string_view RejudgePurposeName(RejudgePurpose purpose) {
+  return kPurposes[static_cast<size_t>(purpose)];
+}
+std::optional<RejudgePurpose> ParseRejudgePurpose(std::string_view name) {
+  return Parse<RejudgePurpose>(kPurposes, name);
+}
+std::string_view RejudgeMethodName(RejudgeMethod method) {
+  return kMethods[static_cast<size_t>(method)];
+}
+std::optional<RejudgeMethod> ParseRejudgeMethod(std::string_view name) {
+  return Parse<RejudgeMethod>(kMethods, name);
+}
+std::string_view RejudgeEventName(RejudgeEvent event) {
+  return kEvents[static_cast<size_t>(event)];
+}
+std::optional<RejudgeEvent> ParseRejudgeEvent(std::string_view name) {
+  return Parse<RejudgeEvent>(kEvents, name);
+}
+
+Json RejudgeKeys(const RejudgeRow& rejudge) {
+  return {{"rejudge", rejudge.id},
+          {"purpose", RejudgePurposeName(rejudge.purpose)},
+          {"phase", rejudge.phase.empty() ? Json() : Json(rejudge.phase)},
+          {"track", rejudge.track},
+          {"profile", rejudge.profile},
+          {"from_config", rejudge.from_config},
+          {"to_config", rejudge.to_config},
+          {"method", RejudgeMethodName(rejudge.method)},
+          {"repeats", rejudge.repeats}};
+}
+
+RejudgeRow RejudgeOfDocument(const Json& document) {
+  const auto text = [&](const char* key) { return TextOrEmpty(document.at(key)); };
+  RejudgeRow rejudge;
+  rejudge.id = document.at("rejudge").get<int64_t>();
+  rejudge.purpose = ParseRejudgePurpose(text("purpose")).value_or(RejudgePurpose::kRules);
+  rejudge.phase = text("phase");
+  rejudge.track = text("track");
+  rejudge.profile = text("profile");
+  rejudge.from_config = text("from_config");
+  rejudge.to_config = text("to_config");
+  rejudge.seeds = text("seeds");
+  rejudge.method = ParseRejudgeMethod(text("method")).value_or(RejudgeMethod::kAuto);
+  rejudge.repeats = document.at("repeats").get<int64_t>();
+  rejudge.who = text("who");
+  rejudge.why = text("reason");
+  return rejudge;
+}
+
+}  // namespace myograde::server

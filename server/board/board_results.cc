@@ -1,0 +1,306 @@
+// What counts on which board at a moment: results, choices, marks and configs.
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+#include "server/board/board_state.h"
+
+namespace myograde::server {
+namespace {
+
+// The newest event of a rejudge before a moment; nullptr: none.
+const RejudgeEventRow* LastBefore(const RejudgeRow& rejudge, int64_t before_ms) {
+  for (auto event = rejudge.events.rbegin(); event != rejudge.events.rend(); ++event) {
+    if (event->at < before_ms) return &*event;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+// --- what counts ---
+
+std::vector<int64_t> BoardState::AppliedTo(const std::string& config,
+                                           const BoardMoment& moment) const {
+  std::vector<std::pair<int64_t, int64_t>> found;  // act and rejudge
+  for (const auto& [id, rejudge] : rejudges_) {
+    if (rejudge.to_config != config || rejudge.purpose != RejudgePurpose::kRules ||
+        id == moment.assumed_rejudge || id == moment.ignored_rejudge) {
+      continue;
+    }
+    const RejudgeEventRow* last = LastBefore(rejudge, moment.results_before_ms());
+    if (last != nullptr && last->event == RejudgeEvent::kApplied) found.emplace_back(last->id, id);
+  }
+  std::sort(found.begin(), found.end());
+  std::vector<int64_t> rejudges;
+  for (const auto& [act, rejudge] : found) rejudges.push_back(rejudge);
+  const RejudgeRow* assumed = Rejudge(moment.assumed_rejudge);
+  if (assumed != nullptr && assumed->to_config == config) rejudges.push_back(assumed->id);
+  return rejudges;
+}
+
+std::vector<const BoardResult*> BoardState::Originals(const std::string& config,
+                                                          int64_t before_ms) const {
+  std::vector<const BoardResult*> found;
+  for (const int64_t evaluation : FindOrNone(originals_, config)) {
+    const BoardResult& result = results_.at(evaluation);
+    if (result.at < before_ms && submissions_.contains(result.submission)) found.push_back(&result);
+  }
+  return found;
+}
+
+std::vector<const BoardResult*> BoardState::OfRejudge(int64_t rejudge,
+                                                          int64_t before_ms) const {
+  std::vector<const BoardResult*> found;
+  for (const int64_t evaluation : FindOrNone(rejudged_, rejudge)) {
+    const BoardResult& result = results_.at(evaluation);
+    if (result.at < before_ms && submissions_.contains(result.submission)) found.push_back(&result);
+  }
+  return found;
+}
+
+std::map<int64_t, const BoardResult*> BoardState::InForce(const std::string& config,
+                                                              const BoardMoment& moment) const {
+  std::map<int64_t, const BoardResult*> in_force;
+  const int64_t before = moment.results_before_ms();
+  for (const BoardResult* result : Originals(config, before)) {
+    in_force[result->submission] = result;
+  }
+  for (const int64_t rejudge : AppliedTo(config, moment)) {
+    for (const BoardResult* result : OfRejudge(rejudge, before)) {
+      in_force[result->submission] = result;
+    }
+  }
+  std::erase_if(in_force, [](const auto& entry) { return !entry.second->graded; });
+  return in_force;
+}
+
+bool BoardState::Withholds(const std::string& config, const BoardMoment& moment) const {
+  if (moment.freeze_ms >= moment.before_ms) return false;
+  const auto late = [&](const BoardResult* result) {
+    const TeamState* team = TeamOf(result->submission);
+    return result->at >= moment.freeze_ms && team != nullptr && !team->banned;
+  };
+  const auto own = Originals(config, moment.before_ms);
+  if (std::any_of(own.begin(), own.end(), [&](const BoardResult* result) {
+        return result->graded && !result->failed && late(result);
+      })) {
+    return true;
+  }
+  for (const int64_t rejudge : AppliedTo(config, moment)) {
+    const auto results = OfRejudge(rejudge, moment.before_ms);
+    if (std::any_of(results.begin(), results.end(), late)) return true;
+  }
+  return false;
+}
+
+std::set<int64_t> BoardState::Rejudged(const std::string& config,
+                                       const BoardMoment& moment) const {
+  std::set<int64_t> submissions;
+  for (const int64_t rejudge : AppliedTo(config, moment)) {
+    for (const BoardResult* result : OfRejudge(rejudge, moment.results_before_ms())) {
+      submissions.insert(result->submission);
+    }
+  }
+  return submissions;
+}
+
+std::set<int64_t> BoardState::NeededByRejudges() const {
+  std::set<int64_t> needed;
+  for (const auto& [id, rejudge] : rejudges_) {
+    if (rejudge.purpose != RejudgePurpose::kRules || rejudge.last() != RejudgeEvent::kCreated) {
+      continue;
+    }
+    for (const auto& [submission, accepted] : submissions_) {
+      if (accepted.board.phase == rejudge.phase && accepted.config == rejudge.from_config) {
+        needed.insert(submission);
+      }
+    }
+    for (const auto& [evaluation, result] : results_) {
+      if (result.rejudge != 0 && result.config == rejudge.from_config) {
+        needed.insert(result.submission);
+      }
+    }
+  }
+  return needed;
+}
+
+std::set<int64_t> BoardState::Chosen(const std::string& config, const BoardMoment& moment) const {
+  const std::set<int64_t> rejudged = Rejudged(config, moment);
+  std::map<int64_t, int64_t> by_team;
+  for (const Choice& choice : choices_) {
+    const auto found = submissions_.find(choice.submission);
+    if (choice.at >= moment.results_before_ms() || found == submissions_.end()) continue;
+    if (found->second.config != config && !rejudged.contains(choice.submission)) continue;
+    by_team[TeamInForce(found->second.team)] = choice.submission;
+  }
+  std::set<int64_t> chosen;
+  for (const auto& [team, submission] : by_team) chosen.insert(submission);
+  return chosen;
+}
+
+Marks BoardState::MarksAt(int64_t before_ms) const {
+  Marks marks;
+  for (const auto& [submission, history] : marks_) {
+    for (const MarkRow& mark : history) {
+      if (mark.at >= before_ms) continue;
+      if (mark.set) {
+        marks[submission][mark.mark] = mark;
+      } else {
+        marks[submission].erase(mark.mark);
+      }
+    }
+  }
+  return marks;
+}
+
+int64_t BoardState::ChangedAt(const std::string& config, const std::string& phase,
+                              const BoardMoment& moment) const {
+  const int64_t before = moment.results_before_ms();
+  int64_t changed = 0;
+  const auto note = [&](int64_t at, int64_t limit) {
+    if (at < limit) changed = std::max(changed, at);
+  };
+  std::set<int64_t> own;
+  std::set<int64_t> teams;
+  for (const auto& [id, submission] : submissions_) {
+    if (submission.config == config) own.insert(id);
+  }
+  for (const auto& [id, rejudge] : rejudges_) {
+    for (const RejudgeEventRow& event : rejudge.events) {
+      const bool created = event.event == RejudgeEvent::kCreated;
+      if (!created && (rejudge.from_config == config || rejudge.to_config == config)) {
+        note(event.at, before);
+      }
+    }
+    if (rejudge.to_config != config) continue;
+    for (const BoardResult* result : OfRejudge(id, INT64_MAX)) own.insert(result->submission);
+  }
+  for (const int64_t id : own) teams.insert(submissions_.at(id).team);
+  for (const auto& [evaluation, result] : results_) {
+    if (result.graded && !result.failed && own.contains(result.submission)) note(result.at, before);
+  }
+  for (const auto& [submission, history] : marks_) {
+    if (!own.contains(submission)) continue;
+    for (const MarkRow& mark : history) note(mark.at, moment.before_ms);
+  }
+  for (const Choice& choice : choices_) {
+    if (own.contains(choice.submission)) note(choice.at, before);
+  }
+  for (const int64_t team : teams) {
+    for (const TeamEventRow& event : FindOrNone(teams_, team).events) {
+      if (event.event != "created") note(event.at, moment.before_ms);
+    }
+  }
+  for (const auto& [board, rows] : configs_) {
+    for (const BoardConfigRow& row : rows) {
+      if (row.config == config) note(row.at, before);
+    }
+  }
+  if (phase.empty()) return changed;
+  for (const PhaseEventRow& event : Phase(phase).events) {
+    if (event.event == kPublishedEvent || event.event == kRevealedEvent) {
+      note(event.at, moment.before_ms);
+    }
+  }
+  return changed;
+}
+
+// --- configs ---
+
+std::string BoardState::ConfigAt(const BoardName& board, int64_t before_ms) const {
+  const std::vector<BoardConfigRow>& rows = ConfigsOf(board);
+  for (auto row = rows.rbegin(); row != rows.rend(); ++row) {
+    if (row->at < before_ms) return row->config;
+  }
+  const AcceptedSubmission* found = nullptr;
+  for (const auto& [id, submission] : submissions_) {
+    if (submission.board != board) continue;
+    if (found == nullptr || submission.at < before_ms) found = &submission;
+  }
+  return found == nullptr ? "" : found->config;
+}
+
+const std::vector<BoardConfigRow>& BoardState::ConfigsOf(const BoardName& board) const {
+  return FindOrNone(configs_, board);
+}
+
+std::string BoardState::ConfigOfPhase(const std::string& phase) const {
+  if (phase.empty()) return "";
+  const BoardConfigRow* newest = nullptr;
+  for (const auto& [board, rows] : configs_) {
+    if (board.phase != phase || rows.empty()) continue;
+    if (newest == nullptr || newest->id < rows.back().id) newest = &rows.back();
+  }
+  if (newest != nullptr) return newest->config;
+  for (auto submission = submissions_.rbegin(); submission != submissions_.rend(); ++submission) {
+    if (submission->second.board.phase == phase) return submission->second.config;
+  }
+  return "";
+}
+
+std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board,
+                                                  const std::string& config,
+                                                  const BoardMoment& moment) const {
+  std::set<std::string> hashes;
+  for (const auto& [hash, evaluations] : originals_) hashes.insert(hash);
+  for (const auto& [id, rejudge] : rejudges_) hashes.insert(rejudge.to_config);
+  hashes.erase(config);
+  std::vector<OtherConfig> others;
+  for (const std::string& hash : hashes) {
+    OtherConfig other{.config = hash};
+    std::set<int64_t> teams;
+    std::set<int64_t> counted;
+    const auto count = [&](const BoardResult* result) {
+      const AcceptedSubmission& submission = submissions_.at(result->submission);
+      if (submission.board != board || !result->graded || result->failed) return;
+      if (!counted.insert(submission.id).second) return;
+      teams.insert(TeamInForce(submission.team));
+      other.first_at = counted.size() == 1 ? submission.at : std::min(other.first_at, submission.at);
+      other.last_at = std::max(other.last_at, submission.at);
+    };
+    for (const BoardResult* result : Originals(hash, moment.results_before_ms())) count(result);
+    for (const int64_t rejudge : AppliedTo(hash, {.before_ms = moment.results_before_ms()})) {
+      for (const BoardResult* result : OfRejudge(rejudge, moment.results_before_ms())) {
+        count(result);
+      }
+    }
+    other.submissions = std::ssize(counted);
+    other.teams = std::ssize(teams);
+    if (other.submissions > 0) others.push_back(std::move(other));
+  }
+  std::sort(others.begin(), others.end(), [](const OtherConfig& a, const OtherConfig& b) {
+    return std::tie(a.first_at, a.config) < std::tie(b.first_at, b.config);
+  });
+  return others;
+}
+
+int64_t BoardState::RankedElsewhere(const BoardName& board, const std::string& config,
+                                    const BoardMoment& moment) const {
+  const std::set<int64_t> rejudged = Rejudged(config, moment);
+  int64_t count = 0;
+  for (const auto& [hash, evaluations] : originals_) {
+    if (hash == config) continue;
+    for (const BoardResult* result : Originals(hash, moment.results_before_ms())) {
+      count += submissions_.at(result->submission).board == board && result->graded &&
+               !result->failed && !rejudged.contains(result->submission);
+    }
+  }
+  return count;
+}
+
+std::set<std::string> BoardState::ConfigsLike(const std::string& prefix,
+                                              bool of_open_rejudges) const {
+  std::set<std::string> configs;
+  for (const auto& [id, submission] : submissions_) configs.insert(submission.config);
+  for (const auto& [board, rows] : configs_) {
+    for (const BoardConfigRow& row : rows) configs.insert(row.config);
+  }
+  for (const auto& [id, rejudge] : rejudges_) {
+    if (of_open_rejudges) configs.insert(rejudge.to_config);
+  }
+  std::erase_if(configs, [&](const std::string& hash) { return !hash.starts_with(prefix); });
+  return configs;
+}
+
+}  // namespace myograde::server
