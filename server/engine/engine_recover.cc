@@ -22,22 +22,14 @@ Priority PriorityOf(const StoredEvaluation& stored) {
   return stored.submission.ranked ? Priority::kRanked : Priority::kPractice;
 }
 
-// What an evaluation began with holds for all its leases. Those of earlier versions did not record
-// it: they have what is there now.
-std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluation& stored,
-                                                            const Runtimes& runtimes) {
+// What an evaluation began with holds for all its leases.
+std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluation& stored) {
   const nlohmann::json grader = ParsedText(stored.evaluation.grader_json);
   const nlohmann::json recorded =
-      grader.is_object() ? grader.value("runtimes", nlohmann::json()) : nlohmann::json();
+      grader.is_object() ? grader.value("runtimes", nlohmann::json::object()) : nlohmann::json::object();
   std::vector<std::pair<std::string, std::string>> needed;
   for (const std::string& name : stored.artefact.runtimes) {
-    const auto digest = recorded.is_object() ? recorded.find(name) : recorded.end();
-    if (recorded.is_object() && digest != recorded.end() && digest->is_string()) {
-      needed.emplace_back(name, digest->get<std::string>());
-    } else {
-      const absl::StatusOr<Runtime> present = runtimes.Find(name);
-      needed.emplace_back(name, present.ok() ? present->digest : "");
-    }
+    needed.emplace_back(name, recorded.value(name, ""));
   }
   return needed;
 }
@@ -49,7 +41,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(StoredEvaluation stored) const {
   // An organiser submits on behalf of many people, so it counts for no party.
   const std::string& who = context->submission.accepted_by;
   context->party = IsOrganiser(who) ? "" : who;
-  context->runtimes = RuntimesOf(*context, runtimes_);
+  context->runtimes = RuntimesOf(*context);
   // Their rows change, and those that have ended are large.
   for (const LeaseRow& lease : std::exchange(context->leases, {})) {
     context->blocks[lease.id] = {lease.first, lease.last};

@@ -56,7 +56,6 @@ bool SameSimulation(const Json& a, const Json& b) {
   for (const char* key : {"simulator", "mujoco"}) {
     if (!HashIn(a, key).is_string() || HashIn(a, key) != HashIn(b, key)) return false;
   }
-  // Builds before version 0.2 do not name their adapters.
   const Json adapters_a = HashIn(a, "adapters");
   const Json adapters_b = HashIn(b, "adapters");
   for (const auto& [name, hash] : adapters_a.items()) {

@@ -87,8 +87,8 @@ absl::StatusOr<WithheldReceipt> CheckWithheld(const Json& json, const PublicKey&
   const Json& content = At(json, "withheld");
   if (!key.IsSigned("withheld", json)) {
     return absl::PermissionDeniedError(
-        "a reason why a receipt is missing was not signed with this key, as version 1.0.0 of the "
-        "server signed none, or was altered since; export the record again");
+        "a reason why a receipt is missing was not signed with this key, or was altered "
+        "since; export the record again");
   }
   WithheldReceipt read{CountIn(content, "evaluation"), StringIn(content, "reason"), {}};
   absl::StatusOr<RecordHead> head = HeadOfJson(At(content, "head"));
