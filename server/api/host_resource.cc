@@ -150,8 +150,7 @@ ApiResult ListNodes(const ApiContext& context, Reader& reader, const Request& re
   return ApiAnswer{200,
                    {{"cluster", cluster},
                     {"message", TextOrNull(context.engine.Health().executor_trouble)},
-                    {"nodes", NodesToJson(context.engine.Nodes(), drained.rows, cluster)},
-                    {"unreadable", DamagedToJson(drained.damaged)}}};
+                    {"nodes", NodesToJson(context.engine.Nodes(), drained.rows, cluster)}}};
 }
 
 ApiResult SetNode(const ApiContext& context, const Request& request, const Json& body) {

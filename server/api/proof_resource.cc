@@ -228,8 +228,7 @@ std::string PageText(const Listed<RecordRow>& listed, int64_t size, const Json& 
                                    R"(,"index":)", row.index, "}"));
   }
   return absl::StrCat(R"({"entries":[)", absl::StrJoin(entries, ","), R"(],"next_from":)",
-                      next_from.dump(), R"(,"size":)", size, R"(,"unreadable":)",
-                      CanonicalJson(DamagedToJson(listed.damaged)), "}\n");
+                      next_from.dump(), R"(,"size":)", size, "}\n");
 }
 
 // Oldest first, as the record is read from its beginning and only grows at its end.

@@ -75,14 +75,13 @@ void SortByPlace(Json& entries) {
 absl::StatusOr<Json> QueueView(Reader& reader, const ApiContext& context) {
   const std::vector<int64_t> queue =
       context.engine.QueueOf(CallerIsOrganiser() ? nullptr : &Caller().teams);
-  std::vector<Damage> damaged;
   size_t total = queue.size();
   Json entries = Json::array();
   for (const int64_t id : queue) {
     if (entries.size() == kShow) break;
     const absl::StatusOr<std::optional<Waiting>> found = FindWaiting(id, reader);
     if (const auto damage = DamageOf(found.status())) {
-      damaged.push_back(*damage);
+      ReportLeftOut(*damage);
       continue;
     }
     if (!found.ok()) return found.status();
@@ -100,8 +99,7 @@ absl::StatusOr<Json> QueueView(Reader& reader, const ApiContext& context) {
               {"running", health.running},
               {"pending_leases", health.pending},
               {"total", total},
-              {"submissions", std::move(entries)},
-              {"unreadable", DamagedToJson(damaged)}};
+              {"submissions", std::move(entries)}};
 }
 
 // What all who see the same queue have in common.

@@ -60,7 +60,7 @@ absl::StatusOr<RecordHead> RecordLog::Head(Reader& reader) {
   head.root = tree_.Root(head.size);
   if (head.size == 0) return head;
   const Listed<RecordRow> last = reader.Record(head.size - 1, 1);
-  if (!last.damaged.empty()) return DamagedRow(last.damaged.front());
+  if (last.left_out) return DamagedRow(*last.left_out);
   if (!last.rows.empty()) head.chain = last.rows.front().chain;
   return head;
 }
@@ -71,7 +71,7 @@ absl::StatusOr<EntryProof> RecordLog::Prove(Reader& reader, int64_t entry, int64
   if (entry < 0 || entry >= whole) return OutOfRange("entry", entry, 0, whole - 1);
   if (size <= entry || size > whole) return OutOfRange("size", size, entry + 1, whole);
   const Listed<RecordRow> row = reader.Record(entry, 1);
-  if (!row.damaged.empty()) return DamagedRow(row.damaged.front());
+  if (row.left_out) return DamagedRow(*row.left_out);
   if (row.rows.empty() || row.rows.front().index != entry) {
     return DamagedRow({"record", absl::StrCat(entry), "it is gone"});
   }

@@ -216,8 +216,9 @@ ApiResult ListRejudges(const ApiContext&, Reader& reader, const Request& request
     if (it->first >= page.before || std::ssize(listed.rows) == page.limit) continue;
     listed.rows.push_back(it->second);
     listed.last_id = it->first;
+    ++listed.found;
   }
-  ApiAnswer answer{200, {{"rejudges", Json::array()}, {"unreadable", Json::array()}}};
+  ApiAnswer answer{200, {{"rejudges", Json::array()}}};
   for (const RejudgeRow& row : listed.rows) {
     ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(row));
     answer.body["rejudges"].push_back(SummaryOf(row, progress));

@@ -255,22 +255,20 @@ ApiResult ListSubmissions(const ApiContext& context, Reader& reader, const Reque
   ASSIGN_OR_RETURN(SubmissionFilter filter, ParseFilter(request));
   if (!CallerIsOrganiser()) filter.teams = Caller().teams;
   filter.team = reader.TeamOf(filter.team);
-  Listed<SubmissionRow> found = reader.Submissions(filter);
-  const bool more = std::ssize(found.rows) + std::ssize(found.damaged) == filter.limit;
+  const Listed<SubmissionRow> found = reader.Submissions(filter);
   Json list = Json::array();
   for (const SubmissionRow& row : found.rows) {
     absl::StatusOr<Json> json = ListedToJson(reader, context, row);
     if (json.ok()) {
       list.push_back(*std::move(json));
     } else if (const std::optional<Damage> damage = DamageOf(json.status())) {
-      found.damaged.push_back(*damage);
+      ReportLeftOut(*damage);
     } else {
       return json.status();
     }
   }
-  ApiAnswer answer{
-      200, {{"submissions", std::move(list)}, {"unreadable", DamagedToJson(found.damaged)}}};
-  AddNextPage(request, more, found.last_id, answer);
+  ApiAnswer answer{200, {{"submissions", std::move(list)}}};
+  AddNextPage(request, found.found == filter.limit, found.last_id, answer);
   return answer;
 }
 

@@ -61,7 +61,6 @@ void AddHistory(Reader& reader, const std::string& team, Json& body) {
                               {"who", event.who},
                               {"reason", TextOrNull(event.why)}});
   }
-  body["unreadable"] = DamagedToJson(members.damaged);
 }
 
 absl::StatusOr<Json> WholeTeam(Reader& reader, const std::string& name) {
@@ -302,7 +301,6 @@ absl::Status AddLedger(Reader& reader, const ApiContext& context, const Listed<L
     body["ledger"].push_back(LedgerToJson(row));
     RedactLedgerRow(body["ledger"].back(), sight);
   }
-  body["unreadable"] = DamagedToJson(ledger.damaged);
   return absl::OkStatus();
 }
 

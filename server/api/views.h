@@ -66,14 +66,13 @@ void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& 
 template <typename Row>
 void AddNextPage(const Request& request, const Page& page, const Listed<Row>& listed,
                  ApiAnswer& answer) {
-  const bool full = std::ssize(listed.rows) + std::ssize(listed.damaged) >= page.limit;
-  AddNextPage(request, full, listed.last_id, answer);
+  AddNextPage(request, listed.found >= page.limit, listed.last_id, answer);
 }
 // A page of a list as the answer to `request`: its rows at `key`, each as `to_json` has it.
 template <typename Row, typename RowToJson>
 ApiAnswer PageAnswer(const Request& request, const Page& page, const char* key,
                      const Listed<Row>& listed, const RowToJson& to_json) {
-  ApiAnswer answer{200, {{key, Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}}};
+  ApiAnswer answer{200, {{key, Json::array()}}};
   for (const Row& row : listed.rows) answer.body[key].push_back(to_json(row));
   AddNextPage(request, page, listed, answer);
   return answer;

@@ -42,7 +42,6 @@ Json WebhookToJson(const Webhook& webhook, const DeliveryCounts& counts) {
 ApiResult ListWebhooks(const ApiContext& context, Reader& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
-  std::vector<Damage> damaged;
   std::map<std::string, DeliveryCounts> counts;
   for (DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
   for (const Webhook& webhook : context.webhooks.webhooks()) {
@@ -51,9 +50,8 @@ ApiResult ListWebhooks(const ApiContext& context, Reader& reader, const Request&
     const Listed<DeliveryRow> rows = reader.Deliveries(name, INT64_MAX, kShownDeliveries);
     Json& deliveries = list.back()["deliveries"] = Json::array();
     for (const DeliveryRow& row : rows.rows) deliveries.push_back(DeliveryToJson(row));
-    damaged.insert(damaged.end(), rows.damaged.begin(), rows.damaged.end());
   }
-  return ApiAnswer{200, {{"webhooks", std::move(list)}, {"unreadable", DamagedToJson(damaged)}}};
+  return ApiAnswer{200, {{"webhooks", std::move(list)}}};
 }
 
 ApiResult TestWebhook(const ApiContext& context, const Request& request, const Json& body) {

@@ -48,7 +48,6 @@ absl::Status EngineCore::RecallDrained() {
   using Drained = Listed<DrainedNodeRow>;
   ASSIGN_OR_RETURN(const Drained drained,
                    readers_.Read<Drained>([](Reader& reader) { return reader.DrainedNodes(); }));
-  for (const Damage& damage : drained.damaged) spdlog::error("{}", DamageText(damage));
   for (const DrainedNodeRow& row : drained.rows) {
     const absl::Status kept = executor_.Drain(row.node, row.why);
     if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));

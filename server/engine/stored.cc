@@ -124,10 +124,10 @@ absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
 
 namespace {
 
-// The first damage of a list.
+// Whether a list left nothing out.
 template <typename Row>
 absl::Status StatusOfList(const Listed<Row>& list) {
-  return list.damaged.empty() ? absl::OkStatus() : DamagedRow(list.damaged.front());
+  return list.left_out ? DamagedRow(*list.left_out) : absl::OkStatus();
 }
 
 // An evaluation with all that belongs to it.

@@ -58,13 +58,14 @@ absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
 // view, so that a board need not read every episode; it can be rebuilt at any time.
 absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation);
 
-// By evaluation: all that are done, or only those missing from the view. Unreadable ones are left
-// out.
-using Standings = Listed<std::pair<int64_t, Standing>>;
+// By evaluation: all that are done, or only those missing from the view.
+struct Standings {
+  std::vector<std::pair<int64_t, Standing>> rows;
+  std::vector<Damage> damaged;  // of those that can't be read
+};
 absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);
 
-// Adds what the view lacks, for a store that an earlier version wrote. Returns what could not be
-// read.
+// Adds what the view lacks, as after an import. Returns what could not be read.
 absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers);
 
 // The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.

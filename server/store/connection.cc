@@ -8,6 +8,7 @@
 #include <absl/cleanup/cleanup.h>
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
 #include "server/store/damage.h"
@@ -42,11 +43,44 @@ absl::Status CheckLength(SQLite::Database& db, const std::string& path) {
                                    "; restore it from a backup"));
 }
 
+// PRAGMA quick_check findings about rows; any other is about the file.
+bool IsAboutARow(const std::string& finding) {
+  return absl::StrContains(finding, " value in ") ||
+         absl::StartsWith(finding, "CHECK constraint failed in ");
+}
+
+constexpr char kQuickCheck[] = "PRAGMA quick_check(1000)";
+
+// What an earlier start, a disk or a person left in the rows of a store that is opened: each row that
+// its table would refuse, or that names one which is not there, is passed to `damaged`.
+absl::Status CheckRows(SQLite::Database& db, const std::string& path,
+                       const std::function<void(const std::string& what)>& damaged) {
+  SQLite::Statement check(db, kQuickCheck);
+  while (check.executeStep()) {
+    const std::string found = check.getColumn(0).getString();
+    if (found != "ok" && !IsAboutARow(found)) {
+      return CorruptStore(
+          absl::StrCat(path, ": is damaged (", found, "); restore it from a backup"));
+    }
+    if (found != "ok") damaged(found);
+  }
+  SQLite::Statement keys(db, "SELECT \"table\", rowid, parent FROM pragma_foreign_key_check LIMIT 1000");
+  while (keys.executeStep()) {
+    damaged(absl::StrCat("row ", keys.getColumn(1).getString(), " of ",
+                         keys.getColumn(0).getString(), " names a row of ",
+                         keys.getColumn(2).getString(), " that is not there"));
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path,
                                                  Migrations migrations) {
   const bool whole = SizeOf(path + "-wal") == 0;
   RETURN_IF_ERROR(CheckSchema(db, path, migrations));
   if (whole) RETURN_IF_ERROR(CheckLength(db, path));
+  RETURN_IF_ERROR(CheckRows(db, path, [&](const std::string& what) {
+    spdlog::error("{}: {}; what needs it can't be shown or played", path, what);
+  }));
   // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
   // would need an overflow page. Only effective before a new file's first page is written.
   if (db.execAndGet("PRAGMA user_version").getInt() == 0) db.exec("PRAGMA page_size = 8192");
@@ -58,12 +92,6 @@ absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std
 
 constexpr int kPagesAtOnce = 2048;
 constexpr int kStepsAReport = 16;
-
-// PRAGMA quick_check findings about rows; any other is about the file.
-bool IsAboutARow(const std::string& finding) {
-  return absl::StrContains(finding, " value in ") ||
-         absl::StartsWith(finding, "CHECK constraint failed in ");
-}
 
 }  // namespace
 
@@ -177,7 +205,7 @@ absl::Status CopyDatabase(SQLite::Database& source, const std::string& name,
   // The copy is a single file: it needs no write-ahead log.
   copy.exec("PRAGMA journal_mode = DELETE");
   // An unreadable row is copied as it is.
-  SQLite::Statement check(copy, "PRAGMA quick_check(1000)");
+  SQLite::Statement check(copy, kQuickCheck);
   while (check.executeStep()) {
     const std::string found = check.getColumn(0).getString();
     if (found == "ok") continue;

@@ -1,8 +1,12 @@
 #include "server/store/damage.h"
 
+#include <set>
+
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
 
+#include "protocol/base/mutex.h"
 #include "server/store/quota.h"
 
 namespace myograde::server {
@@ -31,6 +35,15 @@ std::optional<Damage> DamageOf(const absl::Status& status) {
   if (!payload) return std::nullopt;
   const auto parts = nlohmann::json::parse(std::string(*payload));
   return Damage{parts[0], parts[1], parts[2]};
+}
+
+void ReportLeftOut(const Damage& damage) {
+  constexpr size_t kMostKept = 1000;
+  static Mutex mutex;
+  static std::set<std::string>& said = *new std::set<std::string>;
+  const MutexLock lock(mutex);
+  if (said.size() == kMostKept || !said.insert(DamageText(damage)).second) return;
+  spdlog::error("{}", DamageText(damage));
 }
 
 bool MayPass(const absl::Status& status) {

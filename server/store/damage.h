@@ -39,12 +39,16 @@ bool IsBrokenStore(const absl::Status& status);
 bool IsCorruptStore(const absl::Status& status);
 absl::Status CorruptStore(const std::string& message);
 
-// A list's readable rows, and the damage of the others.
+// Logs a row that a list leaves out: each once.
+void ReportLeftOut(const Damage& damage);
+
+// A list's rows without those that can't be read, which are logged.
 template <typename Row>
 struct Listed {
   std::vector<Row> rows;
-  std::vector<Damage> damaged;
-  int64_t last_id = 0;  // of all these rows, if they have one
+  int64_t found = 0;    // with those that can't be read
+  int64_t last_id = 0;  // of all these, if they have one
+  std::optional<Damage> left_out = {};  // the first of those that can't be read
 };
 
 }  // namespace myograde::server

@@ -155,14 +155,23 @@ absl::StatusOr<EvaluationRow> Reader::Original(int64_t submission) {
   return std::move(rows.front());
 }
 
-Listed<EvaluationRow> Reader::Unfinished() {
+UnfinishedRows Reader::Unfinished() {
   // Anything not in a final state has not ended, including rows with an invalid state.
-  return ListOf<EvaluationRow>(
-      Statement(db_,
-                absl::StrCat(kEvaluationColumns,
-                             "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
-                             "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY e.id")),
-      EvaluationOf);
+  Statement select(db_, absl::StrCat(kEvaluationColumns,
+                                     "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
+                                     "'failed', 'cancelled', 'grader_error')) IS NOT TRUE "
+                                     "ORDER BY e.id"));
+  UnfinishedRows found;
+  while (select.executeStep()) {
+    EvaluationRow row;
+    const StoredRow read = EvaluationOf(select, row);
+    if (read.ok()) {
+      found.rows.push_back(std::move(row));
+    } else {
+      found.damaged.push_back(*read.damage());
+    }
+  }
+  return found;
 }
 
 absl::StatusOr<std::vector<LeaseRow>> Reader::Leases(int64_t evaluation) {

@@ -55,6 +55,11 @@ struct LoggedEpisode {
   uint64_t seed = 0;
 };
 
+struct UnfinishedRows {
+  std::vector<EvaluationRow> rows;
+  std::vector<Damage> damaged;  // keyed by id
+};
+
 struct EndedEvaluation {
   int64_t evaluation = 0;
   int64_t finished_at = 0;
@@ -62,7 +67,7 @@ struct EndedEvaluation {
 
 // The queries, only inside ReaderPool::Read, where all of them see one state. Looking up a missing
 // id is a NotFoundError. Unreadable rows are reported as in damage.h: a query for a single answer
-// fails, lists omit the row and report it.
+// fails, lists leave the row out and log it.
 class Reader {
  public:
   // On a connection whose journal `fold` follows.
@@ -88,8 +93,8 @@ class Reader {
   // Artefacts that are held back (Writer::WithHold), sorted: as of the grader that played them last.
   std::vector<std::string> HeldBack();
 
-  // Every evaluation that has not ended, oldest first. Damage is keyed by id.
-  Listed<EvaluationRow> Unfinished();
+  // Every evaluation that has not ended, oldest first.
+  UnfinishedRows Unfinished();
   absl::StatusOr<std::vector<LeaseRow>> Leases(int64_t evaluation);    // by first episode
   // The attempts of its leases that have ended, by lease and attempt.
   absl::StatusOr<std::vector<LeaseRunRow>> LeaseRunsOf(int64_t evaluation);

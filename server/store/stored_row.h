@@ -101,18 +101,20 @@ absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement select, Parse parse) {
   return rows;
 }
 
-// The readable rows, and the damage of the others; the first column is their id.
+// The rows without those that can't be read; the first column is their id.
 template <typename Row, typename Parse>
 Listed<Row> ListOf(SQLite::Statement select, Parse parse) {
   Listed<Row> listed;
   while (select.executeStep()) {
     listed.last_id = select.getColumn(0).getInt64();
+    ++listed.found;
     Row row;
     const StoredRow read = parse(select, row);
     if (read.ok()) {
       listed.rows.push_back(std::move(row));
     } else {
-      listed.damaged.push_back(*read.damage());
+      ReportLeftOut(*read.damage());
+      if (!listed.left_out) listed.left_out = read.damage();
     }
   }
   return listed;
