@@ -106,17 +106,17 @@ absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request
 }
 
 absl::Status Admission::CheckTries(const std::string& team, const std::string& track) {
-  return readers_.Read([&](Reader& reader) {
-    RETURN_IF_ERROR(reader.CheckTeam(team));
-    const QuotaUse use = reader.Quota(reader.TeamOf(team), track, absl::ToUnixMillis(clock_.Now()));
+  return readers_.Read([&](const Transaction& reader) {
+    RETURN_IF_ERROR(reader.teams.Check(team));
+    const QuotaUse use = reader.quotas.UseOf(reader.teams.NameOf(team), track, absl::ToUnixMillis(clock_.Now()));
     return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
   });
 }
 
 absl::Status Admission::Found(const std::string& team, const Founding& founding) {
   return engine_.Change(
-      [team, founding](Writer& writer) {
-        return writer.FoundTeam(team, founding.person, founding.most);
+      [team, founding](Transaction& writer) {
+        return writer.teams.Found(team, founding.person, founding.most);
       },
       options_.config.http.request);
 }
@@ -125,8 +125,8 @@ absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::
   if (request.from.team.empty()) return absl::OkStatus();
   return engine_.Change(
       [team = request.from.team, track = request.track, who = request.from.uploader,
-       why = absl::StrCat("upload refused: ", refusal.message())](Writer& writer) {
-        return writer.ChargeFailure(team, track, who, why);
+       why = absl::StrCat("upload refused: ", refusal.message())](Transaction& writer) {
+        return writer.quotas.ChargeFailure(team, track, who, why);
       },
       options_.config.http.request);
 }
@@ -193,14 +193,14 @@ absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const s
                                                     const RequestKey& key) {
   if (key.key.empty()) return std::optional<Accepted>();
   return readers.Read<std::optional<Accepted>>(
-      [&](Reader& reader) { return reader.FindRequest(who, key); });
+      [&](const Transaction& reader) { return reader.submissions.FindRequest(who, key); });
 }
 
 absl::Status Admission::CheckInvited(const std::string& team, const PhaseConfig& phase) {
   if (phase.teams.empty()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const bool invited, readers_.Read<bool>([&](Reader& reader) {
+  ASSIGN_OR_RETURN(const bool invited, readers_.Read<bool>([&](const Transaction& reader) {
     return std::any_of(phase.teams.begin(), phase.teams.end(), [&](const std::string& name) {
-      return reader.TeamOf(name) == reader.TeamOf(team);
+      return reader.teams.NameOf(name) == reader.teams.NameOf(team);
     });
   }));
   if (invited) return absl::OkStatus();
@@ -216,10 +216,10 @@ absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const SubmitRequest& requ
                                                        const std::string& who,
                                                        const TrackConfig& config) {
   const std::string& hash = request.artefact;
-  ASSIGN_OR_RETURN(ArtefactRow artefact, readers_.Read<ArtefactRow>([&](Reader& reader) {
+  ASSIGN_OR_RETURN(ArtefactRow artefact, readers_.Read<ArtefactRow>([&](const Transaction& reader) {
     // Nobody learns from the answer that there is another team's.
-    const bool may = request.organiser || reader.MaySubmitArtefact(hash, who, request.team);
-    return may ? reader.Artefact(hash) : UnknownArtefact(hash);
+    const bool may = request.organiser || reader.content.MaySubmitArtefact(hash, who, request.team);
+    return may ? reader.content.Artefact(hash) : UnknownArtefact(hash);
   }));
   RETURN_IF_ERROR(HasArtefactFiles(options_.data_dir, hash));
   if (artefact.bytes > config.budgets.submission_bytes ||

@@ -23,7 +23,7 @@
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
 #include "server/runtime/runtimes.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 

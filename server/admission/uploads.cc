@@ -152,13 +152,13 @@ absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
   const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
   if (!artefact.has_value()) return absl::NotFoundError("not seen before");
   RETURN_IF_ERROR(HasArtefactFiles(data_dir_, *artefact));
-  return readers_.Read<ArtefactRow>([&](Reader& reader) { return reader.Artefact(*artefact); });
+  return readers_.Read<ArtefactRow>([&](const Transaction& reader) { return reader.content.Artefact(*artefact); });
 }
 
 absl::StatusOr<bool> Uploads::Hold(const ArtefactRow& row, const NewUpload& from) {
-  ASSIGN_OR_RETURN(const bool held, readers_.Read<bool>([&](Reader& reader) {
-    return reader.UploadedArtefact(row.hash, from.uploader) &&
-           (from.team.empty() || reader.TeamHoldsArtefact(row.hash, from.team));
+  ASSIGN_OR_RETURN(const bool held, readers_.Read<bool>([&](const Transaction& reader) {
+    return reader.content.UploadedArtefact(row.hash, from.uploader) &&
+           (from.team.empty() || reader.content.TeamHoldsArtefact(row.hash, from.team));
   }));
   if (held) return false;
   return engine_.AddArtefact(row, from, config_.artefacts.unsubmitted, config_.http.request);
@@ -186,7 +186,7 @@ absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const s
   ArtefactRow& row = received.artefact;
   // One that came before keeps its name.
   absl::Status status =
-      readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
+      readers_.Read([&](const Transaction& reader) { return reader.content.Artefact(row.hash).status(); });
   if (absl::IsNotFound(status)) {
     ASSIGN_OR_RETURN(row.name, CleanName(row.name, "policy.json: \"name\""));
   }

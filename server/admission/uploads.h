@@ -15,7 +15,7 @@
 #include "server/artefact/known_archives.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 

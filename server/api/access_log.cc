@@ -107,16 +107,16 @@ void AccessLog::Return(Batch batch) {
 }
 
 absl::Status AccessLog::WriteBatch(const Write& write, const Batch& batch) {
-  return write([batch](Writer& writer) {
+  return write([batch](Transaction& writer) {
     absl::Status status;
-    for (const AccessEventRow& act : batch.acts) status.Update(writer.AddAccessEvent(act));
+    for (const AccessEventRow& act : batch.acts) status.Update(writer.callers.AddEvent(act));
     const AccessEventRow others = RowOf({DenialCounter::Others(), 0});
     for (const CountedDenial& counted : batch.denials) {
-      status.Update(writer.AddDenial(RowOf(counted), others));
+      status.Update(writer.callers.AddDenial(RowOf(counted), others));
     }
     for (const int64_t token : batch.tokens) {
       // That it was used is not worth losing an event.
-      (void)writer.Part([token](Writer& part) { return part.TouchToken(token); });
+      (void)writer.Part([token](Transaction& part) { return part.callers.TouchToken(token); });
     }
     return status;
   });

@@ -23,7 +23,7 @@ namespace myograde::server {
 // Safe from any thread, except for Start and Stop.
 class AccessLog {
  public:
-  using Change = std::function<absl::Status(Writer&)>;
+  using Change = std::function<absl::Status(Transaction&)>;
   // Applies a change to the store, and waits for it for a bounded time. DeadlineExceededError: it
   // may still happen.
   using Write = std::function<absl::Status(Change)>;

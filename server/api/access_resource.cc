@@ -121,13 +121,13 @@ absl::Status MayManage(const std::string& role) {
                        kForbiddenCode);
 }
 
-ApiResult ListEvents(const ApiContext&, Reader& reader, const Request& request) {
+ApiResult ListEvents(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request, {"kind"}));
   const std::string kind = request.Param("kind");
   if (request.HasParam("kind") && kind != "denied" && kind != "act") {
     return absl::InvalidArgumentError("\"kind\" must be denied or act");
   }
-  return PageAnswer(request, page, "events", reader.AccessEvents(kind, page.before, page.limit),
+  return PageAnswer(request, page, "events", reader.callers.Events(kind, page.before, page.limit),
                     [](const AccessEventRow& event) { return EventToJson(event); });
 }
 
@@ -136,8 +136,8 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
   const Identity& caller = Caller();
   Json token;
   if (caller.token != 0) {
-    ASSIGN_OR_RETURN(const TokenRow row, context.readers.Read<TokenRow>([&](Reader& reader) {
-      return reader.Token(caller.token);
+    ASSIGN_OR_RETURN(const TokenRow row, context.readers.Read<TokenRow>([&](const Transaction& reader) {
+      return reader.callers.Token(caller.token);
     }));
     token = {{"id", row.id}, {"label", row.label}, {"expires_at", TimeToJson(row.expires_at)}};
   }
@@ -152,7 +152,7 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
 // The token as it is in the store.
 ApiResult ShowToken(const ApiContext& context, int64_t id, int http, Json more) {
   ASSIGN_OR_RETURN(const TokenRow token, context.readers.Read<TokenRow>(
-                                             [&](Reader& reader) { return reader.Token(id); }));
+                                             [&](const Transaction& reader) { return reader.callers.Token(id); }));
   Json body = TokenToJson(token, absl::ToUnixMillis(context.clock.Now()));
   body.update(more);
   return ApiAnswer{http, std::move(body)};
@@ -163,8 +163,8 @@ ApiResult CreateToken(const ApiContext& context, const Request&, const Json& bod
   RETURN_IF_ERROR(MayManage(token.role));
   ASSIGN_OR_RETURN(const std::string text, NewTokenText());
   token.hash = TokenHash(text);
-  const auto add = [token, who = CallerKey()](Writer& writer) {
-    return writer.AddToken(token, who);
+  const auto add = [token, who = CallerKey()](Transaction& writer) {
+    return writer.callers.AddToken(token, who);
   };
   ASSIGN_OR_RETURN(const int64_t id,
                    context.engine.Change<int64_t>(add, context.config.http.request));
@@ -174,10 +174,10 @@ ApiResult CreateToken(const ApiContext& context, const Request&, const Json& bod
   return ShowToken(context, id, 201, {{"token", text}});
 }
 
-ApiResult ListTokens(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult ListTokens(const ApiContext& context, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
   const int64_t now = absl::ToUnixMillis(context.clock.Now());
-  return PageAnswer(request, page, "tokens", reader.Tokens(page.before, page.limit),
+  return PageAnswer(request, page, "tokens", reader.callers.Tokens(page.before, page.limit),
                     [&](const TokenRow& token) { return TokenToJson(token, now); });
 }
 
@@ -186,14 +186,14 @@ ApiResult RevokeToken(const ApiContext& context, const Request& request, const J
   const int64_t id = IdOf(request);
   // Of an unreadable row nobody knows the role, so that it takes an operator.
   std::string role = "operator";
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& store) {
-    const absl::StatusOr<TokenRow> token = store.Token(id);
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& store) {
+    const absl::StatusOr<TokenRow> token = store.callers.Token(id);
     if (token.ok()) role = token->role;
     return absl::IsNotFound(token.status()) ? token.status() : absl::OkStatus();
   }));
   RETURN_IF_ERROR(MayManage(role));
-  const auto revoke = [id, who = CallerKey()](Writer& writer) {
-    return writer.RevokeToken(id, who);
+  const auto revoke = [id, who = CallerKey()](Transaction& writer) {
+    return writer.callers.RevokeToken(id, who);
   };
   ASSIGN_OR_RETURN(const bool changed,
                    context.engine.Change<bool>(revoke, context.config.http.request));

@@ -36,7 +36,7 @@ size_t KeptBoards::size() {
   return kept_.size();
 }
 
-absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(Reader& reader, const BoardQuery& asked) {
+absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(const Transaction& reader, const BoardQuery& asked) {
   const std::string& config = asked.track->config.hash;
   KeptBoards& kept = asked.at_ms == 0 && config == asked.config_in_force ? now_ : others_;
   const KeptBoards::Key key{config, asked.config_in_force, asked.board, asked.view(), asked.at_ms};
@@ -49,7 +49,7 @@ absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(Reader& reader, const Boar
 }
 
 ApiResult BoardAnswers::Get(const Request& request) {
-  return context_.readers.Read<ApiAnswer>([&](Reader& reader) -> ApiResult {
+  return context_.readers.Read<ApiAnswer>([&](const Transaction& reader) -> ApiResult {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
     ApiAnswer answer{.tagged = true};
     ASSIGN_OR_RETURN(answer.text, TextOf(reader, asked));

@@ -63,7 +63,7 @@ class BoardAnswers {
  public:
   // What is said of a board.
   using Make =
-      std::function<absl::StatusOr<nlohmann::json>(Reader& reader, const BoardQuery& asked)>;
+      std::function<absl::StatusOr<nlohmann::json>(const Transaction& reader, const BoardQuery& asked)>;
 
   // `context` must outlive it.
   BoardAnswers(const ApiContext& context, Make make) : context_(context), make_(std::move(make)) {}
@@ -71,7 +71,7 @@ class BoardAnswers {
   // The answer about the board that a request asks for; it has the parameters of boards alone.
   ApiResult Get(const Request& request);
   // The text of that answer.
-  absl::StatusOr<KeptBoards::Text> TextOf(Reader& reader, const BoardQuery& asked);
+  absl::StatusOr<KeptBoards::Text> TextOf(const Transaction& reader, const BoardQuery& asked);
 
  private:
   const ApiContext& context_;

@@ -19,7 +19,7 @@ constexpr size_t kLeastDigits = 8;  // of a config's hash
 constexpr size_t kHashDigits = 64;
 
 // A phase that no file describes any more is found by its submissions.
-absl::StatusOr<TrackPtr> TrackOfPhase(Reader& reader, const ApiContext& context,
+absl::StatusOr<TrackPtr> TrackOfPhase(const Transaction& reader, const ApiContext& context,
                                       const std::string& name) {
   const absl::StatusOr<PhasePtr> phase = context.phases.Find(name);
   if (phase.ok()) return (*phase)->track;
@@ -29,7 +29,7 @@ absl::StatusOr<TrackPtr> TrackOfPhase(Reader& reader, const ApiContext& context,
 }
 
 // What the daemon plays on the board of a config, or played last.
-absl::StatusOr<TrackPtr> LiveTrack(Reader& reader, const ApiContext& context,
+absl::StatusOr<TrackPtr> LiveTrack(const Transaction& reader, const ApiContext& context,
                                    const TrackConfig& config) {
   if (!config.phase.empty()) return TrackOfPhase(reader, context, config.phase);
   return context.tracks.Find(config.id, config.profile);
@@ -54,7 +54,7 @@ absl::Status CheckNamed(const Request& request, const TrackConfig& config) {
 }
 
 // The board's own config, as it is now.
-absl::StatusOr<TrackPtr> NamedTrack(const Request& request, Reader& reader,
+absl::StatusOr<TrackPtr> NamedTrack(const Request& request, const Transaction& reader,
                                     const ApiContext& context) {
   if (!request.HasParam("phase")) {
     if (request.HasParam("track")) {
@@ -69,7 +69,7 @@ absl::StatusOr<TrackPtr> NamedTrack(const Request& request, Reader& reader,
 }
 
 // The track whose config's hash begins with `digits`, of those that a board has or had.
-absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, Reader& reader,
+absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, const Transaction& reader,
                                     const ApiContext& context) {
   const bool hexadecimal = digits.find_first_not_of("0123456789abcdef") == std::string::npos;
   if (!hexadecimal || digits.size() < kLeastDigits || digits.size() > kHashDigits) {
@@ -103,7 +103,7 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, Reader& reader,
 }
 
 // The track that a request names by its config, as `asked`, and what its board has now.
-absl::StatusOr<TrackPtr> FindTracks(const Request& request, Reader& reader,
+absl::StatusOr<TrackPtr> FindTracks(const Request& request, const Transaction& reader,
                                     const ApiContext& context, TrackPtr& asked) {
   ASSIGN_OR_RETURN(asked, FindConfig(request.Param("config"), reader, context));
   RETURN_IF_ERROR(CheckNamed(request, asked->config));
@@ -132,7 +132,7 @@ absl::StatusOr<int64_t> ReadMoment(const Request& request, absl::Time now) {
 }
 
 // From a phase's freeze on, only organisers see what ends later.
-absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now,
+absl::Status AddFreeze(const Transaction& reader, const ApiContext& context, absl::Time now,
                        BoardQuery& asked) {
   const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
   if (phase == nullptr) return absl::OkStatus();
@@ -148,7 +148,7 @@ absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now
 
 // The configs of a query of which all else is known. From a freeze on, a board keeps the config
 // that it had then: results under another one would all be hidden.
-absl::Status AddConfigs(const Request& request, Reader& reader, const TrackPtr& live,
+absl::Status AddConfigs(const Request& request, const Transaction& reader, const TrackPtr& live,
                         BoardQuery& asked) {
   const BoardMoment moment = asked.moment();
   ASSIGN_OR_RETURN(const TrackPtr then, TrackAt(reader, live, moment.before_ms));
@@ -163,7 +163,7 @@ absl::Status AddConfigs(const Request& request, Reader& reader, const TrackPtr& 
 
 }  // namespace
 
-absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, Reader& reader,
+absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transaction& reader,
                                            const ApiContext& context,
                                            const std::vector<std::string>& others) {
   std::vector<std::string> known = {"track", "profile", "phase", "board", "config", "at"};

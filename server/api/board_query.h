@@ -13,7 +13,7 @@
 #include "server/grading/tracks.h"
 #include "server/http/request.h"
 #include "server/board/acts.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
@@ -42,7 +42,7 @@ struct BoardQuery {
 
 // `others`: the parameters that the address has beside those that ask for a board.
 // InvalidArgumentError and NotFoundError say what the request lacks.
-absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, Reader& reader,
+absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transaction& reader,
                                            const ApiContext& context,
                                            const std::vector<std::string>& others = {});
 

@@ -17,7 +17,7 @@ namespace {
 
 // What the view lacks, or has of other numbers than today's, is made of the episode rows on the
 // spot.
-absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row) {
+absl::Status FillRow(const Transaction& reader, const std::string& names, StandingRow& row) {
   if (!row.standing.aggregate_json.empty() && row.standing.ranked.names == names) {
     return absl::OkStatus();
   }
@@ -27,7 +27,7 @@ absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row)
 
 }  // namespace
 
-absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
+absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& track,
                                      const BoardMoment& moment) {
   const BoardState& board = reader.Board();
   const std::string& config = track.config.hash;
@@ -44,11 +44,11 @@ absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
   const std::map<int64_t, const BoardResult*> in_force = board.InForce(config, moment);
   std::vector<int64_t> evaluations;
   for (const auto& [submission, result] : in_force) evaluations.push_back(result->evaluation);
-  std::map<int64_t, Standing> standings = reader.Standings(evaluations);
+  std::map<int64_t, Standing> standings = reader.episodes.Standings(evaluations);
   for (const auto& [submission, result] : in_force) {
     const TeamState* team = board.TeamOf(submission);
     if (result->failed || team->banned) continue;
-    const absl::StatusOr<SubmissionRow> stored = reader.Submission(submission);
+    const absl::StatusOr<SubmissionRow> stored = reader.submissions.Find(submission);
     StandingRow row{.submission = submission,
                     .evaluation = result->evaluation,
                     .team = team->name,
@@ -78,7 +78,7 @@ absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& trac
   return made;
 }
 
-absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track, const std::string& board,
+absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& track, const std::string& board,
                                        const BoardMoment& moment) {
   const auto rules = track.scoring.boards.find(board);
   if (rules == track.scoring.boards.end()) {
@@ -89,7 +89,7 @@ absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track, const
   return BoardOf(source, track, rules->second.rules);
 }
 
-absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t before_ms) {
+absl::StatusOr<TrackPtr> TrackAt(const Transaction& reader, const TrackPtr& live, int64_t before_ms) {
   const TrackConfig& config = live->config;
   if (before_ms == INT64_MAX) return live;
   const std::string hash =
@@ -102,10 +102,10 @@ absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missi
   ASSIGN_OR_RETURN(Standings made, MakeStandings(context.readers, missing_only));
   // One that ends in between is made of its rows whenever a board needs it.
   RETURN_IF_ERROR(context.engine.Change(
-      [rows = made.rows, missing_only](Writer& writer) {
-        absl::Status written = missing_only ? absl::OkStatus() : writer.DropStandings();
+      [rows = made.rows, missing_only](Transaction& writer) {
+        absl::Status written = missing_only ? absl::OkStatus() : writer.episodes.DropStandings();
         for (const auto& [evaluation, standing] : rows) {
-          written.Update(writer.SetStanding(evaluation, standing));
+          written.Update(writer.episodes.SetStanding(evaluation, standing));
         }
         return written;
       },
@@ -113,7 +113,7 @@ absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missi
   return made;
 }
 
-absl::StatusOr<Leaderboard> BoardAt(Reader& reader, const TrackPtr& live, const std::string& board,
+absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live, const std::string& board,
                                     const BoardMoment& moment) {
   ASSIGN_OR_RETURN(const TrackPtr track, TrackAt(reader, live, moment.results_before_ms()));
   return BoardUnder(reader, *track, board, moment);

@@ -58,7 +58,7 @@ struct Further {
 
 // The episodes of items that ended before `before_ms`. A damaged row (store/damage.h) if one can't
 // be read.
-absl::StatusOr<Further> FurtherEpisodes(Reader& reader, const Track& track,
+absl::StatusOr<Further> FurtherEpisodes(const Transaction& reader, const Track& track,
                                         const std::vector<FurtherItem>& items, int64_t before_ms,
                                         FurtherIndices& indices) {
   Further further;
@@ -66,12 +66,12 @@ absl::StatusOr<Further> FurtherEpisodes(Reader& reader, const Track& track,
   std::set<int64_t> there;
   for (const FurtherItem& item : items) {
     if (item.state != EvaluationState::kDone && item.state != EvaluationState::kFailed) continue;
-    ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.Evaluation(item.evaluation));
+    ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Find(item.evaluation));
     if (evaluation.finished_at >= before_ms) continue;
     seen.insert(item.seeds.begin(), item.seeds.end());
     further.looks.insert(std::ssize(seen));
     if (item.dropped) continue;
-    ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(item.evaluation));
+    ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(item.evaluation));
     for (EpisodeRow& row : rows) row.index = indices.Of(row.seed);
     ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
                      JudgedEpisodes(*track.scoring.track, rows));
@@ -82,11 +82,11 @@ absl::StatusOr<Further> FurtherEpisodes(Reader& reader, const Track& track,
   return further;
 }
 
-absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& all) {
+absl::Status AddItems(const Transaction& reader, const RejudgeRow& rejudge, FurtherItems& all) {
   const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
   ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
   ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items,
-                   reader.EvaluationsOfRejudge(rejudge.id));
+                   reader.evaluations.OfRejudge(rejudge.id));
   for (const EvaluationRow& item : items) {
     const bool has_none =
         item.state == EvaluationState::kCancelled || item.state == EvaluationState::kGraderError;
@@ -99,7 +99,7 @@ absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& a
 // Reads the rows to be tested of one board.
 class RowReader {
  public:
-  RowReader(Reader& reader, const Track& track, const scoring::BoardRules& rules,
+  RowReader(const Transaction& reader, const Track& track, const scoring::BoardRules& rules,
             FurtherItems further, int64_t before_ms)
       : reader_(reader),
         track_(track),
@@ -109,10 +109,10 @@ class RowReader {
 
   // Nothing of a row counts if a part can't be read.
   absl::StatusOr<TestedRow> Read(const LeaderboardRow& row, TestedPlace& place) {
-    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader_.Episodes(row.source.evaluation));
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader_.episodes.Of(row.source.evaluation));
     ASSIGN_OR_RETURN(std::vector<JudgedEpisode> episodes,
                      JudgedEpisodes(*track_.scoring.track, rows));
-    ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader_.Evaluation(row.source.evaluation));
+    ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader_.evaluations.Find(row.source.evaluation));
     RETURN_IF_ERROR(CheckResults(reader_, evaluation, rows, track_.config.seed_salt));
     place.over_steps = SpreadsOf(track_, rules_, episodes);
     ASSIGN_OR_RETURN(
@@ -124,7 +124,7 @@ class RowReader {
   }
 
  private:
-  Reader& reader_;
+  const Transaction& reader_;
   const Track& track_;
   const scoring::BoardRules& rules_;
   FurtherItems further_;
@@ -134,13 +134,13 @@ class RowReader {
 
 }  // namespace
 
-absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(Reader& reader, const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(const std::string text, reader.SeedsJson(rejudge.seeds));
+absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader, const RejudgeRow& rejudge) {
+  ASSIGN_OR_RETURN(const std::string text, reader.content.SeedsJson(rejudge.seeds));
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
   return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
 }
 
-absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& config) {
+absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std::string& config) {
   FurtherItems all;
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.from_config != config) continue;
@@ -159,7 +159,7 @@ scoring::StatisticsConfig StatisticsConfigOf(const ApiContext& context, const st
   return own;
 }
 
-absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
+absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Track& track,
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
@@ -216,7 +216,7 @@ KeptStatistics::Made KeptStatistics::Find(const std::string& key) {
 }
 
 absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
-    Reader& reader, const BoardQuery& asked, const Leaderboard& board,
+    const Transaction& reader, const BoardQuery& asked, const Leaderboard& board,
     const scoring::GroupRules& rules) {
   const TrackConfig& track = asked.track->config;
   const BoardMoment moment = asked.moment();

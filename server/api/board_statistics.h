@@ -23,7 +23,7 @@
 #include "server/api/context.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
@@ -41,10 +41,10 @@ struct FurtherItem {
 using FurtherItems = std::map<int64_t, std::vector<FurtherItem>>;
 
 // Of the submissions on the board of a config.
-absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& config);
+absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std::string& config);
 
 // The seeds that a rejudge plays, by index.
-absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(Reader& reader, const RejudgeRow& rejudge);
+absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader, const RejudgeRow& rejudge);
 
 // What is known of one of the first places.
 struct TestedPlace {
@@ -64,7 +64,7 @@ struct BoardStatistics {
 // `rules`: of the board, which MakeLeaderboard made. `before_ms`: what ended from then on is left
 // out. Reads the episodes of the first places only. DeadlineExceededError: `stopped` was true
 // before all tests were made.
-absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
+absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Track& track,
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
@@ -81,7 +81,7 @@ class KeptStatistics {
  public:
   // Those of `board`, which is the one that `asked` asks for. UnavailableError with the code
   // "busy": too many requests wait already. DeadlineExceededError: the request's time is over.
-  absl::StatusOr<std::shared_ptr<const BoardStatistics>> Of(Reader& reader, const BoardQuery& asked,
+  absl::StatusOr<std::shared_ptr<const BoardStatistics>> Of(const Transaction& reader, const BoardQuery& asked,
                                                             const Leaderboard& board,
                                                             const scoring::GroupRules& rules);
 

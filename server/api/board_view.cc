@@ -17,10 +17,10 @@ namespace myograde::server {
 namespace {
 
 // Which build each row is of, and which one the board itself is of.
-void AddBuilds(Reader& reader, const Leaderboard& board, Json& json) {
+void AddBuilds(const Transaction& reader, const Leaderboard& board, Json& json) {
   std::vector<int64_t> evaluations;
   for (const LeaderboardRow& row : board.rows) evaluations.push_back(row.source.evaluation);
-  const BoardBuilds builds = CountBuilds(evaluations, reader.GradersOf(evaluations));
+  const BoardBuilds builds = CountBuilds(evaluations, reader.evaluations.GradersOf(evaluations));
   for (size_t i = 0; i < builds.of_rows.size(); ++i) {
     json["rows"][i]["build"] = builds.of_rows[i];
     json["rows"][i]["other_build"] = builds.of_rows[i] != builds.own();
@@ -32,7 +32,7 @@ void AddBuilds(Reader& reader, const Leaderboard& board, Json& json) {
 }
 
 // What ranked submissions stand under beside the board's config.
-void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
+void AddOtherConfigs(const Transaction& reader, const BoardQuery& asked, Json& json) {
   const std::string& config = asked.track->config.hash;
   const BoardMoment moment = asked.moment();
   json["other_config"] = reader.Board().RankedElsewhere(asked.name(), config, moment);
@@ -48,7 +48,7 @@ void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
 }
 
 // Gives each row the rank of its group.
-absl::Status PublishGroups(Reader& reader, const BoardQuery& asked,
+absl::Status PublishGroups(const Transaction& reader, const BoardQuery& asked,
                            const scoring::GroupRules& group_rules, KeptStatistics& kept,
                            Leaderboard& board, Json& json) {
   ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, group_rules));
@@ -230,7 +230,7 @@ int64_t UndecidedRows(const Json& groups) {
 }
 
 // "statistics", "criteria", "rows", "groups" and "undecided" of the answer.
-Json StatisticsAnswer(Reader& reader, const Track& track, const scoring::BoardRules& rules,
+Json StatisticsAnswer(const Transaction& reader, const Track& track, const scoring::BoardRules& rules,
                       const Leaderboard& board, const BoardStatistics& statistics,
                       const scoring::StatisticsConfig& config) {
   std::map<size_t, size_t> place_of;  // among the tested, by row
@@ -241,7 +241,7 @@ Json StatisticsAnswer(Reader& reader, const Track& track, const scoring::BoardRu
   Json rows = Json::array();
   for (size_t i = 0; i < board.rows.size(); ++i) {
     const LeaderboardRow& row = board.rows[i];
-    Json json = PlainRow(row, ranks[i], reader.Counts(row.source.evaluation));
+    Json json = PlainRow(row, ranks[i], reader.episodes.Counts(row.source.evaluation));
     const auto found = place_of.find(i);
     const TestedPlace* tested =
         found == place_of.end() ? nullptr : &statistics.places[found->second];
@@ -287,7 +287,7 @@ Json RowToJson(const LeaderboardRow& row) {
           {"aggregate", row.aggregate}};
 }
 
-absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
+absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& asked,
                                const scoring::StatisticsConfig& statistics, KeptStatistics& kept) {
   const TrackConfig& config = asked.track->config;
   ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *asked.track, asked.moment()));
@@ -308,7 +308,7 @@ absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
   return json;
 }
 
-absl::StatusOr<Json> StatisticsView(Reader& reader, const BoardQuery& asked,
+absl::StatusOr<Json> StatisticsView(const Transaction& reader, const BoardQuery& asked,
                                     const scoring::StatisticsConfig& config, KeptStatistics& kept) {
   const Track& track = *asked.track;
   const scoring::BoardRules& rules = asked.rules->rules;

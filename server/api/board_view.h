@@ -9,7 +9,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/views.h"
 #include "server/grading/leaderboard.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
@@ -21,11 +21,11 @@ Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& 
 
 // `statistics`: of the board. If its ranks are those of groups, so are the rows' ranks. Errors of
 // `kept`.
-absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
+absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& asked,
                                const scoring::StatisticsConfig& statistics, KeptStatistics& kept);
 
 // The tests that tell the board's close places apart. Errors of `kept`.
-absl::StatusOr<Json> StatisticsView(Reader& reader, const BoardQuery& asked,
+absl::StatusOr<Json> StatisticsView(const Transaction& reader, const BoardQuery& asked,
                                     const scoring::StatisticsConfig& config, KeptStatistics& kept);
 
 }  // namespace myograde::server

@@ -39,12 +39,12 @@ absl::Status MissingParameter(const char* key, const char* what) {
 
 absl::Status SendBadge(const ApiContext& context, const Answers& answers, const Request& request,
                        Response& response) {
-  return context.readers.Read([&](Reader& reader) -> absl::Status {
+  return context.readers.Read([&](const Transaction& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context, {"team"}));
     if (!request.HasParam("team")) return MissingParameter("team", "the name of a team");
     ASSIGN_OR_RETURN(const auto text, answers->TextOf(reader, asked));
     ASSIGN_OR_RETURN(std::string badge,
-                     BadgeOf(Json::parse(*text), reader.TeamOf(request.Param("team"))));
+                     BadgeOf(Json::parse(*text), reader.teams.NameOf(request.Param("team"))));
     // Opened by itself, an image runs nothing and loads nothing either.
     response.SetHeader("Content-Security-Policy", "default-src 'none'; sandbox");
     SendFresh(std::move(badge), "image/svg+xml", response);
@@ -54,14 +54,14 @@ absl::Status SendBadge(const ApiContext& context, const Answers& answers, const 
 
 absl::Status SendFeed(const ApiContext& context, const Answers& answers, const Request& request,
                       Response& response) {
-  return context.readers.Read([&](Reader& reader) -> absl::Status {
+  return context.readers.Read([&](const Transaction& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context));
     ASSIGN_OR_RETURN(const auto text, answers->TextOf(reader, asked));
     const Json board = Json::parse(*text);
     std::map<int64_t, std::string> ended;
     for (const Json& row : board["rows"]) {
       const auto evaluation = row["evaluation"].get<int64_t>();
-      const absl::StatusOr<EvaluationRow> found = reader.Evaluation(evaluation);
+      const absl::StatusOr<EvaluationRow> found = reader.evaluations.Find(evaluation);
       if (DamageOf(found.status()).has_value()) continue;  // the others are good
       if (!found.ok()) return found.status();
       ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
@@ -75,7 +75,7 @@ absl::Status SendFeed(const ApiContext& context, const Answers& answers, const R
   });
 }
 
-ApiResult ExplainPlaces(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult ExplainPlaces(const ApiContext& context, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context, {"a", "b"}));
   for (const char* key : {"a", "b"}) {
     if (request.HasParam(key)) continue;
@@ -85,7 +85,7 @@ ApiResult ExplainPlaces(const ApiContext& context, Reader& reader, const Request
   ASSIGN_OR_RETURN(
       const auto explanation,
       ExplainOrder(source.standings, source.marks, board.rules->rules, board.track->scoring.team,
-                   reader.TeamOf(request.Param("a")), reader.TeamOf(request.Param("b"))));
+                   reader.teams.NameOf(request.Param("a")), reader.teams.NameOf(request.Param("b"))));
   return ApiAnswer{.body = {{"track", board.track->config.id},
                             {"profile", board.track->config.profile},
                             {"phase", TextOrNull(board.track->config.phase)},
@@ -112,7 +112,7 @@ void AddBoards(Routes& routes, const ApiContext& context) {
   // The answers that BoardView or StatisticsView makes.
   const auto answers = [&](auto view) {
     return std::make_shared<BoardAnswers>(
-        context, [&context, kept, view](Reader& reader, const BoardQuery& asked) {
+        context, [&context, kept, view](const Transaction& reader, const BoardQuery& asked) {
           return view(reader, asked, StatisticsConfigOf(context, asked.track->config.phase), *kept);
         });
   };

@@ -45,18 +45,18 @@ absl::Status Require(const std::string& team, const absl::Status& missing) {
   return missing;
 }
 
-absl::Status RequireSubmission(Reader& reader, int64_t id) {
+absl::Status RequireSubmission(const Transaction& reader, int64_t id) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const std::string team, reader.TeamOfSubmission(id));
+  ASSIGN_OR_RETURN(const std::string team, reader.submissions.TeamOf(id));
   return Require(team, absl::NotFoundError(absl::StrCat("there is no submission ", id)));
 }
 
-absl::Status RequireEvaluation(Reader& reader, int64_t id) {
+absl::Status RequireEvaluation(const Transaction& reader, int64_t id) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const std::string team, reader.TeamOfEvaluation(id));
+  ASSIGN_OR_RETURN(const std::string team, reader.evaluations.TeamOf(id));
   const absl::Status missing = absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
   RETURN_IF_ERROR(Require(team, missing));
-  const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
   const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
   return CallerSees(reader.Board().SightOf(rejudge)) ? absl::OkStatus() : missing;
 }
@@ -66,8 +66,8 @@ bool CallerSees(const RejudgeSight& rejudge) {
          CallerIsOrganiser();
 }
 
-absl::Status RequireTeam(Reader& reader, const std::string& name) {
-  return Require(reader.TeamOf(name),
+absl::Status RequireTeam(const Transaction& reader, const std::string& name) {
+  return Require(reader.teams.NameOf(name),
                  absl::NotFoundError(absl::StrCat("there is no team \"", name, "\" of yours")));
 }
 

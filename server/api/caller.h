@@ -7,7 +7,7 @@
 
 #include "server/access/access.h"
 #include "server/api/access_log.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
@@ -26,14 +26,14 @@ absl::Status Require(const std::string& team, const absl::Status& missing);
 // The same for the team of a submission or an evaluation. NotFoundError for those of other teams as
 // for those that there are none of. Organisers are always let through, as they are to hear what the
 // store knows of a damaged one.
-absl::Status RequireSubmission(Reader& reader, int64_t id);
-absl::Status RequireEvaluation(Reader& reader, int64_t id);
+absl::Status RequireSubmission(const Transaction& reader, int64_t id);
+absl::Status RequireEvaluation(const Transaction& reader, int64_t id);
 // A rejudge's evaluations are the organisers' until it is applied for the first time.
 bool CallerSees(const RejudgeSight& rejudge);
 
 // The same for the team called `name`, now or formerly. NotFoundError for one of others as for one
 // that there is not.
-absl::Status RequireTeam(Reader& reader, const std::string& name);
+absl::Status RequireTeam(const Transaction& reader, const std::string& name);
 // Records that the caller may not do what they asked for, for a reason that the handler found.
 void NoteDenial(const std::string& why);
 

@@ -52,7 +52,7 @@ Json ShownToJson(const Visibility& shown) {
 }
 
 // What of a phase's seeds is public.
-Json PublicSeeds(Reader& reader, const Phase& phase, bool revealed) {
+Json PublicSeeds(const Transaction& reader, const Phase& phase, bool revealed) {
   const auto count = phase.track->config.seeds.size();
   if (phase.commitment.empty()) return {{"kind", "public"}, {"count", count}};
   Json seeds = {{"kind", "committed"},
@@ -60,12 +60,12 @@ Json PublicSeeds(Reader& reader, const Phase& phase, bool revealed) {
                 {"commitment", phase.commitment},
                 {"secret", nullptr}};
   if (!revealed) return seeds;
-  const absl::StatusOr<std::string> secret = reader.PhaseSecret(phase.config.name);
+  const absl::StatusOr<std::string> secret = reader.phases.Secret(phase.config.name);
   if (secret.ok()) seeds["secret"] = absl::BytesToHexString(*secret);
   return seeds;
 }
 
-Json PhaseToJson(Reader& reader, const ApiContext& context, const Phase& phase,
+Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Phase& phase,
                  const Events& events, int64_t waiting) {
   const PhaseConfig& config = phase.config;
   const TrackConfig& track = phase.track->config;
@@ -118,10 +118,10 @@ Json FormerPhases(const std::map<std::string, PhaseUse>& uses, const Phases& pha
   return former;
 }
 
-ApiResult ListChallenges(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult ListChallenges(const ApiContext& context, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   const Events events = reader.Board().PhaseEvents(std::nullopt);
-  ASSIGN_OR_RETURN(std::vector<PhaseUse> listed, reader.PhasesInUse());
+  ASSIGN_OR_RETURN(std::vector<PhaseUse> listed, reader.phases.InUse());
   std::map<std::string, PhaseUse> uses;
   for (PhaseUse& use : listed) uses.emplace(use.phase, std::move(use));
   Json challenges = Json::array();
@@ -164,7 +164,7 @@ absl::Status CheckAct(const PhaseConfig& phase, const std::string& event, absl::
 }
 
 // Whether the team of a submission may choose it now.
-absl::Status CheckChoice(Reader& reader, const SubmissionRow& row, const ApiContext& context) {
+absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row, const ApiContext& context) {
   ASSIGN_OR_RETURN(TrackPtr track, StoredTrack(reader, row.config));
   if (track->scoring.team != scoring::TeamRule::kChosen) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -185,7 +185,7 @@ absl::Status CheckChoice(Reader& reader, const SubmissionRow& row, const ApiCont
 bool IsFormerPhase(const ApiContext& context, const std::string& phase) {
   if (context.phases.ConfigOf(phase) != nullptr) return false;
   const absl::StatusOr<std::string> config = context.readers.Read<std::string>(
-      [&](Reader& reader) { return reader.Board().ConfigOfPhase(phase); });
+      [&](const Transaction& reader) { return reader.Board().ConfigOfPhase(phase); });
   return config.ok() && !config->empty();
 }
 
@@ -201,14 +201,14 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
   } else if (!phase.empty() && !former) {
     RETURN_IF_ERROR(context.phases.Find(phase).status());
   }
-  const auto add = [phase, event, reason, who = CallerKey()](Writer& writer) {
-    return writer.AddPhaseEvent(phase, event, who, reason);
+  const auto add = [phase, event, reason, who = CallerKey()](Transaction& writer) {
+    return writer.phases.AddEvent(phase, event, who, reason);
   };
   ASSIGN_OR_RETURN(const bool changed,
                    context.engine.Change<bool>(add, context.config.http.request));
   Json state;
   if (config != nullptr) {
-    ASSIGN_OR_RETURN(const Events events, context.readers.Read<Events>([&](Reader& reader) {
+    ASSIGN_OR_RETURN(const Events events, context.readers.Read<Events>([&](const Transaction& reader) {
       return reader.Board().PhaseEvents(phase);
     }));
     state = PhaseStateName(StatusOfPhase(*config, events, context.clock.Now()).state);
@@ -227,13 +227,13 @@ ApiResult ChooseSubmission(const ApiContext& context, const Request& request, co
   const int64_t id = IdOf(request);
   ASSIGN_OR_RETURN(
       const SubmissionRow row,
-      context.readers.Read<SubmissionRow>([&](Reader& reader) -> absl::StatusOr<SubmissionRow> {
+      context.readers.Read<SubmissionRow>([&](const Transaction& reader) -> absl::StatusOr<SubmissionRow> {
         RETURN_IF_ERROR(RequireSubmission(reader, id));
-        ASSIGN_OR_RETURN(SubmissionRow found, reader.Submission(id));
+        ASSIGN_OR_RETURN(SubmissionRow found, reader.submissions.Find(id));
         RETURN_IF_ERROR(CheckChoice(reader, found, context));
         return found;
       }));
-  const auto choose = [id, who = CallerKey()](Writer& writer) { return writer.Choose(id, who); };
+  const auto choose = [id, who = CallerKey()](Transaction& writer) { return writer.journal.Choose(id, who); };
   ASSIGN_OR_RETURN(const bool changed,
                    context.engine.Change<bool>(choose, context.config.http.request));
   return ApiAnswer{200,

@@ -9,7 +9,7 @@
 #include "server/api/caller.h"
 #include "server/base/log_line.h"
 #include "server/store/damage.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 namespace {

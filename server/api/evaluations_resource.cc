@@ -52,12 +52,12 @@ Json OutputToJson(const std::vector<LeaseRow>& leases, const std::vector<Episode
 }
 
 // The rows that are asked for, what all episodes come to together, and which of them to look at.
-absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
+absl::Status AddEpisodes(const Transaction& reader, const Track& track, int64_t evaluation,
                          std::vector<EpisodeRow> rows,
                          const std::vector<scoring::JudgedEpisode>& judged,
                          const EpisodeSelection& selection, Json& json) {
   if (selection.needs_details()) {
-    ASSIGN_OR_RETURN(auto details, reader.EpisodeDetails(evaluation));
+    ASSIGN_OR_RETURN(auto details, reader.episodes.Details(evaluation));
     for (EpisodeRow& row : rows) {
       const auto its = details.find(row.index);
       if (its != details.end()) row.details_json = std::move(its->second);
@@ -77,36 +77,36 @@ void DropUnended(const std::vector<LeaseRow>& leases, std::vector<EpisodeRow>& r
 }
 
 // A re-run against its original; null for an original.
-absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluation,
+absl::StatusOr<Json> ComparisonOf(const Transaction& reader, const EvaluationRow& evaluation,
                                   const std::vector<EpisodeRow>& rows,
                                   const std::string& seed_salt) {
   if (evaluation.kind != EvaluationKind::kRerun) return Json();
-  ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(evaluation.submission));
-  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> its, reader.Episodes(original.id));
+  ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(evaluation.submission));
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> its, reader.episodes.Of(original.id));
   // A re-run has the config of its original.
   RETURN_IF_ERROR(CheckResults(reader, original, its, seed_salt));
   return CompareRows(original.id, its, evaluation, rows);
 }
 
-absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
+absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContext& context, int64_t id,
                                       const EpisodeSelection& selection) {
-  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.Evaluation(id));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(evaluation.submission));
+  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.evaluations.Find(id));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(evaluation.submission));
   ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, submission)));
   const TrackConfig& config = track->config;
   const scoring::TrackScoring& scoring = track->scoring;
   ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
-  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.Leases(id));
-  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(id));
+  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(id));
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(id));
   if (!sight.progress) DropUnended(leases, rows);
   ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
                    JudgedEpisodes(*scoring.track, rows));
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate,
                    scoring::AggregateEpisodes(scoring.track->metrics, judged));
   RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, config.seed_salt));
-  ASSIGN_OR_RETURN(const std::vector<RepeatRow> repeats, reader.Repeats(id));
+  ASSIGN_OR_RETURN(const std::vector<RepeatRow> repeats, reader.episodes.Repeats(id));
 
-  Json json = SubmissionToJson(submission, evaluation, reader.Counts(id, !sight.progress));
+  Json json = SubmissionToJson(submission, evaluation, reader.episodes.Counts(id, !sight.progress));
   json["kind"] = EvaluationKindName(evaluation.kind);
   json["rejudge"] = IdOrNull(evaluation.rejudge);
   json["ranked"] = submission.ranked && evaluation.kind == EvaluationKind::kOriginal;
@@ -144,7 +144,7 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
 }
 
 // A policy that plays its phase again has one more look at it, which no quota counts.
-absl::Status CheckFurtherLook(Reader& reader, const ApiContext& context,
+absl::Status CheckFurtherLook(const Transaction& reader, const ApiContext& context,
                               const StoredEvaluation& stored) {
   const TrackConfig& config = stored.track->config;
   ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
@@ -158,10 +158,10 @@ absl::Status CheckFurtherLook(Reader& reader, const ApiContext& context,
 }
 
 // What is to be played again, all of which can be read.
-absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, int64_t submission,
+absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& context, int64_t submission,
                                    const RerunRequest& wanted) {
-  RETURN_IF_ERROR(reader.Submission(submission).status());
-  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.Original(submission));
+  RETURN_IF_ERROR(reader.submissions.Find(submission).status());
+  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Original(submission));
   // What can't be played must not be there afterwards.
   StoredContent content;
   ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, evaluation.id, content));
@@ -194,17 +194,17 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
 }
 
 // The original evaluation of a submission.
-ApiResult GetResult(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult GetResult(const ApiContext& context, const Transaction& reader, const Request& request) {
   const int64_t id = IdOf(request);
   ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
   RETURN_IF_ERROR(RequireSubmission(reader, id));
-  RETURN_IF_ERROR(reader.Submission(id).status());
-  ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(id));
+  RETURN_IF_ERROR(reader.submissions.Find(id).status());
+  ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(id));
   ASSIGN_OR_RETURN(Json body, EvaluationToJson(reader, context, original.id, selection));
   return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult GetEvaluation(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult GetEvaluation(const ApiContext& context, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
   RETURN_IF_ERROR(RequireEvaluation(reader, IdOf(request)));
   ASSIGN_OR_RETURN(Json body, EvaluationToJson(reader, context, IdOf(request), selection));
@@ -214,7 +214,7 @@ ApiResult GetEvaluation(const ApiContext& context, Reader& reader, const Request
 ApiResult RerunAnswer(const ApiContext& context, const Accepted& accepted) {
   ASSIGN_OR_RETURN(const EvaluationRow evaluation,
                    context.readers.Read<EvaluationRow>(
-                       [&](Reader& reader) { return reader.Evaluation(accepted.evaluation); }));
+                       [&](const Transaction& reader) { return reader.evaluations.Find(accepted.evaluation); }));
   return ApiAnswer{accepted.is_new() ? 201 : 200,
                    {{"evaluation", accepted.evaluation},
                     {"submission", accepted.submission},
@@ -233,7 +233,7 @@ ApiResult RerunSubmission(const ApiContext& context, const Request& request, con
   if (earlier.has_value()) return RerunAnswer(context, *earlier);
   const int64_t submission = IdOf(request);
   ASSIGN_OR_RETURN(NewRerun rerun,
-                   context.readers.Read<NewRerun>([&](Reader& reader) -> absl::StatusOr<NewRerun> {
+                   context.readers.Read<NewRerun>([&](const Transaction& reader) -> absl::StatusOr<NewRerun> {
                      RETURN_IF_ERROR(RequireSubmission(reader, submission));
                      return MakeRerun(reader, context, submission, wanted);
                    }));

@@ -136,12 +136,12 @@ std::variant<Identity, ApiError> Guard::IdentifyUser(const Peer& peer,
   const HostUser user = UserOf(peer);
   Identity identity = IdentityOfUser(user, options_.access, {}, options_.challenge);
   if (!action.has_value() || identity.role >= Role::kOrganiser) return identity;
-  const absl::Status status = options_.readers.Read([&](Reader& reader) {
-    const std::set<std::string> member_of = reader.TeamsOf(identity.key);
+  const absl::Status status = options_.readers.Read([&](const Transaction& reader) {
+    const std::set<std::string> member_of = reader.teams.OfPerson(identity.key);
     identity = IdentityOfUser(user, options_.access, {member_of.begin(), member_of.end()},
                               options_.challenge);
     std::set<std::string> named;
-    for (const std::string& team : identity.teams) named.insert(reader.TeamOf(team));
+    for (const std::string& team : identity.teams) named.insert(reader.teams.NameOf(team));
     identity.teams = std::move(named);
     return absl::OkStatus();
   });
@@ -162,8 +162,8 @@ std::variant<Identity, ApiError> Guard::IdentifyToken(const Peer& peer,
   if (scrapes) return AcceptScraper(peer);
   std::optional<TokenRow> row;
   if (token.has_value()) {
-    const absl::Status status = options_.readers.Read([&](Reader& reader) {
-      absl::StatusOr<TokenRow> found = reader.TokenByHash(hash);
+    const absl::Status status = options_.readers.Read([&](const Transaction& reader) {
+      absl::StatusOr<TokenRow> found = reader.callers.TokenByHash(hash);
       if (found.ok()) row = *std::move(found);
       return absl::IsNotFound(found.status()) ? absl::OkStatus() : found.status();
     });

@@ -22,7 +22,7 @@
 #include "server/http/api_error.h"
 #include "server/http/connection.h"
 #include "server/http/router.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 

@@ -65,7 +65,7 @@ Json HostToJson(const ApiContext& context, const LiveHealth& health) {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
   const auto held_back = context.readers.Read<std::vector<std::string>>(
-      [](Reader& reader) { return reader.HeldBack(); });
+      [](const Transaction& reader) { return reader.submissions.HeldBack(); });
   std::string trouble;
   for (const std::string* one : {&health.store_trouble, &health.disk_trouble, &health.host_trouble,
                                  &health.executor_trouble, &health.losses}) {
@@ -143,9 +143,9 @@ ApiResult ListTracks(const ApiContext& context, const Request&) {
   return ApiAnswer{200, {{"tracks", std::move(list)}}};
 }
 
-ApiResult ListNodes(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult ListNodes(const ApiContext& context, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  const Listed<DrainedNodeRow> drained = reader.DrainedNodes();
+  const Listed<DrainedNodeRow> drained = reader.leases.DrainedNodes();
   const bool cluster = context.config.on_cluster;
   return ApiAnswer{200,
                    {{"cluster", cluster},

@@ -150,9 +150,9 @@ void AddDiskMetrics(const ApiContext& context, Families& families) {
            StoreBytes(context.data_dir));
 }
 
-void AddWebhookMetrics(const ApiContext& context, Reader& reader, Families& families) {
+void AddWebhookMetrics(const ApiContext& context, const Transaction& reader, Families& families) {
   std::map<std::string, DeliveryCounts> counts;
-  for (const DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
+  for (const DeliveryCounts& count : reader.deliveries.Counts()) counts[count.webhook] = count;
   std::map<std::string, int64_t> waiting;
   std::map<std::string, double> oldest;
   for (const Webhook& webhook : context.webhooks.webhooks()) {
@@ -170,8 +170,8 @@ void AddWebhookMetrics(const ApiContext& context, Reader& reader, Families& fami
 
 // What only a reading of the store tells; without it where the store can't be read.
 void AddStoreMetrics(const ApiContext& context, Families& families) {
-  const absl::Status status = context.readers.Read([&](Reader& reader) {
-    std::map<std::string, int64_t> counts = reader.SubmissionsByState();
+  const absl::Status status = context.readers.Read([&](const Transaction& reader) {
+    std::map<std::string, int64_t> counts = reader.submissions.CountByState();
     for (const auto state :
          {EvaluationState::kQueued, EvaluationState::kRunning, EvaluationState::kDone,
           EvaluationState::kFailed, EvaluationState::kCancelled, EvaluationState::kGraderError}) {
@@ -180,7 +180,7 @@ void AddStoreMetrics(const ApiContext& context, Families& families) {
     AddGauges(families, "myograde_submissions", "Submissions, by the state of their own evaluation",
               "state", counts);
     int64_t bytes = 0;
-    const std::vector<UploadRow> uploads = reader.Uploads();
+    const std::vector<UploadRow> uploads = reader.content.Uploads();
     for (const UploadRow& upload : uploads) bytes += upload.bytes;
     AddGauge(families, "myograde_unsubmitted_uploads", "Uploads that nobody has submitted yet",
              uploads.size());

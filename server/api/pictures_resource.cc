@@ -33,8 +33,8 @@ absl::Status MissingLog(const std::string& hash) {
 }
 
 // Two teams have the same log if they handed in the same policy.
-absl::Status RequireLog(Reader& reader, const std::string& hash) {
-  const std::set<std::string> teams = reader.TeamsOfLog(hash);
+absl::Status RequireLog(const Transaction& reader, const std::string& hash) {
+  const std::set<std::string> teams = reader.episodes.TeamsOfLog(hash);
   if (teams.empty()) return MissingLog(hash);
   for (const std::string& team : teams) {
     if (Caller().teams.contains(team)) return Require(team, MissingLog(hash));
@@ -43,8 +43,8 @@ absl::Status RequireLog(Reader& reader, const std::string& hash) {
 }
 
 // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
-absl::Status CheckLogShown(Reader& reader, const ApiContext& context, const std::string& hash) {
-  for (const std::string& phase : reader.PhasesOfLog(hash)) {
+absl::Status CheckLogShown(const Transaction& reader, const ApiContext& context, const std::string& hash) {
+  for (const std::string& phase : reader.episodes.PhasesOfLog(hash)) {
     ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, phase));
     if (SeesLogs(sight)) continue;
     return WithheldError(absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
@@ -56,7 +56,7 @@ absl::Status CheckLogShown(Reader& reader, const ApiContext& context, const std:
 // MissingLog, or an error with the code "withheld". Organisers may see every one.
 absl::Status RequireShownLog(const ApiContext& context, const std::string& hash) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  return context.readers.Read([&](Reader& reader) {
+  return context.readers.Read([&](const Transaction& reader) {
     RETURN_IF_ERROR(RequireLog(reader, hash));
     return CheckLogShown(reader, context, hash);
   });

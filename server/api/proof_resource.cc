@@ -41,14 +41,14 @@ Json PolicySeedsOf(const TrackConfig& config, const std::vector<EpisodeRow>& row
 }
 
 // Null: this store never had the phase's secret, as after an import.
-absl::StatusOr<Json> CommitmentOf(Reader& reader, const std::string& phase) {
-  const absl::StatusOr<std::string> secret = reader.PhaseSecret(phase);
+absl::StatusOr<Json> CommitmentOf(const Transaction& reader, const std::string& phase) {
+  const absl::StatusOr<std::string> secret = reader.phases.Secret(phase);
   if (secret.ok()) return Json(SecretCommitment(*secret));
   return absl::IsNotFound(secret.status()) ? absl::StatusOr<Json>(Json()) : secret.status();
 }
 
 // Takes everything out of a receipt from which its seeds follow.
-absl::Status HideSeeds(Reader& reader, const TrackConfig& config, Json& receipt) {
+absl::Status HideSeeds(const Transaction& reader, const TrackConfig& config, Json& receipt) {
   ASSIGN_OR_RETURN(Json commitment, CommitmentOf(reader, config.phase));
   receipt["format"] = 2;
   receipt["policy_seeds"] = nullptr;
@@ -61,9 +61,9 @@ absl::Status HideSeeds(Reader& reader, const TrackConfig& config, Json& receipt)
 
 // The proof is that of the record as its entry left it, so that a receipt stays the same for ever.
 // Practice and re-runs have no entry.
-absl::Status AddRecord(Reader& reader, RecordLog& record, const EvaluationRow& evaluation,
+absl::Status AddRecord(const Transaction& reader, RecordLog& record, const EvaluationRow& evaluation,
                        Json& receipt) {
-  const absl::StatusOr<RecordRow> entry = reader.GradedEntry(evaluation.id);
+  const absl::StatusOr<RecordRow> entry = reader.journal.GradedEntry(evaluation.id);
   const absl::StatusOr<EntryProof> proof =
       entry.ok() ? record.Prove(reader, entry->index, entry->index + 1)
                  : absl::StatusOr<EntryProof>(entry.status());
@@ -78,7 +78,7 @@ absl::Status AddRecord(Reader& reader, RecordLog& record, const EvaluationRow& e
 // (server/proof/receipt.h); in format 2 if its config hides its seeds, whether or not they have
 // been revealed. `record` proves where the public record has it. FailedPreconditionError before it
 // is done or failed.
-absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const SubmissionRow& submission,
+absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record, const SubmissionRow& submission,
                                const EvaluationRow& evaluation) {
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -86,9 +86,9 @@ absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const Submissi
         "; there is a receipt once it is done or failed"));
   }
   const std::string& hash = ConfigOf(evaluation, submission);
-  ASSIGN_OR_RETURN(const std::string config, reader.ConfigJson(hash));
+  ASSIGN_OR_RETURN(const std::string config, reader.content.ConfigJson(hash));
   ASSIGN_OR_RETURN(const TrackConfig track, StoredConfig(reader, hash));
-  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.Episodes(evaluation.id));
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation.id));
   const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track.kind->name);
   ASSIGN_OR_RETURN(scoring::Aggregate aggregate, AggregateRows(scored, rows));
   RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, track.seed_salt));
@@ -122,7 +122,7 @@ absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const Submissi
 
 // A receipt lists the result of each episode, so a phase that withholds those withholds it as a
 // whole. `everybody`: whoever the caller is, it is to be published.
-absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context,
+absl::Status CheckReceiptShown(const Transaction& reader, const ApiContext& context,
                                const SubmissionRow& submission, bool everybody) {
   bool shown = true;
   if (everybody) {
@@ -139,7 +139,7 @@ absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context,
 }
 
 // Of a failed submission, a phase that withholds anything shows no single episode (redaction.h).
-absl::Status CheckFailureShown(Reader& reader, const ApiContext& context,
+absl::Status CheckFailureShown(const Transaction& reader, const ApiContext& context,
                                const SubmissionRow& submission) {
   ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, submission.phase));
   if (sight.progress) return absl::OkStatus();
@@ -150,12 +150,12 @@ absl::Status CheckFailureShown(Reader& reader, const ApiContext& context,
 }
 
 // The evaluation that the request asks for; without one, the submission's original.
-absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, Reader& reader,
+absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, const Transaction& reader,
                                               int64_t submission) {
   int64_t id = 0;
   RETURN_IF_ERROR(ReadNumber(request, "evaluation", INT64_MAX, id));
-  if (id == 0) return reader.Original(submission);
-  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.Evaluation(id));
+  if (id == 0) return reader.evaluations.Original(submission);
+  ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.evaluations.Find(id));
   if (evaluation.submission != submission) {
     return absl::NotFoundError(absl::StrCat("submission ", submission, " has no evaluation ", id));
   }
@@ -165,7 +165,7 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, Reader& re
 }
 
 // Until a rejudge is applied, only organisers know of its results.
-absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, bool everybody) {
+absl::Status CheckRejudgeShown(const Transaction& reader, const EvaluationRow& evaluation, bool everybody) {
   const RejudgeSight rejudge = reader.Board().SightOf(evaluation.rejudge);
   if (rejudge.rejudge == 0) return absl::OkStatus();
   if (!CallerSees(rejudge)) {
@@ -179,12 +179,12 @@ absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, 
       kWithheldCode);
 }
 
-absl::StatusOr<Json> AskedReceipt(const Request& request, Reader& reader,
+absl::StatusOr<Json> AskedReceipt(const Request& request, const Transaction& reader,
                                   const ApiContext& context) {
   RETURN_IF_ERROR(CheckParameters(request, {"evaluation", "public", "reason"}));
   RETURN_IF_ERROR(RequireSubmission(reader, IdOf(request)));
   ASSIGN_OR_RETURN(const bool everybody, ReadFlag(request, "public"));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(IdOf(request)));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(IdOf(request)));
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, AskedEvaluation(request, reader, submission.id));
   RETURN_IF_ERROR(CheckRejudgeShown(reader, evaluation, everybody));
   RETURN_IF_ERROR(CheckReceiptShown(reader, context, submission, everybody));
@@ -196,14 +196,14 @@ absl::StatusOr<Json> AskedReceipt(const Request& request, Reader& reader,
 
 // What a copy of the record has in place of a receipt that AskedReceipt answered with `why`; the
 // same status, if it is not withheld.
-absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, Reader& reader,
+absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, const Transaction& reader,
                                             const ApiContext& context, const absl::Status& why) {
   const bool unreadable = DamageOf(why).has_value();
   if (!unreadable && ErrorCodeOf(why) != kWithheldCode) return why;
   WithheldReceipt withheld;
   RETURN_IF_ERROR(ReadNumber(request, "evaluation", INT64_MAX, withheld.evaluation));
   // Not of another submission's evaluation, which may be readable.
-  const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(withheld.evaluation);
+  const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(withheld.evaluation);
   if (evaluation.ok() ? evaluation->submission != IdOf(request)
                       : !DamageOf(evaluation.status()).has_value()) {
     return why;
@@ -244,7 +244,7 @@ ApiResult GetReceipt(const ApiContext& context, const Request& request) {
   ASSIGN_OR_RETURN(const bool reason, ReadFlag(request, "reason"));
   absl::StatusOr<Json> receipt = absl::InternalError("");
   std::optional<WithheldReceipt> withheld;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
     receipt = AskedReceipt(request, reader, context);
     if (receipt.ok() || !reason) return receipt.status();
     ASSIGN_OR_RETURN(withheld, WithheldFor(request, reader, context, receipt.status()));
@@ -272,14 +272,14 @@ absl::StatusOr<int64_t> ReadIndex(const Request& request, const char* key, const
   return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is missing: ", what));
 }
 
-ApiResult ListRecord(const ApiContext&, Reader& reader, const Request& request) {
+ApiResult ListRecord(const ApiContext&, const Transaction& reader, const Request& request) {
   int64_t from = 0;
   int64_t limit = 100;
   RETURN_IF_ERROR(CheckParameters(request, {"from", "limit"}));
   RETURN_IF_ERROR(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
   RETURN_IF_ERROR(ReadNumber(request, "limit", kMostEntries, limit));
-  const int64_t size = reader.RecordSize();
-  const Listed<RecordRow> listed = reader.Record(from, limit);
+  const int64_t size = reader.journal.RecordSize();
+  const Listed<RecordRow> listed = reader.journal.Record(from, limit);
   const int64_t next = std::max(listed.last_id + 1, from + limit);
   const bool more = next < size;
   return ApiAnswer{.text = std::make_shared<const std::string>(
@@ -288,7 +288,7 @@ ApiResult ListRecord(const ApiContext&, Reader& reader, const Request& request) 
                    .next = more ? NextPage(request, next) : ""};
 }
 
-ApiResult GetRecordHead(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult GetRecordHead(const ApiContext& context, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   ASSIGN_OR_RETURN(const RecordHead head, context.record.Head(reader));
   ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
@@ -296,7 +296,7 @@ ApiResult GetRecordHead(const ApiContext& context, Reader& reader, const Request
   return ApiAnswer{.text = std::make_shared<const std::string>(std::move(text)), .tagged = true};
 }
 
-ApiResult ProveEntry(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult ProveEntry(const ApiContext& context, const Transaction& reader, const Request& request) {
   int64_t size = 0;
   RETURN_IF_ERROR(CheckParameters(request, {"entry", "size"}));
   RETURN_IF_ERROR(ReadNumber(request, "size", kMaxIndex, size));
@@ -306,7 +306,7 @@ ApiResult ProveEntry(const ApiContext& context, Reader& reader, const Request& r
   return ApiAnswer{.body = EntryProofToJson(proof), .tagged = true};
 }
 
-ApiResult CompareRecords(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult CompareRecords(const ApiContext& context, const Transaction& reader, const Request& request) {
   int64_t to = 0;
   RETURN_IF_ERROR(CheckParameters(request, {"from", "to"}));
   RETURN_IF_ERROR(ReadNumber(request, "to", kMaxIndex, to, /*min=*/0));
@@ -314,7 +314,7 @@ ApiResult CompareRecords(const ApiContext& context, Reader& reader, const Reques
                    ReadIndex(request, "from", "the size of the earlier record"));
   ASSIGN_OR_RETURN(const auto compared, context.record.Compare(reader, from, to));
   return ApiAnswer{.body = {{"from", from},
-                            {"to", to == 0 ? reader.RecordSize() : to},
+                            {"to", to == 0 ? reader.journal.RecordSize() : to},
                             {"from_root", HexOf(compared.from_root)},
                             {"to_root", HexOf(compared.to_root)},
                             {"proof", ProofToJson(compared.proof)}},

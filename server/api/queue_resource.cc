@@ -42,18 +42,18 @@ struct Waiting {
 };
 
 // What the engine plays or will play. nullopt: it has ended since the engine was asked.
-absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, Reader& reader) {
-  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, const Transaction& reader) {
+  absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
   if (absl::IsNotFound(evaluation.status())) return std::nullopt;  // it is newer than what is read
   if (!evaluation.ok()) return evaluation.status();
   if (IsFinal(evaluation->state)) return std::nullopt;
-  ASSIGN_OR_RETURN(SubmissionRow row, reader.Submission(evaluation->submission));
+  ASSIGN_OR_RETURN(SubmissionRow row, reader.submissions.Find(evaluation->submission));
   return Waiting{std::move(row), *std::move(evaluation)};
 }
 
-absl::StatusOr<Json> EntryOf(const Waiting& waiting, Reader& reader, const ApiContext& context) {
+absl::StatusOr<Json> EntryOf(const Waiting& waiting, const Transaction& reader, const ApiContext& context) {
   ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, waiting.row.phase));
-  const EpisodeCounts counts = reader.Counts(waiting.evaluation.id, !sight.progress);
+  const EpisodeCounts counts = reader.episodes.Counts(waiting.evaluation.id, !sight.progress);
   Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
   RedactListed(entry, sight);
   AddOutlook(context, waiting.evaluation, counts, entry);
@@ -72,7 +72,7 @@ void SortByPlace(Json& entries) {
 }
 
 // How busy the host is, and what waits or is played of the submissions that the caller may see.
-absl::StatusOr<Json> QueueView(Reader& reader, const ApiContext& context) {
+absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& context) {
   const std::vector<int64_t> queue =
       context.engine.QueueOf(CallerIsOrganiser() ? nullptr : &Caller().teams);
   size_t total = queue.size();
@@ -148,7 +148,7 @@ class Queue {
 
 absl::StatusOr<Queue::Snapshot> Queue::Make() const {
   ASSIGN_OR_RETURN(Json view, context_.readers.Read<Json>(
-                                  [&](Reader& reader) { return QueueView(reader, context_); }));
+                                  [&](const Transaction& reader) { return QueueView(reader, context_); }));
   std::string text = CanonicalJson(view);
   return Snapshot{std::move(text), StableText(std::move(view)), context_.clock.Monotonic()};
 }

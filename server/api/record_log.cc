@@ -32,11 +32,11 @@ void RecordLog::Add(const RecordRow* row) {
   chain_ = row == nullptr ? "" : row->chain;
 }
 
-absl::Status RecordLog::Follow(Reader& reader) {
-  const int64_t size = reader.RecordSize();
+absl::Status RecordLog::Follow(const Transaction& reader) {
+  const int64_t size = reader.journal.RecordSize();
   while (tree_.size() < size) {
     const int64_t end = std::min(size, tree_.size() + kRowsAtOnce);
-    const Listed<RecordRow> listed = reader.Record(tree_.size(), end - tree_.size());
+    const Listed<RecordRow> listed = reader.journal.Record(tree_.size(), end - tree_.size());
     for (const RecordRow& row : listed.rows) {
       while (tree_.size() < row.index && tree_.size() < size) Add(nullptr);
       Add(&row);
@@ -46,31 +46,31 @@ absl::Status RecordLog::Follow(Reader& reader) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<Damage>> RecordLog::Damaged(Reader& reader) {
+absl::StatusOr<std::vector<Damage>> RecordLog::Damaged(const Transaction& reader) {
   const MutexLock lock(mutex_);
   RETURN_IF_ERROR(Follow(reader));
   return damaged_;
 }
 
-absl::StatusOr<RecordHead> RecordLog::Head(Reader& reader) {
+absl::StatusOr<RecordHead> RecordLog::Head(const Transaction& reader) {
   const MutexLock lock(mutex_);
   RETURN_IF_ERROR(Follow(reader));
   RecordHead head;
-  head.size = reader.RecordSize();
+  head.size = reader.journal.RecordSize();
   head.root = tree_.Root(head.size);
   if (head.size == 0) return head;
-  const Listed<RecordRow> last = reader.Record(head.size - 1, 1);
+  const Listed<RecordRow> last = reader.journal.Record(head.size - 1, 1);
   if (last.left_out) return DamagedRow(*last.left_out);
   if (!last.rows.empty()) head.chain = last.rows.front().chain;
   return head;
 }
 
-absl::StatusOr<EntryProof> RecordLog::Prove(Reader& reader, int64_t entry, int64_t size) {
-  const int64_t whole = reader.RecordSize();
+absl::StatusOr<EntryProof> RecordLog::Prove(const Transaction& reader, int64_t entry, int64_t size) {
+  const int64_t whole = reader.journal.RecordSize();
   if (size == 0) size = whole;
   if (entry < 0 || entry >= whole) return OutOfRange("entry", entry, 0, whole - 1);
   if (size <= entry || size > whole) return OutOfRange("size", size, entry + 1, whole);
-  const Listed<RecordRow> row = reader.Record(entry, 1);
+  const Listed<RecordRow> row = reader.journal.Record(entry, 1);
   if (row.left_out) return DamagedRow(*row.left_out);
   if (row.rows.empty() || row.rows.front().index != entry) {
     return DamagedRow({"record", absl::StrCat(entry), "it is gone"});
@@ -84,9 +84,9 @@ absl::StatusOr<EntryProof> RecordLog::Prove(Reader& reader, int64_t entry, int64
                     .proof = tree_.InclusionProof(entry, size)};
 }
 
-absl::StatusOr<RecordLog::Consistency> RecordLog::Compare(Reader& reader, int64_t from,
+absl::StatusOr<RecordLog::Consistency> RecordLog::Compare(const Transaction& reader, int64_t from,
                                                           int64_t to) {
-  const int64_t whole = reader.RecordSize();
+  const int64_t whole = reader.journal.RecordSize();
   if (to == 0) to = whole;
   if (to < 0 || to > whole) return OutOfRange("to", to, 0, whole);
   if (from < 0 || from > to) return OutOfRange("from", from, 0, to);

@@ -11,7 +11,7 @@
 #include "protocol/base/mutex.h"
 #include "server/proof/merkle_tree.h"
 #include "server/proof/record_head.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
@@ -21,21 +21,21 @@ class RecordLog {
  public:
   // Where the record was changed or can't be read, the first few. Such an entry keeps its place, as
   // it is there now, so that everything else goes on.
-  absl::StatusOr<std::vector<Damage>> Damaged(Reader& reader);
+  absl::StatusOr<std::vector<Damage>> Damaged(const Transaction& reader);
 
-  absl::StatusOr<RecordHead> Head(Reader& reader);
+  absl::StatusOr<RecordHead> Head(const Transaction& reader);
   // InvalidArgumentError says which number is out of range; `size` 0: of all entries.
-  absl::StatusOr<EntryProof> Prove(Reader& reader, int64_t entry, int64_t size);
+  absl::StatusOr<EntryProof> Prove(const Transaction& reader, int64_t entry, int64_t size);
 
   struct Consistency {
     Sha256Digest from_root;
     Sha256Digest to_root;
     MerkleProof proof;
   };
-  absl::StatusOr<Consistency> Compare(Reader& reader, int64_t from, int64_t to);
+  absl::StatusOr<Consistency> Compare(const Transaction& reader, int64_t from, int64_t to);
 
  private:
-  absl::Status Follow(Reader& reader) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status Follow(const Transaction& reader) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Add(const RecordRow* row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Mutex mutex_;

@@ -174,7 +174,7 @@ void RedactRow(Json& row, const View& view) {
   }
 }
 
-absl::StatusOr<PhaseSight> KnownOf(Reader& reader, const ApiContext& context,
+absl::StatusOr<PhaseSight> KnownOf(const Transaction& reader, const ApiContext& context,
                                    const std::string& phase) {
   PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
   if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
@@ -191,7 +191,7 @@ absl::StatusOr<PhaseSight> KnownOf(Reader& reader, const ApiContext& context,
 
 }  // namespace
 
-absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
+absl::StatusOr<bool> IsPhasePublic(const Transaction& reader, const ApiContext& context,
                                    const std::string& phase) {
   if (phase.empty()) return true;
   ASSIGN_OR_RETURN(const PhaseSight known, KnownOf(reader, context, phase));
@@ -202,7 +202,7 @@ absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
          SeesReceipt(sight);
 }
 
-absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
+absl::StatusOr<Visibility> SightOfPhase(const Transaction& reader, const ApiContext& context,
                                         const std::string& phase) {
   const Role role = Caller().role;
   if (phase.empty() || role >= Role::kOrganiser) return Visibility{};
@@ -210,7 +210,7 @@ absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& contex
   return SightOf(role, known);
 }
 
-absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,
+absl::StatusOr<Visibility> SightOfConfig(const Transaction& reader, const ApiContext& context,
                                          const TrackConfig& config) {
   if (config.phase.empty()) return Visibility{};
   absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, config.phase);

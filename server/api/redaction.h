@@ -11,7 +11,7 @@
 #include "protocol/lease/track_config.h"
 #include "server/access/sight.h"
 #include "server/api/context.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
@@ -19,15 +19,15 @@ namespace myograde::server {
 
 // Whether anybody at all may see the receipts of a phase's evaluations ("": of none): it is
 // published, or withholds nothing of them and never freezes its board.
-absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
+absl::StatusOr<bool> IsPhasePublic(const Transaction& reader, const ApiContext& context,
                                    const std::string& phase);
 
 // Of evaluations of a phase ("": of none).
-absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
+absl::StatusOr<Visibility> SightOfPhase(const Transaction& reader, const ApiContext& context,
                                         const std::string& phase);
 
 // Of evaluations under a config.
-absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,
+absl::StatusOr<Visibility> SightOfConfig(const Transaction& reader, const ApiContext& context,
                                          const TrackConfig& config);
 
 inline constexpr char kWithheldCode[] = "withheld";

@@ -141,7 +141,7 @@ absl::StatusOr<ApplyRequest> ParseApply(const Json& body) {
   return request;
 }
 
-absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
+absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,
                                       const std::string& phase, const std::string& track,
                                       const std::string& profile) {
   if (phase.empty()) return context.tracks.Find(track, profile);
@@ -154,7 +154,7 @@ absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
   return StoredTrack(reader, hash);
 }
 
-absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context,
+absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiContext& context,
                                        const RejudgeRequest& request) {
   ASSIGN_OR_RETURN(const TrackPtr live,
                    TrackInForce(reader, context, request.phase, request.track, request.profile));

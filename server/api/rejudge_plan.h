@@ -36,7 +36,7 @@ struct ApplyRequest {
 absl::StatusOr<ApplyRequest> ParseApply(const nlohmann::json& body);
 
 // What a board is played and judged by now.
-absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
+absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,
                                       const std::string& phase, const std::string& track,
                                       const std::string& profile);
 
@@ -45,7 +45,7 @@ NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to);
 
 // What the store is to create. InvalidArgumentError says in one sentence what is wrong with the
 // config, or how it does not fit the board.
-absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context,
+absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiContext& context,
                                        const RejudgeRequest& request);
 
 // The JSON pointers at which two effective configs differ, sorted.

@@ -51,17 +51,17 @@ Json EventToJson(const RejudgeEventRow& event) {
 }
 
 // Today's name of a submission's team; null if it can't be read.
-Json TeamToJson(Reader& reader, int64_t submission) {
-  const absl::StatusOr<std::string> team = reader.TeamOfSubmission(submission);
+Json TeamToJson(const Transaction& reader, int64_t submission) {
+  const absl::StatusOr<std::string> team = reader.submissions.TeamOf(submission);
   return team.ok() ? Json(*team) : Json();
 }
 
-absl::StatusOr<Json> WithoutResultToJson(Reader& reader, const RejudgeRow& rejudge,
+absl::StatusOr<Json> WithoutResultToJson(const Transaction& reader, const RejudgeRow& rejudge,
                                          const RejudgeProgress& progress) {
   Json without = Json::array();
   if (progress.without_result.empty()) return without;
   ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items,
-                   reader.EvaluationsOfRejudge(rejudge.id));
+                   reader.evaluations.OfRejudge(rejudge.id));
   std::map<int64_t, const EvaluationRow*> first;
   for (const EvaluationRow& item : items) first.try_emplace(item.submission, &item);
   for (const int64_t submission : progress.without_result) {
@@ -125,13 +125,13 @@ RejudgeMoments MomentsOf(const RejudgeRow& rejudge) {
   return moments;
 }
 
-absl::StatusOr<Leaderboard> BoardOrEmpty(Reader& reader, const Track& track,
+absl::StatusOr<Leaderboard> BoardOrEmpty(const Transaction& reader, const Track& track,
                                          const std::string& name, const BoardMoment& moment) {
   if (!track.scoring.boards.contains(name)) return Leaderboard();
   return BoardUnder(reader, track, name, moment);
 }
 
-absl::StatusOr<Json> BoardChanges(Reader& reader, const Track& from, const Track& to,
+absl::StatusOr<Json> BoardChanges(const Transaction& reader, const Track& from, const Track& to,
                                   const std::string& name, const RejudgeMoments& moments,
                                   std::vector<Damage>& damaged) {
   ASSIGN_OR_RETURN(const Leaderboard before, BoardOrEmpty(reader, from, name, moments.before));
@@ -149,8 +149,8 @@ absl::StatusOr<Json> BoardChanges(Reader& reader, const Track& from, const Track
               {"rows", std::move(rows)}};
 }
 
-absl::StatusOr<Json> NotRepeatableToJson(Reader& reader, int64_t rejudge) {
-  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.UnrepeatableOf(rejudge));
+absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t rejudge) {
+  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.rejudges.UnrepeatableOf(rejudge));
   Json list = Json::array();
   for (const Unrepeatable& one : found) {
     Json episodes = Json::array();
@@ -167,20 +167,20 @@ absl::StatusOr<Json> NotRepeatableToJson(Reader& reader, int64_t rejudge) {
 }
 
 // With the events, what has no result, and the keys at which the configs differ.
-absl::StatusOr<Json> WholeRejudgeToJson(Reader& reader, const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
+absl::StatusOr<Json> WholeRejudgeToJson(const Transaction& reader, const RejudgeRow& rejudge) {
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.ProgressOf(rejudge));
   Json json = SummaryOf(rejudge, progress);
   ASSIGN_OR_RETURN(json["without_result"], WithoutResultToJson(reader, rejudge, progress));
   json["events"] = Json::array();
   for (const RejudgeEventRow& event : rejudge.events) json["events"].push_back(EventToJson(event));
-  ASSIGN_OR_RETURN(const std::string from, reader.ConfigJson(rejudge.from_config));
-  ASSIGN_OR_RETURN(const std::string to, reader.ConfigJson(rejudge.to_config));
+  ASSIGN_OR_RETURN(const std::string from, reader.content.ConfigJson(rejudge.from_config));
+  ASSIGN_OR_RETURN(const std::string to, reader.content.ConfigJson(rejudge.to_config));
   json["differs"] = DifferingKeys(Json::parse(from), Json::parse(to));
   return json;
 }
 
 // Adds how the boards change, and what was not repeatable.
-absl::Status AddRejudgeChanges(Reader& reader, const RejudgeRow& rejudge, Json& json) {
+absl::Status AddRejudgeChanges(const Transaction& reader, const RejudgeRow& rejudge, Json& json) {
   json["boards"] = Json::array();
   ASSIGN_OR_RETURN(json["not_repeatable"], NotRepeatableToJson(reader, rejudge.id));
   std::vector<Damage> damaged;
@@ -208,7 +208,7 @@ Json PlanToJson(const RejudgePlan& plan) {
           {"without_files", plan.without_files}};
 }
 
-ApiResult ListRejudges(const ApiContext&, Reader& reader, const Request& request) {
+ApiResult ListRejudges(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
   Listed<RejudgeRow> listed;
   const auto& rejudges = reader.Board().rejudges();
@@ -220,17 +220,17 @@ ApiResult ListRejudges(const ApiContext&, Reader& reader, const Request& request
   }
   ApiAnswer answer{200, {{"rejudges", Json::array()}}};
   for (const RejudgeRow& row : listed.rows) {
-    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(row));
+    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.ProgressOf(row));
     answer.body["rejudges"].push_back(SummaryOf(row, progress));
   }
   AddNextPage(request, page, listed, answer);
   return answer;
 }
 
-ApiResult GetRejudge(const ApiContext&, Reader& reader, const Request& request) {
+ApiResult GetRejudge(const ApiContext&, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {"changes"}));
   ASSIGN_OR_RETURN(const bool changes, ReadSwitch(request, "changes", false));
-  ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(IdOf(request)));
+  ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(IdOf(request)));
   ApiAnswer answer;
   ASSIGN_OR_RETURN(answer.body, WholeRejudgeToJson(reader, row));
   if (changes) RETURN_IF_ERROR(AddRejudgeChanges(reader, row, answer.body));
@@ -240,8 +240,8 @@ ApiResult GetRejudge(const ApiContext&, Reader& reader, const Request& request) 
 // The rejudge as it is now, with `more` keys.
 ApiResult ShowRejudge(const ApiContext& context, int64_t id, int http, Json more) {
   ASSIGN_OR_RETURN(Json body,
-                   context.readers.Read<Json>([&](Reader& reader) -> absl::StatusOr<Json> {
-                     ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
+                   context.readers.Read<Json>([&](const Transaction& reader) -> absl::StatusOr<Json> {
+                     ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
                      return WholeRejudgeToJson(reader, row);
                    }));
   body.update(more);
@@ -250,7 +250,7 @@ ApiResult ShowRejudge(const ApiContext& context, int64_t id, int http, Json more
 
 ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& body) {
   ASSIGN_OR_RETURN(const RejudgeRequest asked, ParseRejudge(body));
-  ASSIGN_OR_RETURN(const NewRejudge rejudge, context.readers.Read<NewRejudge>([&](Reader& reader) {
+  ASSIGN_OR_RETURN(const NewRejudge rejudge, context.readers.Read<NewRejudge>([&](const Transaction& reader) {
     return MakeRejudge(reader, context, asked);
   }));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
@@ -264,8 +264,8 @@ ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& b
 
 // The hash of the config in force on its board.
 absl::StatusOr<std::string> ConfigInForce(const ApiContext& context, int64_t id) {
-  return context.readers.Read<std::string>([&](Reader& reader) -> absl::StatusOr<std::string> {
-    ASSIGN_OR_RETURN(const RejudgeRow row, reader.Rejudge(id));
+  return context.readers.Read<std::string>([&](const Transaction& reader) -> absl::StatusOr<std::string> {
+    ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
     ASSIGN_OR_RETURN(const TrackPtr live,
                      TrackInForce(reader, context, row.phase, row.track, row.profile));
     return live->config.hash;
@@ -276,7 +276,7 @@ absl::StatusOr<std::string> ConfigInForce(const ApiContext& context, int64_t id)
 AfterRejudge PlayFromNowOn(const ApiContext& context) {
   return [&context = context](const RejudgeDone& done) {
     if (done.config_after == done.config_before) return;
-    const absl::Status switched = context.readers.Read([&](Reader& reader) {
+    const absl::Status switched = context.readers.Read([&](const Transaction& reader) {
       return SwitchConfig(reader, done.config_after, context.tracks, context.phases);
     });
     if (switched.ok()) return;

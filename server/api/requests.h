@@ -15,7 +15,7 @@
 #include "server/admission/admission.h"
 #include "server/base/plain_text.h"
 #include "server/http/request.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

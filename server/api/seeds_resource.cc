@@ -35,7 +35,7 @@ std::vector<uint64_t> FurtherSeeds(const std::string& secret, const std::string&
 }
 
 // The further seeds of a phase from the first to the last that was played, or will be.
-absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(Reader& reader, const std::string& phase,
+absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& reader, const std::string& phase,
                                                          const std::string& secret) {
   std::set<uint64_t> played;
   size_t own = 0;
@@ -78,12 +78,12 @@ absl::Status NothingToReveal(const std::string& phase) {
       absl::StrCat("the seeds of phase \"", phase, "\" are public; there is nothing to reveal"));
 }
 
-absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& context,
+absl::StatusOr<HiddenSeeds> SeedsToReveal(const Transaction& reader, const ApiContext& context,
                                           const std::string& name) {
   ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, name, "", ""));
   const TrackConfig& config = track->config;
   const bool is_public = config.seed_salt.empty();
-  absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
+  absl::StatusOr<std::string> secret = reader.phases.Secret(name);
   if (absl::IsNotFound(secret.status()) && is_public) return NothingToReveal(name);
   if (const PhaseConfig* phase = context.phases.ConfigOf(name)) {
     const std::vector<PhaseEventRow> events = reader.Board().PhaseEvents(name);
@@ -107,11 +107,11 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& cont
 ApiResult RevealSeeds(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const std::string phase = request.matches[1];
-  ASSIGN_OR_RETURN(const HiddenSeeds hidden, context.readers.Read<HiddenSeeds>([&](Reader& reader) {
+  ASSIGN_OR_RETURN(const HiddenSeeds hidden, context.readers.Read<HiddenSeeds>([&](const Transaction& reader) {
     return SeedsToReveal(reader, context, phase);
   }));
-  const auto reveal = [phase, reason, who = CallerKey()](Writer& writer) {
-    return writer.AddPhaseEvent(phase, kRevealedEvent, who, reason);
+  const auto reveal = [phase, reason, who = CallerKey()](Transaction& writer) {
+    return writer.phases.AddEvent(phase, kRevealedEvent, who, reason);
   };
   ASSIGN_OR_RETURN(const bool changed,
                    context.engine.Change<bool>(reveal, context.config.http.request));
@@ -171,7 +171,7 @@ std::vector<int64_t> UndecidedOf(const Leaderboard& board, const BoardStatistics
   return undecided;
 }
 
-absl::StatusOr<std::vector<int64_t>> ChosenRows(Reader& reader, const ApiContext& context,
+absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader, const ApiContext& context,
                                                 const Track& track,
                                                 const MoreSeedsRequest& request) {
   ASSIGN_OR_RETURN(const Leaderboard board, BoardUnder(reader, track, request.board, {}));
@@ -248,7 +248,7 @@ absl::StatusOr<MoreSeedsRequest> ParseMoreSeeds(const Json& body, const std::str
 // What the store is to create: one rejudge for all submissions that lack the same seeds.
 // FailedPreconditionError: nothing is undecided, or all have as many already; InvalidArgumentError:
 // there are no such places, or too many episodes. `secret`: the phase's.
-absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(Reader& reader,
+absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& reader,
                                                             const ApiContext& context,
                                                             const MoreSeedsRequest& request,
                                                             const std::string& secret) {
@@ -293,10 +293,10 @@ Json CreatedToJson(const CreatedRejudge& created, const NewRejudge& asked) {
 absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::string& phase) {
   bool hidden = false;
   absl::StatusOr<std::string> secret =
-      context.readers.Read<std::string>([&](Reader& reader) -> absl::StatusOr<std::string> {
+      context.readers.Read<std::string>([&](const Transaction& reader) -> absl::StatusOr<std::string> {
         ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, phase, "", ""));
         hidden = !track->config.seed_salt.empty();
-        return reader.PhaseSecret(phase);
+        return reader.phases.Secret(phase);
       });
   if (!absl::IsNotFound(secret.status())) return secret;
   if (hidden) {
@@ -305,14 +305,14 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
         "\", as exports do not hold it; further seeds follow from it where it was held"));
   }
   return context.engine.Change<std::string>(
-      [phase](Writer& writer) { return writer.FurtherSecret(phase); }, context.config.http.request);
+      [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); }, context.config.http.request);
 }
 
 ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const MoreSeedsRequest asked, ParseMoreSeeds(body, request.matches[1]));
   ASSIGN_OR_RETURN(const std::string secret, SecretOfPhase(context, asked.phase));
   ASSIGN_OR_RETURN(const auto rejudges,
-                   context.readers.Read<std::vector<NewRejudge>>([&](Reader& reader) {
+                   context.readers.Read<std::vector<NewRejudge>>([&](const Transaction& reader) {
                      return MakeFurtherRejudges(reader, context, asked, secret);
                    }));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));

@@ -26,13 +26,13 @@ namespace myograde::server {
 namespace {
 
 // The name that a team has, or will have once there is one: all forms of a name are one team.
-std::string NameOf(Reader& reader, const std::string& team) {
-  const std::string known = reader.TeamOf(team);
+std::string NameOf(const Transaction& reader, const std::string& team) {
+  const std::string known = reader.teams.NameOf(team);
   return CleanName(known, "the team's name").value_or(known);
 }
 
 // Whether the settings give the team to somebody, who need not have submitted anything yet.
-bool IsGiven(Reader& reader, const AccessConfig& access, const std::string& team) {
+bool IsGiven(const Transaction& reader, const AccessConfig& access, const std::string& team) {
   return std::any_of(access.users.begin(), access.users.end(), [&](const UserRule& rule) {
     return !rule.team.empty() && NameOf(reader, rule.team) == team;
   });
@@ -59,9 +59,9 @@ absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
     return std::optional(Founding{caller.key, INT64_MAX, /*needed=*/false});
   }
   std::optional<Founding> founding;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) {
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) {
     if (!caller.may_found_team) return RequireTeam(reader, team);
-    const std::string known = reader.TeamOf(team);
+    const std::string known = reader.teams.NameOf(team);
     if (caller.teams.contains(known)) return absl::OkStatus();
     if (IsGiven(reader, context.config.access, NameOf(reader, team))) return BelongsToOthers(known);
     founding = {caller.key, context.config.access.teams_of_a_user, /*needed=*/true};
@@ -98,10 +98,10 @@ absl::StatusOr<UploadRequest> ParseUpload(const Request& request) {
 // For an upload without a team: one of the caller's must still be allowed to hand something in.
 absl::Status CheckSomeTeam(ReaderPool& readers) {
   if (CallerIsOrganiser() || Caller().teams.empty()) return absl::OkStatus();
-  return readers.Read([](Reader& reader) {
+  return readers.Read([](const Transaction& reader) {
     absl::Status refusal;
     for (const std::string& team : Caller().teams) {
-      refusal = reader.CheckTeam(team);
+      refusal = reader.teams.Check(team);
       if (refusal.ok()) break;
     }
     return refusal;
@@ -135,9 +135,9 @@ ApiResult UploadArtefact(const ApiContext& context, const Request& request) {
                     {"new", received->is_new}}};
 }
 
-absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t evaluation) {
-  ASSIGN_OR_RETURN(std::vector<TransitionRow> rows, reader.Transitions("submission", submission));
-  ASSIGN_OR_RETURN(std::vector<TransitionRow> more, reader.Transitions("evaluation", evaluation));
+absl::StatusOr<Json> HistoryToJson(const Transaction& reader, int64_t submission, int64_t evaluation) {
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> rows, reader.evaluations.Transitions("submission", submission));
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> more, reader.evaluations.Transitions("evaluation", evaluation));
   rows.insert(rows.end(), more.begin(), more.end());
   Json history = Json::array();
   for (const TransitionRow& row : rows) {
@@ -201,15 +201,15 @@ Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
 }
 
 // The answer to GET /v1/submissions/ID. NotFoundError: there is no such submission.
-absl::StatusOr<Json> SubmissionStatus(Reader& reader, const ApiContext& context, int64_t id) {
-  ASSIGN_OR_RETURN(SubmissionRow row, reader.Submission(id));
-  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations, reader.Evaluations(id));
+absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContext& context, int64_t id) {
+  ASSIGN_OR_RETURN(SubmissionRow row, reader.submissions.Find(id));
+  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations, reader.evaluations.Of(id));
   const EvaluationRow& original = evaluations.front();
-  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.Leases(original.id));
-  ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.LeaseRunsOf(original.id));
+  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(original.id));
+  ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.leases.RunsOf(original.id));
   ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
   ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
-  const EpisodeCounts counts = reader.Counts(original.id, !sight.progress);
+  const EpisodeCounts counts = reader.episodes.Counts(original.id, !sight.progress);
   Json json = SubmissionToJson(row, original, counts);
   const QueueOutlook outlook = AddOutlook(context, original, counts, json);
   json["reason"] = TextOrNull(original.reason);
@@ -242,20 +242,20 @@ absl::StatusOr<Json> SubmissionStatus(Reader& reader, const ApiContext& context,
 }
 
 // An entry of a list of submissions.
-absl::StatusOr<Json> ListedToJson(Reader& reader, const ApiContext& context,
+absl::StatusOr<Json> ListedToJson(const Transaction& reader, const ApiContext& context,
                                   const SubmissionRow& row) {
-  ASSIGN_OR_RETURN(const EvaluationRow original, reader.Original(row.id));
+  ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(row.id));
   ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
-  Json json = SubmissionToJson(row, original, reader.Counts(original.id, !sight.progress));
+  Json json = SubmissionToJson(row, original, reader.episodes.Counts(original.id, !sight.progress));
   RedactListed(json, sight);
   return json;
 }
 
-ApiResult ListSubmissions(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(SubmissionFilter filter, ParseFilter(request));
   if (!CallerIsOrganiser()) filter.teams = Caller().teams;
-  filter.team = reader.TeamOf(filter.team);
-  const Listed<SubmissionRow> found = reader.Submissions(filter);
+  filter.team = reader.teams.NameOf(filter.team);
+  const Listed<SubmissionRow> found = reader.submissions.List(filter);
   Json list = Json::array();
   for (const SubmissionRow& row : found.rows) {
     absl::StatusOr<Json> json = ListedToJson(reader, context, row);
@@ -273,13 +273,13 @@ ApiResult ListSubmissions(const ApiContext& context, Reader& reader, const Reque
 }
 
 ApiResult StatusAnswer(const ApiContext& context, int64_t submission) {
-  ASSIGN_OR_RETURN(Json body, context.readers.Read<Json>([&](Reader& reader) {
+  ASSIGN_OR_RETURN(Json body, context.readers.Read<Json>([&](const Transaction& reader) {
     return SubmissionStatus(reader, context, submission);
   }));
   return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult GetSubmission(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult GetSubmission(const ApiContext& context, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(RequireSubmission(reader, IdOf(request)));
   ASSIGN_OR_RETURN(Json body, SubmissionStatus(reader, context, IdOf(request)));
   return ApiAnswer{200, std::move(body)};
@@ -308,9 +308,9 @@ ApiResult CancelSubmission(const ApiContext& context, const Request& request, co
   const int64_t id = IdOf(request);
   ASSIGN_OR_RETURN(
       const Visibility sight,
-      context.readers.Read<Visibility>([&](Reader& reader) -> absl::StatusOr<Visibility> {
+      context.readers.Read<Visibility>([&](const Transaction& reader) -> absl::StatusOr<Visibility> {
         RETURN_IF_ERROR(RequireSubmission(reader, id));
-        ASSIGN_OR_RETURN(const SubmissionRow row, reader.Submission(id));
+        ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(id));
         // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
         return SightOfPhase(reader, context, row.phase);
       }));
@@ -326,7 +326,7 @@ ApiResult CancelSubmission(const ApiContext& context, const Request& request, co
   ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(context, id));
   ASSIGN_OR_RETURN(
       const std::string charged,
-      context.readers.Read<std::string>([&](Reader& reader) { return reader.ChargedBudget(id); }));
+      context.readers.Read<std::string>([&](const Transaction& reader) { return reader.quotas.ChargedBudget(id); }));
   answer.body["cancel"] = {{"killed", report.killed},
                            {"still_ending", report.still_ending},
                            {"took_wall_s", absl::ToDoubleSeconds(report.took)},
@@ -339,15 +339,15 @@ ApiResult MarkSubmission(const ApiContext& context, const Request& request, cons
   const int64_t id = IdOf(request);
   // What can't be answered is not done.
   RETURN_IF_ERROR(
-      context.readers.Read([&](Reader& reader) { return reader.Submission(id).status(); }));
-  const auto mark = [id, who = CallerKey(), wanted](Writer& writer) {
-    return writer.Mark(id, wanted.mark, wanted.set, who, wanted.reason);
+      context.readers.Read([&](const Transaction& reader) { return reader.submissions.Find(id).status(); }));
+  const auto mark = [id, who = CallerKey(), wanted](Transaction& writer) {
+    return writer.journal.Mark(id, wanted.mark, wanted.set, who, wanted.reason);
   };
   ASSIGN_OR_RETURN(const bool changed,
                    context.engine.Change<bool>(mark, context.config.http.request));
   ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](Reader& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(id));
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
+    ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(id));
     answer.body = {{"submission", id},          {"team", submission.team},
                    {"track", submission.track}, {"profile", submission.profile},
                    {"mark", wanted.mark},       {"set", wanted.set},

@@ -45,15 +45,15 @@ Json TeamToJson(const TeamRow& team) {
           {"members", team.members}};
 }
 
-void AddHistory(Reader& reader, const std::string& team, Json& body) {
-  const Listed<MemberRow> members = reader.Members(team);
+void AddHistory(const Transaction& reader, const std::string& team, Json& body) {
+  const Listed<MemberRow> members = reader.teams.Members(team);
   body["memberships"] = Json::array();
   for (const MemberRow& member : members.rows) {
     body["memberships"].push_back(
         {{"person", member.person}, {"since_at", TimeToJson(member.since)}, {"who", member.who}});
   }
   body["events"] = Json::array();
-  for (const TeamEventRow& event : reader.TeamEvents(team)) {
+  for (const TeamEventRow& event : reader.teams.Events(team)) {
     body["events"].push_back({{"at", TimeToJson(event.at)},
                               {"team", event.team},
                               {"event", event.event},
@@ -63,10 +63,10 @@ void AddHistory(Reader& reader, const std::string& team, Json& body) {
   }
 }
 
-absl::StatusOr<Json> WholeTeam(Reader& reader, const std::string& name) {
-  ASSIGN_OR_RETURN(const TeamRow team, reader.Team(name));
+absl::StatusOr<Json> WholeTeam(const Transaction& reader, const std::string& name) {
+  ASSIGN_OR_RETURN(const TeamRow team, reader.teams.Find(name));
   Json body = TeamToJson(team);
-  body["submissions"] = reader.SubmissionsOf(team.name);
+  body["submissions"] = reader.submissions.CountOf(team.name);
   AddHistory(reader, team.name, body);
   return body;
 }
@@ -124,20 +124,20 @@ Json BudgetsToJson(const BudgetPlace& place,
   return json;
 }
 
-int64_t ActiveTokens(Reader& reader, const std::string& team) {
-  const std::vector<TokenRow> tokens = reader.Tokens().rows;
+int64_t ActiveTokens(const Transaction& reader, const std::string& team) {
+  const std::vector<TokenRow> tokens = reader.callers.Tokens().rows;
   return std::count_if(tokens.begin(), tokens.end(), [&](const TokenRow& token) {
     return token.team == team && token.revoked_at == 0;
   });
 }
 
-ApiResult ListTeams(const ApiContext&, Reader& reader, const Request& request) {
+ApiResult ListTeams(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
-  return PageAnswer(request, page, "teams", reader.Teams(page.before, page.limit),
+  return PageAnswer(request, page, "teams", reader.teams.List(page.before, page.limit),
                     [](const TeamRow& team) { return TeamToJson(team); });
 }
 
-ApiResult GetTeam(const ApiContext&, Reader& reader, const Request& request) {
+ApiResult GetTeam(const ApiContext&, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   RETURN_IF_ERROR(CheckTeam(TeamIn(request)));
   RETURN_IF_ERROR(RequireTeam(reader, TeamIn(request)));
@@ -148,12 +148,12 @@ ApiResult GetTeam(const ApiContext&, Reader& reader, const Request& request) {
 // Does it, and answers with the team as it is afterwards. `change` returns whether it changed
 // anything.
 ApiResult ChangeTeam(const ApiContext& context, const std::string& team,
-                     std::function<absl::StatusOr<bool>(Writer&)> change, int http = 200) {
+                     std::function<absl::StatusOr<bool>(Transaction&)> change, int http = 200) {
   const absl::StatusOr<bool> changed =
       context.engine.ChangeTeams(std::move(change), context.config.http.request);
   if (!changed.ok()) return TeamErrorOf(changed.status(), team);
   absl::StatusOr<Json> body =
-      context.readers.Read<Json>([&](Reader& reader) { return WholeTeam(reader, team); });
+      context.readers.Read<Json>([&](const Transaction& reader) { return WholeTeam(reader, team); });
   if (!body.ok()) return TeamErrorOf(body.status(), team);
   (*body)["changed"] = *changed;
   return ApiAnswer{http, *std::move(body)};
@@ -167,8 +167,8 @@ ApiResult CreateTeam(const ApiContext& context, const Request&, const Json& body
   NoteAct(absl::StrCat("team ", team), "created");
   return ChangeTeam(
       context, team,
-      [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
-        RETURN_IF_ERROR(writer.CreateTeam(team, who, why).status());
+      [team, why, who = CallerKey()](Transaction& writer) -> absl::StatusOr<bool> {
+        RETURN_IF_ERROR(writer.teams.Create(team, who, why).status());
         return true;
       },
       201);
@@ -181,8 +181,8 @@ ApiResult RenameTeam(const ApiContext& context, const Request& request, const Js
   const std::string team = TeamIn(request);
   RETURN_IF_ERROR(Finish(reader, team));
   NoteAct(absl::StrCat("team ", team), absl::StrCat("renamed to ", name));
-  return ChangeTeam(context, team, [=, who = CallerKey()](Writer& writer) {
-    return writer.RenameTeam(team, name, who, why);
+  return ChangeTeam(context, team, [=, who = CallerKey()](Transaction& writer) {
+    return writer.teams.Rename(team, name, who, why);
   });
 }
 
@@ -195,8 +195,8 @@ ApiResult SetTeamMember(const ApiContext& context, const Request& request, const
   ASSIGN_OR_RETURN(const std::string person, PersonNamed(text));
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(person, belongs ? " is a member" : " is no member any more"));
-  return ChangeTeam(context, team, [=, person = person, who = CallerKey()](Writer& writer) {
-    return writer.SetMember(team, person, belongs, who);
+  return ChangeTeam(context, team, [=, person = person, who = CallerKey()](Transaction& writer) {
+    return writer.teams.SetMember(team, person, belongs, who);
   });
 }
 
@@ -208,35 +208,35 @@ ApiResult BanTeam(const ApiContext& context, const Request& request, const Json&
   RETURN_IF_ERROR(Finish(reader, team));
   NoteAct(absl::StrCat("team ", team),
           absl::StrCat(banned ? "banned" : "not banned any more", why.empty() ? "" : ": ", why));
-  return ChangeTeam(context, team, [=, who = CallerKey()](Writer& writer) {
-    return writer.BanTeam(team, banned, who, why);
+  return ChangeTeam(context, team, [=, who = CallerKey()](Transaction& writer) {
+    return writer.teams.Ban(team, banned, who, why);
   });
 }
 
 // What the two teams have used, and what one team of both would have used.
-absl::StatusOr<Json> ConsequencesOfMerge(Reader& reader, const ApiContext& context,
+absl::StatusOr<Json> ConsequencesOfMerge(const Transaction& reader, const ApiContext& context,
                                          const std::string& team, const std::string& into) {
-  RETURN_IF_ERROR(reader.CheckMerge(team, into));
-  const std::string from = reader.TeamOf(team);
-  const std::string to = reader.TeamOf(into);
+  RETURN_IF_ERROR(reader.teams.CheckMerge(team, into));
+  const std::string from = reader.teams.NameOf(team);
+  const std::string to = reader.teams.NameOf(into);
   std::set<std::string> members;
   for (const std::string& one : {from, to}) {
-    ASSIGN_OR_RETURN(const TeamRow row, reader.Team(one));
+    ASSIGN_OR_RETURN(const TeamRow row, reader.teams.Find(one));
     members.insert(row.members.begin(), row.members.end());
   }
-  const int64_t submissions = reader.SubmissionsOf(from);
+  const int64_t submissions = reader.submissions.CountOf(from);
   Json body = {{"team", from},
                {"into", to},
                {"submissions_of_team", submissions},
-               {"submissions", submissions + reader.SubmissionsOf(to)},
+               {"submissions", submissions + reader.submissions.CountOf(to)},
                {"tokens_of_team", ActiveTokens(reader, from)},
                {"members", members},
                {"tracks", Json::array()},
                {"phases", Json::array()}};
   const int64_t now = absl::ToUnixMillis(context.clock.Now());
   for (const BudgetPlace& place : BudgetPlaces(context)) {
-    const QuotaUse used = reader.Quota(from, place.track, now, place.phase);
-    const QuotaUse used_by_into = reader.Quota(to, place.track, now, place.phase);
+    const QuotaUse used = reader.quotas.UseOf(from, place.track, now, place.phase);
+    const QuotaUse used_by_into = reader.quotas.UseOf(to, place.track, now, place.phase);
     body[place.list()].push_back(
         BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) {
           return SumToJson((used.*use_of)(budget), (used_by_into.*use_of)(budget), limit);
@@ -253,12 +253,12 @@ ApiResult MergeTeams(const ApiContext& context, const Request& request, const Js
   const std::string team = TeamIn(request);
   RETURN_IF_ERROR(Finish(reader, team));
   RETURN_IF_ERROR(CheckTeam(into));
-  ASSIGN_OR_RETURN(Json answer, context.readers.Read<Json>([&](Reader& store) {
+  ASSIGN_OR_RETURN(Json answer, context.readers.Read<Json>([&](const Transaction& store) {
     return ConsequencesOfMerge(store, context, team, into);
   }));
   if (!dry_run) {
-    const auto merge = [=, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
-      RETURN_IF_ERROR(writer.MergeTeams(team, into, who, why));
+    const auto merge = [=, who = CallerKey()](Transaction& writer) -> absl::StatusOr<bool> {
+      RETURN_IF_ERROR(writer.teams.Merge(team, into, who, why));
       return true;
     };
     RETURN_IF_ERROR(context.engine.ChangeTeams(merge, context.config.http.request).status());
@@ -293,7 +293,7 @@ Json LedgerToJson(const LedgerRow& row) {
           {"why", row.why}};
 }
 
-absl::Status AddLedger(Reader& reader, const ApiContext& context, const Listed<LedgerRow>& ledger,
+absl::Status AddLedger(const Transaction& reader, const ApiContext& context, const Listed<LedgerRow>& ledger,
                        Json& body) {
   body["ledger"] = Json::array();
   for (const LedgerRow& row : ledger.rows) {
@@ -305,10 +305,10 @@ absl::Status AddLedger(Reader& reader, const ApiContext& context, const Listed<L
 }
 
 // `track` "": on every one.
-Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
+Json QuotaOf(const Transaction& reader, const ApiContext& context, const std::string& team,
              const std::string& track) {
   const int64_t now = absl::ToUnixMillis(context.clock.Now());
-  const int64_t day = reader.QuotaDayAt(now);
+  const int64_t day = reader.quotas.DayAt(now);
   Json json = {{"team", team},
                {"day", DayName(day)},
                {"next_day_at", DayName(day + 1) + "T00:00:00.000Z"},
@@ -316,7 +316,7 @@ Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
                {"phases", Json::array()}};
   for (const BudgetPlace& place : BudgetPlaces(context)) {
     if (!track.empty() && track != place.track) continue;
-    const QuotaUse used = reader.Quota(team, place.track, now, place.phase);
+    const QuotaUse used = reader.quotas.UseOf(team, place.track, now, place.phase);
     Json entry = BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) {
       return UseToJson((used.*use_of)(budget), limit);
     });
@@ -342,7 +342,7 @@ absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
   return absl::OkStatus();
 }
 
-ApiResult GetQuota(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult GetQuota(const ApiContext& context, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request, {"team", "track"}));
   if (!request.HasParam("team")) {
     return absl::InvalidArgumentError("\"team\" is missing: a quota is a team's");
@@ -352,9 +352,9 @@ ApiResult GetQuota(const ApiContext& context, Reader& reader, const Request& req
   RETURN_IF_ERROR(CheckTeam(asked));
   RETURN_IF_ERROR(track.empty() ? absl::OkStatus() : context.tracks.Find(track, "").status());
   RETURN_IF_ERROR(RequireTeam(reader, asked));
-  const std::string team = reader.TeamOf(asked);
+  const std::string team = reader.teams.NameOf(asked);
   ApiAnswer answer{.body = QuotaOf(reader, context, team, track)};
-  const Listed<LedgerRow> ledger = reader.Ledger(team, track, page.before, page.limit);
+  const Listed<LedgerRow> ledger = reader.quotas.Ledger(team, track, page.before, page.limit);
   AddNextPage(request, page, ledger, answer);
   RETURN_IF_ERROR(AddLedger(reader, context, ledger, answer.body));
   return answer;
@@ -364,14 +364,14 @@ ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body
   ASSIGN_OR_RETURN(NewGrant grant, ParseGrant(body));
   RETURN_IF_ERROR(CheckPlace(grant, context));
   absl::Status status = context.engine.Change(
-      [row = grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },
+      [row = grant, who = CallerKey()](Transaction& writer) { return writer.quotas.Grant(row, who); },
       context.config.http.request);
   ApiAnswer answer{201};
   if (status.ok()) {
-    status = context.readers.Read([&](Reader& reader) {
-      grant.team = reader.TeamOf(grant.team);
+    status = context.readers.Read([&](const Transaction& reader) {
+      grant.team = reader.teams.NameOf(grant.team);
       answer.body = QuotaOf(reader, context, grant.team, grant.track);
-      return AddLedger(reader, context, reader.Ledger(grant.team, grant.track, INT64_MAX, 1),
+      return AddLedger(reader, context, reader.quotas.Ledger(grant.team, grant.track, INT64_MAX, 1),
                        answer.body);
     });
   }

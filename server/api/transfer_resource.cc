@@ -32,7 +32,7 @@ absl::Status WriteExport(ReaderPool& readers, const std::string& path) {
   if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
   absl::Status written;
   std::string buffer;
-  const absl::Status status = readers.Read([&](Reader& reader) {
+  const absl::Status status = readers.Read([&](const Transaction& reader) {
     return reader.Export([&](std::string_view text) {
       buffer.append(text);
       if (buffer.size() < (1 << 16)) return true;
@@ -99,7 +99,7 @@ ApiResult ImportStore(const ApiContext& context, const Request& request) {
   RETURN_IF_ERROR(request.body->MoveTo(path));
   ASSIGN_OR_RETURN(ExportInfo info, CheckExport(path));
   RETURN_IF_ERROR(context.engine.Change(
-      [path, checked = info, who = CallerKey()](Writer& writer) {
+      [path, checked = info, who = CallerKey()](Transaction& writer) {
         return writer.Import(path, checked, who, CheckReadable);
       },
       context.config.http.upload));

@@ -39,15 +39,15 @@ Json WebhookToJson(const Webhook& webhook, const DeliveryCounts& counts) {
           {"oldest_waiting_at", TimeToJson(counts.oldest_waiting_at)}};
 }
 
-ApiResult ListWebhooks(const ApiContext& context, Reader& reader, const Request& request) {
+ApiResult ListWebhooks(const ApiContext& context, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   std::map<std::string, DeliveryCounts> counts;
-  for (DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
+  for (DeliveryCounts& count : reader.deliveries.Counts()) counts[count.webhook] = count;
   for (const Webhook& webhook : context.webhooks.webhooks()) {
     const std::string& name = webhook.config.name;
     list.push_back(WebhookToJson(webhook, counts[name]));
-    const Listed<DeliveryRow> rows = reader.Deliveries(name, INT64_MAX, kShownDeliveries);
+    const Listed<DeliveryRow> rows = reader.deliveries.List(name, INT64_MAX, kShownDeliveries);
     Json& deliveries = list.back()["deliveries"] = Json::array();
     for (const DeliveryRow& row : rows.rows) deliveries.push_back(DeliveryToJson(row));
   }

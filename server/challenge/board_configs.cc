@@ -55,13 +55,13 @@ absl::Status SwitchConfig(const TrackPtr& track, Tracks& tracks, Phases& phases)
   return absl::IsNotFound(replaced) ? absl::OkStatus() : replaced;
 }
 
-absl::Status SwitchConfig(Reader& reader, const std::string& config_hash, Tracks& tracks,
+absl::Status SwitchConfig(const Transaction& reader, const std::string& config_hash, Tracks& tracks,
                           Phases& phases) {
   ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, config_hash));
   return SwitchConfig(track, tracks, phases);
 }
 
-absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& phases) {
+absl::StatusOr<Overlaid> OverlayConfigs(const Transaction& reader, Tracks& tracks, Phases& phases) {
   Overlaid overlaid;
   for (const FileBoard& file : BoardsOfFiles(tracks, phases)) {
     const std::string& hash = file.track->config.hash;

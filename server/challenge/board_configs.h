@@ -10,7 +10,7 @@
 
 #include "server/challenge/phases.h"
 #include "server/grading/tracks.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -22,7 +22,7 @@ namespace myograde::server {
 absl::Status SwitchConfig(const TrackPtr& track, Tracks& tracks, Phases& phases);
 
 // The same for a config of the store.
-absl::Status SwitchConfig(Reader& reader, const std::string& config_hash, Tracks& tracks,
+absl::Status SwitchConfig(const Transaction& reader, const std::string& config_hash, Tracks& tracks,
                           Phases& phases);
 
 // What OverlayConfigs decided, for the log.
@@ -37,6 +37,6 @@ struct Overlaid {
 // already. A board's config is the store's as long as its file says what it said before those
 // rejudges, or what one of them made of it. If the file says anything else, the file wins. A phase
 // whose config can't be read can't be played: Phases::Find says why.
-absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& phases);
+absl::StatusOr<Overlaid> OverlayConfigs(const Transaction& reader, Tracks& tracks, Phases& phases);
 
 }  // namespace myograde::server

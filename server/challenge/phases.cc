@@ -202,7 +202,7 @@ PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRo
 }
 
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
-    std::span<const ChallengeConfig> challenges, Reader& reader, absl::Time now) {
+    std::span<const ChallengeConfig> challenges, const Transaction& reader, absl::Time now) {
   const std::vector<PhaseEventRow> events = reader.Board().PhaseEvents(std::nullopt);
   std::vector<std::string> found;
   for (const ChallengeConfig& challenge : challenges) {
@@ -210,7 +210,7 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
       const std::string place = absl::StrCat(challenge.where, ": phase \"", phase.name, "\": ");
       const absl::Status secret = phase.committed == 0
                                       ? absl::OkStatus()
-                                      : reader.CheckPhaseSecret(phase.name, challenge.name);
+                                      : reader.phases.CheckSecret(phase.name, challenge.name);
       if (!secret.ok()) {
         found.push_back(absl::StrCat(place, secret.message()));
       } else if (phase.committed == 0 && reader.Board().HasCommitted(phase.name)) {

@@ -16,7 +16,7 @@
 #include "protocol/base/mutex.h"
 #include "server/challenge/challenge.h"
 #include "server/grading/tracks.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
@@ -97,7 +97,7 @@ PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRo
 // seeds were revealed, and its times would let submissions in again; its secret can't be had
 // (Reader::CheckPhaseSecret); or it has public seeds, after a commitment to hidden ones. Errors of Reader::PhaseEvents.
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
-    std::span<const ChallengeConfig> challenges, Reader& reader, absl::Time now);
+    std::span<const ChallengeConfig> challenges, const Transaction& reader, absl::Time now);
 
 // Whether the calendar lets a submission in. FailedPreconditionError with the code "phase_closed"
 // says when the phase opens, or closed.

@@ -240,7 +240,7 @@ absl::Status Daemon::AddServices() {
                                       .cache_dir = options_.cache_dir,
                                       .reference = reference},
                      configs_.tracks, *phases_, *engine_, readers_, clock_);
-  const auto change = [this](std::function<absl::Status(Writer&)> act) {
+  const auto change = [this](std::function<absl::Status(Transaction&)> act) {
     return engine_->Change(std::move(act), config_.http.request);
   };
   access_log_.emplace(change, clock_, metrics_.get());

@@ -178,8 +178,8 @@ namespace {
 absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
   const auto secret_of = [&](const PhaseConfig& phase) {
     std::string secret;
-    const absl::Status written = store.Write([&](Writer& writer) -> absl::Status {
-      ASSIGN_OR_RETURN(secret, writer.PhaseSecret(phase.name, phase.challenge));
+    const absl::Status written = store.Write([&](Transaction& writer) -> absl::Status {
+      ASSIGN_OR_RETURN(secret, writer.phases.EnsureSecret(phase.name, phase.challenge));
       return absl::OkStatus();
     });
     return written.ok() ? secret : absl::StatusOr<std::string>(written);
@@ -189,16 +189,16 @@ absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
 
 absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks,
                                 Phases& phases) {
-  ASSIGN_OR_RETURN(Overlaid overlaid, readers.Read<Overlaid>([&](Reader& reader) {
+  ASSIGN_OR_RETURN(Overlaid overlaid, readers.Read<Overlaid>([&](const Transaction& reader) {
     return OverlayConfigs(reader, tracks, phases);
   }));
   for (const std::string& note : overlaid.notes) spdlog::info("{}", note);
   for (const std::string& warning : overlaid.warnings) spdlog::warn("{}", warning);
   for (const std::string& error : overlaid.errors) spdlog::error("{}", error);
   if (overlaid.changed.empty()) return absl::OkStatus();
-  return store.Write([&](Writer& writer) {
+  return store.Write([&](Transaction& writer) {
     for (const NewBoardConfig& change : overlaid.changed) {
-      RETURN_IF_ERROR(writer.SetBoardConfig(change, "daemon").status());
+      RETURN_IF_ERROR(writer.journal.SetBoardConfig(change, "daemon").status());
     }
     return absl::OkStatus();
   });
@@ -208,7 +208,7 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now
   for (const auto& [name, why] : phases.unusable()) {
     spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
   }
-  return readers.Read([&](Reader& reader) {
+  return readers.Read([&](const Transaction& reader) {
     std::vector<ChallengeConfig> usable = phases.challenges();
     for (ChallengeConfig& challenge : usable) {
       std::erase_if(challenge.phases, [&](const PhaseConfig& phase) {
@@ -219,7 +219,7 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now
     for (const std::string& sentence : contradicted.value_or(std::vector<std::string>())) {
       spdlog::error("{}", sentence);
     }
-    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
+    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.phases.InUse();
     if (!uses.ok()) {
       spdlog::error("{}", std::string(uses.status().message()));
       return absl::OkStatus();
@@ -249,8 +249,8 @@ absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
   store.SetSubscriptions(SubscriptionsOf(webhooks));
   std::set<std::string> names;
   for (const Webhook& webhook : webhooks) names.insert(webhook.config.name);
-  return store.Write([&](Writer& writer) -> absl::Status {
-    ASSIGN_OR_RETURN(const int64_t given_up, writer.GiveUpStrangers(names));
+  return store.Write([&](Transaction& writer) -> absl::Status {
+    ASSIGN_OR_RETURN(const int64_t given_up, writer.deliveries.GiveUpStrangers(names));
     if (given_up > 0) {
       spdlog::warn("{} events are given up: server.json has not their webhooks any more", given_up);
     }
@@ -282,12 +282,12 @@ void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed) {
 absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
                          RecordLog& record) {
   ASSIGN_OR_RETURN(const int64_t entries,
-                   readers.Read<int64_t>([](Reader& reader) { return reader.RecordSize(); }));
+                   readers.Read<int64_t>([](const Transaction& reader) { return reader.journal.RecordSize(); }));
   if (const auto key = receipts_key.Get(); entries > 0 && key.ok()) {
     RETURN_IF_ERROR(
-        store.Write([pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); }));
+        store.Write([pem = (*key)->PublicPem()](Transaction& writer) { return writer.journal.AppendKey(pem); }));
   }
-  return readers.Read([&](Reader& reader) -> absl::Status {
+  return readers.Read([&](const Transaction& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const std::vector<Damage> damaged, record.Damaged(reader));
     for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
     return absl::OkStatus();

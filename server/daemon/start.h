@@ -16,7 +16,7 @@
 #include "server/executor/executor.h"
 #include "server/proof/signing_key.h"
 #include "server/store/data_folder.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

@@ -56,10 +56,10 @@ class Engine {
                       std::function<absl::Status()> effect = nullptr);
   // The same for a change that gives a value.
   template <typename T>
-  absl::StatusOr<T> Change(std::function<absl::StatusOr<T>(Writer&)> change, absl::Duration timeout,
+  absl::StatusOr<T> Change(std::function<absl::StatusOr<T>(Transaction&)> change, absl::Duration timeout,
                            std::function<absl::Status(const T&)> effect = nullptr);
   // For a change that renames or merges teams, or adds members: gives whether there was any.
-  absl::StatusOr<bool> ChangeTeams(std::function<absl::StatusOr<bool>(Writer&)> change,
+  absl::StatusOr<bool> ChangeTeams(std::function<absl::StatusOr<bool>(Transaction&)> change,
                                    absl::Duration timeout);
   // See EngineCore::Cancel.
   absl::StatusOr<CancelReport> Cancel(const CancelOrder& order, absl::Duration timeout);
@@ -108,9 +108,9 @@ class Engine {
   void Poll(absl::Duration timeout);
   void Beat();
 
-  absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
+  absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Transaction&)> add,
                                  absl::Duration timeout);
-  absl::StatusOr<RejudgeDone> ActOnRejudge(std::function<absl::StatusOr<RejudgeDone>(Writer&)> act,
+  absl::StatusOr<RejudgeDone> ActOnRejudge(std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act,
                                            absl::Duration timeout, AfterRejudge after);
 
   const std::string data_dir_;
@@ -127,12 +127,12 @@ class Engine {
 };
 
 template <typename T>
-absl::StatusOr<T> Engine::Change(std::function<absl::StatusOr<T>(Writer&)> change,
+absl::StatusOr<T> Engine::Change(std::function<absl::StatusOr<T>(Transaction&)> change,
                                  absl::Duration timeout,
                                  std::function<absl::Status(const T&)> effect) {
   const auto value = std::make_shared<T>();  // the loop's, if its caller waits no more
   RETURN_IF_ERROR(Change(
-      [change = std::move(change), value](Writer& writer) -> absl::Status {
+      [change = std::move(change), value](Transaction& writer) -> absl::Status {
         ASSIGN_OR_RETURN(*value, change(writer));
         return absl::OkStatus();
       },

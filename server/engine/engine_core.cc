@@ -118,7 +118,7 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
 // In one transaction, so that there is a single wait for the disk.
 absl::Status EngineCore::Flush() {
   if (journal_.empty()) return absl::OkStatus();
-  absl::Status status = WriteNow([this](Writer& writer) { return WriteJournal(writer); });
+  absl::Status status = WriteNow([this](Transaction& writer) { return WriteJournal(writer); });
   if (status.ok()) ClearJournal();
   if (status.ok() || MayPass(status)) return absl::OkStatus();
   // One entry was rejected: its evaluation ends for that, and all the others must stand.
@@ -139,7 +139,7 @@ void EngineCore::ClearJournal() {
   journal_size_ = 0;
 }
 
-absl::Status EngineCore::WriteJournal(Writer& writer) const {
+absl::Status EngineCore::WriteJournal(Transaction& writer) const {
   for (const Entry& entry : journal_) {
     RETURN_IF_ERROR(entry.change(writer));
   }
@@ -165,7 +165,7 @@ void EngineCore::WatchStore() {
     const MutexLock lock(mutex_);
     if (!store_trouble_.empty()) return;  // ProbeStore looks
   }
-  if (!disk_.Check().ok()) (void)WriteNow([](Writer&) { return absl::OkStatus(); });
+  if (!disk_.Check().ok()) (void)WriteNow([](Transaction&) { return absl::OkStatus(); });
 }
 
 // Nothing needs writing, but the trouble may be over: check.
@@ -175,7 +175,7 @@ void EngineCore::ProbeStore() {
     if (store_trouble_.empty()) return;
   }
   if (clock_.Monotonic() < write_after_) return;
-  (void)WriteNow([](Writer&) { return absl::OkStatus(); });
+  (void)WriteNow([](Transaction&) { return absl::OkStatus(); });
 }
 
 absl::Status EngineCore::SettleAll() {
@@ -202,17 +202,17 @@ void EngineCore::Escalate() {
   for (const int64_t id : late) {
     const LogScope scope({.evaluation = id});
     spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that have not", id, waited);
-    AddToJournal(id, [id, waited, who = owner_](Writer& writer) {
-      return writer.NoteEvaluation(
+    AddToJournal(id, [id, waited, who = owner_](Transaction& writer) {
+      return writer.evaluations.Note(
           id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
     });
   }
 }
 
 void EngineCore::TellLater(const std::string& event, const std::string& about_json) {
-  AddToJournal(0, [event, about_json](Writer& writer) {
+  AddToJournal(0, [event, about_json](Transaction& writer) {
     const absl::Status told =
-        writer.Part([&](Writer& part) { return part.Tell(event, about_json); });
+        writer.Part([&](Transaction& part) { return part.deliveries.Tell(event, about_json); });
     if (!told.ok()) spdlog::error("{} is not told: {}", event, std::string(told.message()));
     return absl::OkStatus();
   });
@@ -235,7 +235,7 @@ void EngineCore::WriteRequests() {
 // the disk.
 void EngineCore::WriteTogether(const std::vector<Request>& requests,
                                std::vector<absl::Status>& statuses) {
-  const absl::Status all = WriteNow([&](Writer& writer) {
+  const absl::Status all = WriteNow([&](Transaction& writer) {
     absl::Status status = WriteJournal(writer);
     for (size_t i = 0; i < requests.size() && status.ok(); ++i) {
       statuses[i] = writer.Part(requests[i].change);

@@ -52,7 +52,7 @@
 #include "server/runtime/runtimes.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -245,7 +245,7 @@ class EngineCore {
   void LookAtDisk();
   bool ShortOfRoom() const;
   absl::Status Flush();
-  absl::Status WriteJournal(Writer& writer) const;
+  absl::Status WriteJournal(Transaction& writer) const;
   void ClearJournal();
   void AddToJournal(int64_t evaluation, StoreChange change) {
     journal_.push_back({evaluation, std::move(change)});

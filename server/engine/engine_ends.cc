@@ -51,7 +51,7 @@ LogFields EngineCore::FieldsOf(const LeaseRun& run) {
 void EngineCore::WriteReturn(const LeaseRun& run, bool fault, const std::string& why) {
   AddToJournal(run.context->evaluation.id,
                [lease = run.lease, attempt = run.attempt, fault, why, who = owner_](
-                   Writer& writer) { return writer.ReturnLease(lease, attempt, fault, who, why); });
+                   Transaction& writer) { return writer.leases.Return(lease, attempt, fault, who, why); });
 }
 
 // Runners that ended by themselves, and those whose records show a fault.
@@ -174,8 +174,8 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
   if (run.report.faulty()) return Fault(run, kReportFault, run.report.fault());
   AddToJournal(run.context->evaluation.id, [lease = run.lease, attempt = run.attempt,
                                             output = CanonicalJson(OutputJson(*run.report.end())),
-                                            who = owner_](Writer& writer) {
-    return writer.FinishLease(lease, attempt, output, who);
+                                            who = owner_](Transaction& writer) {
+    return writer.leases.Finish(lease, attempt, output, who);
   });
   Account(run, RunEnd::kDone);
   executor_.NoteEnd(run.runner->site().node, /*fault=*/false);
@@ -228,14 +228,14 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
   std::vector<int64_t> others = decision.pending;
   others.insert(others.end(), decision.running.begin(), decision.running.end());
   AddToJournal(decision.evaluation,
-               [=, evaluation = decision.evaluation, who = owner_](Writer& writer) {
-    absl::Status status = writer.EndLease(failed, LeaseState::kFailed, /*fault=*/true, who, why);
+               [=, evaluation = decision.evaluation, who = owner_](Transaction& writer) {
+    absl::Status status = writer.leases.End(failed, LeaseState::kFailed, /*fault=*/true, who, why);
     for (const int64_t lease : others) {
-      status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
+      status.Update(writer.leases.End(lease, LeaseState::kCancelled, /*fault=*/false, who,
                                     absl::StrCat("lease ", failed, " could not be played")));
     }
-    status.Update(writer.EndEvaluation(evaluation, EvaluationState::kGraderError,
-                                       writer.WithHold(evaluation, why), "", who));
+    status.Update(writer.evaluations.End(evaluation, EvaluationState::kGraderError,
+                                       writer.submissions.WithHold(evaluation, why), "", who));
     return status;
   });
   for (const int64_t lease : decision.running) ReclaimAs(lease, RunEnd::kCancelled);
@@ -316,8 +316,8 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   Forget(evaluation);
   std::erase_if(journal_, [&](const Entry& entry) { return entry.evaluation == evaluation; });
   journal_size_ = std::ssize(journal_);
-  AddToJournal(evaluation, [evaluation, why, who = owner_](Writer& writer) {
-    return writer.EndUnreadable(evaluation, why, who);
+  AddToJournal(evaluation, [evaluation, why, who = owner_](Transaction& writer) {
+    return writer.evaluations.EndUnreadable(evaluation, why, who);
   });
 }
 
@@ -336,12 +336,12 @@ absl::StatusOr<std::set<int64_t>> EngineCore::CancelEvaluations(const CancelOrde
            });
   };
   std::vector<int64_t> open;
-  RETURN_IF_ERROR(WriteNow([&](Writer& writer) -> absl::Status {
-    open = writer.OpenEvaluationsOf(order.submission, order.reruns);
+  RETURN_IF_ERROR(WriteNow([&](Transaction& writer) -> absl::Status {
+    open = writer.evaluations.OpenOf(order.submission, order.reruns);
     for (const int64_t evaluation : open) {
-      if (order.charge && may_have_begun(evaluation)) writer.ChargeBegun(evaluation);
+      if (order.charge && may_have_begun(evaluation)) writer.quotas.ChargeBegun(evaluation);
       RETURN_IF_ERROR(
-          writer.EndWithLeases(evaluation, EvaluationState::kCancelled, order.why, order.who));
+          writer.evaluations.EndWithLeases(evaluation, EvaluationState::kCancelled, order.why, order.who));
     }
     return absl::OkStatus();
   }));

@@ -93,8 +93,8 @@ void EngineCore::StartLease(const Start& start) {
   run.work_dir = absl::StrCat(options_.data_dir, "/work/", run.lease, "-", run.attempt);
   std::tie(run.first, run.last) = run.context->blocks.at(start.lease);
   const int64_t deadline = absl::ToUnixMillis(clock_.Now() + start.lease_wall);
-  AddToJournal(start.evaluation, [start, deadline, who = owner_](Writer& writer) {
-    return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
+  AddToJournal(start.evaluation, [start, deadline, who = owner_](Transaction& writer) {
+    return writer.leases.Start(start.lease, start.attempt, start.slot, deadline, who);
   });
   const absl::StatusOr<LeaseOrder> order = OrderFor(run);
   // The scheduler watches for lateness and silence.
@@ -159,8 +159,8 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   const bool played = row->outcome == Outcome::kSuccess || row->outcome == Outcome::kFailure;
   metrics().CountEpisode(run.context->submission.track, OutcomeName(row->outcome),
                          /*participant_fault=*/!played);
-  AddToJournal(run.context->evaluation.id, [row = *std::move(row)](Writer& writer) -> absl::Status {
-    ASSIGN_OR_RETURN(Recorded recorded, writer.RecordEpisode(row));
+  AddToJournal(run.context->evaluation.id, [row = *std::move(row)](Transaction& writer) -> absl::Status {
+    ASSIGN_OR_RETURN(Recorded recorded, writer.episodes.Record(row));
     if (!recorded.differs.empty()) {
       const LogScope about({.evaluation = row.evaluation, .lease = row.lease,
                             .attempt = row.attempt});

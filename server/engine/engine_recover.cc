@@ -51,7 +51,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(StoredEvaluation stored) const {
 
 absl::Status EngineCore::Enqueue(int64_t id) {
   absl::StatusOr<StoredEvaluation> stored = readers_.Read<StoredEvaluation>(
-      [&](Reader& reader) { return LoadEvaluation(reader, id, content_); });
+      [&](const Transaction& reader) { return LoadEvaluation(reader, id, content_); });
   if (MayPass(stored.status())) {
     spdlog::warn("evaluation {} is deferred: {}", id, std::string(stored.status().message()));
     deferred_.insert(id);
@@ -90,9 +90,9 @@ void EngineCore::FollowTeams() {
     teams = scheduler_.Teams();
   }
   using Names = std::map<std::string, std::string>;
-  const absl::StatusOr<Names> names = readers_.Read<Names>([&](Reader& reader) {
+  const absl::StatusOr<Names> names = readers_.Read<Names>([&](const Transaction& reader) {
     Names found;
-    for (const std::string& team : teams) found[team] = reader.TeamOf(team);
+    for (const std::string& team : teams) found[team] = reader.teams.NameOf(team);
     return found;
   });
   if (!names.ok()) {
@@ -114,12 +114,12 @@ absl::Status EngineCore::EnqueueDeferred() {
 absl::Status EngineCore::Recover() {
   CloseSlots(0, options_.config.scheduler.slots);
   RETURN_IF_ERROR(RecallDrained());
-  Listed<EvaluationRow> unfinished;
+  UnfinishedRows unfinished;
   std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) {
-    unfinished = reader.Unfinished();
+  RETURN_IF_ERROR(readers_.Read([&](const Transaction& reader) {
+    unfinished = reader.evaluations.Unfinished();
     for (const EvaluationRow& evaluation : unfinished.rows) {
-      const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(evaluation.id);
+      const absl::StatusOr<std::vector<LeaseRow>> leases = reader.leases.Of(evaluation.id);
       if (!leases.ok()) continue;  // Enqueue runs into the same error
       for (const LeaseRow& lease : *leases) {
         if (lease.state == LeaseState::kRunning) interrupted[evaluation.id].push_back(lease);
@@ -128,13 +128,13 @@ absl::Status EngineCore::Recover() {
     return absl::OkStatus();
   }));
   std::map<int64_t, absl::Status> refused;
-  RETURN_IF_ERROR(disk_.Write([&](Writer& writer) {
+  RETURN_IF_ERROR(disk_.Write([&](Transaction& writer) {
     refused.clear();
     for (const auto& [evaluation, open] : interrupted) {
-      refused[evaluation] = writer.Part([&leases = open, this](Writer& part) {
+      refused[evaluation] = writer.Part([&leases = open, this](Transaction& part) {
         absl::Status returned;
         for (const LeaseRow& lease : leases) {
-          returned.Update(part.ReturnLease(lease.id, lease.attempt, /*fault=*/false, owner_,
+          returned.Update(part.leases.Return(lease.id, lease.attempt, /*fault=*/false, owner_,
                                            "an earlier daemon ended while it ran"));
         }
         return returned;
@@ -164,16 +164,16 @@ absl::Status EngineCore::Recover() {
 absl::Status EngineCore::Settle(int64_t evaluation) {
   const Context& context = *contexts_.at(evaluation);
   using Rows = std::vector<EpisodeRow>;
-  ASSIGN_OR_RETURN(const Rows rows, readers_.Read<Rows>([&](Reader& reader) {
+  ASSIGN_OR_RETURN(const Rows rows, readers_.Read<Rows>([&](const Transaction& reader) {
     return WholeEpisodes(reader, context.evaluation, *context.seeds);
   }));
   ASSIGN_OR_RETURN(const EvaluationResult result, ResultOf(*context.track, rows));
-  RETURN_IF_ERROR(WriteNow([&](Writer& writer) {
-    absl::Status written = writer.EndEvaluation(evaluation, result.state, result.reason,
+  RETURN_IF_ERROR(WriteNow([&](Transaction& writer) {
+    absl::Status written = writer.evaluations.End(evaluation, result.state, result.reason,
                                                 result.results_hash, owner_);
     if (result.state == EvaluationState::kDone &&
         context.evaluation.kind != EvaluationKind::kRerun) {
-      written.Update(writer.SetStanding(evaluation, result.standing));
+      written.Update(writer.episodes.SetStanding(evaluation, result.standing));
     }
     return written;
   }));

@@ -13,13 +13,13 @@ namespace {
 constexpr char kRejudger[] = "daemon";  // in audit rows
 
 // The items of a rejudge with further episodes, complete but for its id.
-absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(Reader& reader, const NewRejudge& rejudge,
+absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(const Transaction& reader, const NewRejudge& rejudge,
                                                     const std::string& data_dir) {
   std::vector<NewRejudgeItem> items;
   if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
   ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(rejudge.to_config_json, "the new config"));
   ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(json, "the new config"));
-  for (const RejudgeCandidate& candidate : reader.CandidatesFor(rejudge)) {
+  for (const RejudgeCandidate& candidate : reader.rejudges.CandidatesFor(rejudge)) {
     ASSIGN_OR_RETURN(NewRejudgeItem item,
                      ItemToPlay(reader, candidate, /*rejudge=*/0, rejudge.grader_json,
                                 rejudge.seed_count, config.episodes_per_lease, data_dir));
@@ -28,17 +28,17 @@ absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(Reader& reader, const NewRej
   return items;
 }
 
-using Evaluations = std::vector<int64_t>;
+using EvaluationIds = std::vector<int64_t>;
 
 // Adds an item, and its evaluation to `to_queue` if there is something to play.
-absl::Status AddItem(Writer& writer, const NewRejudgeItem& item, const std::string& who,
-                     Evaluations& to_queue) {
-  ASSIGN_OR_RETURN(const Accepted added, writer.AddRejudgeItem(item, who));
+absl::Status AddItem(Transaction& writer, const NewRejudgeItem& item, const std::string& who,
+                     EvaluationIds& to_queue) {
+  ASSIGN_OR_RETURN(const Accepted added, writer.rejudges.AddItem(item, who));
   if (added.is_new() && item.impossible.empty()) to_queue.push_back(added.evaluation);
   return absl::OkStatus();
 }
 
-absl::Status EnqueueAll(EngineCore& core, const Evaluations& evaluations) {
+absl::Status EnqueueAll(EngineCore& core, const EvaluationIds& evaluations) {
   for (const int64_t evaluation : evaluations) {
     RETURN_IF_ERROR(core.Enqueue(evaluation));
   }
@@ -62,16 +62,16 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
   ASSIGN_OR_RETURN(
       std::vector<NewRejudgeItem> items,
       readers_.Read<std::vector<NewRejudgeItem>>(
-          [&](Reader& reader) -> absl::StatusOr<std::vector<NewRejudgeItem>> {
+          [&](const Transaction& reader) -> absl::StatusOr<std::vector<NewRejudgeItem>> {
             ASSIGN_OR_RETURN(plan, PlanRejudge(reader, rejudge, data_dir_));
             return ItemsOf(reader, rejudge, data_dir_);
           }));
-  const auto to_queue = std::make_shared<Evaluations>();
+  const auto to_queue = std::make_shared<EvaluationIds>();
   ASSIGN_OR_RETURN(
       RejudgeRow created,
       Change<RejudgeRow>(
-          [=, items = std::move(items)](Writer& writer) -> absl::StatusOr<RejudgeRow> {
-            ASSIGN_OR_RETURN(RejudgeRow row, writer.AddRejudge(rejudge, sign, who));
+          [=, items = std::move(items)](Transaction& writer) -> absl::StatusOr<RejudgeRow> {
+            ASSIGN_OR_RETURN(RejudgeRow row, writer.rejudges.Add(rejudge, sign, who));
             to_queue->clear();
             for (NewRejudgeItem item : items) {
               item.rejudge = row.id;
@@ -86,19 +86,19 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
 absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                  const std::string& who, absl::Duration timeout,
                                                  AfterRejudge after) {
-  return ActOnRejudge([=](Writer& writer) { return writer.ApplyRejudge(act, sign, who); }, timeout,
+  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Apply(act, sign, who); }, timeout,
                       std::move(after));
 }
 
 absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                 const std::string& who, absl::Duration timeout,
                                                 AfterRejudge after) {
-  return ActOnRejudge([=](Writer& writer) { return writer.DropRejudge(act, sign, who); }, timeout,
+  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Drop(act, sign, who); }, timeout,
                       std::move(after));
 }
 
 absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
-    std::function<absl::StatusOr<RejudgeDone>(Writer&)> act, absl::Duration timeout,
+    std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act, absl::Duration timeout,
     AfterRejudge after) {
   return Change<RejudgeDone>(std::move(act), timeout,
                              [this, after = std::move(after)](const RejudgeDone& done) {
@@ -111,10 +111,10 @@ absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
 absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
     std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play, absl::Duration timeout) {
   using Statuses = std::vector<absl::Status>;
-  const auto to_queue = std::make_shared<Evaluations>();
+  const auto to_queue = std::make_shared<EvaluationIds>();
   return Change<Statuses>(
       [=, judged = std::move(judged), to_play = std::move(to_play)](
-          Writer& writer) -> absl::StatusOr<Statuses> {
+          Transaction& writer) -> absl::StatusOr<Statuses> {
         Statuses statuses;
         to_queue->clear();
         absl::Status passing;
@@ -125,10 +125,10 @@ absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
           }
         };
         for (const JudgedItem& item : judged) {
-          part([&](Writer& one) { return one.AddJudgedItem(item, kRejudger).status(); });
+          part([&](Transaction& one) { return one.rejudges.AddJudgedItem(item, kRejudger).status(); });
         }
         for (const NewRejudgeItem& item : to_play) {
-          part([&](Writer& one) { return AddItem(one, item, kRejudger, *to_queue); });
+          part([&](Transaction& one) { return AddItem(one, item, kRejudger, *to_queue); });
         }
         RETURN_IF_ERROR(passing);
         return statuses;

@@ -8,7 +8,7 @@ namespace myograde::server {
 namespace {
 
 // Writes what people are told and no decision hangs on: if the store refuses it, nothing else is lost.
-absl::Status Note(Writer& writer, const std::function<absl::Status(Writer&)>& note) {
+absl::Status Note(Transaction& writer, const std::function<absl::Status(Transaction&)>& note) {
   absl::Status written = writer.Part(note);
   if (written.ok() || MayPass(written)) return written;
   spdlog::error("not recorded: {}", std::string(written.message()));
@@ -26,9 +26,9 @@ void EngineCore::AttendExecutor() {
   const std::string trouble = executor_.CannotStart();
   for (const DrainedNode& drained : executor_.TakeDrained()) {
     spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);
-    AddToJournal(0, [drained, who = owner_](Writer& writer) {
+    AddToJournal(0, [drained, who = owner_](Transaction& writer) {
       return Note(writer,
-                  [&](Writer& part) { return part.DrainNode(drained.node, drained.why, who); });
+                  [&](Transaction& part) { return part.leases.DrainNode(drained.node, drained.why, who); });
     });
   }
   const MutexLock lock(mutex_);
@@ -47,7 +47,7 @@ absl::Status EngineCore::RecallDrained() {
   if (!executor_.remote()) return absl::OkStatus();
   using Drained = Listed<DrainedNodeRow>;
   ASSIGN_OR_RETURN(const Drained drained,
-                   readers_.Read<Drained>([](Reader& reader) { return reader.DrainedNodes(); }));
+                   readers_.Read<Drained>([](const Transaction& reader) { return reader.leases.DrainedNodes(); }));
   for (const DrainedNodeRow& row : drained.rows) {
     const absl::Status kept = executor_.Drain(row.node, row.why);
     if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));
@@ -101,8 +101,8 @@ void EngineCore::Account(const LeaseRun& run, RunEnd how) {
                            .energy_j = site.energy_j,
                            .how = how};
   metrics().CountUse(run.context->submission.track, site.cpu_s, site.energy_j.value_or(0));
-  AddToJournal(run.context->evaluation.id, [row](Writer& writer) {
-    return Note(writer, [&](Writer& part) { return part.RecordLeaseRun(row); });
+  AddToJournal(run.context->evaluation.id, [row](Transaction& writer) {
+    return Note(writer, [&](Transaction& part) { return part.leases.RecordRun(row); });
   });
 }
 

@@ -14,7 +14,7 @@
 namespace myograde::server {
 
 // A store change. It owns what it touches, or is outlived by it.
-using StoreChange = std::function<absl::Status(Writer&)>;
+using StoreChange = std::function<absl::Status(Transaction&)>;
 
 class Disk {
  public:

@@ -109,9 +109,9 @@ RejudgeMethod MethodOf(RejudgeMethod asked, int64_t repeats, bool same_facts,
   return facts ? RejudgeMethod::kFacts : RejudgeMethod::kPlay;
 }
 
-absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudge,
+absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir) {
-  const std::vector<RejudgeCandidate> candidates = reader.CandidatesFor(rejudge);
+  const std::vector<RejudgeCandidate> candidates = reader.rejudges.CandidatesFor(rejudge);
   RETURN_IF_ERROR(CheckListed(rejudge, candidates));
   const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
                           HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
@@ -122,7 +122,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudg
   RejudgePlan plan;
   for (const RejudgeCandidate& candidate : candidates) {
     submissions.insert(candidate.submission);
-    const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
+    const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
     if (DamageOf(source.status()).has_value()) continue;  // it will be without a result
     if (!source.ok()) return source.status();
     const auto [method, is_new] = methods.try_emplace(source->grader_json);
@@ -136,7 +136,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudg
     }
     ++plan.play;
     if (candidate.repetition != 1) continue;
-    const absl::StatusOr<SubmissionRow> submission = reader.Submission(candidate.submission);
+    const absl::StatusOr<SubmissionRow> submission = reader.submissions.Find(candidate.submission);
     if (DamageOf(submission.status()).has_value()) continue;
     if (!submission.ok()) return submission.status();
     if (!HasArtefactFiles(data_dir, submission->artefact).ok()) {
@@ -148,11 +148,11 @@ absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudg
   return plan;
 }
 
-absl::StatusOr<NewRejudgeItem> ItemToPlay(Reader& reader, const RejudgeCandidate& candidate,
+absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader, const RejudgeCandidate& candidate,
                                           int64_t rejudge, const std::string& grader_json,
                                           int64_t count, int64_t per_lease,
                                           const std::string& data_dir) {
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(candidate.submission));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(candidate.submission));
   NewRejudgeItem item = {.rejudge = rejudge,
                          .submission = candidate.submission,
                          .repetition = candidate.repetition,

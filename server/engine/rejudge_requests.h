@@ -9,7 +9,7 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/rejudges.h"
 
 namespace myograde::server {
@@ -46,12 +46,12 @@ RejudgeMethod MethodOf(RejudgeMethod asked, int64_t repeats, bool same_facts,
 
 // What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError: a listed
 // submission has no result that further episodes could be added to.
-absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudge,
+absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir);
 
 // The item of a submission to play, of `count` episodes in leases of `per_lease`; impossible if the
 // files of its artefact are not in `data_dir`.
-absl::StatusOr<NewRejudgeItem> ItemToPlay(Reader& reader, const RejudgeCandidate& candidate,
+absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader, const RejudgeCandidate& candidate,
                                           int64_t rejudge, const std::string& grader_json,
                                           int64_t count, int64_t per_lease,
                                           const std::string& data_dir);

@@ -26,17 +26,17 @@ absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
 
 // Computes an item from the facts of its source: pure but for reading. InternalError if the facts
 // can't be judged; a damaged row (store/damage.h).
-absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
+absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeRow& rejudge,
                                      const RejudgeCandidate& candidate, const Track& track,
                                      const std::vector<uint64_t>& seeds) {
-  ASSIGN_OR_RETURN(const EvaluationRow source, reader.Evaluation(candidate.source));
+  ASSIGN_OR_RETURN(const EvaluationRow source, reader.evaluations.Find(candidate.source));
   if (source.last >= std::ssize(seeds)) {
     return absl::InternalError(absl::StrCat("evaluation ", source.id,
                                             " has more episodes than the "
                                             "new config has seeds"));
   }
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, WholeEpisodes(reader, source, seeds));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(source.submission));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(source.submission));
   ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, ConfigOf(source, submission)));
   RETURN_IF_ERROR(CheckResults(reader, source, rows, before.seed_salt));
   JudgedItem item;
@@ -84,7 +84,7 @@ void Rejudger::Loop() {
 
 absl::Status Rejudger::LookForWork() {
   ASSIGN_OR_RETURN(const int64_t newest,
-                   readers_.Read<int64_t>([](Reader& reader) { return reader.Board().last(); }));
+                   readers_.Read<int64_t>([](const Transaction& reader) { return reader.Board().last(); }));
   if (newest == seen_) return absl::OkStatus();
   ASSIGN_OR_RETURN(const std::vector<Work> open, OpenWork());
   for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
@@ -94,7 +94,7 @@ absl::Status Rejudger::LookForWork() {
 
 absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
   std::vector<Work> open;
-  RETURN_IF_ERROR(readers_.Read([&](Reader& reader) -> absl::Status {
+  RETURN_IF_ERROR(readers_.Read([&](const Transaction& reader) -> absl::Status {
     for (const auto& [id, rejudge] : reader.Board().rejudges()) {
       absl::StatusOr<Work> work = WorkOf(reader, rejudge);
       if (MayPass(work.status()) || IsBrokenStore(work.status())) return work.status();
@@ -109,16 +109,16 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
   return open;
 }
 
-absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(Reader& reader, RejudgeRow rejudge) {
+absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(const Transaction& reader, RejudgeRow rejudge) {
   Work work;
   work.rejudge = std::move(rejudge);
   if (work.rejudge.last() == RejudgeEvent::kDropped) return work;
-  work.missing = reader.MissingItems(work.rejudge);
+  work.missing = reader.rejudges.MissingItems(work.rejudge);
   if (work.missing.empty()) return work;
   ASSIGN_OR_RETURN(work.track, content_.Track(reader, work.rejudge.to_config));
   ASSIGN_OR_RETURN(work.seeds, content_.Seeds(reader, work.rejudge.seeds));
-  ASSIGN_OR_RETURN(const std::string from, reader.ConfigJson(work.rejudge.from_config));
-  ASSIGN_OR_RETURN(const std::string to, reader.ConfigJson(work.rejudge.to_config));
+  ASSIGN_OR_RETURN(const std::string from, reader.content.ConfigJson(work.rejudge.from_config));
+  ASSIGN_OR_RETURN(const std::string to, reader.content.ConfigJson(work.rejudge.to_config));
   work.same_facts = SameFacts(ParsedText(from), ParsedText(to));
   return work;
 }
@@ -129,15 +129,15 @@ absl::Status Rejudger::Carry(const Work& work) {
   for (const RejudgeCandidate& candidate : work.missing) {
     if (stop_.stop_requested()) return absl::OkStatus();
     RETURN_IF_ERROR(
-        readers_.Read([&](Reader& reader) { return Add(reader, work, candidate, today, batch); }));
+        readers_.Read([&](const Transaction& reader) { return Add(reader, work, candidate, today, batch); }));
     if (batch.rows >= kRowsAtOnce) RETURN_IF_ERROR(Write(std::exchange(batch, {})));
   }
   return Write(std::move(batch));
 }
 
-absl::Status Rejudger::Add(Reader& reader, const Work& work, const RejudgeCandidate& candidate,
+absl::Status Rejudger::Add(const Transaction& reader, const Work& work, const RejudgeCandidate& candidate,
                            const Json& today, Batch& batch) {
-  const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
+  const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
   absl::Status why_not = source.status();
   RejudgeMethod method = RejudgeMethod::kPlay;
   if (source.ok()) {

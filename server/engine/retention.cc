@@ -122,7 +122,7 @@ void Retention::MakeRoom() {
   std::vector<KeptFile> logs = Logs();
   using Hashes = std::set<std::string>;
   const absl::StatusOr<Hashes> practice =
-      readers_.Read<Hashes>([](Reader& reader) { return reader.PracticeLogs(); });
+      readers_.Read<Hashes>([](const Transaction& reader) { return reader.episodes.PracticeLogs(); });
   if (!practice.ok()) {
     spdlog::warn("room for the disk's reserve: {}", std::string(practice.status().message()));
     return;
@@ -142,9 +142,9 @@ void Retention::MakeRoom() {
   Remove(kPracticeLogKind, choices);
 }
 
-void Retention::Write(const char* what, const std::function<void(Writer&)>& change) {
+void Retention::Write(const char* what, const std::function<void(Transaction&)>& change) {
   const absl::Status status = engine_.Change(
-      [change](Writer& writer) {
+      [change](Transaction& writer) {
         change(writer);
         return absl::OkStatus();
       },
@@ -154,11 +154,11 @@ void Retention::Write(const char* what, const std::function<void(Writer&)>& chan
 
 void Retention::RemoveDenials(int64_t now_ms) {
   Write("retention of denials", [before = now_ms - absl::ToInt64Milliseconds(kDenialsKept)](
-                                    Writer& writer) { writer.RemoveDenials(before); });
+                                    Transaction& writer) { writer.callers.RemoveDenials(before); });
 }
 
 void Retention::NoteTime() {
-  Write("the time of the store's use", [now = absl::ToUnixMillis(time_.Now())](Writer& writer) {
+  Write("the time of the store's use", [now = absl::ToUnixMillis(time_.Now())](Transaction& writer) {
     writer.SetTrustedTime(now);
   });
 }
@@ -201,7 +201,7 @@ void Retention::Sweep() {
 absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
   using Uploads = std::vector<UploadRow>;
   ASSIGN_OR_RETURN(const Uploads uploads,
-                   readers_.Read<Uploads>([](Reader& reader) { return reader.Uploads(); }));
+                   readers_.Read<Uploads>([](const Transaction& reader) { return reader.content.Uploads(); }));
   std::vector<Choice> choices;
   for (const UploadRow& upload : uploads) {
     if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
@@ -219,7 +219,7 @@ absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
 absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
   using Uses = std::vector<ArtefactUse>;
   ASSIGN_OR_RETURN(const Uses uses,
-                   readers_.Read<Uses>([](Reader& reader) { return reader.ArtefactUses(); }));
+                   readers_.Read<Uses>([](const Transaction& reader) { return reader.content.ArtefactUses(); }));
   std::vector<KeptFile> files;
   for (const ArtefactUse& use : uses) {
     KeptFile file{use.hash, ArtefactFolder(data_dir_, use.hash), use.bytes, use.last_use,
@@ -255,7 +255,7 @@ std::vector<KeptFile> Retention::Logs() {
 absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
   using Hashes = std::set<std::string>;
   ASSIGN_OR_RETURN(const Hashes needed,
-                   readers_.Read<Hashes>([](Reader& reader) { return reader.NeededLogs(); }));
+                   readers_.Read<Hashes>([](const Transaction& reader) { return reader.episodes.NeededLogs(); }));
   const int64_t old = absl::ToUnixMillis(time_.Now()) - kFreshMs;
   for (KeptFile& file : files) {
     file.needed = needed.contains(file.name) || file.last_use > old;
@@ -272,9 +272,9 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     const std::string& from = choice.file.path;
     const std::string to = absl::StrCat(data_dir_, "/spool/removed-", choice.file.name);
     const absl::StatusOr<bool> removed = engine_.Change<bool>(
-        [=](Writer& writer) -> absl::StatusOr<bool> {
+        [=](Transaction& writer) -> absl::StatusOr<bool> {
           ASSIGN_OR_RETURN(const bool unneeded,
-                           writer.Remove(kind, choice.file.name, choice.file.bytes, choice.why));
+                           writer.content.Remove(kind, choice.file.name, choice.file.bytes, choice.why));
           if (unneeded && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
             return absl::InternalError(
                 absl::StrCat(from, ": can't be removed: ", std::strerror(errno)));

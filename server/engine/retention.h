@@ -12,7 +12,7 @@
 
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
@@ -75,7 +75,7 @@ class Retention {
   // One sweep: removes what is too old or too much. Errors are logged.
   void Sweep();
   // Changes the store; an error is logged as one of `what`.
-  void Write(const char* what, const std::function<void(Writer&)>& change);
+  void Write(const char* what, const std::function<void(Transaction&)>& change);
   void RemoveDenials(int64_t now_ms);
   // Keeps the trusted time for the next start.
   void NoteTime();

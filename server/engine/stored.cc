@@ -20,8 +20,8 @@ absl::Status Unreadable(const char* table, const std::string& key, const absl::S
 }
 
 // The submission of an evaluation. If its row is missing, then the evaluation's is damaged.
-absl::StatusOr<SubmissionRow> SubmissionOf(Reader& reader, const EvaluationRow& evaluation) {
-  absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
+absl::StatusOr<SubmissionRow> SubmissionOf(const Transaction& reader, const EvaluationRow& evaluation) {
+  absl::StatusOr<SubmissionRow> submission = reader.submissions.Find(evaluation.submission);
   if (absl::IsNotFound(submission.status())) {
     return Unreadable("evaluation", absl::StrCat(evaluation.id), submission.status());
   }
@@ -30,19 +30,19 @@ absl::StatusOr<SubmissionRow> SubmissionOf(Reader& reader, const EvaluationRow& 
 
 }  // namespace
 
-absl::StatusOr<TrackPtr> StoredContent::Track(Reader& reader, const std::string& hash) {
+absl::StatusOr<TrackPtr> StoredContent::Track(const Transaction& reader, const std::string& hash) {
   if (const auto it = tracks_.find(hash); it != tracks_.end()) return it->second;
   ASSIGN_OR_RETURN(TrackPtr track, StoredTrack(reader, hash));
   tracks_[hash] = track;
   return track;
 }
 
-absl::StatusOr<SeedsPtr> StoredContent::Seeds(Reader& reader, const std::string& hash) {
+absl::StatusOr<SeedsPtr> StoredContent::Seeds(const Transaction& reader, const std::string& hash) {
   if (SeedsPtr known = seeds_[hash].lock()) return known;
   if (seeds_.size() > kSeedListsKept) {
     std::erase_if(seeds_, [](const auto& entry) { return entry.second.expired(); });
   }
-  ASSIGN_OR_RETURN(std::string text, reader.SeedsJson(hash));
+  ASSIGN_OR_RETURN(std::string text, reader.content.SeedsJson(hash));
   absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
   if (!json.ok()) return Unreadable("seed_list", hash, json.status());
   absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*json, "its content");
@@ -52,13 +52,13 @@ absl::StatusOr<SeedsPtr> StoredContent::Seeds(Reader& reader, const std::string&
   return seeds;
 }
 
-absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
+absl::StatusOr<StoredEvaluation> LoadEvaluation(const Transaction& reader, int64_t id,
                                                 StoredContent& content) {
   StoredEvaluation stored;
-  ASSIGN_OR_RETURN(stored.evaluation, reader.Evaluation(id));
+  ASSIGN_OR_RETURN(stored.evaluation, reader.evaluations.Find(id));
   const std::string key = absl::StrCat(id);
   ASSIGN_OR_RETURN(stored.submission, SubmissionOf(reader, stored.evaluation));
-  ASSIGN_OR_RETURN(stored.artefact, reader.Artefact(stored.submission.artefact));
+  ASSIGN_OR_RETURN(stored.artefact, reader.content.Artefact(stored.submission.artefact));
   ASSIGN_OR_RETURN(stored.track,
                    content.Track(reader, ConfigOf(stored.evaluation, stored.submission)));
   ASSIGN_OR_RETURN(stored.seeds,
@@ -68,7 +68,7 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
                                                        stored.evaluation.last, ", and there are ",
                                                        stored.seeds->size(), " seeds")});
   }
-  ASSIGN_OR_RETURN(stored.leases, reader.Leases(id));
+  ASSIGN_OR_RETURN(stored.leases, reader.leases.Of(id));
   int64_t next = stored.evaluation.first;
   for (const LeaseRow& lease : stored.leases) {
     if (lease.first != next) break;
@@ -81,10 +81,10 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
   return stored;
 }
 
-absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
+absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(const Transaction& reader,
                                                       const EvaluationRow& evaluation,
                                                       const std::vector<uint64_t>& seeds) {
-  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(evaluation.id));
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation.id));
   int64_t next = evaluation.first;
   for (const EpisodeRow& row : rows) {
     if (row.index != next) break;
@@ -102,7 +102,7 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
   return rows;
 }
 
-absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
+absl::Status CheckResults(const Transaction& reader, const EvaluationRow& evaluation,
                           const std::vector<EpisodeRow>& rows, const std::string& seed_salt) {
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::OkStatus();
@@ -116,7 +116,7 @@ absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
   if (!evaluation.results_hash.empty() && evaluation.results_hash != hash) {
     return damaged("its \"results_hash\"");
   }
-  const absl::StatusOr<RecordRow> entry = reader.GradedEntry(evaluation.id);
+  const absl::StatusOr<RecordRow> entry = reader.journal.GradedEntry(evaluation.id);
   if (!entry.ok()) return absl::OkStatus();  // practice has none; the check of the record's chain tells
   const nlohmann::json recorded = ParsedText(entry->entry_json).value("results", nlohmann::json());
   return !recorded.is_string() || recorded == hash ? absl::OkStatus() : damaged("the public record");
@@ -131,9 +131,9 @@ absl::Status StatusOfList(const Listed<Row>& list) {
 }
 
 // An evaluation with all that belongs to it.
-absl::Status CheckEvaluation(Reader& reader, int64_t id, StoredContent& content) {
+absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredContent& content) {
   ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, id, content));
-  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(id);
+  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.episodes.Of(id);
   if (rows.ok() && stored.evaluation.state == EvaluationState::kDone) {
     rows = WholeEpisodes(reader, stored.evaluation, *stored.seeds);
   }
@@ -147,52 +147,52 @@ absl::Status CheckEvaluation(Reader& reader, int64_t id, StoredContent& content)
   }
   absl::Status status =
       CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt);
-  status.Update(reader.EpisodeDetails(id).status());
-  status.Update(reader.Repeats(id).status());
-  status.Update(reader.LeaseRunsOf(id).status());
-  status.Update(reader.Transitions("evaluation", id).status());
+  status.Update(reader.episodes.Details(id).status());
+  status.Update(reader.episodes.Repeats(id).status());
+  status.Update(reader.leases.RunsOf(id).status());
+  status.Update(reader.evaluations.Transitions("evaluation", id).status());
   return status;
 }
 
-absl::Status CheckTeams(Reader& reader) {
-  const Listed<TeamRow> teams = reader.Teams();
+absl::Status CheckTeams(const Transaction& reader) {
+  const Listed<TeamRow> teams = reader.teams.List();
   absl::Status status = StatusOfList(teams);
   for (const TeamRow& team : teams.rows) {
     RETURN_IF_ERROR(status);
-    status.Update(StatusOfList(reader.Members(team.name)));
-    status.Update(StatusOfList(reader.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
+    status.Update(StatusOfList(reader.teams.Members(team.name)));
+    status.Update(StatusOfList(reader.quotas.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
   }
   return status;
 }
 
-absl::Status CheckRejudges(Reader& reader) {
+absl::Status CheckRejudges(const Transaction& reader) {
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
-    RETURN_IF_ERROR(reader.EvaluationsOfRejudge(id).status());
+    RETURN_IF_ERROR(reader.evaluations.OfRejudge(id).status());
   }
   return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::Status CheckReadable(Reader& reader) {
+absl::Status CheckReadable(const Transaction& reader) {
   StoredContent content;
-  for (const std::string& hash : reader.Hashes("artefact")) {
-    RETURN_IF_ERROR(reader.Artefact(hash).status());
+  for (const std::string& hash : reader.content.Hashes("artefact")) {
+    RETURN_IF_ERROR(reader.content.Artefact(hash).status());
   }
-  for (const std::string& hash : reader.Hashes("config")) {
+  for (const std::string& hash : reader.content.Hashes("config")) {
     RETURN_IF_ERROR(content.Track(reader, hash).status());
   }
-  for (const std::string& hash : reader.Hashes("seed_list")) {
+  for (const std::string& hash : reader.content.Hashes("seed_list")) {
     RETURN_IF_ERROR(content.Seeds(reader, hash).status());
   }
   RETURN_IF_ERROR(CheckTeams(reader));
   SubmissionFilter all;
   all.limit = INT64_MAX;
-  const Listed<SubmissionRow> submissions = reader.Submissions(all);
+  const Listed<SubmissionRow> submissions = reader.submissions.List(all);
   RETURN_IF_ERROR(StatusOfList(submissions));
   for (const SubmissionRow& submission : submissions.rows) {
-    absl::Status status = reader.Transitions("submission", submission.id).status();
-    const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.Evaluations(submission.id);
+    absl::Status status = reader.evaluations.Transitions("submission", submission.id).status();
+    const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.evaluations.Of(submission.id);
     status.Update(evaluations.status());
     RETURN_IF_ERROR(status);
     for (const EvaluationRow& evaluation : *evaluations) {
@@ -202,17 +202,17 @@ absl::Status CheckReadable(Reader& reader) {
   for (const auto& [act, what] : reader.Board().damaged()) {
     return DamagedRow({"journal", absl::StrCat(act), what});
   }
-  absl::Status status = StatusOfList(reader.DrainedNodes());
-  status.Update(StatusOfList(reader.Record(0, reader.RecordSize())));
+  absl::Status status = StatusOfList(reader.leases.DrainedNodes());
+  status.Update(StatusOfList(reader.journal.Record(0, reader.journal.RecordSize())));
   if (status.ok()) status = CheckRejudges(reader);
   return status;
 }
 
-absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation) {
-  ASSIGN_OR_RETURN(EvaluationRow row, reader.Evaluation(evaluation));
+absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluation) {
+  ASSIGN_OR_RETURN(EvaluationRow row, reader.evaluations.Find(evaluation));
   ASSIGN_OR_RETURN(const SubmissionRow submission, SubmissionOf(reader, row));
   ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, ConfigOf(row, submission)));
-  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.Episodes(evaluation));
+  ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation));
   if (std::ssize(rows) != row.last - row.first + 1) {
     return DamagedRow({"evaluation", absl::StrCat(evaluation),
                        absl::StrCat("it is done, and has ", rows.size(), " of its ",
@@ -226,8 +226,8 @@ absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation) {
 
 absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only) {
   Standings standings;
-  RETURN_IF_ERROR(readers.Read([&](Reader& reader) -> absl::Status {
-    for (const int64_t evaluation : reader.DoneEvaluations(missing_only)) {
+  RETURN_IF_ERROR(readers.Read([&](const Transaction& reader) -> absl::Status {
+    for (const int64_t evaluation : reader.evaluations.Done(missing_only)) {
       absl::StatusOr<Standing> standing = ReadStanding(reader, evaluation);
       if (standing.ok()) {
         standings.rows.emplace_back(evaluation, *std::move(standing));
@@ -245,10 +245,10 @@ absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only) 
 absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers) {
   ASSIGN_OR_RETURN(Standings missing, MakeStandings(readers, /*missing_only=*/true));
   if (missing.rows.empty()) return std::move(missing.damaged);
-  RETURN_IF_ERROR(store.Write([&](Writer& writer) {
+  RETURN_IF_ERROR(store.Write([&](Transaction& writer) {
     for (const auto& [id, standing] : missing.rows) {
-      const absl::Status set = writer.Part([evaluation = id, &numbers = standing](Writer& part) {
-        return part.SetStanding(evaluation, numbers);
+      const absl::Status set = writer.Part([evaluation = id, &numbers = standing](Transaction& part) {
+        return part.episodes.SetStanding(evaluation, numbers);
       });
       if (!set.ok()) {
         missing.damaged.push_back({"evaluation", absl::StrCat(id), std::string(set.message())});

@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/grading/tracks.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -23,8 +23,8 @@ using SeedsPtr = std::shared_ptr<const std::vector<uint64_t>>;
 // Caches configs and seed lists, as thousands of evaluations share a few. Not thread-safe.
 class StoredContent {
  public:
-  absl::StatusOr<TrackPtr> Track(Reader& reader, const std::string& hash);
-  absl::StatusOr<SeedsPtr> Seeds(Reader& reader, const std::string& hash);
+  absl::StatusOr<TrackPtr> Track(const Transaction& reader, const std::string& hash);
+  absl::StatusOr<SeedsPtr> Seeds(const Transaction& reader, const std::string& hash);
 
  private:
   std::map<std::string, TrackPtr> tracks_;
@@ -39,11 +39,11 @@ struct StoredEvaluation {
   SeedsPtr seeds;
   std::vector<LeaseRow> leases;  // contiguous, from the first episode to the last
 };
-absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t evaluation,
+absl::StatusOr<StoredEvaluation> LoadEvaluation(const Transaction& reader, int64_t evaluation,
                                                 StoredContent& content);
 
 // The rows of an evaluation whose leases are all done: one per episode, with its seed.
-absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
+absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(const Transaction& reader,
                                                       const EvaluationRow& evaluation,
                                                       const std::vector<uint64_t>& seeds);
 
@@ -51,12 +51,12 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
 // own row and, if it has an entry, in the public record. Otherwise a damaged row that names the
 // evaluation: the rows were changed since, and nothing that follows from them may be shown or signed.
 // `seed_salt`: of the config that it ran under.
-absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
+absl::Status CheckResults(const Transaction& reader, const EvaluationRow& evaluation,
                           const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
 // The standing of an evaluation in the store, from its episode rows. The store caches them as a
 // view, so that a board need not read every episode; it can be rebuilt at any time.
-absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation);
+absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluation);
 
 // By evaluation: all that are done, or only those missing from the view.
 struct Standings {
@@ -73,7 +73,7 @@ std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lea
 
 // Whether every row of the store can be read, by the readers that requests and the engine use, and
 // results are those of their episodes: for rows that come from outside. The first damaged row otherwise (store/damage.h).
-absl::Status CheckReadable(Reader& reader);
+absl::Status CheckReadable(const Transaction& reader);
 
 // A text that should be JSON; is_discarded() if it is not.
 nlohmann::json ParsedText(const std::string& text);

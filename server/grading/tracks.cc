@@ -10,7 +10,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/practice_seeds.h"
 #include "server/store/quota.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 namespace {
@@ -40,8 +40,8 @@ absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config) {
   return std::make_shared<const Track>(Track{std::move(config), std::move(scoring)});
 }
 
-absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash) {
-  ASSIGN_OR_RETURN(std::string text, reader.ConfigJson(hash));
+absl::StatusOr<TrackConfig> StoredConfig(const Transaction& reader, const std::string& hash) {
+  ASSIGN_OR_RETURN(std::string text, reader.content.ConfigJson(hash));
   absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
   if (!json.ok()) return UnreadableConfig(hash, json.status());
   absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "its content");
@@ -49,7 +49,7 @@ absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash
   return config;
 }
 
-absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash) {
+absl::StatusOr<TrackPtr> StoredTrack(const Transaction& reader, const std::string& hash) {
   ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, hash));
   absl::StatusOr<TrackPtr> track = MakeTrack(std::move(config));
   if (!track.ok()) return UnreadableConfig(hash, track.status());

@@ -16,7 +16,7 @@
 
 namespace myograde::server {
 
-class Reader;
+class Transaction;
 
 // One profile of a track. Immutable and shared.
 struct Track {
@@ -29,10 +29,10 @@ using TrackPtr = std::shared_ptr<const Track>;
 absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
 
 // The config that an accepted submission was made under, in whatever format it was stored.
-absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash);
+absl::StatusOr<TrackConfig> StoredConfig(const Transaction& reader, const std::string& hash);
 
 // The same as a track. A config that scoring rejects is a damaged row too.
-absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash);
+absl::StatusOr<TrackPtr> StoredTrack(const Transaction& reader, const std::string& hash);
 
 // The tracks on offer. Safe to use from any thread: a reader gets what is on offer at that moment.
 class Tracks {

@@ -168,20 +168,20 @@ absl::StatusOr<std::string> LogPath(const std::string& data_dir, const std::stri
 }
 
 // The config that an evaluation was played under.
-absl::StatusOr<TrackConfig> ConfigOfEvaluation(Reader& reader, int64_t id) {
-  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.Evaluation(id));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.Submission(evaluation.submission));
+absl::StatusOr<TrackConfig> ConfigOfEvaluation(const Transaction& reader, int64_t id) {
+  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Find(id));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(evaluation.submission));
   return StoredConfig(reader, ConfigOf(evaluation, submission));
 }
 
 // The episode of a log, with what it can't be played without.
-absl::StatusOr<PicturedEpisode> EpisodeOf(Reader& reader, const std::string& data_dir,
+absl::StatusOr<PicturedEpisode> EpisodeOf(const Transaction& reader, const std::string& data_dir,
                                           const std::string& log) {
-  ASSIGN_OR_RETURN(const LoggedEpisode found, reader.EpisodeOfLog(log));
+  ASSIGN_OR_RETURN(const LoggedEpisode found, reader.episodes.OfLog(log));
   ASSIGN_OR_RETURN(TrackConfig config, ConfigOfEvaluation(reader, found.evaluation));
   PicturedEpisode shown = {std::move(config), {}, {}};
   if (CarriesOver(shown.track)) {
-    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.Episodes(found.evaluation));
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(found.evaluation));
     for (const EpisodeRow& row : rows) {
       if (row.lease != found.lease || row.index >= found.index) continue;
       ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, LogOf(row)));
@@ -196,10 +196,10 @@ absl::StatusOr<PicturedEpisode> EpisodeOf(Reader& reader, const std::string& dat
 }
 
 // Best, median and worst.
-absl::StatusOr<std::vector<PictureKey>> PicturesOf(Reader& reader, int64_t evaluation) {
+absl::StatusOr<std::vector<PictureKey>> PicturesOf(const Transaction& reader, int64_t evaluation) {
   ASSIGN_OR_RETURN(const TrackConfig config, ConfigOfEvaluation(reader, evaluation));
   ASSIGN_OR_RETURN(const TrackPtr track, MakeTrack(config));
-  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.Episodes(evaluation));
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation));
   const scoring::TrackScoring& scoring = track->scoring;
   ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, rows));
   ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(scoring, judged));
@@ -229,23 +229,23 @@ absl::StatusOr<std::string> MakeFile(ReaderPool& readers, const std::string& dat
   if (key.kind == PictureKind::kModel) return MakeModel(key.of, makers, stopped);
   ASSIGN_OR_RETURN(const PicturedEpisode episode,
                    readers.Read<PicturedEpisode>(
-                       [&](Reader& reader) { return EpisodeOf(reader, data_dir, key.of); }));
+                       [&](const Transaction& reader) { return EpisodeOf(reader, data_dir, key.of); }));
   return key.kind == PictureKind::kPicture ? MakePicture(episode, makers, stopped)
                                            : MakeTrajectory(episode, makers, stopped);
 }
 
 EndedEvaluations::EndedEvaluations(ReaderPool& readers) : readers_(readers) {
   const absl::StatusOr<int64_t> last =
-      readers_.Read<int64_t>([](Reader& reader) { return reader.LastEnd(); });
+      readers_.Read<int64_t>([](const Transaction& reader) { return reader.evaluations.LastEnd(); });
   if (!last.ok()) spdlog::warn("pictures: {}", std::string(last.status().message()));
   seen_ = last.value_or(0);
 }
 
 std::vector<PictureKey> EndedEvaluations::Pictures() {
   std::vector<PictureKey> keys;
-  const absl::Status status = readers_.Read([&](Reader& reader) {
-    const std::vector<EndedEvaluation> ended = reader.DoneSince(seen_, kMostEnded);
-    seen_ = std::max(seen_, reader.LastEnd());
+  const absl::Status status = readers_.Read([&](const Transaction& reader) {
+    const std::vector<EndedEvaluation> ended = reader.evaluations.DoneSince(seen_, kMostEnded);
+    seen_ = std::max(seen_, reader.evaluations.LastEnd());
     for (const EndedEvaluation& one : ended) {
       absl::StatusOr<std::vector<PictureKey>> own = PicturesOf(reader, one.evaluation);
       if (own.ok()) {

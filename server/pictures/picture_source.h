@@ -9,7 +9,7 @@
 #include <absl/status/statusor.h>
 
 #include "server/pictures/pictures.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 

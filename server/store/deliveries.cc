@@ -10,8 +10,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
 #include "server/store/connection.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -79,9 +78,9 @@ Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationSt
 
 std::span<const std::string_view> WebhookEvents() { return kWebhookEvents; }
 
-absl::Status Writer::Tell(const std::string& event, const std::string& about_json) {
-  if (subscriptions_ == nullptr) return absl::OkStatus();
-  for (const Subscription& hook : *subscriptions_) {
+absl::Status Deliveries::Tell(const std::string& event, const std::string& about_json) {
+  if (context_.subscriptions == nullptr) return absl::OkStatus();
+  for (const Subscription& hook : *context_.subscriptions) {
     if (!hook.events.contains(event)) continue;
     ASSIGN_OR_RETURN(const std::string id, RandomBytes(kEventIdBytes));
     Json body = Json::parse(about_json);
@@ -96,27 +95,27 @@ absl::Status Writer::Tell(const std::string& event, const std::string& about_jso
   return absl::OkStatus();
 }
 
-void Writer::TellEnd(int64_t evaluation, EvaluationState state) {
-  if (subscriptions_ == nullptr || subscriptions_->empty()) return;
+void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
+  if (context_.subscriptions == nullptr || context_.subscriptions->empty()) return;
   // An evaluation must end even if nobody can be told.
-  (void)Part([&](Writer& part) -> absl::Status {
+  (void)Part([&]() -> absl::Status {
     Statement select(db_, R"(SELECT s.id, t.name, s.track, s.profile, s.phase, s.ranked
         FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
         LEFT JOIN team AS o ON o.id = s.team_id LEFT JOIN team AS t
         ON t.id = ifnull(o.merged_into, o.id) WHERE e.id = ? AND e.kind = 'original')",
                      evaluation);
     if (!select.executeStep()) return absl::OkStatus();
-    return part.Tell(EventOf(state), CanonicalJson(AboutSubmission(select, evaluation, state)));
+    return Tell(EventOf(state), CanonicalJson(AboutSubmission(select, evaluation, state)));
   });
 }
 
-absl::Status Writer::SetDelivery(int64_t id, const DeliveryOutcome& outcome) {
+absl::Status Deliveries::Set(int64_t id, const DeliveryOutcome& outcome) {
   Run(db_, R"(UPDATE delivery SET state = ?, attempts = ?, due_at = ?, detail = ? WHERE id = ?)",
       outcome.state, outcome.attempts, outcome.due_at, outcome.detail, id);
   return absl::OkStatus();
 }
 
-absl::StatusOr<int64_t> Writer::GiveUpStrangers(const std::set<std::string>& webhooks) {
+absl::StatusOr<int64_t> Deliveries::GiveUpStrangers(const std::set<std::string>& webhooks) {
   Statement update(db_, R"(UPDATE delivery
       SET state = 'given_up', detail = 'server.json has no such webhook any more'
       WHERE state = 'waiting' AND webhook NOT IN (SELECT value FROM json_each(?)))",
@@ -124,12 +123,12 @@ absl::StatusOr<int64_t> Writer::GiveUpStrangers(const std::set<std::string>& web
   return update.exec();
 }
 
-absl::Status Writer::PruneDeliveries(int64_t before_ms) {
+absl::Status Deliveries::Prune(int64_t before_ms) {
   Run(db_, "DELETE FROM delivery WHERE state != 'waiting' AND at < ?", before_ms);
   return absl::OkStatus();
 }
 
-absl::StatusOr<DeliveryRow> Reader::NextDelivery(const std::string& webhook) {
+absl::StatusOr<DeliveryRow> Deliveries::Next(const std::string& webhook) const {
   return FirstOf<DeliveryRow>(
       Statement(db_,
                 absl::StrCat(kDeliveryColumns,
@@ -138,13 +137,13 @@ absl::StatusOr<DeliveryRow> Reader::NextDelivery(const std::string& webhook) {
       DeliveryOf, absl::NotFoundError("nothing waits for this webhook"));
 }
 
-int64_t Reader::NextDeliveryId(const std::string& webhook) {
+int64_t Deliveries::NextId(const std::string& webhook) const {
   return FirstNumber(db_, R"(SELECT id
       FROM delivery WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1)",
                      webhook);
 }
 
-Listed<DeliveryRow> Reader::Deliveries(const std::string& webhook, int64_t before, int64_t limit) {
+Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before, int64_t limit) const {
   return ListOf<DeliveryRow>(Statement(db_,
                                        absl::StrCat(kDeliveryColumns,
                                                     "WHERE id < ?1 AND (?2 = '' OR "
@@ -153,23 +152,10 @@ Listed<DeliveryRow> Reader::Deliveries(const std::string& webhook, int64_t befor
                              DeliveryOf);
 }
 
-std::vector<DeliveryCounts> Reader::CountDeliveries() {
+std::vector<DeliveryCounts> Deliveries::Counts() const {
   return AllRows<DeliveryCounts, 5>(Statement(db_, R"(SELECT webhook,
       sum(state = 'waiting'), sum(state = 'delivered'), sum(state = 'given_up'), ifnull(min(CASE
       WHEN state = 'waiting' THEN at END), 0) FROM delivery GROUP BY webhook ORDER BY webhook)"));
-}
-
-std::map<std::string, int64_t> Reader::SubmissionsByState() {
-  Statement select(db_, R"(SELECT state, count(*)
-      FROM evaluation WHERE kind = 'original' GROUP BY state)");
-  std::map<std::string, int64_t> counts;
-  while (select.executeStep()) {
-    const std::string state = select.getColumn(0).getString();
-    // A damaged row's state is anybody's text.
-    const bool known = ParseEvaluationState(state).has_value();
-    counts[known ? state : "unreadable"] += select.getColumn(1).getInt64();
-  }
-  return counts;
 }
 
 }  // namespace myograde::server

@@ -9,6 +9,9 @@
 #include <string>
 #include <string_view>
 #include <vector>
+#include "server/store/context.h"
+#include "server/store/damage.h"
+#include "server/store/rows.h"
 
 namespace myograde::server {
 
@@ -63,6 +66,31 @@ struct DeliveryCounts {
   int64_t delivered = 0;
   int64_t given_up = 0;
   int64_t oldest_waiting_at = 0;  // 0: none waits
+};
+
+// What webhooks are told, until they have taken it.
+class Deliveries : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h).
+  absl::StatusOr<DeliveryRow> Next(const std::string& webhook) const;
+  // Its id, also if it is damaged; 0: none waits.
+  int64_t NextId(const std::string& webhook) const;
+  // Newest first. `webhook` "" matches any; `before` is an id.
+  Listed<DeliveryRow> List(const std::string& webhook, int64_t before, int64_t limit) const;
+  // Of each webhook with rows, by name.
+  std::vector<DeliveryCounts> Counts() const;
+  // Webhooks (deliveries.h). Adds what is to be told of an event, for each webhook that wants it.
+  // `about_json`: an object; "id", "event" and "at" are added to it.
+  absl::Status Tell(const std::string& event, const std::string& about_json);
+  absl::Status Set(int64_t id, const DeliveryOutcome& outcome);
+  // Gives up what waits for webhooks other than these; returns how many.
+  absl::StatusOr<int64_t> GiveUpStrangers(const std::set<std::string>& webhooks);
+  // Removes what was delivered or given up, of events before then.
+  absl::Status Prune(int64_t before_ms);
+  // Tells that an evaluation has ended, if it is a submission's own.
+  void TellEnd(int64_t evaluation, EvaluationState state);
 };
 
 }  // namespace myograde::server

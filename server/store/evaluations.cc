@@ -14,18 +14,11 @@
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/store/differences.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
-
-absl::Status Refuse(const char* what, const LeaseRow& lease, std::string_view step) {
-  return absl::FailedPreconditionError(absl::StrCat(
-      "lease ", lease.id, " can't be ", what, ": it is ", std::string(LeaseStateName(lease.state)),
-      ", attempt ", lease.attempt, std::string(step)));
-}
 
 constexpr char kOpenLeases[] =
     "SELECT id FROM lease WHERE evaluation = ? AND finished_at IS NULL ORDER BY first";
@@ -44,44 +37,125 @@ void MendTypes(SQLite::Database& db, const char* table, int64_t id) {
   Run(db, absl::StrCat("UPDATE ", table, " SET ", absl::StrJoin(set, ", "), " WHERE id = ?"), id);
 }
 
+constexpr char kEvaluationColumns[] =
+    "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
+    "e.results_hash, e.created_at, e.started_at, e.finished_at, e.config, e.seeds, e.rejudge, "
+    "e.repetition, e.source, e.method "
+    "FROM evaluation AS e ";
+
+StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
+  StoredRow row(select, "evaluation");
+  evaluation.id = row.Id(0);
+  evaluation.submission = row.Id(1);
+  evaluation.kind = row.Named(2, ParseEvaluationKind);
+  evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
+  evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
+  evaluation.state = row.Named(5, ParseEvaluationState);
+  evaluation.reason = row.Text(6);
+  evaluation.grader_json = row.Object(7);
+  evaluation.results_hash = row.TextOr(8);
+  evaluation.created_at = row.Time(9);
+  evaluation.started_at = row.TimeOr0(10);
+  evaluation.finished_at = row.TimeOr0(11);
+  if (!select.isColumnNull(12)) evaluation.config = row.Hash(12);
+  if (!select.isColumnNull(13)) evaluation.seeds = row.Hash(13);
+  if (!select.isColumnNull(14)) {
+    evaluation.rejudge = row.Id(14);
+    evaluation.repetition = row.Number(15, 1, kMostRepeats);
+    evaluation.source = row.Id(16);
+    evaluation.method = row.Named(17, ParseRejudgeMethod);
+  }
+  if (IsFinal(evaluation.state) == select.isColumnNull(11)) {
+    row.Fail(5, "its time of ending says otherwise");
+  }
+  // 0 stands for none wherever it is shown.
+  if (IsFinal(evaluation.state) && evaluation.finished_at <= 0) {
+    row.Fail(11, "a time after 1970 belongs there");
+  }
+  return row;
+}
+
 }  // namespace
 
-absl::Status Writer::Audit(const char* entity, int64_t id, std::string_view from,
-                           std::string_view to, const std::string& who, const std::string& why) {
-  Run(db_, R"(INSERT INTO transition (at, entity, entity_id, from_state, to_state, who, why)
-      VALUES (?, ?, ?, ?, ?, ?, ?))",
-      now_ms_, entity, id, from, to, who, why);
-  return absl::OkStatus();
+absl::StatusOr<EvaluationRow> Evaluations::Find(int64_t id) const {
+  return FirstOf<EvaluationRow>(
+      Statement(db_, absl::StrCat(kEvaluationColumns, "WHERE e.id = ?"), id), EvaluationOf,
+      absl::NotFoundError(absl::StrCat("there is no evaluation ", id)));
 }
 
-absl::StatusOr<LeaseRow> Writer::Lease(int64_t lease) {
-  Statement select(
-      db_, "SELECT id, evaluation, first, last, state, attempt, faults FROM lease WHERE id = ?",
-      lease);
-  const auto parse = [](SQLite::Statement& read, LeaseRow& found) {
-    StoredRow row(read, "lease");
-    found.id = row.Id(0);
-    found.evaluation = row.Id(1);
-    found.first = row.Number(2, 0, kMaxEpisodes - 1);
-    found.last = row.Number(3, found.first, kMaxEpisodes - 1);
-    found.state = row.Named(4, ParseLeaseState);
-    found.attempt = row.Number(5, 0, INT64_MAX - 1);
-    found.faults = row.Number(6, 0, found.attempt);
+absl::StatusOr<std::vector<EvaluationRow>> Evaluations::Of(int64_t submission) const {
+  auto rows = AllOf<EvaluationRow>(
+      Statement(db_,
+                absl::StrCat(kEvaluationColumns,
+                             "WHERE e.submission = ? ORDER BY e.kind != 'original', e.id"),
+                submission),
+      EvaluationOf);
+  if (rows.ok() && (rows->empty() || rows->front().kind != EvaluationKind::kOriginal)) {
+    return DamagedRow({"submission", absl::StrCat(submission),
+                       "it has no evaluation, or none that is its original one"});
+  }
+  return rows;
+}
+
+absl::StatusOr<std::vector<EvaluationRow>> Evaluations::OfRejudge(int64_t rejudge) const {
+  return AllOf<EvaluationRow>(
+      Statement(db_,
+                absl::StrCat(kEvaluationColumns,
+                             "WHERE e.rejudge = ? ORDER BY e.submission, e.repetition"),
+                rejudge),
+      EvaluationOf);
+}
+
+absl::StatusOr<EvaluationRow> Evaluations::Original(int64_t submission) const {
+  ASSIGN_OR_RETURN(std::vector<EvaluationRow> rows, Of(submission));
+  return std::move(rows.front());
+}
+
+UnfinishedRows Evaluations::Unfinished() const {
+  // Anything not in a final state has not ended, including rows with an invalid state.
+  Statement select(db_, absl::StrCat(kEvaluationColumns,
+                                     "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
+                                     "'failed', 'cancelled', 'grader_error')) IS NOT TRUE "
+                                     "ORDER BY e.id"));
+  UnfinishedRows found;
+  while (select.executeStep()) {
+    EvaluationRow row;
+    const StoredRow read = EvaluationOf(select, row);
+    if (read.ok()) {
+      found.rows.push_back(std::move(row));
+    } else {
+      found.damaged.push_back(*read.damage());
+    }
+  }
+  return found;
+}
+
+absl::StatusOr<std::vector<TransitionRow>> Evaluations::Transitions(const std::string& entity,
+                                                               int64_t id) const {
+  const auto parse = [](SQLite::Statement& select, TransitionRow& transition) {
+    StoredRow row(select, "transition");
+    transition.at = row.Time(1);
+    transition.entity_id = row.Number(2, INT64_MIN, INT64_MAX);
+    row.TextsInto(3, {&transition.entity, &transition.from, &transition.to, &transition.who,
+                      &transition.why});
     return row;
   };
-  return FirstOf<LeaseRow>(std::move(select), parse,
-                           absl::NotFoundError(absl::StrCat("there is no lease ", lease)));
+  return AllOf<TransitionRow>(
+      Statement(db_, R"(SELECT id, at, entity_id, entity, from_state, to_state, who, why
+          FROM transition WHERE entity = ? AND entity_id = ? ORDER BY id)",
+                entity, id),
+      parse);
 }
 
-absl::StatusOr<Accepted> Writer::AddRerun(const NewRerun& rerun, const std::string& who) {
-  return AddEvaluation({.submission = rerun.submission,
+absl::StatusOr<Accepted> Evaluations::AddRerun(const NewRerun& rerun, const std::string& who) {
+  return Add({.submission = rerun.submission,
                         .kind = EvaluationKind::kRerun,
                         .grader_json = rerun.grader_json,
                         .blocks = rerun.blocks},
                        who);
 }
 
-absl::StatusOr<Accepted> Writer::AddEvaluation(const NewEvaluation& added, const std::string& who) {
+absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std::string& who) {
   const std::vector<std::pair<int64_t, int64_t>>& blocks = added.blocks;
   if (blocks.empty()) return absl::InvalidArgumentError("an evaluation needs at least one lease");
   Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at,
@@ -106,114 +180,7 @@ absl::StatusOr<Accepted> Writer::AddEvaluation(const NewEvaluation& added, const
   return accepted;
 }
 
-absl::Status Writer::RunEvaluation(int64_t evaluation, const std::string& who) {
-  Statement update(db_, R"(UPDATE evaluation
-      SET state = 'running', started_at = ? WHERE id = ? AND state = 'queued')",
-                   now_ms_, evaluation);
-  if (update.exec() == 0) return absl::OkStatus();  // already running
-  return Audit("evaluation", evaluation, "queued", "running", who, "its first lease started");
-}
-
-absl::Status Writer::StartLease(int64_t lease, int64_t attempt, int64_t slot, int64_t deadline_ms,
-                                const std::string& who) {
-  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
-  if (row.state == LeaseState::kRunning && row.attempt == attempt) return absl::OkStatus();
-  if (row.state != LeaseState::kPending || attempt != row.attempt + 1) {
-    return Refuse("started", row, absl::StrCat(", not before attempt ", attempt));
-  }
-  Run(db_, R"(UPDATE lease SET state = 'running',
-      attempt = ?, slot = ?, owner = ?, started_at = ?, deadline_at = ? WHERE id = ?)",
-      attempt, slot, who, now_ms_, deadline_ms, lease);
-  RETURN_IF_ERROR(Audit("lease", lease, "pending", "running", who,
-                        absl::StrCat("attempt ", attempt, " on slot ", slot)));
-  return RunEvaluation(row.evaluation, who);
-}
-
-absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
-  ASSIGN_OR_RETURN(const LeaseRow lease, Lease(row.lease));
-  if (lease.state != LeaseState::kRunning || lease.attempt != row.attempt) {
-    return Refuse("given an episode", lease, absl::StrCat(", the episode is of ", row.attempt));
-  }
-  if (Run(db_, R"(INSERT INTO episode
-      VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx) DO NOTHING)",
-          row.evaluation, row.index, row.lease, row.attempt, static_cast<int64_t>(row.seed),
-          OutcomeName(row.outcome), row.reason.name(), row.facts_json, row.metrics_json,
-          now_ms_) == 1) {
-    if (!row.details_json.empty()) {
-      Run(db_, "INSERT INTO episode_details (evaluation, idx, details_json) VALUES (?, ?, ?)",
-          row.evaluation, row.index, row.details_json);
-    }
-    ChargeFirstEpisode(row.evaluation, absl::StrCat("episode ", row.index, " ended as ",
-                                                    std::string(OutcomeName(row.outcome))));
-    return Recorded{.counted = true, .differs = {}};
-  }
-
-  Statement select(db_, R"(SELECT outcome, reason, facts_json, metrics_json
-      FROM episode WHERE evaluation = ? AND idx = ?)",
-                   row.evaluation, row.index);
-  select.executeStep();
-  StoredRow there(select, "episode", absl::StrCat(row.evaluation, "/", row.index));
-  EpisodeRow kept = row;
-  kept.outcome = there.Named(0, ParseOutcome);
-  kept.reason = there.Named(1, ParseFailureReason);
-  kept.facts_json = there.Object(2);
-  kept.metrics_json = there.Object(3);
-  if (!there.ok()) return there.status();
-  Recorded recorded{.counted = false, .differs = DifferencesBetween(kept, row)};
-  if (recorded.differs.empty()) return recorded;
-  Run(db_, R"(INSERT INTO replay (evaluation, idx, attempt, differs_json, facts_json, recorded_at)
-      VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx, attempt) DO NOTHING)",
-      row.evaluation, row.index, row.attempt, CanonicalJson(nlohmann::json(recorded.differs)),
-      row.facts_json, now_ms_);
-  return recorded;
-}
-
-absl::Status Writer::FinishLease(int64_t lease, int64_t attempt, const std::string& output_json,
-                                 const std::string& who) {
-  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
-  if (row.state == LeaseState::kDone && row.attempt == attempt) return absl::OkStatus();
-  if (row.state != LeaseState::kRunning || row.attempt != attempt) {
-    return Refuse("finished", row, absl::StrCat(", not ", attempt));
-  }
-  const int64_t episodes = FirstNumber(db_, R"(SELECT count(*)
-      FROM episode WHERE lease = ? AND evaluation = ? AND idx BETWEEN ? AND ?)",
-                                       lease, row.evaluation, row.first, row.last);
-  if (episodes != row.last - row.first + 1) {
-    return Refuse("finished", row, ", and episodes are missing");
-  }
-  Run(db_, R"(UPDATE lease SET state = 'done', slot = NULL, owner = NULL,
-      started_at = NULL, deadline_at = NULL, finished_at = ?, output_json = ? WHERE id = ?)",
-      now_ms_, output_json, lease);
-  return Audit("lease", lease, "running", "done", who, absl::StrCat("attempt ", attempt));
-}
-
-absl::Status Writer::ReturnLease(int64_t lease, int64_t attempt, bool fault, const std::string& who,
-                                 const std::string& why) {
-  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
-  if (row.state == LeaseState::kPending && row.attempt == attempt) return absl::OkStatus();
-  if (row.state != LeaseState::kRunning || row.attempt != attempt) {
-    return Refuse("returned", row, absl::StrCat(", not ", attempt));
-  }
-  Run(db_, R"(UPDATE lease SET state = 'pending', slot = NULL, owner = NULL,
-      started_at = NULL, deadline_at = NULL, faults = faults + ?, detail = ? WHERE id = ?)",
-      fault, why, lease);
-  return Audit("lease", lease, "running", "pending", who, why);
-}
-
-absl::Status Writer::EndLease(int64_t lease, LeaseState state, bool fault, const std::string& who,
-                              const std::string& why) {
-  ASSIGN_OR_RETURN(LeaseRow row, Lease(lease));
-  if (row.state == state) return absl::OkStatus();
-  if (IsFinal(row.state) || (state != LeaseState::kFailed && state != LeaseState::kCancelled)) {
-    return Refuse("ended", row, "");
-  }
-  Run(db_, R"(UPDATE lease SET state = ?, slot = NULL, owner = NULL, started_at = NULL,
-      deadline_at = NULL, finished_at = ?, faults = faults + ?, detail = ? WHERE id = ?)",
-      LeaseStateName(state), now_ms_, fault, why, lease);
-  return Audit("lease", lease, LeaseStateName(row.state), LeaseStateName(state), who, why);
-}
-
-absl::Status Writer::NoteEvaluation(int64_t evaluation, const std::string& who,
+absl::Status Evaluations::Note(int64_t evaluation, const std::string& who,
                                     const std::string& why) {
   Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
   if (!select.executeStep()) {
@@ -223,7 +190,7 @@ absl::Status Writer::NoteEvaluation(int64_t evaluation, const std::string& who,
   return Audit("evaluation", evaluation, state, state, who, why);
 }
 
-absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
+absl::Status Evaluations::End(int64_t evaluation, EvaluationState state,
                                    const std::string& reason, const std::string& results_hash,
                                    const std::string& who) {
   Statement select(db_, R"(SELECT state, (SELECT count(*) FROM lease
@@ -245,15 +212,15 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
   Run(db_, R"(UPDATE evaluation
       SET state = ?, reason = ?, results_hash = ?, finished_at = ? WHERE id = ?)",
       EvaluationStateName(state), reason, results_hash, now_ms_, evaluation);
-  SettleCharge(evaluation, state, who);
+  Quotas(context_).Settle(evaluation, state, who);
   AppendGraded(evaluation, who);
-  TellEnd(evaluation, state);
+  Deliveries(context_).TellEnd(evaluation, state);
   return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
                who, reason);
 }
 
 // Practice and re-runs have no act.
-void Writer::AppendGraded(int64_t evaluation, const std::string& who) {
+void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
   Statement select(db_, R"(SELECT e.submission, e.state, e.results_hash, ifnull(e.config, s.config),
       ifnull(e.seeds, s.seeds), e.grader_json, e.rejudge, e.repetition FROM evaluation AS e
       JOIN submission AS s ON s.id = e.submission
@@ -281,7 +248,7 @@ void Writer::AppendGraded(int64_t evaluation, const std::string& who) {
           .evaluation = evaluation});
 }
 
-std::vector<int64_t> Writer::OpenEvaluationsOf(int64_t submission, bool reruns) {
+std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {
   const char* kinds = reruns ? "('original', 'rerun')" : "('original')";
   return AllNumbers(db_,
                     absl::StrCat("SELECT id FROM evaluation WHERE submission = ?1 AND kind IN ",
@@ -289,19 +256,18 @@ std::vector<int64_t> Writer::OpenEvaluationsOf(int64_t submission, bool reruns) 
                     submission);
 }
 
-absl::Status Writer::EndWithLeases(int64_t evaluation, EvaluationState state,
+absl::Status Evaluations::EndWithLeases(int64_t evaluation, EvaluationState state,
                                    const std::string& why, const std::string& who) {
   for (const int64_t lease : AllNumbers(db_, kOpenLeases, evaluation)) {
-    RETURN_IF_ERROR(EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who, why));
+    RETURN_IF_ERROR(Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why));
   }
-  return EndEvaluation(evaluation, state, why, "", who);
+  return End(evaluation, state, why, "", who);
 }
 
-absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
-                                   const std::string& who) {
-  const absl::Status whole = Part([&](Writer& writer) {
-    return writer.EndWithLeases(evaluation, EvaluationState::kGraderError, why, who);
-  });
+absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& why,
+                                        const std::string& who) {
+  const absl::Status whole =
+      Part([&] { return EndWithLeases(evaluation, EvaluationState::kGraderError, why, who); });
   if (whole.ok()) return whole;
   Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
   if (!select.executeStep()) {
@@ -312,22 +278,22 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
   select.reset();
   // From here on each step is its own part: a rejected one must not stop the others.
   const auto part = [&](auto change) {
-    return Part([&](Writer&) -> absl::Status {
+    return Part([&] {
       change();
       return absl::OkStatus();
     });
   };
   for (const int64_t lease : AllNumbers(db_, kOpenLeases, evaluation)) {
-    const absl::Status usual = Part([&](Writer& writer) {
-      return writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who, why);
+    const absl::Status usual = Part([&] {
+      return Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why);
     });
     if (usual.ok()) continue;
     (void)part([&] { MendTypes(db_, "lease", lease); });
-    (void)Part([&](Writer& writer) -> absl::Status {
+    (void)Part([&] {
       Run(db_, R"(UPDATE lease SET state = 'cancelled', slot = NULL, owner = NULL,
           started_at = NULL, deadline_at = NULL, finished_at = ?, detail = ? WHERE id = ?)",
           now_ms_, why, lease);
-      return writer.Audit("lease", lease, "", "cancelled", who, why);
+      return Audit("lease", lease, "", "cancelled", who, why);
     });
   }
   (void)part([&] { MendTypes(db_, "evaluation", evaluation); });
@@ -336,25 +302,46 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
         SET state = 'grader_error', reason = ?, finished_at = ? WHERE id = ?)",
         why, now_ms_, evaluation);
   }));
-  (void)part([&] { SettleCharge(evaluation, EvaluationState::kGraderError, who); });
+  (void)part([&] { Quotas(context_).Settle(evaluation, EvaluationState::kGraderError, who); });
   (void)part([&] { AppendGraded(evaluation, who); });
-  TellEnd(evaluation, EvaluationState::kGraderError);
+  Deliveries(context_).TellEnd(evaluation, EvaluationState::kGraderError);
   return Audit("evaluation", evaluation, before, "grader_error", who, why);
 }
 
-absl::StatusOr<std::map<int64_t, std::string>> Reader::EpisodeDetails(int64_t evaluation) {
-  Statement select(
-      db_, "SELECT id, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx",
-      evaluation);
-  std::map<int64_t, std::string> details;
-  while (select.executeStep()) {
-    StoredRow row(select, "episode_details");
-    const int64_t index = row.Number(1, 0, INT64_MAX);
-    std::string text = row.Object(2);
-    if (!row.ok()) return row.status();
-    details.emplace_hint(details.end(), index, std::move(text));
-  }
-  return details;
+std::vector<int64_t> Evaluations::Done(bool without_standing) const {
+  return AllNumbers(db_, R"(SELECT e.id
+      FROM evaluation AS e LEFT JOIN standing AS v ON v.evaluation = e.id WHERE e.state = 'done'
+      AND e.kind != 'rerun' AND (NOT ?1 OR v.evaluation IS NULL) ORDER BY e.id)",
+                    without_standing);
 }
+
+std::vector<std::string> Evaluations::GradersOf(const std::vector<int64_t>& evaluations) const {
+  std::vector<std::string> graders;
+  for (const int64_t evaluation : evaluations) {
+    graders.push_back(
+        FirstText(db_, "SELECT grader_json FROM evaluation WHERE id = ?", evaluation));
+  }
+  return graders;
+}
+
+absl::StatusOr<std::string> Evaluations::TeamOf(int64_t id) const {
+  const std::string name = FirstText(db_, R"(SELECT t.name
+      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
+      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE e.id = ?)",
+                                     id);
+  if (!name.empty()) return Teams(context_).NameOf(name);
+  return absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
+}
+
+std::vector<EndedEvaluation> Evaluations::DoneSince(int64_t after_ms, int64_t limit) const {
+  std::vector<EndedEvaluation> ended =
+      AllRows<EndedEvaluation, 2>(Statement(db_, R"(SELECT id, finished_at FROM evaluation
+          WHERE state = 'done' AND finished_at > ? ORDER BY finished_at DESC, id DESC LIMIT ?)",
+                                            after_ms, limit));
+  std::reverse(ended.begin(), ended.end());
+  return ended;
+}
+
+int64_t Evaluations::LastEnd() const { return FirstNumber(db_, "SELECT max(finished_at) FROM evaluation"); }
 
 }  // namespace myograde::server

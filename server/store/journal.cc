@@ -8,8 +8,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/reader_pool.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -28,64 +27,9 @@ StoredRow RecordRowOf(SQLite::Statement& select, RecordRow& record) {
   return row;
 }
 
-Act ActOf(SQLite::Statement& row) {
-  Act act;
-  act.id = row.getColumn(0).getInt64();
-  act.at = row.getColumn(1).getInt64();
-  act.kind = row.getColumn(2).getString();
-  act.who = row.getColumn(3).getString();
-  act.content = Json::parse(row.getColumn(4).getString(), nullptr, /*allow_exceptions=*/false);
-  if (row.isColumnNull(5)) return act;
-  act.entry = row.getColumn(5).getInt64();
-  const Json entry = Json::parse(row.getColumn(6).getString(), nullptr, /*allow_exceptions=*/false);
-  if (act.content.is_object() && entry.is_object()) act.content.update(entry);
-  return act;
-}
+constexpr char kDisqualifiedMark[] = "disqualified";
 
 }  // namespace
-
-void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act) {
-  if (!act.is_public) {
-    Json beside = act.content;
-    beside.update(act.beside);
-    Run(db, R"(INSERT INTO journal (at, kind, who, evaluation, private_json)
-        VALUES (?, ?, ?, nullif(?, 0), ?))",
-        now_ms, act.kind, act.who, act.evaluation, CanonicalJson(beside));
-    return;
-  }
-  Statement last(db, R"(SELECT entry + 1, chain
-      FROM journal WHERE entry BETWEEN 0 AND 1 << 40 ORDER BY entry DESC LIMIT 1)");
-  const bool any = last.executeStep();
-  Json entry = act.content;
-  entry["kind"] = act.kind;
-  entry["at"] = TimeText(now_ms);
-  const std::string text = CanonicalJson(entry);
-  const std::string chain = ChainOf(any ? last.getColumn(1).getString() : "", text);
-  Run(db, R"(INSERT INTO journal (at, kind, who, evaluation, private_json, entry, entry_json, chain)
-      VALUES (?, ?, ?, nullif(?, 0), ?, ?, ?, ?))",
-      now_ms, act.kind, act.who, act.evaluation, CanonicalJson(act.beside),
-      any ? last.getColumn(0).getInt64() : 0, text, chain);
-}
-
-void CatchUp(SQLite::Database& db, BoardState& state) {
-  Statement select(db, R"(SELECT id, at, kind, who, private_json, entry, entry_json
-      FROM journal WHERE id > ? ORDER BY id)",
-                   state.last());
-  while (select.executeStep()) (void)state.Add(ActOf(select));
-}
-
-std::shared_ptr<const BoardState> BoardFold::Follow(SQLite::Database& db) {
-  const int64_t last = FirstNumber(db, "SELECT max(id) FROM journal");
-  const MutexLock lock(mutex_);
-  if (state_ != nullptr && state_->last() == last) return state_;
-  // Another connection may have seen more.
-  const bool behind = state_ != nullptr && state_->last() > last;
-  auto state = behind || state_ == nullptr ? std::make_shared<BoardState>()
-                                           : std::make_shared<BoardState>(*state_);
-  CatchUp(db, *state);
-  if (!behind) state_ = state;
-  return state;
-}
 
 std::string ChainOf(std::string_view before, std::string_view entry_json) {
   Sha256 hash;
@@ -102,24 +46,92 @@ std::string ChainMistake(const std::string& before, const RecordRow* entry) {
          "the daemon's back";
 }
 
-absl::Status Writer::AppendKey(const std::string& public_pem) {
+absl::StatusOr<bool> Journal::Mark(int64_t submission, const std::string& mark, bool set,
+                                  const std::string& who, const std::string& why) {
+  Statement select(db_, "SELECT ranked FROM submission WHERE id = ?", submission);
+  if (!select.executeStep()) {
+    return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
+  }
+  const std::vector<MarkRow>& history = Board().MarkHistory(submission);
+  const auto last = std::find_if(history.rbegin(), history.rend(),
+                                 [&](const MarkRow& row) { return row.mark == mark; });
+  const bool there = last != history.rend();
+  const bool is_set = there && last->set;
+  const bool same_reason = !there || why.empty() || last->why == why;
+  if (is_set == set && (!set || same_reason)) return false;
+  nlohmann::json content = {{"submission", submission}, {"mark", mark}, {"set", set}};
+  // Boards tell why somebody was disqualified, and nothing of the others.
+  if (mark == kDisqualifiedMark) content["reason"] = why;
+  Append({.kind = kMarkedAct,
+          .who = who,
+          .content = std::move(content),
+          .beside = {{"why", why}},
+          .is_public = select.getColumn(0).getInt() != 0});
+  return true;
+}
+
+absl::StatusOr<bool> Journal::Choose(int64_t submission, const std::string& who) {
+  Statement select(db_, R"(SELECT s.ranked = 1 AND e.state = 'done' FROM submission AS s
+      LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' WHERE s.id = ?)",
+                   submission);
+  if (!select.executeStep()) {
+    return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
+  }
+  const auto& submissions = Board().submissions();
+  const auto found = submissions.find(submission);
+  if (select.getColumn(0).getInt() != 1 || found == submissions.end()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "submission ", submission, " can't be chosen: it is practice, or its evaluation is not "
+        "done; choose a ranked one that is"));
+  }
+  if (Board().NewestChoice(found->second.team, found->second.board) == submission) return false;
+  Append({.kind = kChosenAct, .who = who, .content = {{"submission", submission}}});
+  return true;
+}
+
+absl::StatusOr<bool> Journal::SetBoardConfig(const NewBoardConfig& change, const std::string& who) {
+  const BoardName& board = change.board;
+  const std::vector<BoardConfigRow>& rows = Board().ConfigsOf(board);
+  if (change.rejudge == 0 && !rows.empty() && rows.back().config == change.config) return false;
+  if (!change.config_json.empty() && Sha256Hex(change.config_json) != change.config) {
+    return absl::InternalError("a board's config has another hash than is said");
+  }
+  if (!change.config_json.empty()) {
+    Run(db_, "INSERT OR IGNORE INTO config VALUES (?, ?, ?, ?, ?)", change.config, board.track,
+        board.profile, change.config_json, now_ms_);
+  }
+  if (!AnyRow(db_, "SELECT 1 FROM config WHERE hash = ?", change.config)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the store has no config ", change.config, " for a board to have"));
+  }
+  Append({.kind = kConfigAct,
+          .who = who,
+          .content = {{"phase", OrNull(board.phase)},
+                      {"track", board.track},
+                      {"profile", board.profile},
+                      {"config", change.config},
+                      {"rejudge", OrNull(change.rejudge)}}});
+  return true;
+}
+
+absl::Status Journal::AppendKey(const std::string& public_pem) {
   if (Board().key() != public_pem) Append({kKeyAct, "daemon", {{"key", public_pem}}});
   return absl::OkStatus();
 }
 
-int64_t Reader::RecordSize() {
+int64_t Journal::RecordSize() const {
   return FirstNumber(
       db_, "SELECT max(entry) + 1 FROM journal WHERE entry BETWEEN 0 AND 1 << 40");
 }
 
-Listed<RecordRow> Reader::Record(int64_t from, int64_t limit) {
+Listed<RecordRow> Journal::Record(int64_t from, int64_t limit) const {
   return ListOf<RecordRow>(
       Statement(db_, absl::StrCat(kEntryColumns, "WHERE entry >= ? ORDER BY entry LIMIT ?"), from,
                 limit),
       RecordRowOf);
 }
 
-absl::StatusOr<RecordRow> Reader::GradedEntry(int64_t evaluation) {
+absl::StatusOr<RecordRow> Journal::GradedEntry(int64_t evaluation) const {
   return FirstOf<RecordRow>(
       Statement(db_, absl::StrCat(kEntryColumns, "WHERE evaluation = ? AND entry IS NOT NULL"),
                 evaluation),
@@ -129,8 +141,8 @@ absl::StatusOr<RecordRow> Reader::GradedEntry(int64_t evaluation) {
 
 absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most) {
   std::vector<Damage> damaged;
-  RETURN_IF_ERROR(readers.Read([&](Reader& reader) {
-    const int64_t size = reader.RecordSize();
+  RETURN_IF_ERROR(readers.Read([&](const Transaction& reader) {
+    const int64_t size = reader.journal.RecordSize();
     std::string chain;
     int64_t next = 0;
     const auto add = [&](const RecordRow* entry) {
@@ -143,7 +155,7 @@ absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t
     };
     while (next < size && damaged.size() < most) {
       const int64_t end = std::min(size, next + kEntriesAtATime);
-      for (const RecordRow& row : reader.Record(next, end - next).rows) {
+      for (const RecordRow& row : reader.journal.Record(next, end - next).rows) {
         while (next < row.index && next < size) add(nullptr);
         add(&row);
       }

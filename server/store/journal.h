@@ -13,8 +13,7 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/base/mutex.h"
-#include "server/board/board_state.h"
+#include "server/store/context.h"
 #include "server/store/damage.h"
 
 namespace SQLite {
@@ -24,40 +23,6 @@ class Database;
 namespace myograde::server {
 
 class ReaderPool;
-
-struct NewAct {
-  std::string kind;
-  std::string who;
-  nlohmann::json content;  // the keys of the public record
-  nlohmann::json beside = nlohmann::json::object();  // the private keys
-  bool is_public = true;   // false: the record has no entry of it
-  int64_t evaluation = 0;  // that it is the end of; 0: none
-};
-
-inline nlohmann::json OrNull(const std::string& text) {
-  return text.empty() ? nlohmann::json() : nlohmann::json(text);
-}
-inline nlohmann::json OrNull(int64_t id) { return id == 0 ? nlohmann::json() : nlohmann::json(id); }
-
-// Adds an act at the end. A disk's fault or a stranger's edit of the last row does not keep what follows
-// out: the chain goes on from what is there, and a check of the chain tells where it broke. Internal to
-// the store; throws SQLite::Exception.
-void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act);
-
-// Applies to a state what the journal has beyond it. What can't be applied is told by
-// BoardState::damaged. Throws SQLite::Exception.
-void CatchUp(SQLite::Database& db, BoardState& state);
-
-// The state that the journal leads to, for connections of any thread.
-class BoardFold {
- public:
-  // As this connection sees the journal. Throws SQLite::Exception.
-  std::shared_ptr<const BoardState> Follow(SQLite::Database& db);
-
- private:
-  Mutex mutex_;
-  std::shared_ptr<const BoardState> state_ ABSL_GUARDED_BY(mutex_);
-};
 
 // An entry of the public record.
 struct RecordRow {
@@ -76,5 +41,38 @@ std::string ChainMistake(const std::string& before, const RecordRow* entry);
 
 // The first entries, so many at most, at which the chain breaks. Errors of ReaderPool::Read.
 absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most);
+
+// The config that a board has from now on.
+struct NewBoardConfig {
+  BoardName board;
+  std::string config;            // hash
+  std::string config_json = "";  // canonical; "": the store has it
+  int64_t rejudge = 0;           // whose act it is; 0: the config files changed
+};
+
+// Acts on boards, and the public record.
+class Journal : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  // The public record: the index that the next entry gets, entries from an index on, and the entry
+  // with an evaluation's result (NotFoundError: there is none).
+  int64_t RecordSize() const;
+  Listed<RecordRow> Record(int64_t from, int64_t limit) const;
+  absl::StatusOr<RecordRow> GradedEntry(int64_t evaluation) const;
+  // Sets or clears a mark; true if that changed anything (setting it again for the same reason does
+  // not). NotFoundError if there is no such submission.
+  absl::StatusOr<bool> Mark(int64_t submission, const std::string& mark, bool set,
+                            const std::string& who, const std::string& why);
+  // Makes a submission the one that its team stands with among those under the same config; true if
+  // that changed anything. NotFoundError if there is no such submission; FailedPreconditionError if
+  // it is not ranked, or not done.
+  absl::StatusOr<bool> Choose(int64_t submission, const std::string& who);
+  // Gives a board its config from now on; true if it had another one. A rejudge's act is always added. FailedPreconditionError if the store has neither the config nor its JSON.
+  absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
+  // Adds to the public record (journal.h) the key that signs from now on, unless it is the latest
+  // one already.
+  absl::Status AppendKey(const std::string& public_pem);
+};
 
 }  // namespace myograde::server

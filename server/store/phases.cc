@@ -8,8 +8,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
 #include "server/store/connection.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -78,7 +77,7 @@ absl::Status CheckBelongs(const PhaseHistory& history, const std::string& phase,
 
 }  // namespace
 
-absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::string& event,
+absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::string& event,
                                            const std::string& who, const std::string& why) {
   const bool pauses = event == kPausedEvent || event == kResumedEvent;
   if (phase.empty() && !pauses) {
@@ -100,12 +99,12 @@ absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::
   }
   Append({.kind = kPhaseAct, .who = who, .content = std::move(content), .beside = {{"why", why}}});
   if (!pauses) return true;
-  RETURN_IF_ERROR(Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
+  RETURN_IF_ERROR(Deliveries(context_).Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
                        CanonicalJson({{"phase", OrNull(phase)}, {"reason", why}})));
   return true;
 }
 
-absl::Status Writer::CheckTakesSubmissions(const std::string& phase) {
+absl::Status PhaseActs::CheckTakesSubmissions(const std::string& phase) {
   if (!phase.empty() && Board().Phase(phase).Has(kRevealedEvent)) return RevealedError(phase);
   for (const std::string& scope : {std::string(), phase}) {
     const PhaseEventRow* newest = Board().Phase(scope).Newest(kPausedEvent, kResumedEvent);
@@ -120,7 +119,7 @@ absl::Status Writer::CheckTakesSubmissions(const std::string& phase) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase,
+absl::StatusOr<std::string> PhaseActs::EnsureSecret(const std::string& phase,
                                                 const std::string& challenge) {
   ASSIGN_OR_RETURN(std::optional<SecretRow> there, FindSecret(db_, phase));
   if (!there.has_value()) return DrawSecret(phase, challenge, /*further=*/false);
@@ -131,13 +130,13 @@ absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase,
   return (*std::move(there)).secret;
 }
 
-absl::StatusOr<std::string> Writer::FurtherSecret(const std::string& phase) {
+absl::StatusOr<std::string> PhaseActs::FurtherSecret(const std::string& phase) {
   ASSIGN_OR_RETURN(std::optional<SecretRow> there, FindSecret(db_, phase));
   if (there.has_value()) return (*std::move(there)).secret;
   return DrawSecret(phase, "", /*further=*/true);
 }
 
-absl::StatusOr<std::string> Writer::DrawSecret(const std::string& phase,
+absl::StatusOr<std::string> PhaseActs::DrawSecret(const std::string& phase,
                                                const std::string& challenge, bool further) {
   RETURN_IF_ERROR(CheckNeverUsed(db_, Board().Phase(phase), phase, further));
   ASSIGN_OR_RETURN(std::string secret, RandomBytes(kPhaseSecretBytes));
@@ -154,14 +153,14 @@ absl::StatusOr<std::string> Writer::DrawSecret(const std::string& phase,
   return secret;
 }
 
-void Writer::AddSecret(const std::string& phase, const std::string& challenge,
+void PhaseActs::AddSecret(const std::string& phase, const std::string& challenge,
                           const std::string& secret) {
   Run(db_, R"(INSERT INTO phase_secret (phase, secret, created_at, challenge)
       VALUES (?, CAST(? AS BLOB), ?, ?))",
       phase, secret, now_ms_, challenge);
 }
 
-absl::StatusOr<bool> Writer::TakeSecret(const std::string& phase, const std::string& secret) {
+absl::StatusOr<bool> PhaseActs::ImportSecret(const std::string& phase, const std::string& secret) {
   ASSIGN_OR_RETURN(const std::optional<SecretRow> there, FindSecret(db_, phase));
   const std::vector<PhaseCommitment>& commitments = Board().Phase(phase).commitments;
   if (commitments.empty()) {
@@ -185,20 +184,20 @@ absl::StatusOr<bool> Writer::TakeSecret(const std::string& phase, const std::str
   return true;
 }
 
-absl::StatusOr<std::string> Reader::PhaseSecret(const std::string& phase) {
+absl::StatusOr<std::string> PhaseActs::Secret(const std::string& phase) const {
   ASSIGN_OR_RETURN(std::optional<SecretRow> secret, FindSecret(db_, phase));
   if (secret.has_value()) return (*std::move(secret)).secret;
   return absl::NotFoundError(absl::StrCat("phase \"", phase, "\" has no committed seeds"));
 }
 
-absl::Status Reader::CheckPhaseSecret(const std::string& phase, const std::string& challenge) {
+absl::Status PhaseActs::CheckSecret(const std::string& phase, const std::string& challenge) const {
   ASSIGN_OR_RETURN(const std::optional<SecretRow> secret, FindSecret(db_, phase));
   const PhaseHistory& history = Board().Phase(phase);
   if (secret.has_value()) return CheckBelongs(history, phase, *secret, challenge);
   return CheckNeverUsed(db_, history, phase, /*further=*/false);
 }
 
-absl::StatusOr<std::vector<PhaseUse>> Reader::PhasesInUse() {
+absl::StatusOr<std::vector<PhaseUse>> PhaseActs::InUse() const {
   const auto parse = [](SQLite::Statement& select, PhaseUse& use) {
     StoredRow row(select, "submission");
     row.TextsInto(1, {&use.phase, &use.track, &use.profile});

@@ -9,10 +9,9 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
-#include "server/store/teams.h"
+#include "server/store/team_names.h"
 
 namespace myograde::server {
 namespace {
@@ -224,17 +223,17 @@ std::string ErrorCodeOf(const absl::Status& status) {
   return code ? std::string(*code) : "";
 }
 
-void Writer::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {
+void Quotas::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {
   Charge(db_, now_ms_, evaluation, "a.budget", kGrader, why);
 }
 
-void Writer::ChargeBegun(int64_t evaluation) {
+void Quotas::ChargeBegun(int64_t evaluation) {
   if (AnyRow(db_, "SELECT 1 FROM lease WHERE evaluation = ? AND attempt > 0 LIMIT 1", evaluation)) {
     ChargeFirstEpisode(evaluation, "cancelled after its first lease had begun");
   }
 }
 
-void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who) {
+void Quotas::Settle(int64_t evaluation, EvaluationState state, const std::string& who) {
   const bool failed = state == EvaluationState::kFailed;
   if (!failed && state != EvaluationState::kGraderError) return;
   Run(db_,
@@ -252,33 +251,33 @@ void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::
   Charge(db_, now_ms_, evaluation, "'failed'", who, "every episode ended by the policy's fault");
 }
 
-absl::Status Writer::ChargeFailure(const std::string& team, const std::string& track,
+absl::Status Quotas::ChargeFailure(const std::string& team, const std::string& track,
                                    const std::string& who, const std::string& why) {
   return AddUnits(
       db_, now_ms_, "charge",
       {.team = team, .track = track, .budget = Budget::kFailed, .amount = 1, .why = why}, who);
 }
 
-absl::Status Writer::Grant(const NewGrant& grant, const std::string& who) {
+absl::Status Quotas::Grant(const NewGrant& grant, const std::string& who) {
   return AddUnits(db_, now_ms_, "grant", grant, who);
 }
 
-QuotaUse Reader::Quota(const std::string& team, const std::string& track, int64_t now_ms,
-                       const std::string& phase) {
+QuotaUse Quotas::UseOf(const std::string& team, const std::string& track, int64_t now_ms,
+                       const std::string& phase) const {
   return ReadQuotaUse(db_, team, track, phase, now_ms);
 }
 
-std::string Reader::ChargedBudget(int64_t submission) {
+std::string Quotas::ChargedBudget(int64_t submission) const {
   return FirstText(db_, R"(SELECT budget FROM ledger WHERE submission = ? GROUP BY budget
       HAVING sum(CASE entry WHEN 'charge' THEN amount WHEN 'refund' THEN -amount ELSE 0 END) > 0
       ORDER BY budget LIMIT 1)",
                    submission);
 }
 
-int64_t Reader::QuotaDayAt(int64_t now_ms) { return QuotaDay(db_, now_ms); }
+int64_t Quotas::DayAt(int64_t now_ms) const { return QuotaDay(db_, now_ms); }
 
-Listed<LedgerRow> Reader::Ledger(const std::string& team, const std::string& track, int64_t before,
-                                 int64_t limit) {
+Listed<LedgerRow> Quotas::Ledger(const std::string& team, const std::string& track, int64_t before,
+                                 int64_t limit) const {
   return ListOf<LedgerRow>(
       Statement(db_,
                 absl::StrCat("SELECT l.id, l.at, l.day, l.track, l.budget, l.entry, l.amount, "

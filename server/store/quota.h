@@ -10,6 +10,9 @@
 #include <string_view>
 
 #include <absl/status/status.h>
+#include "server/store/context.h"
+#include "server/store/damage.h"
+#include "server/store/rows.h"
 
 namespace SQLite {
 class Database;
@@ -90,5 +93,40 @@ absl::Status WithErrorCode(absl::Status status, std::string_view code);
 // A FailedPreconditionError with such a code.
 absl::Status CodedRefusal(std::string_view code, const std::string& sentence);
 std::string ErrorCodeOf(const absl::Status& status);  // "" if it has none
+
+// Extra units for a team, for the store's current day and in total.
+struct NewGrant {
+  std::string team;
+  std::string track;
+  Budget budget = Budget::kRanked;
+  int64_t amount = 0;
+  std::string why;
+  std::string phase = "";  // "": the track itself
+};
+
+// What teams have used, and grants.
+class Quotas : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  // `phase` "": of the track itself.
+  QuotaUse UseOf(const std::string& team, const std::string& track, int64_t now_ms,
+                 const std::string& phase = "") const;
+  int64_t DayAt(int64_t now_ms) const;
+  // The budget that a submission is charged to; "" if none, or if it was refunded.
+  std::string ChargedBudget(int64_t submission) const;
+  // Newest first. `track` "" matches any; `before` is an id.
+  Listed<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
+                           int64_t limit) const;
+  // Charges an original evaluation that is about to be cancelled, if a lease of it has begun: whoever
+  // may not see its episodes might have learned something of them by then.
+  void ChargeBegun(int64_t evaluation);
+  // Charges one unit of the budget `failed` for an attempt that never became a submission.
+  absl::Status ChargeFailure(const std::string& team, const std::string& track,
+                             const std::string& who, const std::string& why);
+  absl::Status Grant(const NewGrant& grant, const std::string& who);
+  void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
+  void Settle(int64_t evaluation, EvaluationState state, const std::string& who);
+};
 
 }  // namespace myograde::server

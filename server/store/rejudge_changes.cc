@@ -8,8 +8,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -93,7 +92,7 @@ std::string ConfigInForce(const BoardState& board, const BoardName& name,
 
 }  // namespace
 
-absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudge,
+absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge,
                                                         RejudgeEvent event, const std::string& why,
                                                         const SignDocument& sign,
                                                         const std::string& who) {
@@ -108,7 +107,7 @@ absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudg
                    {"seeds", rejudge.seeds}});
   if (applied) {
     ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations,
-                     Reader(db_, Board()).EvaluationsOfRejudge(rejudge.id));
+                     Evaluations(context_).OfRejudge(rejudge.id));
     document["results"] = ResultsOf(evaluations);
   }
   const std::string text = CanonicalJson(document);
@@ -131,13 +130,13 @@ absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudg
   return Board().Rejudge(rejudge.id)->events.back();
 }
 
-absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge, const SignDocument& sign,
+absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDocument& sign,
                                               const std::string& who) {
   RETURN_IF_ERROR(
-      AddConfig(rejudge.from_config, rejudge.track, rejudge.profile, rejudge.from_config_json));
+      Content(context_).AddConfig(rejudge.from_config, rejudge.track, rejudge.profile, rejudge.from_config_json));
   RETURN_IF_ERROR(
-      AddConfig(rejudge.to_config, rejudge.track, rejudge.profile, rejudge.to_config_json));
-  RETURN_IF_ERROR(AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
+      Content(context_).AddConfig(rejudge.to_config, rejudge.track, rejudge.profile, rejudge.to_config_json));
+  RETURN_IF_ERROR(Content(context_).AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
   const auto& earlier = Board().rejudges();
   const RejudgeRow row{.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1,
                        .at = now_ms_,
@@ -153,13 +152,13 @@ absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge, const S
                        .who = who,
                        .why = rejudge.why,
                        .events = {}};
-  RETURN_IF_ERROR(AddRejudgeEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
+  RETURN_IF_ERROR(AddEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
   return *Board().Rejudge(row.id);
 }
 
-absl::StatusOr<std::optional<RejudgeRow>> Writer::RejudgeWithout(int64_t id, int64_t submission,
+absl::StatusOr<std::optional<RejudgeRow>> Rejudges::RejudgeWithout(int64_t id, int64_t submission,
                                                                  int64_t repetition) {
-  ASSIGN_OR_RETURN(RejudgeRow rejudge, Reader(db_, Board()).Rejudge(id));
+  ASSIGN_OR_RETURN(RejudgeRow rejudge, Find(id));
   if (AnyRow(db_, R"(SELECT 1
       FROM evaluation WHERE rejudge = ? AND submission = ? AND repetition = ?)",
              id, submission, repetition))
@@ -168,12 +167,12 @@ absl::StatusOr<std::optional<RejudgeRow>> Writer::RejudgeWithout(int64_t id, int
   return std::optional(std::move(rejudge));
 }
 
-absl::StatusOr<Accepted> Writer::AddRejudgeItem(const NewRejudgeItem& item,
+absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item,
                                                 const std::string& who) {
   ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge,
                    RejudgeWithout(item.rejudge, item.submission, item.repetition));
   if (!rejudge.has_value()) return Accepted{.submission = item.submission, .repeated = true};
-  ASSIGN_OR_RETURN(Accepted added, AddEvaluation({.submission = item.submission,
+  ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add({.submission = item.submission,
                                                   .kind = EvaluationKind::kRejudge,
                                                   .config = rejudge->to_config,
                                                   .seeds = rejudge->seeds,
@@ -186,11 +185,11 @@ absl::StatusOr<Accepted> Writer::AddRejudgeItem(const NewRejudgeItem& item,
                                                  who));
   if (item.impossible.empty()) return added;
   RETURN_IF_ERROR(
-      EndWithLeases(added.evaluation, EvaluationState::kGraderError, item.impossible, who));
+      Evaluations(context_).EndWithLeases(added.evaluation, EvaluationState::kGraderError, item.impossible, who));
   return added;
 }
 
-absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::string& who) {
+absl::StatusOr<bool> Rejudges::AddJudgedItem(const JudgedItem& item, const std::string& who) {
   ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge,
                    RejudgeWithout(item.rejudge, item.submission, item.repetition));
   if (!rejudge.has_value()) return false;
@@ -233,17 +232,17 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
       SELECT ?, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx)",
       evaluation, item.source);
   if (item.state == EvaluationState::kDone) {
-    RETURN_IF_ERROR(SetStanding(evaluation, item.standing));
+    RETURN_IF_ERROR(Episodes(context_).SetStanding(evaluation, item.standing));
   }
-  AppendGraded(evaluation, who);
+  Evaluations(context_).AppendGraded(evaluation, who);
   return true;
 }
 
 // Gives the board the config that it has after the act.
-absl::StatusOr<RejudgeDone> Writer::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
+absl::StatusOr<RejudgeDone> Rejudges::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                               const std::string& who) {
   if (done.config_after == done.config_before) return done;
-  RETURN_IF_ERROR(SetBoardConfig({.board = rejudge.board(),
+  RETURN_IF_ERROR(Journal(context_).SetBoardConfig({.board = rejudge.board(),
                                   .config = done.config_after,
                                   .rejudge = rejudge.id},
                                  who)
@@ -251,11 +250,10 @@ absl::StatusOr<RejudgeDone> Writer::MoveBoard(const RejudgeRow& rejudge, Rejudge
   return done;
 }
 
-absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
+absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDocument& sign,
                                                  const std::string& who) {
-  Reader reader(db_, Board());
-  ASSIGN_OR_RETURN(const RejudgeRow rejudge, reader.Rejudge(act.rejudge));
-  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.ProgressOf(rejudge));
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, ProgressOf(rejudge));
   RejudgeDone done;
   done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
   if (const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);
@@ -263,14 +261,14 @@ absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const Si
     return Refused(rejudge, why);
   }
   ASSIGN_OR_RETURN(done.event,
-                   AddRejudgeEvent(rejudge, RejudgeEvent::kApplied, act.why, sign, who));
+                   AddEvent(rejudge, RejudgeEvent::kApplied, act.why, sign, who));
   done.config_after = rejudge.to_config;
   return MoveBoard(rejudge, std::move(done), who);
 }
 
-absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const SignDocument& sign,
+absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocument& sign,
                                                 const std::string& who) {
-  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Reader(db_, Board()).Rejudge(act.rejudge));
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
   const RejudgeEventRow& last = rejudge.events.back();
   if (last.event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped already");
   const bool applied = last.event == RejudgeEvent::kApplied;
@@ -294,11 +292,11 @@ absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const Sig
       WHERE rejudge = ? AND finished_at IS NULL ORDER BY id)",
                               rejudge.id);
   for (const int64_t evaluation : done.cancelled) {
-    RETURN_IF_ERROR(EndWithLeases(evaluation, EvaluationState::kCancelled,
+    RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(evaluation, EvaluationState::kCancelled,
                                   absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
   }
   ASSIGN_OR_RETURN(done.event,
-                   AddRejudgeEvent(rejudge, RejudgeEvent::kDropped, act.why, sign, who));
+                   AddEvent(rejudge, RejudgeEvent::kDropped, act.why, sign, who));
   return MoveBoard(rejudge, std::move(done), who);
 }
 

@@ -8,7 +8,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/store/differences.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -45,14 +45,14 @@ std::vector<RejudgeCandidate> Candidates(SQLite::Database& db, const BoardState&
 
 std::string_view RejudgeStateName(RejudgeProgress::State state) { return NameIn(kStates, state); }
 
-absl::StatusOr<RejudgeRow> Reader::Rejudge(int64_t id) {
+absl::StatusOr<RejudgeRow> Rejudges::Find(int64_t id) const {
   const RejudgeRow* rejudge = Board().Rejudge(id);
   if (rejudge != nullptr) return *rejudge;
   return absl::NotFoundError(absl::StrCat("there is no rejudge ", id));
 }
 
-absl::StatusOr<RejudgeProgress> Reader::ProgressOf(const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, EvaluationsOfRejudge(rejudge.id));
+absl::StatusOr<RejudgeProgress> Rejudges::ProgressOf(const RejudgeRow& rejudge) const {
+  ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, Evaluations(context_).OfRejudge(rejudge.id));
   RejudgeProgress progress;
   std::set<int64_t> submissions;
   for (const EvaluationRow& item : items) {
@@ -91,7 +91,7 @@ absl::StatusOr<RejudgeProgress> Reader::ProgressOf(const RejudgeRow& rejudge) {
   return progress;
 }
 
-std::vector<RejudgeCandidate> Reader::MissingItems(const RejudgeRow& rejudge) {
+std::vector<RejudgeCandidate> Rejudges::MissingItems(const RejudgeRow& rejudge) const {
   if (rejudge.purpose != RejudgePurpose::kRules) return {};
   // Where the config stays, what was accepted after it was applied has its result under it.
   int64_t latest = INT64_MAX;
@@ -102,7 +102,7 @@ std::vector<RejudgeCandidate> Reader::MissingItems(const RejudgeRow& rejudge) {
   return Candidates(db_, Board(), rejudge, rejudge.id, latest);
 }
 
-std::vector<RejudgeCandidate> Reader::CandidatesFor(const NewRejudge& rejudge) {
+std::vector<RejudgeCandidate> Rejudges::CandidatesFor(const NewRejudge& rejudge) const {
   std::vector<RejudgeCandidate> candidates =
       Candidates(db_, Board(), rejudge, /*id=*/0, INT64_MAX);
   if (rejudge.purpose == RejudgePurpose::kSeeds) {
@@ -114,8 +114,8 @@ std::vector<RejudgeCandidate> Reader::CandidatesFor(const NewRejudge& rejudge) {
   return candidates;
 }
 
-absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge) {
-  ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, EvaluationsOfRejudge(rejudge));
+absl::StatusOr<std::vector<Unrepeatable>> Rejudges::UnrepeatableOf(int64_t rejudge) const {
+  ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, Evaluations(context_).OfRejudge(rejudge));
   std::map<int64_t, Unrepeatable> found;
   const auto add = [&](int64_t submission, Unrepeatable::Episode episode) {
     found[submission].submission = submission;
@@ -124,7 +124,7 @@ absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge
   const EvaluationRow* first = nullptr;
   std::vector<EpisodeRow> episodes;  // of `first`, once they are needed
   for (const EvaluationRow& item : items) {
-    ASSIGN_OR_RETURN(std::vector<RepeatRow> repeats, Repeats(item.id));
+    ASSIGN_OR_RETURN(std::vector<RepeatRow> repeats, Episodes(context_).Repeats(item.id));
     for (const RepeatRow& repeat : repeats) {
       add(item.submission, {repeat.index, item.repetition, repeat.differs});
     }
@@ -136,9 +136,9 @@ absl::StatusOr<std::vector<Unrepeatable>> Reader::UnrepeatableOf(int64_t rejudge
     }
     if (item.results_hash == first->results_hash) continue;
     if (episodes.empty()) {
-      ASSIGN_OR_RETURN(episodes, Episodes(first->id));
+      ASSIGN_OR_RETURN(episodes, Episodes(context_).Of(first->id));
     }
-    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> others, Episodes(item.id));
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> others, Episodes(context_).Of(item.id));
     for (size_t i = 0; i < std::min(episodes.size(), others.size()); ++i) {
       std::vector<std::string> differs = DifferencesBetween(episodes[i], others[i]);
       if (differs.empty()) continue;

@@ -16,6 +16,8 @@
 
 #include "server/board/acts.h"
 #include "server/store/rows.h"
+#include "server/store/context.h"
+#include "server/store/submissions.h"
 
 namespace myograde::server {
 
@@ -133,6 +135,51 @@ struct Unrepeatable {
     std::vector<std::string> differs;  // as of RepeatRow
   };
   std::vector<Episode> episodes;
+};
+
+// What organisers ask for, and the evaluations that follow.
+class Rejudges : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  // Rejudges (rejudges.h).
+  absl::StatusOr<RejudgeRow> Find(int64_t id) const;
+  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge) const;
+  // The items that it lacks, first repetitions first; none for purpose kSeeds.
+  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge) const;
+  // The same before it is created.
+  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge) const;
+  // The submissions whose repetitions that have ended as done or failed differ, with every episode
+  // that does.
+  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge) const;
+  // Rejudges (rejudges.h). Adds one with its event 'created'.
+  absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
+                                        const std::string& who);
+  // An item to play. The answer's `evaluation` is to be queued unless the item is impossible. Adding
+  // an item that is there changes nothing, and `repeated` is true. FailedPreconditionError if the
+  // rejudge was dropped.
+  absl::StatusOr<Accepted> AddItem(const NewRejudgeItem& item, const std::string& who);
+  // An item that was computed. True if it is new; otherwise as AddRejudgeItem.
+  absl::StatusOr<bool> AddJudgedItem(const JudgedItem& item, const std::string& who);
+  // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds, is
+  // applied already, is not complete, has other submissions without result than `without` says, or
+  // the board's config in force is not from_config.
+  absl::StatusOr<RejudgeDone> Apply(const RejudgeAct& act, const SignDocument& sign,
+                                           const std::string& who);
+  // Event; cancels its unfinished evaluations; if it was applied, the board has its config of before.
+  // FailedPreconditionError: it was dropped before, or a later one of its board is applied.
+  absl::StatusOr<RejudgeDone> Drop(const RejudgeAct& act, const SignDocument& sign,
+                                          const std::string& who);
+
+ private:
+  // The rejudge that an item is to be added to; nullopt if the item is there.
+  absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(int64_t rejudge, int64_t submission,
+                                                           int64_t repetition);
+  absl::StatusOr<RejudgeEventRow> AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
+                                                  const std::string& why, const SignDocument& sign,
+                                                  const std::string& who);
+  absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
+                                        const std::string& who);
 };
 
 }  // namespace myograde::server

@@ -10,7 +10,7 @@
 #include "server/base/secret.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
-#include "server/store/teams.h"
+#include "server/store/team_names.h"
 
 namespace myograde::server {
 namespace {
@@ -35,11 +35,6 @@ std::optional<int64_t> TrustedTimeOf(SQLite::Database& db) {
 // How many rows were ever added to the tables that number their rows so. It never goes back.
 int64_t RowsEver(SQLite::Database& db) {
   return db.execAndGet("SELECT CAST(total(seq) AS INTEGER) FROM sqlite_sequence").getInt64();
-}
-
-// A state that has seen acts which are not in the journal any more is folded anew.
-void ForgetRolledBack(SQLite::Database& db, BoardState& board) {
-  if (board.last() > FirstNumber(db, "SELECT max(id) FROM journal")) board = BoardState();
 }
 
 }  // namespace
@@ -139,13 +134,6 @@ void Store::Distrust(const std::string& why) {
   if (distrust_.empty()) distrust_ = why;
 }
 
-void Writer::SetTrustedTime(int64_t ms) {
-  int64_t before = 0;
-  if (!absl::SimpleAtoi(Meta(db_, "trusted_time"), &before) || before < ms) {
-    SetMeta(db_, "trusted_time", absl::StrCat(ms));
-  }
-}
-
 absl::Status Store::LoadSecret() {
   ASSIGN_OR_RETURN(std::string fresh, RandomBytes(32));
   Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
@@ -167,7 +155,7 @@ absl::Status Store::LoadSecret() {
   return absl::OkStatus();
 }
 
-absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
+absl::Status Store::Write(const std::function<absl::Status(Transaction&)>& change) {
   RETURN_IF_ERROR(Check());
   const absl::Cleanup check = [&] {
     const absl::Status read = GuardSqlite(path_, [&] {
@@ -178,35 +166,16 @@ absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
   };
   return GuardSqlite(path_, [&]() -> absl::Status {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
-    Writer writer(*db_, absl::ToUnixMillis(clock_.Now()), board_, &subscriptions_);
-    RETURN_IF_ERROR(change(writer));  // rolls back
+    Transaction changes({.db = *db_,
+                         .state = &board_,
+                         .now_ms = absl::ToUnixMillis(clock_.Now()),
+                         .subscriptions = &subscriptions_});
+    RETURN_IF_ERROR(change(changes));  // rolls back
     const int64_t rows = RowsEver(*db_);
     transaction.commit();
     Remember(rows);
     return absl::OkStatus();
   });
-}
-
-const BoardState& Writer::Board() {
-  CatchUp(db_, board_);
-  return board_;
-}
-
-absl::Status Writer::Part(const std::function<absl::Status(Writer&)>& change) {
-  db_.exec("SAVEPOINT part");
-  absl::Status status;
-  try {
-    status = change(*this);
-  } catch (const SQLite::Exception& error) {
-    status = StatusOf("the store", error);
-    if (!absl::IsFailedPrecondition(status)) throw;  // not just of this part
-  }
-  if (!status.ok()) {
-    db_.exec("ROLLBACK TO part");
-    ForgetRolledBack(db_, board_);
-  }
-  db_.exec("RELEASE part");
-  return status;
 }
 
 }  // namespace myograde::server

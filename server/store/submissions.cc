@@ -6,10 +6,9 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
-#include "server/store/teams.h"
+#include "server/store/team_names.h"
 
 namespace myograde::server {
 namespace {
@@ -83,26 +82,23 @@ StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
   return row;
 }
 
-// Of a config or a seed list that was added: a damaged row if another text is there under its hash.
-absl::Status CheckContent(SQLite::Database& db, const char* table, const char* column,
-                          const std::string& hash, const std::string& text) {
-  Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
-  if (select.executeStep() && select.getColumn(0).isText() &&
-      select.getColumn(0).getString() == text) {
-    return absl::OkStatus();
-  }
-  return DamagedRow({table, hash, "its content has another hash"});
+// Makes room for one more key of a caller.
+void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
+  Run(db, "DELETE FROM request_key WHERE at < ?", now_ms - absl::ToInt64Milliseconds(kKeyAge));
+  Run(db, R"(DELETE FROM request_key WHERE who = ?1 AND key IN (SELECT key
+      FROM request_key WHERE who = ?1 ORDER BY at DESC, key LIMIT -1 OFFSET ?2))",
+      who, kKeysOfOne - 1);
 }
 
 }  // namespace
 
-absl::StatusOr<SubmissionRow> Reader::Submission(int64_t id) {
+absl::StatusOr<SubmissionRow> Submissions::Find(int64_t id) const {
   return FirstOf<SubmissionRow>(
       Statement(db_, absl::StrCat(kSubmissionColumns, "WHERE s.id = ?"), id), SubmissionOf,
       absl::NotFoundError(absl::StrCat("there is no submission ", id)));
 }
 
-Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
+Listed<SubmissionRow> Submissions::List(const SubmissionFilter& filter) const {
   return ListOf<SubmissionRow>(
       Statement(
           db_,
@@ -119,7 +115,7 @@ Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
       SubmissionOf);
 }
 
-std::vector<std::string> Reader::HeldBack() {
+std::vector<std::string> Submissions::HeldBack() const {
   Statement select(db_, R"(SELECT s.artefact, (SELECT l.grader_json
       FROM submission AS o JOIN evaluation AS l ON l.submission = o.id WHERE o.artefact = s.artefact
       AND l.state = 'grader_error' ORDER BY l.finished_at DESC, l.id DESC LIMIT 1)
@@ -133,7 +129,7 @@ std::vector<std::string> Reader::HeldBack() {
   return held;
 }
 
-std::string Writer::WithHold(int64_t evaluation, const std::string& why) {
+std::string Submissions::WithHold(int64_t evaluation, const std::string& why) {
   Statement select(db_, R"(SELECT s.artefact, e.grader_json
       FROM evaluation AS e JOIN submission AS s ON s.id = e.submission WHERE e.id = ?)",
                    evaluation);
@@ -146,7 +142,7 @@ std::string Writer::WithHold(int64_t evaluation, const std::string& why) {
                       "otherwise");
 }
 
-absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
+absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                  const RerunLimits& limits) {
   if (!organiser) {
     RETURN_IF_ERROR(CheckNotBanned(db_, Board(), FirstText(db_, R"(SELECT t.name
@@ -186,19 +182,7 @@ absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, boo
   return absl::OkStatus();
 }
 
-absl::Status Writer::AddConfig(const std::string& hash, const std::string& track,
-                               const std::string& profile, const std::string& json) {
-  Run(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", hash, track, profile,
-      json, now_ms_);
-  return CheckContent(db_, "config", "effective_json", hash, json);
-}
-
-absl::Status Writer::AddSeedList(const std::string& hash, int64_t count, const std::string& json) {
-  Run(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING", hash, count, json);
-  return CheckContent(db_, "seed_list", "seeds_json", hash, json);
-}
-
-absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission& submission,
+absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmission& submission,
                                                              const AdmissionRules& rules) {
   Statement own(
       db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
@@ -221,7 +205,7 @@ absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission
                    "own, or practise with fewer episodes"));
 }
 
-absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const AdmissionRules& rules,
+absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked, const AdmissionRules& rules,
                                         const std::string& who) {
   if (!AnyRow(db_, "SELECT 1 FROM artefact WHERE hash = ?", asked.artefact)) {
     return UnknownArtefact(asked.artefact);
@@ -236,7 +220,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   }
   // A submission that was accepted before is found above, however late its answer is asked for.
   if (!submission.closed.ok()) return submission.closed;
-  RETURN_IF_ERROR(CheckTakesSubmissions(submission.phase));
+  RETURN_IF_ERROR(PhaseActs(context_).CheckTakesSubmissions(submission.phase));
   RETURN_IF_ERROR(CheckNotHeldBack(db_, submission.artefact, submission.grader_json));
   const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
   const QuotaUse use =
@@ -245,8 +229,8 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
       CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
   const int64_t team_id = AddTeam(db_, submission.team, now_ms_, who);
   RETURN_IF_ERROR(
-      AddConfig(submission.config, submission.track, submission.profile, submission.config_json));
-  RETURN_IF_ERROR(AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json));
+      Content(context_).AddConfig(submission.config, submission.track, submission.profile, submission.config_json));
+  RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json));
   Run(db_, R"(INSERT INTO submission (team_id, artefact,
       track, profile, config, seeds, ranked, accepted_by, accepted_at, phase, extra_observations)
       VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
@@ -259,7 +243,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
       SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?)",
       BudgetName(budget), use.day, id);
   RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
-  ASSIGN_OR_RETURN(Accepted accepted, AddEvaluation({.submission = id,
+  ASSIGN_OR_RETURN(Accepted accepted, Evaluations(context_).Add({.submission = id,
                                                      .kind = EvaluationKind::kOriginal,
                                                      .grader_json = submission.grader_json,
                                                      .blocks = submission.blocks},
@@ -276,6 +260,65 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
                       {"phase", OrNull(submission.phase)},
                       {"config", submission.config},
                       {"evaluation", accepted.evaluation}}});
+  return accepted;
+}
+
+absl::StatusOr<std::string> Submissions::TeamOf(int64_t id) const {
+  const std::string name = FirstText(db_, R"(SELECT t.name FROM submission AS s
+      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE s.id = ?)",
+                                     id);
+  if (!name.empty()) return Teams(context_).NameOf(name);
+  return absl::NotFoundError(absl::StrCat("there is no submission ", id));
+}
+
+std::map<std::string, int64_t> Submissions::CountByState() const {
+  Statement select(db_, R"(SELECT state, count(*)
+      FROM evaluation WHERE kind = 'original' GROUP BY state)");
+  std::map<std::string, int64_t> counts;
+  while (select.executeStep()) {
+    const std::string state = select.getColumn(0).getString();
+    // A damaged row's state is anybody's text.
+    const bool known = ParseEvaluationState(state).has_value();
+    counts[known ? state : "unreadable"] += select.getColumn(1).getInt64();
+  }
+  return counts;
+}
+
+int64_t Submissions::CountOf(const std::string& team) const {
+  return FirstNumber(
+      db_, absl::StrCat("SELECT count(*) FROM submission WHERE team_id IN ", RowsOfTeam(1)),
+      KnownTeamId(db_, team));
+}
+
+absl::StatusOr<std::optional<Accepted>> Submissions::FindRequest(const std::string& who,
+                                                            const RequestKey& key) const {
+  if (key.key.empty()) return std::optional<Accepted>();
+  Statement select(db_, R"(SELECT request, submission, evaluation, linked
+      FROM request_key WHERE who = ? AND key = ?)",
+                   who, key.key);
+  if (!select.executeStep()) return std::optional<Accepted>();
+  StoredRow row(select, "request_key", absl::StrCat(who, "/", key.key));
+  const std::string request = row.Hash(0);
+  const Accepted earlier{
+      .submission = row.Id(1), .evaluation = row.Id(2), .linked = row.Flag(3), .repeated = true};
+  if (!row.ok()) return row.status();
+  if (request == key.request) return std::optional(earlier);
+  return CodedRefusal(kKeyReusedCode,
+                      absl::StrCat("the Idempotency-Key \"", key.key,
+                                   "\" came with another request before, for submission ",
+                                   earlier.submission, "; use a new key for each request"));
+}
+
+absl::StatusOr<Accepted> Submissions::Once(const std::string& who, const RequestKey& key,
+                                      const std::function<absl::StatusOr<Accepted>()>& accept) {
+  ASSIGN_OR_RETURN(std::optional<Accepted> earlier, FindRequest(who, key));
+  if (earlier.has_value()) return *earlier;
+  absl::StatusOr<Accepted> accepted = accept();
+  if (accepted.ok() && !key.key.empty()) {
+    DropOldKeys(db_, who, now_ms_);
+    Run(db_, "INSERT INTO request_key VALUES (?, ?, ?, ?, ?, ?, ?)", who, key.key, key.request,
+        accepted->submission, accepted->evaluation, accepted->linked, now_ms_);
+  }
   return accepted;
 }
 

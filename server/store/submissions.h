@@ -13,6 +13,9 @@
 #include <absl/time/time.h>
 
 #include "server/store/quota.h"
+#include "server/store/context.h"
+#include "server/store/damage.h"
+#include "server/store/rows.h"
 
 namespace myograde::server {
 
@@ -110,6 +113,65 @@ struct RerunLimits {
   int64_t of_one = 8;       // per non-organiser
   int64_t of_a_submission = 2;
   int64_t of_organisers = 256;
+};
+
+// Which submissions to list, newest first. Empty strings match any.
+struct SubmissionFilter {
+  std::string team = "";
+  std::string track = "";
+  std::string profile = "";
+  std::string phase = "";
+  std::optional<EvaluationState> state = std::nullopt;  // of the original evaluation
+  std::optional<std::set<std::string>> teams = std::nullopt;  // only theirs
+  int64_t before = INT64_MAX;            // only ids below
+  int64_t limit = 100;
+};
+
+// Submissions: what is accepted, and what is refused.
+class Submissions : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  absl::StatusOr<SubmissionRow> Find(int64_t id) const;
+  Listed<SubmissionRow> List(const SubmissionFilter& filter) const;
+  // Artefacts that are held back (Writer::WithHold), sorted: as of the grader that played them last.
+  std::vector<std::string> HeldBack() const;
+  // The number of submissions, with those of the teams that were merged into it.
+  int64_t CountOf(const std::string& team) const;
+  // Whose it is: today's name of the team. NotFoundError if there is no such submission or
+  // evaluation, or if nobody can tell whose it is.
+  absl::StatusOr<std::string> TeamOf(int64_t id) const;
+  // What Writer::Once would return without asking to accept; nullopt: it would ask.
+  absl::StatusOr<std::optional<Accepted>> FindRequest(const std::string& who,
+                                                      const RequestKey& key) const;
+  // How many submissions' own evaluations are in each state; "unreadable" counts damaged ones.
+  std::map<std::string, int64_t> CountByState() const;
+  // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the stored
+  // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
+  // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for a
+  // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam),
+  // "paused" if all submissions or those to the phase are paused, "phase_revealed" if its seeds were
+  // revealed; submission.closed.
+  // InvalidArgumentError for a name
+  // that no new team may have. Other operations that take a team have the same name errors.
+  absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
+                                  const std::string& who);
+  // Runs `accept` if `who` has not sent this key before, and keeps what it accepted; otherwise
+  // returns what was accepted then. Errors of `accept`, which keep nothing, and of FindRequestKey.
+  absl::StatusOr<Accepted> Once(const std::string& who, const RequestKey& key,
+                                const std::function<absl::StatusOr<Accepted>()>& accept);
+  // `why` an evaluation ends by the grader's fault; says so too if that holds its artefact back: if
+  // the last kFaultsToHold evaluations of it by this grader ended so. Call it before EndEvaluation.
+  std::string WithHold(int64_t evaluation, const std::string& why);
+  // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
+  // "quota" if too many have not ended, "banned" if its team is, or kHeldBackCode.
+  absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
+                           const RerunLimits& limits);
+
+ private:
+  // The ranked evaluation that rules out another one; nullopt: none.
+  absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
+                                                       const AdmissionRules& rules);
 };
 
 }  // namespace myograde::server

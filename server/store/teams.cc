@@ -1,180 +1,297 @@
-#include "server/store/teams.h"
-
+// Teams and who belongs to them.
+#include <algorithm>
+#include <map>
 #include <utility>
-#include <vector>
 
-#include <absl/strings/cord.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/base/counted.h"
 #include "server/base/names.h"
 #include "server/store/quota.h"
-#include "server/store/journal.h"
-#include "server/store/reader.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
+#include "server/store/team_names.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr char kResembledKey[] = "myograde/resembled-team";
+// Memberships in force: the newest row of each team and person.
+constexpr char kMemberships[] =
+    "FROM member AS m WHERE m.id = (SELECT max(id) FROM member WHERE team_id IS m.team_id AND "
+    "person IS m.person) AND m.belongs = 1 ";
 
-int64_t RowNamedExactly(SQLite::Database& db, const std::string& name) {
-  return FirstNumber(db, R"(SELECT id FROM team
-      WHERE name = ?1 UNION ALL SELECT team_id FROM former_name WHERE name = ?1 LIMIT 1)",
-                     name);
+absl::Status Conflict(const std::string& sentence) {
+  return absl::FailedPreconditionError(sentence);
 }
 
-// The oldest other team that the name resembles, now or by a former name of its own; "": none.
-std::string Resembled(SQLite::Database& db, const std::string& name, int64_t team) {
-  const std::string sql = absl::StrCat(
-      "SELECT t.name FROM team_look AS l JOIN team AS t ON t.id = l.team "
-      "WHERE l.look = ?1 AND t.id NOT IN ",
-      RowsOfTeam(2), " ORDER BY t.id LIMIT 1");
-  for (const std::string& look : LooksOf(name)) {
-    std::string other = FirstText(db, sql, look, team);
-    if (!other.empty()) return other;
+absl::Status Forbid(const std::string& sentence) { return CodedRefusal(kForbiddenCode, sentence); }
+
+bool Belongs(SQLite::Database& db, int64_t team, const std::string& person) {
+  return AnyRow(db, absl::StrCat("SELECT 1 ", kMemberships, "AND m.team_id = ? AND m.person = ?"),
+                team, person);
+}
+
+void AddMember(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& person,
+               bool belongs, const std::string& who) {
+  Run(db, R"(INSERT INTO member (at, team_id, person, belongs, who) VALUES (?, ?, ?, ?, ?))",
+      now_ms, team, person, belongs, who);
+}
+
+// Uploads that nobody has submitted count by the name of their team.
+void RenameUploads(SQLite::Database& db, const std::string& from, const std::string& to) {
+  Run(db, "UPDATE upload SET team = ? WHERE team = ?", to, from);
+}
+
+// FailedPreconditionError if a team of the row 0 (a new one), or another one, can't have the name.
+absl::Status CheckFree(SQLite::Database& db, const std::string& clean, int64_t team) {
+  const int64_t row = TeamRowNamed(db, clean);
+  if (row == 0) return CheckLooks(db, clean, team);
+  if (row == team) return absl::OkStatus();  // a former name of its own
+  ASSIGN_OR_RETURN(const TeamInForce holder, TeamOfRow(db, row));
+  if (team != 0 && holder.id == team) {
+    return Conflict(absl::StrCat("\"", clean, "\" is the name of a team that was merged into \"",
+                               holder.name, "\", and keeps finding it; choose another name"));
   }
-  return "";
+  return Conflict(holder.name == clean
+                    ? absl::StrCat("there is a team \"", clean, "\" already; choose another name")
+                    : absl::StrCat("\"", clean, "\" is a former name of team \"", holder.name,
+                                   "\", and keeps finding it; choose another name"));
+}
+
+// "team "a" and team "b"".
+std::string TeamList(const std::set<std::string>& teams) {
+  return absl::StrJoin(teams, " and ", [](std::string* out, const std::string& team) {
+    absl::StrAppend(out, "team \"", team, "\"");
+  });
+}
+
+// The team that the name finds, if it is not that of a team that was merged into it.
+absl::StatusOr<TeamInForce> Unmerged(SQLite::Database& db, const std::string& name) {
+  const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
+  if (!team.ok() || team->id == TeamRowNamed(db, name)) return team;
+  return Conflict(absl::StrCat("team \"", name, "\" was merged into team \"", team->name,
+                             "\" already; name that one"));
+}
+
+// The two teams of a merge.
+struct MergePair {
+  TeamInForce from;
+  TeamInForce to;
+};
+
+absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& team,
+                                    const std::string& into) {
+  ASSIGN_OR_RETURN(const TeamInForce from, Unmerged(db, team));
+  ASSIGN_OR_RETURN(const TeamInForce to, Unmerged(db, into));
+  if (from.id == to.id) {
+    return Conflict(absl::StrCat("team \"", from.name, "\" can't be merged into itself"));
+  }
+  for (const TeamInForce& one : {from, to}) {
+    if (!one.banned) continue;
+    return Conflict(absl::StrCat("team \"", one.name, "\" is banned, and a merge would hide that; "
+                               "unban it first"));
+  }
+  return MergePair{from, to};
+}
+
+std::vector<std::string> MembersOf(SQLite::Database& db, int64_t team) {
+  return AllTexts(
+      db, absl::StrCat("SELECT m.person ", kMemberships, "AND m.team_id = ? ORDER BY m.person"),
+      team);
+}
+
+constexpr char kTeamColumns[] =
+    "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name FROM team AS t "
+    "LEFT JOIN team AS g ON g.id = t.merged_into ";
+
+StoredRow TeamRowOf(SQLite::Statement& select, TeamRow& team) {
+  StoredRow row(select, "team");
+  team.id = row.Id(0);
+  team.name = row.Text(1);
+  team.created_at = row.Time(2);
+  team.banned = row.Flag(3);
+  if (!select.isColumnNull(4)) {
+    row.Joined("team", 4);
+    team.merged_into = row.Text(5);
+  }
+  return row;
+}
+
+// By a team's id, the texts that the two columns of a query give; unreadable ones are left out.
+std::map<int64_t, std::vector<std::string>> TextsByTeam(SQLite::Database& db,
+                                                        const std::string& sql) {
+  Statement select(db, sql);
+  std::map<int64_t, std::vector<std::string>> texts;
+  while (select.executeStep()) {
+    StoredRow row(select, "team");
+    const int64_t team = row.Id(0);
+    std::string text = row.Text(1);
+    if (row.ok()) texts[team].push_back(std::move(text));
+  }
+  return texts;
 }
 
 }  // namespace
 
-std::string RowsOfTeam(int place) {
-  return absl::StrCat("(SELECT id FROM team WHERE id = ?", place, " OR merged_into = ?", place,
-                      ")");
-}
-
-int64_t TeamRowNamed(SQLite::Database& db, const std::string& name) {
-  // As given first: an old team may have a name that is rejected today.
-  if (const int64_t row = RowNamedExactly(db, name); row != 0) return row;
-  const absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
-  return clean.ok() ? RowNamedExactly(db, *clean) : 0;
-}
-
-absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row) {
-  Statement select(db, R"(SELECT t.id, t.name, t.banned
-      FROM team AS o LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) WHERE o.id = ?)",
-                   row);
-  if (!select.executeStep()) {
-    return DamagedRow({"team", absl::StrCat(row), "it is missing, though another row names it"});
-  }
-  StoredRow read(select, "team", absl::StrCat(row));
-  if (select.isColumnNull(0)) read.Fail("the team that it was merged into is missing");
-  const TeamInForce team = {select.getColumn(0).getInt64(), read.Text(1), read.Flag(2)};
-  if (!read.ok()) return read.status();
-  return team;
-}
-
-absl::StatusOr<TeamInForce> FindTeam(SQLite::Database& db, const std::string& name) {
-  const int64_t row = TeamRowNamed(db, name);
-  if (row != 0) return TeamOfRow(db, row);
-  return absl::NotFoundError(absl::StrCat("there is no team \"", name, "\""));
-}
-
-absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t team) {
-  const std::string other = Resembled(db, clean, team);
-  if (other.empty()) return absl::OkStatus();
-  absl::Status status = CodedRefusal(
-      "look_alike",
-      "the team's name looks like that of another team; choose another name, or write your "
-      "team's exactly as it was first given");
-  status.SetPayload(kResembledKey, absl::Cord(other));
-  return status;
-}
-
-absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name) {
-  if (const int64_t row = TeamRowNamed(db, name); row != 0) {
-    ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db, row));
-    return team.name;
-  }
-  absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
-  if (!clean.ok()) return clean;
-  RETURN_IF_ERROR(CheckLooks(db, *clean, 0));
+absl::StatusOr<std::string> Teams::Create(const std::string& team, const std::string& who,
+                                               const std::string& why) {
+  ASSIGN_OR_RETURN(std::string clean, CleanName(team, "the team's name"));
+  RETURN_IF_ERROR(CheckFree(db_, clean, 0));
+  AddTeam(db_, clean, now_ms_, who, why);
   return clean;
 }
 
-absl::Status CheckNotBanned(SQLite::Database& db, const BoardState& board,
-                            const std::string& name) {
-  const int64_t row = TeamRowNamed(db, name);
-  if (row == 0) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db, row));
-  if (!team.banned) return absl::OkStatus();
-  std::string why;
-  for (const TeamEventRow& event : board.TeamEvents(team.id)) {
-    if (event.event == "banned") why = event.why;
+absl::Status Teams::Found(const std::string& team, const std::string& person, int64_t most) {
+  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, team));
+  std::set<std::string> teams = OfPerson(person);
+  if (teams.contains(name)) return absl::OkStatus();
+  // Also of teams that were merged into it, and those who were removed; a team may also be of people
+  // with tokens, or of somebody for whom an organiser submits.
+  const std::string rows = RowsOfTeam(1);
+  if (AnyRow(db_,
+             absl::StrCat("SELECT 1 FROM member WHERE team_id IN ", rows,
+                          " UNION ALL SELECT 1 FROM token WHERE team_id IN ", rows,
+                          " UNION ALL SELECT 1 FROM submission WHERE team_id IN ", rows,
+                          " AND accepted_by != ?2 LIMIT 1"),
+             KnownTeamId(db_, name), person)) {
+    return Forbid(absl::StrCat("team \"", name, "\" belongs to others, and ", person,
+                               " is no member of it; choose another name, or ask an organiser to "
+                               "add you"));
   }
-  return CodedRefusal(
-      kBannedCode,
-      absl::StrCat("team \"", team.name, "\" is banned by the organisers",
-                   why.empty() ? "" : absl::StrCat(" (", why, ")"),
-                   ": nothing more is taken from it; what it has submitted stays readable for it"));
-}
-
-std::string ResembledTeam(const absl::Status& status) {
-  return std::string(status.GetPayload(kResembledKey).value_or(absl::Cord()));
-}
-
-std::string KnownTeam(SQLite::Database& db, const std::string& name) {
-  const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
-  return team.ok() ? team->name : name;
-}
-
-int64_t KnownTeamId(SQLite::Database& db, const std::string& name) {
-  const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
-  return team.ok() ? team->id : 0;
-}
-
-void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
-  for (const std::string& look : LooksOf(name)) {
-    Run(db, "INSERT OR IGNORE INTO team_look VALUES (?, ?)", look, team);
+  if (std::ssize(teams) >= most) {
+    return Forbid(absl::StrCat(person, " belongs to ", TeamList(teams), ", and one person may "
+                               "belong to ", Counted(most, "team"), "; go on with ",
+                               teams.size() == 1 ? "that one" : "one of those",
+                               ", or ask an organiser"));
   }
+  AddMember(db_, now_ms_, AddTeam(db_, name, now_ms_, person), person, true, person);
+  return absl::OkStatus();
 }
 
-void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
-                  const std::string& detail, const std::string& who, const std::string& why) {
-  Statement row(db, "SELECT name, merged_into FROM team WHERE id = ?", team);
-  row.executeStep();
-  nlohmann::json content = {
-      {"event", event}, {"team_id", team}, {"team", row.getColumn(0).getString()}};
-  if (event == "merged") content["into"] = row.getColumn(1).getInt64();
-  AppendAct(db, now_ms,
-            {.kind = kTeamAct,
-             .who = who,
-             .content = std::move(content),
-             .beside = {{"detail", detail}, {"why", why}}});
+absl::StatusOr<bool> Teams::Rename(const std::string& team, const std::string& name,
+                                        const std::string& who, const std::string& why) {
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
+  ASSIGN_OR_RETURN(const std::string clean, CleanName(name, "the team's new name"));
+  if (clean == found.name) return false;
+  RETURN_IF_ERROR(CheckFree(db_, clean, found.id));
+  Run(db_, "DELETE FROM former_name WHERE name = ? AND team_id = ?", clean, found.id);
+  Run(db_, "UPDATE team SET name = ? WHERE id = ?", clean, found.id);
+  Run(db_, "INSERT INTO former_name (name, team_id) VALUES (?, ?)", found.name, found.id);
+  AddLooks(db_, found.id, clean);
+  RenameUploads(db_, found.name, clean);
+  AddTeamEvent(db_, now_ms_, found.id, "renamed", found.name, who, why);
+  return true;
 }
 
-int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
-                const std::string& who, const std::string& why) {
-  if (const int64_t row = RowNamedExactly(db, name); row != 0) return row;
-  Run(db, "INSERT INTO team (name, created_at) VALUES (?, ?)", name, now_ms);
-  const int64_t team = db.getLastInsertRowid();
-  AddLooks(db, team, name);
-  AddTeamEvent(db, now_ms, team, "created", "", who, why);
+absl::StatusOr<bool> Teams::SetMember(const std::string& team, const std::string& person,
+                                       bool belongs, const std::string& who) {
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
+  if (Belongs(db_, found.id, person) == belongs) return false;
+  AddMember(db_, now_ms_, found.id, person, belongs, who);
+  return true;
+}
+
+absl::Status Teams::Merge(const std::string& team, const std::string& into,
+                                const std::string& who, const std::string& why) {
+  ASSIGN_OR_RETURN(const MergePair pair, Mergeable(db_, team, into));
+  const auto& [from, to] = pair;
+  // Teams that were merged into the first follow it, so that no row leads to another merged one.
+  Run(db_, "UPDATE team SET merged_into = ?1 WHERE id = ?2 OR merged_into = ?2", to.id, from.id);
+  for (const std::string& person : MembersOf(db_, from.id)) {
+    AddMember(db_, now_ms_, from.id, person, false, who);
+    if (!Belongs(db_, to.id, person)) AddMember(db_, now_ms_, to.id, person, true, who);
+  }
+  RenameUploads(db_, from.name, to.name);
+  AddTeamEvent(db_, now_ms_, from.id, "merged", to.name, who, why);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> Teams::Ban(const std::string& team, bool banned, const std::string& who,
+                                     const std::string& why) {
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
+  if (found.banned == banned) return false;
+  Run(db_, "UPDATE team SET banned = ? WHERE id = ?", banned, found.id);
+  AddTeamEvent(db_, now_ms_, found.id, banned ? "banned" : "unbanned", "", who, why);
+  return true;
+}
+
+absl::Status Teams::CheckMerge(const std::string& team, const std::string& into) const {
+  return Mergeable(db_, team, into).status();
+}
+
+std::set<std::string> Teams::OfPerson(const std::string& person) const {
+  Statement select(db_, absl::StrCat("SELECT m.id, m.team_id ", kMemberships, "AND m.person = ?"),
+                   person);
+  std::set<std::string> teams;
+  while (select.executeStep()) {
+    StoredRow row(select, "member");
+    const absl::StatusOr<TeamInForce> team = TeamOfRow(db_, row.Id(1));
+    if (row.ok() && team.ok()) teams.insert(team->name);
+  }
+  return teams;
+}
+
+Listed<TeamRow> Teams::List(int64_t before, int64_t limit) const {
+  Listed<TeamRow> listed = ListOf<TeamRow>(
+      Statement(db_, absl::StrCat(kTeamColumns, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?"),
+                before, limit),
+      TeamRowOf);
+  auto names = TextsByTeam(
+      db_,
+      "SELECT ifnull(t.merged_into, t.id), f.name FROM former_name AS f JOIN team AS t ON "
+      "t.id = f.team_id UNION SELECT merged_into, name FROM team WHERE merged_into NOT NULL "
+      "ORDER BY 2");
+  auto members = TextsByTeam(
+      db_, absl::StrCat("SELECT m.team_id, m.person ", kMemberships, "ORDER BY m.person"));
+  for (TeamRow& team : listed.rows) {
+    team.other_names = std::move(names[team.id]);
+    team.members = std::move(members[team.id]);
+  }
+  return listed;
+}
+
+absl::StatusOr<TeamRow> Teams::Find(const std::string& name) const {
+  ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, name));
+  ASSIGN_OR_RETURN(
+      TeamRow team,
+      FirstOf<TeamRow>(Statement(db_, absl::StrCat(kTeamColumns, "WHERE t.id = ?"), found.id),
+                       TeamRowOf, absl::NotFoundError(name)));
+  team.other_names =
+      AllTexts(db_,
+               absl::StrCat("SELECT name FROM former_name WHERE team_id IN ", RowsOfTeam(1),
+                            " UNION SELECT name FROM team WHERE merged_into = ?1 ORDER BY 1"),
+               found.id);
+  for (const MemberRow& member : Members(found.name).rows) team.members.push_back(member.person);
   return team;
 }
 
-void FillTeamLooks(SQLite::Database& db) {
-  const std::string version = LooksVersion();
-  const bool fits = Meta(db, "team_looks") == version;
-  if (!fits) db.exec("DELETE FROM team_look");
-  Statement select(db, R"(WITH bare AS (SELECT id FROM team AS t
-      WHERE NOT EXISTS (SELECT 1 FROM team_look WHERE team = t.id)) SELECT id, name FROM team
-      WHERE id IN bare UNION ALL SELECT team_id, name FROM former_name WHERE team_id IN bare)");
-  std::vector<std::pair<int64_t, std::string>> teams;
-  while (select.executeStep()) {
-    teams.emplace_back(select.getColumn(0).getInt64(), select.getColumn(1).getString());
-  }
-  for (const auto& [team, name] : teams) AddLooks(db, team, name);
-  if (!fits) SetMeta(db, "team_looks", version);
+Listed<MemberRow> Teams::Members(const std::string& team) const {
+  return ListOf<MemberRow>(
+      Statement(db_,
+                absl::StrCat("SELECT m.id, m.person, m.at, m.who ", kMemberships,
+                             "AND m.team_id IN ", RowsOfTeam(1), " ORDER BY m.person, m.id"),
+                KnownTeamId(db_, team)),
+      [](SQLite::Statement& read, MemberRow& member) {
+        StoredRow row(read, "member");
+        member.person = row.Text(1);
+        member.since = row.Time(2);
+        member.who = row.Text(3);
+        return row;
+      });
 }
 
-absl::Status Reader::CheckTeam(const std::string& team) {
+std::vector<TeamEventRow> Teams::Events(const std::string& team) const {
+  return Board().TeamEvents(KnownTeamId(db_, team));
+}
+
+absl::Status Teams::Check(const std::string& team) const {
   absl::Status status = TeamNamed(db_, team).status();
   if (status.ok()) status = CheckNotBanned(db_, Board(), team);
   return status;
 }
 
-std::string Reader::TeamOf(const std::string& name) { return KnownTeam(db_, name); }
+std::string Teams::NameOf(const std::string& name) const { return KnownTeam(db_, name); }
 
 }  // namespace myograde::server

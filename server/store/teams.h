@@ -1,65 +1,70 @@
-// Team names in the store. Internal to it; everything here throws SQLite::Exception.
+// Teams and their members in the store.
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
+#include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "server/board/board_state.h"
-#include "server/store/connection.h"
+#include "server/store/context.h"
+#include "server/store/damage.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
 
-// The row of the team that has or had the name, which may have been merged into another; 0: none.
-int64_t TeamRowNamed(SQLite::Database& db, const std::string& name);
+// The team that the name of a "look_alike" error resembles, for the organiser. "" for any other
+// status.
+std::string ResembledTeam(const absl::Status& status);
 
-// The team that a row stands for: itself, or what it was merged into.
-struct TeamInForce {
-  int64_t id = 0;
-  std::string name;
-  bool banned = false;
+// Teams and their members. Every name may also be a former one, or that of a team that was merged
+// into the one meant. NotFoundError: there is no such team. "True" means that it changed anything.
+class Teams : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  // errors as of Writer::Accept.
+  absl::Status Check(const std::string& team) const;
+  // The stored name of the team called `name`, now or formerly; `name` itself if there is none.
+  std::string NameOf(const std::string& name) const;
+  // The teams that a person belongs to: "uid 1000". An unreadable membership is none.
+  std::set<std::string> OfPerson(const std::string& person) const;
+  // The team called `name`, now or formerly: never one that was merged into another.
+  absl::StatusOr<TeamRow> Find(const std::string& name) const;
+  // Newest first, with those that were merged; `before` is an id.
+  Listed<TeamRow> List(int64_t before = INT64_MAX, int64_t limit = INT64_MAX) const;
+  // By person.
+  Listed<MemberRow> Members(const std::string& team) const;
+  // Oldest first, with those of the teams that were merged into it.
+  std::vector<TeamEventRow> Events(const std::string& team) const;
+  // Whether they can be merged; errors as of Writer::MergeTeams.
+  absl::Status CheckMerge(const std::string& team, const std::string& into) const;
+  // Teams and their members. Every name may also be a former one, or that of a team that was merged
+  // into the one meant. NotFoundError: there is no such team. "True" means that it changed anything.
+  //
+  // The stored name. FailedPreconditionError if there is such a team; otherwise the name errors of
+  // Accept.
+  absl::StatusOr<std::string> Create(const std::string& team, const std::string& who,
+                                         const std::string& why);
+  // Makes `person` the first member of a team, which is created if there is none. Does nothing for
+  // a member. FailedPreconditionError with the code "forbidden" if the team has or had other
+  // members, tokens, or submissions of others, or if the person would belong to more than `most` teams.
+  absl::Status Found(const std::string& team, const std::string& person, int64_t most);
+  // The old name still finds the team. FailedPreconditionError if the new one is or was another
+  // team's; otherwise the name errors of Accept.
+  absl::StatusOr<bool> Rename(const std::string& team, const std::string& name,
+                                  const std::string& who, const std::string& why);
+  absl::StatusOr<bool> SetMember(const std::string& team, const std::string& person, bool belongs,
+                                 const std::string& who);
+  // From now on `team` is a part of `into`: its submissions, its ledger, its tokens and its members
+  // are those of `into`. No row that tells what happened changes. Can't be undone.
+  // FailedPreconditionError if both are one team, if either was merged before, or is banned.
+  absl::Status Merge(const std::string& team, const std::string& into, const std::string& who,
+                          const std::string& why);
+  absl::StatusOr<bool> Ban(const std::string& team, bool banned, const std::string& who,
+                               const std::string& why);
 };
-// A damaged row if it is unreadable. REQUIRES: the row exists.
-absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row);
-// NotFoundError: no team has or had this name.
-absl::StatusOr<TeamInForce> FindTeam(SQLite::Database& db, const std::string& name);
-
-// Its id; 0: none.
-int64_t KnownTeamId(SQLite::Database& db, const std::string& name);
-
-// For a condition `team_id IN (...)`: a team with those merged into it. `place` is the number of
-// the parameter with the team's id.
-std::string RowsOfTeam(int place);
-
-// The stored name of the team called `name`: an existing team's name as it is today, else the clean
-// form (CleanName) that a new team would get.
-//   InvalidArgumentError      no such team, and the name is not allowed
-//   FailedPreconditionError   code "look_alike": no such team, and the name looks like another's,
-//                             which ResembledTeam returns
-absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name);
-// Whether the team of the row 0 (a new team), or another one, may take a clean name, which no team
-// has; errors as of TeamNamed.
-absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t team);
-
-// FailedPreconditionError with the code "banned" if the team called `name` is banned.
-absl::Status CheckNotBanned(SQLite::Database& db, const BoardState& board, const std::string& name);
-
-// For queries, which need not reject new names: an existing team's name, else `name`.
-std::string KnownTeam(SQLite::Database& db, const std::string& name);
-
-// REQUIRES: `name` came from TeamNamed. Returns the team's id; it is created if it does not exist.
-int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
-                const std::string& who, const std::string& why = "");
-// Adds an act to the journal; `detail`: as of TeamEventRow. Its name is that of the row now.
-void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
-                  const std::string& detail, const std::string& who, const std::string& why);
-// Adds the looks of one more name of a team.
-void AddLooks(SQLite::Database& db, int64_t team, const std::string& name);
-
-// Computes the looks of teams that have none, or of all if the rule has changed.
-void FillTeamLooks(SQLite::Database& db);
 
 }  // namespace myograde::server

@@ -16,10 +16,8 @@
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/migration.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
-#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -382,25 +380,6 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
         }));
   }
   return CheckReferences(db);
-}
-
-absl::Status Writer::Import(const std::string& path, const ExportInfo& info, const std::string& who,
-                            const std::function<absl::Status(Reader&)>& check) {
-  RETURN_IF_ERROR(ImportRows(db_, path, info));
-  FillTeamLooks(db_);
-  Reader reader(db_, Board());
-  if (absl::Status read = check(reader); !read.ok()) {
-    if (!DamageOf(read).has_value()) return read;
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": has a row that no request could read (", read.message(),
-                     "); nothing was imported: export again from a store that is well"));
-  }
-  constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
-  for (const int64_t evaluation :
-       AllNumbers(db_, "SELECT id FROM evaluation WHERE finished_at IS NULL ORDER BY id")) {
-    RETURN_IF_ERROR(EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who));
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

@@ -122,10 +122,10 @@ void WebhookSender::Run(const Webhook& webhook) {
 
 std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
   int64_t damaged = 0;
-  const absl::StatusOr<DeliveryRow> next = options_.readers.Read<DeliveryRow>([&](Reader& reader) {
-    absl::StatusOr<DeliveryRow> found = reader.NextDelivery(webhook.config.name);
+  const absl::StatusOr<DeliveryRow> next = options_.readers.Read<DeliveryRow>([&](const Transaction& reader) {
+    absl::StatusOr<DeliveryRow> found = reader.deliveries.Next(webhook.config.name);
     const bool unreadable = !found.ok() && !absl::IsNotFound(found.status());
-    if (unreadable) damaged = reader.NextDeliveryId(webhook.config.name);
+    if (unreadable) damaged = reader.deliveries.NextId(webhook.config.name);
     return found;
   });
   if (next.ok()) return *next;
@@ -177,7 +177,7 @@ DeliveryOutcome WebhookSender::After(const Webhook& webhook, const DeliveryRow& 
 void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
   do {
     const absl::Status status = options_.write(
-        [delivery, outcome](Writer& writer) { return writer.SetDelivery(delivery, outcome); });
+        [delivery, outcome](Transaction& writer) { return writer.deliveries.Set(delivery, outcome); });
     if (status.ok()) return;
   } while (!WaitFor(kRecordEvery));
 }
@@ -185,7 +185,7 @@ void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
 void WebhookSender::Prune() {
   const int64_t before = absl::ToUnixMillis(options_.clock.Now() - kKeep);
   // Those that can't be removed now are removed in an hour.
-  (void)options_.write([before](Writer& writer) { return writer.PruneDeliveries(before); });
+  (void)options_.write([before](Transaction& writer) { return writer.deliveries.Prune(before); });
 }
 
 }  // namespace myograde::server

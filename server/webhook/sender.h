@@ -20,7 +20,7 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
 #include "server/metrics/metrics.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "server/webhook/post.h"
 #include "server/webhook/webhook.h"
@@ -38,7 +38,7 @@ absl::Duration DelayAfter(int64_t attempts, double random);
 // Safe from any thread, except for Start and Stop.
 class WebhookSender {
  public:
-  using Change = std::function<absl::Status(Writer&)>;
+  using Change = std::function<absl::Status(Transaction&)>;
   // Applies a change to the store, and waits for it for a bounded time.
   using Write = std::function<absl::Status(Change)>;
   struct Options {

@@ -11,7 +11,7 @@
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/store/connection.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "server/store/transfer.h"
 #include "tests/fuzz/fuzz.h"
@@ -41,10 +41,10 @@ std::string ExportOf(SQLite::Database& db) {
 }
 
 // One submission, played to its end, marked, with a ledger.
-absl::Status Fill(Writer& writer) {
+absl::Status Fill(Transaction& writer) {
   const std::string hash(64, 'a');
   absl::Status status =
-      writer.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2}).status();
+      writer.content.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2}).status();
   const NewSubmission submission{.team = "alpha", .artefact = hash, .track = "manipulation",
                                  .profile = "paper", .config = std::string(64, 'c'),
                                  .config_json = "{}", .seeds = std::string(64, 'd'),
@@ -52,19 +52,19 @@ absl::Status Fill(Writer& writer) {
                                  .grader_json = "{}", .blocks = {{0, 1}}};
   const AdmissionRules rules = {
       .quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
-  const absl::StatusOr<Accepted> accepted = writer.Accept(submission, rules, "uid 0");
+  const absl::StatusOr<Accepted> accepted = writer.submissions.Accept(submission, rules, "uid 0");
   if (!accepted.ok()) return accepted.status();
   const int64_t lease = accepted->leases[0];
-  status.Update(writer.StartLease(lease, 1, 0, 99, "daemon"));
+  status.Update(writer.leases.Start(lease, 1, 0, 99, "daemon"));
   for (const int64_t index : {0, 1}) {
-    status.Update(writer.RecordEpisode({accepted->evaluation, index, lease, 1,
+    status.Update(writer.episodes.Record({accepted->evaluation, index, lease, 1,
                                         static_cast<uint64_t>(index + 1), Outcome::kFailure,
                                         FailureReason::kTime, kFacts, R"({"time_s":10.0})"})
                       .status());
   }
-  status.Update(writer.FinishLease(lease, 1, "{}", "daemon"));
-  status.Update(writer.EndEvaluation(accepted->evaluation, EvaluationState::kDone, "", "x", "d"));
-  status.Update(writer.Mark(accepted->submission, "baseline", true, "uid 0", "ours").status());
+  status.Update(writer.leases.Finish(lease, 1, "{}", "daemon"));
+  status.Update(writer.evaluations.End(accepted->evaluation, EvaluationState::kDone, "", "x", "d"));
+  status.Update(writer.journal.Mark(accepted->submission, "baseline", true, "uid 0", "ours").status());
   return status;
 }
 
@@ -128,11 +128,11 @@ std::string Changed(fuzz::Input& input) {
 // Everything that the daemon reads to show and rank results.
 void ReadAll(SQLite::Database& db) {
   BoardFold fold;
-  Reader reader(db, fold);
-  for (const SubmissionRow& submission : reader.Submissions({}).rows) {
-    const auto evaluations = reader.Evaluations(submission.id);
+  const Transaction reader({.db = db, .fold = &fold});
+  for (const SubmissionRow& submission : reader.submissions.List({}).rows) {
+    const auto evaluations = reader.evaluations.Of(submission.id);
     for (const EvaluationRow& evaluation : evaluations.value_or(std::vector<EvaluationRow>())) {
-      const auto read = reader.Episodes(evaluation.id);
+      const auto read = reader.episodes.Of(evaluation.id);
       const std::vector<EpisodeRow> rows = read.value_or(std::vector<EpisodeRow>());
       (void)ReadStanding(reader, evaluation.id);
       for (const std::string& salt : {std::string(), std::string(64, 'a')}) {
@@ -140,18 +140,18 @@ void ReadAll(SQLite::Database& db) {
         (void)MerkleRootOf(rows, salt);
         for (const EpisodeRow& row : rows) (void)ReceiptEntry(row, salt);
       }
-      (void)reader.Leases(evaluation.id).status();
-      (void)reader.Repeats(evaluation.id).status();
+      (void)reader.leases.Of(evaluation.id).status();
+      (void)reader.episodes.Repeats(evaluation.id).status();
     }
-    (void)reader.Ledger(submission.team, submission.track, INT64_MAX, 100);
-    (void)reader.Quota(submission.team, submission.track, 1700000000000);
-    (void)reader.ConfigJson(submission.config).status();
-    (void)reader.SeedsJson(submission.seeds).status();
+    (void)reader.quotas.Ledger(submission.team, submission.track, INT64_MAX, 100);
+    (void)reader.quotas.UseOf(submission.team, submission.track, 1700000000000);
+    (void)reader.content.ConfigJson(submission.config).status();
+    (void)reader.content.SeedsJson(submission.seeds).status();
     (void)reader.Board().InForce(submission.config);
   }
   (void)reader.Board().MarksAt();
-  (void)reader.NeededLogs();
-  (void)reader.ArtefactUses();
+  (void)reader.episodes.NeededLogs();
+  (void)reader.content.ArtefactUses();
 }
 
 // The export of what was imported, or nothing if it was rejected.

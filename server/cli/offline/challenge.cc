@@ -188,7 +188,7 @@ absl::Status AddStoreMistakes(const std::string& data,
         absl::StrCat(data, ": has no store.db; name the daemon's folder of data"));
   }
   ReaderPool readers(data + "/store.db");
-  absl::Status status = readers.Read([&](Reader& reader) {
+  absl::Status status = readers.Read([&](const Transaction& reader) {
     ASSIGN_OR_RETURN(std::vector<std::string> found, CheckAgainstStore(challenges, reader, now));
     mistakes.insert(mistakes.end(), found.begin(), found.end());
     return absl::OkStatus();

@@ -25,7 +25,7 @@
 #include "server/grading/tracks.h"
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/journal.h"
 
 namespace myograde::server {

@@ -31,7 +31,7 @@
 #include "server/proof/release.h"
 #include "server/proof/seed_list.h"
 #include "server/store/data_folder.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -183,8 +183,8 @@ absl::StatusOr<int> ExportSecret(const SeedOptions& options) {
   ASSIGN_OR_RETURN(const std::string path, StoreIn(options));
   ReaderPool readers(path);
   ASSIGN_OR_RETURN(const std::string secret,
-                   HostStatus("seeds export", readers.Read<std::string>([&](Reader& reader) {
-                     return reader.PhaseSecret(options.phase);
+                   HostStatus("seeds export", readers.Read<std::string>([&](const Transaction& reader) {
+                     return reader.phases.Secret(options.phase);
                    })));
   RETURN_IF_ERROR(WriteSecret(options.output, secret));
   return ReportMoved(options, secret, /*changed=*/true);
@@ -198,8 +198,8 @@ absl::StatusOr<int> ImportSecret(const SeedOptions& options) {
   ASSIGN_OR_RETURN(const std::unique_ptr<Store> store,
                    HostStatus("seeds import", Store::Open(path, SystemClock())));
   bool changed = false;
-  RETURN_IF_ERROR(HostStatus("seeds import", store->Write([&](Writer& writer) -> absl::Status {
-    ASSIGN_OR_RETURN(changed, writer.TakeSecret(options.phase, secret));
+  RETURN_IF_ERROR(HostStatus("seeds import", store->Write([&](Transaction& writer) -> absl::Status {
+    ASSIGN_OR_RETURN(changed, writer.phases.ImportSecret(options.phase, secret));
     return absl::OkStatus();
   })));
   return ReportMoved(options, secret, changed);

@@ -200,7 +200,7 @@ absl::Status ImportHere(const std::string& data, const std::string& file,
   const std::string path = data + "/store.db";
   ASSIGN_OR_RETURN(const std::unique_ptr<Store> store,
                    HostStatus("import", Store::Open(path, SystemClock())));
-  RETURN_IF_ERROR(HostStatus("import", store->Write([&](Writer& writer) {
+  RETURN_IF_ERROR(HostStatus("import", store->Write([&](Transaction& writer) {
     return writer.Import(file, info, PeerKey(getuid()), CheckReadable);
   })));
   ReaderPool readers(path);

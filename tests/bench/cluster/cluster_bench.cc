@@ -208,8 +208,8 @@ class Daemon {
   }
   Json States() {
     Json states;
-    const absl::Status status = readers_->Read([&](Reader& reader) {
-      for (const auto& [state, count] : reader.SubmissionsByState()) states[state] = count;
+    const absl::Status status = readers_->Read([&](const Transaction& reader) {
+      for (const auto& [state, count] : reader.submissions.CountByState()) states[state] = count;
       return absl::OkStatus();
     });
     if (!status.ok()) Fail(std::string(status.message()));
@@ -243,11 +243,11 @@ class Daemon {
     for (int64_t first = 0; first < kEpisodes; first += options_.lease_episodes) {
       submission.blocks.emplace_back(first, std::min(first + options_.lease_episodes, kEpisodes) - 1);
     }
-    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
+    const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
       const auto added =
-          writer.AddArtefact({submission.artefact, "bench", {"./policy"}, {}, 1, 1});
+          writer.content.AddArtefact({submission.artefact, "bench", {"./policy"}, {}, 1, 1});
       if (!added.ok()) return added.status();
-      const absl::StatusOr<Accepted> accepted = writer.Accept(submission, kRules, "bench");
+      const absl::StatusOr<Accepted> accepted = writer.submissions.Accept(submission, kRules, "bench");
       if (accepted.ok()) ids.push_back(accepted->evaluation);
       return accepted.status();
     });

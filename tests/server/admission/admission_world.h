@@ -21,7 +21,7 @@
 #include "server/admission/admission.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "tests/server/artefact/raw_tar.h"
 
@@ -183,8 +183,8 @@ class AdmissionWorld : public ::testing::Test {
   }
   SubmissionRow SubmissionOf(const Accepted& accepted) {
     SubmissionRow row;
-    const absl::Status status = readers_->Read([&](Reader& reader) {
-      absl::StatusOr<SubmissionRow> read = reader.Submission(accepted.submission);
+    const absl::Status status = readers_->Read([&](const Transaction& reader) {
+      absl::StatusOr<SubmissionRow> read = reader.submissions.Find(accepted.submission);
       if (read.ok()) row = *std::move(read);
       return read.status();
     });
@@ -193,8 +193,8 @@ class AdmissionWorld : public ::testing::Test {
   }
   std::vector<LedgerRow> LedgerOf(const std::string& team) {
     std::vector<LedgerRow> rows;
-    const absl::Status status = readers_->Read([&](Reader& reader) {
-      rows = reader.Ledger(team, "", INT64_MAX, 100).rows;
+    const absl::Status status = readers_->Read([&](const Transaction& reader) {
+      rows = reader.quotas.Ledger(team, "", INT64_MAX, 100).rows;
       return absl::OkStatus();
     });
     EXPECT_TRUE(status.ok()) << status;

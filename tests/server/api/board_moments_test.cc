@@ -17,7 +17,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "server/api/board_source.h"
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -70,9 +70,9 @@ class Board {
   void Submit(const std::string& team) {
     const std::string artefact = Sha256Hex(absl::StrCat("artefact", ++artefacts_));
     const TrackConfig& config = live_->config;
-    Write([&](Writer& writer) {
-      EXPECT_TRUE(writer.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
-      const absl::StatusOr<Accepted> accepted = writer.Accept(
+    Write([&](Transaction& writer) {
+      EXPECT_TRUE(writer.content.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
+      const absl::StatusOr<Accepted> accepted = writer.submissions.Accept(
           {.team = team,
            .artefact = artefact,
            .track = config.id,
@@ -97,34 +97,34 @@ class Board {
     const Accepted accepted = *ended;
     open_.erase(ended);
     const int64_t lease = accepted.leases.front();
-    Write([&](Writer& writer) {
-      absl::Status status = writer.StartLease(lease, 1, 0, 99, "daemon");
+    Write([&](Transaction& writer) {
+      absl::Status status = writer.leases.Start(lease, 1, 0, 99, "daemon");
       if (!done) {
-        status.Update(writer.EndLease(lease, LeaseState::kFailed, false, "daemon", "broke"));
-        status.Update(writer.EndEvaluation(accepted.evaluation, EvaluationState::kFailed, "broke",
+        status.Update(writer.leases.End(lease, LeaseState::kFailed, false, "daemon", "broke"));
+        status.Update(writer.evaluations.End(accepted.evaluation, EvaluationState::kFailed, "broke",
                                            "", "daemon"));
         return status;
       }
-      status.Update(writer.RecordEpisode({accepted.evaluation, 0, lease, 1, 7, Outcome::kSuccess,
+      status.Update(writer.episodes.Record({accepted.evaluation, 0, lease, 1, 7, Outcome::kSuccess,
                                           FailureReason::kNone, "{}", "{}"}).status());
-      status.Update(writer.FinishLease(lease, 1, "{}", "daemon"));
-      status.Update(writer.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "", "x",
+      status.Update(writer.leases.Finish(lease, 1, "{}", "daemon"));
+      status.Update(writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "x",
                                          "daemon"));
-      status.Update(writer.SetStanding(accepted.evaluation, StandingWith(number)));
+      status.Update(writer.episodes.SetStanding(accepted.evaluation, StandingWith(number)));
       return status;
     });
   }
   void Mark(int64_t submission, const std::string& mark, bool set) {
-    Write([&](Writer& writer) {
-      const absl::Status status = writer.Mark(submission, mark, set, "uid 0", "why").status();
+    Write([&](Transaction& writer) {
+      const absl::Status status = writer.journal.Mark(submission, mark, set, "uid 0", "why").status();
       return absl::IsNotFound(status) ? absl::OkStatus() : status;
     });
   }
   void CreateRejudge(const TrackPtr& to) {
     const TrackConfig& from = live_->config;
-    Write([&](Writer& writer) {
+    Write([&](Transaction& writer) {
       return writer
-          .AddRejudge({.track = from.id,
+          .rejudges.Add({.track = from.id,
                        .profile = from.profile,
                        .from_config = from.hash,
                        .from_config_json = CanonicalJson(from.effective),
@@ -144,9 +144,9 @@ class Board {
     if (rejudges_ == 0) return;
     const int64_t id = static_cast<int64_t>(which % rejudges_) + 1;
     std::vector<RejudgeCandidate> missing;
-    Read([&](Reader& reader) {
-      const absl::StatusOr<RejudgeRow> row = reader.Rejudge(id);
-      if (row.ok()) missing = reader.MissingItems(*row);
+    Read([&](const Transaction& reader) {
+      const absl::StatusOr<RejudgeRow> row = reader.rejudges.Find(id);
+      if (row.ok()) missing = reader.rejudges.MissingItems(*row);
       return row.status();
     });
     EpisodeRow judged;
@@ -154,15 +154,15 @@ class Board {
     judged.metrics_json = "{}";
     for (const RejudgeCandidate& item : missing) {
       // It may have been dropped, or hold an evaluation without episodes.
-      (void)store_->Write([&](Writer& writer) -> absl::Status {
+      (void)store_->Write([&](Transaction& writer) -> absl::Status {
         if (play) {
-          const absl::StatusOr<Accepted> added = writer.AddRejudgeItem(
+          const absl::StatusOr<Accepted> added = writer.rejudges.AddItem(
               {id, item.submission, 1, item.source, RejudgeMethod::kPlay, "{}", {{0, 0}}}, "daemon");
           if (added.ok()) open_.push_back(*added);
           return added.status();
         }
         return writer
-            .AddJudgedItem({.rejudge = id,
+            .rejudges.AddJudgedItem({.rejudge = id,
                             .submission = item.submission,
                             .source = item.source,
                             .results_hash = "y",
@@ -190,9 +190,9 @@ class Board {
                             .in_force = live_->config.hash};
     std::string config;
     std::vector<int64_t> cancelled;
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      const absl::StatusOr<RejudgeDone> done = apply ? writer.ApplyRejudge(act, Sign, "uid 0")
-                                                     : writer.DropRejudge(act, Sign, "uid 0");
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      const absl::StatusOr<RejudgeDone> done = apply ? writer.rejudges.Apply(act, Sign, "uid 0")
+                                                     : writer.rejudges.Drop(act, Sign, "uid 0");
       if (done.ok()) config = done->config_after;
       if (done.ok()) cancelled = done->cancelled;
       return done.status();
@@ -206,14 +206,14 @@ class Board {
   // The organiser changes the file and starts the daemon again.
   void ChangeFile(const TrackPtr& to) {
     std::string before;
-    Read([&](Reader& reader) {
+    Read([&](const Transaction& reader) {
       before = reader.Board().ConfigAt({"", kTrack, kProfile});
       return absl::OkStatus();
     });
     if (!before.empty() && before != to->config.hash) {
-      Write([&](Writer& writer) {
+      Write([&](Transaction& writer) {
         return writer
-            .SetBoardConfig({{"", kTrack, kProfile}, to->config.hash,
+            .journal.SetBoardConfig({{"", kTrack, kProfile}, to->config.hash,
                              CanonicalJson(to->config.effective)}, "daemon")
             .status();
       });
@@ -224,7 +224,7 @@ class Board {
   // The rows as of a moment, under the config that the board had then.
   std::string ShownAt(int64_t before_ms) {
     std::string text;
-    Read([&](Reader& reader) {
+    Read([&](const Transaction& reader) {
       const absl::StatusOr<Leaderboard> board =
           BoardAt(reader, live_, scoring::kMainBoard, {.before_ms = before_ms});
       if (!board.ok()) return board.status();
@@ -241,13 +241,13 @@ class Board {
     });
     return text;
   }
-  void Read(const std::function<absl::Status(Reader&)>& body) {
+  void Read(const std::function<absl::Status(const Transaction&)>& body) {
     const absl::Status status = readers_->Read(body);
     EXPECT_TRUE(status.ok()) << status;
   }
 
  private:
-  void Write(const std::function<absl::Status(Writer&)>& change) {
+  void Write(const std::function<absl::Status(Transaction&)>& change) {
     const absl::Status status = store_->Write(change);
     EXPECT_TRUE(status.ok()) << status;
   }
@@ -351,7 +351,7 @@ TEST_F(RejudgedBoard, ChangesWhenItIsAppliedAndWhenThatIsDropped) {
 
 TEST_F(RejudgedBoard, IsShownAsIfApplied) {
   board_.Follow(0, /*play=*/false, 5);
-  board_.Read([&](Reader& reader) {
+  board_.Read([&](const Transaction& reader) {
     const auto as_if = BoardUnder(reader, *Configs()[1], "main", {.assumed_rejudge = 1});
     EXPECT_EQ(as_if.value().rows.size(), 2u);
     EXPECT_EQ(as_if.value().rows.front().source.rejudge, 1);
@@ -367,7 +367,7 @@ TEST_F(RejudgedBoard, AFreezeHidesAResultThatCameLater) {
   board_.Wait(1);
   board_.Follow(0, /*play=*/false, 5);
   board_.Act(0, /*apply=*/true);
-  board_.Read([&](Reader& reader) {
+  board_.Read([&](const Transaction& reader) {
     const BoardMoment frozen = {.freeze_ms = freeze};
     EXPECT_TRUE(BoardUnder(reader, *Configs()[1], "main", frozen).value().rows.empty());
     EXPECT_EQ(BoardAt(reader, board_.live(), "main", frozen).value().rows.size(), 2u);
@@ -383,7 +383,7 @@ TEST_F(RejudgedBoard, TellsWhatStandsUnderOtherConfigs) {
   const BoardName name = {"", kTrack, kProfile};
   const std::string& old_hash = Configs()[0]->config.hash;
   const std::string& new_hash = Configs()[1]->config.hash;
-  board_.Read([&](Reader& reader) {
+  board_.Read([&](const Transaction& reader) {
     const std::vector<OtherConfig> others = reader.Board().OtherConfigs(name, new_hash, {});
     EXPECT_EQ(others.size(), 1u);
     EXPECT_EQ(others.at(0).config, old_hash);
@@ -396,8 +396,8 @@ TEST_F(RejudgedBoard, TellsWhatStandsUnderOtherConfigs) {
     EXPECT_EQ(reader.Board().RankedElsewhere(name, old_hash, {}), 1);
     EXPECT_EQ(reader.Board().ConfigsLike(new_hash.substr(0, 8), false), std::set{new_hash});
     EXPECT_TRUE(reader.Board().ConfigsLike("00000000", true).empty());
-    EXPECT_TRUE(reader.Board().SightOf(reader.Evaluation(3)->rejudge).ever_applied);
-    EXPECT_EQ(reader.Evaluation(1)->rejudge, 0);
+    EXPECT_TRUE(reader.Board().SightOf(reader.evaluations.Find(3)->rejudge).ever_applied);
+    EXPECT_EQ(reader.evaluations.Find(1)->rejudge, 0);
     return absl::OkStatus();
   });
 }

@@ -56,10 +56,10 @@ class BoardConfigsTest : public testing::Test {
     phases_ = std::make_unique<Phases>(*Phases::Make(
         challenges, *tracks_, [](const PhaseConfig&) { return std::string(32, 's'); }));
     absl::StatusOr<Overlaid> overlaid = absl::InternalError("");
-    Read([&](Reader& reader) { overlaid = OverlayConfigs(reader, *tracks_, *phases_); });
+    Read([&](const Transaction& reader) { overlaid = OverlayConfigs(reader, *tracks_, *phases_); });
     EXPECT_TRUE(overlaid.ok()) << overlaid.status();
     for (const NewBoardConfig& change : overlaid->changed) {
-      Write([&](Writer& writer) { return writer.SetBoardConfig(change, "daemon").status(); });
+      Write([&](Transaction& writer) { return writer.journal.SetBoardConfig(change, "daemon").status(); });
     }
     return *overlaid;
   }
@@ -69,11 +69,11 @@ class BoardConfigsTest : public testing::Test {
   // A ranked submission, so that the board has a config.
   void Submit(const TrackPtr& track) {
     const TrackConfig& config = track->config;
-    Write([&](Writer& writer) {
+    Write([&](Transaction& writer) {
       const std::string artefact = Sha256Hex(config.hash);
-      EXPECT_TRUE(writer.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
+      EXPECT_TRUE(writer.content.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
       return writer
-          .Accept({.team = "alpha",
+          .submissions.Accept({.team = "alpha",
                    .artefact = artefact,
                    .track = config.id,
                    .profile = config.profile,
@@ -93,9 +93,9 @@ class BoardConfigsTest : public testing::Test {
   }
   // A rejudge that is applied, of a board that has nothing to judge yet.
   void Rejudge(const TrackPtr& from, const TrackPtr& to) {
-    Write([&](Writer& writer) -> absl::Status {
+    Write([&](Transaction& writer) -> absl::Status {
       const absl::StatusOr<RejudgeRow> made =
-          writer.AddRejudge({.phase = from->config.phase,
+          writer.rejudges.Add({.phase = from->config.phase,
                              .track = from->config.id,
                              .profile = from->config.profile,
                              .from_config = from->config.hash,
@@ -109,30 +109,30 @@ class BoardConfigsTest : public testing::Test {
                             Sign, "uid 0");
       if (!made.ok()) return made.status();
       return writer
-          .ApplyRejudge({.rejudge = made->id, .why = "a vote", .in_force = from->config.hash}, Sign,
+          .rejudges.Apply({.rejudge = made->id, .why = "a vote", .in_force = from->config.hash}, Sign,
                         "uid 0")
           .status();
     });
   }
   void Drop(int64_t rejudge) {
-    Write([&](Writer& writer) {
-      return writer.DropRejudge({.rejudge = rejudge, .why = "an appeal"}, Sign, "uid 0").status();
+    Write([&](Transaction& writer) {
+      return writer.rejudges.Drop({.rejudge = rejudge, .why = "an appeal"}, Sign, "uid 0").status();
     });
   }
-  void Read(const std::function<void(Reader&)>& body) {
-    const absl::Status status = readers_->Read([&](Reader& reader) {
+  void Read(const std::function<void(const Transaction&)>& body) {
+    const absl::Status status = readers_->Read([&](const Transaction& reader) {
       body(reader);
       return absl::OkStatus();
     });
     EXPECT_TRUE(status.ok()) << status;
   }
-  void Write(const std::function<absl::Status(Writer&)>& change) {
+  void Write(const std::function<absl::Status(Transaction&)>& change) {
     const absl::Status status = store_->Write(change);
     EXPECT_TRUE(status.ok()) << status;
   }
   std::vector<BoardConfigRow> Rows() {
     std::vector<BoardConfigRow> rows;
-    Read([&](Reader& reader) { rows = reader.Board().ConfigsOf({"", kArm, kProfile}); });
+    Read([&](const Transaction& reader) { rows = reader.Board().ConfigsOf({"", kArm, kProfile}); });
     return rows;
   }
 
@@ -212,15 +212,15 @@ TEST_F(BoardConfigsTest, PhasesHaveBoardsOfTheirOwn) {
   EXPECT_EQ(Final()->config.hash, to->config.hash);
   EXPECT_EQ(Arm()->config.hash, arm);
   Start(0, /*with_phase=*/false);
-  Read([&](Reader& reader) { EXPECT_EQ(reader.Board().ConfigOfPhase(kFinal), to->config.hash); });
+  Read([&](const Transaction& reader) { EXPECT_EQ(reader.Board().ConfigOfPhase(kFinal), to->config.hash); });
   EXPECT_TRUE(SwitchConfig(to, *tracks_, *phases_).ok()) << "nobody plays it any more";
 }
 
 TEST_F(BoardConfigsTest, APhaseWhoseConfigCantBeReadTakesNothing) {
   Rejudge(Final(), Changed(Final(), 77));
-  Write([&](Writer& writer) {
+  Write([&](Transaction& writer) {
     return writer
-        .SetBoardConfig({{kFinal, kArm, kProfile}, Sha256Hex("{}"), "{}", 1}, "uid 0")
+        .journal.SetBoardConfig({{kFinal, kArm, kProfile}, Sha256Hex("{}"), "{}", 1}, "uid 0")
         .status();
   });
   Start();
@@ -260,7 +260,7 @@ TEST_F(BoardConfigsTest, PhasesThatTheirStoreContradictsAreFound) {
   };
   const auto found = [&](const ChallengeConfig& challenge) {
     std::string text;
-    Read([&](Reader& reader) {
+    Read([&](const Transaction& reader) {
       const auto mistakes = CheckAgainstStore({&challenge, 1}, reader, At("2026-12-10T00:00:00Z"));
       ASSERT_TRUE(mistakes.ok()) << mistakes.status();
       for (const std::string& mistake : *mistakes) text += mistake;
@@ -268,13 +268,13 @@ TEST_F(BoardConfigsTest, PhasesThatTheirStoreContradictsAreFound) {
     return text;
   };
   EXPECT_EQ(found(hidden("cup")), "") << "its secret is drawn when a daemon loads it";
-  Write([](Writer& writer) { return writer.PhaseSecret("hidden", "cup").status(); });
+  Write([](Transaction& writer) { return writer.phases.EnsureSecret("hidden", "cup").status(); });
   EXPECT_EQ(found(hidden("cup")), "");
   EXPECT_THAT(found(hidden("other")), HasSubstr("cup"));
   EXPECT_THAT(found(ChallengeOf({PhaseJson("hidden", {{"seeds", {500, 600}}})})),
               HasSubstr("has committed to hidden seeds"));
-  Write([](Writer& writer) {
-    return writer.AddPhaseEvent("hidden", kRevealedEvent, "organiser", "it is over").status();
+  Write([](Transaction& writer) {
+    return writer.phases.AddEvent("hidden", kRevealedEvent, "organiser", "it is over").status();
   });
   EXPECT_THAT(found(hidden("cup")), HasSubstr("were revealed"));
 }

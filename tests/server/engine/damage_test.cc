@@ -24,7 +24,6 @@ using testing::AnyOf;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using testing::IsEmpty;
 using testing::Not;
 
 const char* const kValues[] = {"NULL", "'garbage'", "x'00ff'", "9223372036854775807", "-1"};
@@ -57,8 +56,8 @@ class DamageTest : public testing::Test {
   // The state, or what is wrong with its row.
   static std::string StateOf(World& world, int64_t evaluation) {
     std::string state;
-    const absl::Status status = world.readers->Read([&](Reader& reader) {
-      const absl::StatusOr<EvaluationRow> row = reader.Evaluation(evaluation);
+    const absl::Status status = world.readers->Read([&](const Transaction& reader) {
+      const absl::StatusOr<EvaluationRow> row = reader.evaluations.Find(evaluation);
       state = row.ok() ? std::string(EvaluationStateName(row->state))
                        : std::string(row.status().message());
       return absl::OkStatus();
@@ -68,29 +67,30 @@ class DamageTest : public testing::Test {
 
   // What a damaged row must not stop.
   static void CheckReading(World& world) {
-    const absl::Status status = world.readers->Read([&](Reader& reader) -> absl::Status {
-      const Listed<SubmissionRow> list = reader.Submissions({});
-      EXPECT_GE(list.rows.size() + list.damaged.size(), 4u);
+    const absl::Status status = world.readers->Read([&](const Transaction& reader) -> absl::Status {
+      const Listed<SubmissionRow> list = reader.submissions.List({});
+      EXPECT_GE(list.found, 4);
       for (const SubmissionRow& row : list.rows) {
         for (const absl::Status& read :
-             {reader.Original(row.id).status(),
-              reader.Artefact(row.artefact).status(), reader.ConfigJson(row.config).status()}) {
+             {reader.evaluations.Original(row.id).status(),
+              reader.content.Artefact(row.artefact).status(), reader.content.ConfigJson(row.config).status()}) {
           EXPECT_TRUE(read.ok() || DamageOf(read)) << read;
         }
-        (void)reader.Ledger(row.team, "", INT64_MAX, 100);
-        EXPECT_LT(reader.Quota(row.team, row.track, 0).day, 30'000) << "of year 2052";
+        (void)reader.quotas.Ledger(row.team, "", INT64_MAX, 100);
+        EXPECT_LT(reader.quotas.UseOf(row.team, row.track, 0).day, 30'000) << "of year 2052";
       }
-      EXPECT_THAT(reader.TeamsOf("uid 1002"), ElementsAre("other"));
-      EXPECT_THAT(reader.TeamsOf("uid 1001"), Not(Contains("other")));
-      EXPECT_GE(reader.Teams().rows.size() + reader.Teams().damaged.size(), 2u);
-      EXPECT_TRUE(reader.Team("other").ok());
-      EXPECT_THAT(reader.Members("other").damaged, IsEmpty());
-      (void)reader.Team("victim");
-      (void)reader.TeamEvents("victim");
-      EXPECT_TRUE(reader.TokenByHash(std::string(64, 'b')).ok());
-      EXPECT_LE(reader.Tokens().damaged.size(), 1u);
-      (void)reader.NeededLogs();
-      (void)reader.ArtefactUses();
+      EXPECT_THAT(reader.teams.OfPerson("uid 1002"), ElementsAre("other"));
+      EXPECT_THAT(reader.teams.OfPerson("uid 1001"), Not(Contains("other")));
+      EXPECT_GE(reader.teams.List().found, 2);
+      EXPECT_TRUE(reader.teams.Find("other").ok());
+      EXPECT_FALSE(reader.teams.Members("other").left_out.has_value());
+      (void)reader.teams.Find("victim");
+      (void)reader.teams.Events("victim");
+      EXPECT_TRUE(reader.callers.TokenByHash(std::string(64, 'b')).ok());
+      const Listed<TokenRow> tokens = reader.callers.Tokens();
+      EXPECT_LE(tokens.found - std::ssize(tokens.rows), 1);
+      (void)reader.episodes.NeededLogs();
+      (void)reader.content.ArtefactUses();
       return reader.Export([](std::string_view) { return true; });
     });
     EXPECT_TRUE(status.ok()) << status;
@@ -175,14 +175,14 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
   const auto import = [](const std::string& store, const std::string& name) {
     const std::string file = folder_ + "/export.json";
     std::ofstream text(file);
-    EXPECT_TRUE(ReaderPool(store).Read([&](Reader& reader) {
+    EXPECT_TRUE(ReaderPool(store).Read([&](const Transaction& reader) {
       return reader.Export([&](std::string_view part) { return bool(text << part); });
     }).ok());
     text.close();
     const absl::StatusOr<ExportInfo> info = CheckExport(file);
     EXPECT_TRUE(info.ok()) << info.status();
     const auto into = Store::Open(folder_ + "/" + name, SystemClock());
-    return (*into)->Write([&](Writer& writer) {
+    return (*into)->Write([&](Transaction& writer) {
       return writer.Import(file, *info, "test", CheckReadable);
     });
   };
@@ -220,16 +220,16 @@ TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBa
   World world(folder_ + "/world", {}, 2, store);
   RunFor(world, absl::Minutes(1));
   EXPECT_EQ(world.broken, "");
-  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    const EvaluationRow row = *reader.Evaluation(teams_.victim.open);
+  ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
+    const EvaluationRow row = *reader.evaluations.Find(teams_.victim.open);
     EXPECT_EQ(row.state, EvaluationState::kGraderError);
     // Detected by its hash, before the text is examined.
     EXPECT_THAT(row.reason, HasSubstr(absl::StrCat("config ", teams_.victim.config,
                                                    " of the store can't be read: its content has "
                                                    "another hash")));
-    const std::vector<LeaseRow> leases = *reader.Leases(row.id);
+    const std::vector<LeaseRow> leases = *reader.leases.Of(row.id);
     for (const LeaseRow& lease : leases) EXPECT_TRUE(IsFinal(lease.state));
-    const Listed<LedgerRow> ledger = reader.Ledger("victim", "", INT64_MAX, 1);
+    const Listed<LedgerRow> ledger = reader.quotas.Ledger("victim", "", INT64_MAX, 1);
     EXPECT_EQ(ledger.rows.front().entry, "refund");
     EXPECT_EQ(ledger.rows.front().submission, row.submission);
     return absl::OkStatus();
@@ -263,7 +263,7 @@ TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
 TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   World world(folder_ + "/world", {}, 2);
   // The daemon's own connection goes on; a new connection can't read what it takes for a journal.
-  EXPECT_FALSE(world.readers->Read([](Reader&) -> absl::Status {
+  EXPECT_FALSE(world.readers->Read([](const Transaction&) -> absl::Status {
     throw SQLite::Exception("this connection is given up");
   }).ok());
   const std::string in_the_way = folder_ + "/world/store.db-journal";

@@ -26,7 +26,7 @@ void Require(const absl::Status& status) {
 
 std::string BoardText(ReaderPool& readers, const std::string& config) {
   std::string text;
-  Require(readers.Read([&](Reader& reader) -> absl::Status {
+  Require(readers.Read([&](const Transaction& reader) -> absl::Status {
     StoredContent content;
     const absl::StatusOr<TrackPtr> track = content.Track(reader, config);
     if (!track.ok()) {
@@ -82,19 +82,19 @@ TwoTeams MakeTwoTeams(const std::string& folder) {
   teams.other.open = world.Submit("other", 4);
   teams.other.queued = world.Submit("other", 2);  // both slots are taken
   RunFor(world, absl::Seconds(7));  // each has an episode and a running lease
-  Require(world.store->Write([&](Writer& writer) -> absl::Status {
-    absl::Status status = writer.Grant({"victim", world.track->config.id, Budget::kRanked, 1,
+  Require(world.store->Write([&](Transaction& writer) -> absl::Status {
+    absl::Status status = writer.quotas.Grant({"victim", world.track->config.id, Budget::kRanked, 1,
                                         "the grid was down"}, "uid 0");
-    status.Update(writer.Mark(1, "baseline", true, "uid 0", "ours").status());
-    status.Update(writer.Remove("log", std::string(64, 'f'), 10, "too old").status());
-    status.Update(writer.SetMember("victim", "uid 1001", true, "uid 0").status());
-    status.Update(writer.SetMember("other", "uid 1002", true, "uid 0").status());
+    status.Update(writer.journal.Mark(1, "baseline", true, "uid 0", "ours").status());
+    status.Update(writer.content.Remove("log", std::string(64, 'f'), 10, "too old").status());
+    status.Update(writer.teams.SetMember("victim", "uid 1001", true, "uid 0").status());
+    status.Update(writer.teams.SetMember("other", "uid 1002", true, "uid 0").status());
     for (const char* name : {"former", "victim"}) {
-      status.Update(writer.RenameTeam("victim", name, "uid 0", "").status());
+      status.Update(writer.teams.Rename("victim", name, "uid 0", "").status());
     }
-    status.Update(writer.AddToken({std::string(64, 'a'), "participant", "victim", "laptop"},
+    status.Update(writer.callers.AddToken({std::string(64, 'a'), "participant", "victim", "laptop"},
                                   "uid 0").status());
-    status.Update(writer.AddToken({std::string(64, 'b'), "participant", "other", "laptop"},
+    status.Update(writer.callers.AddToken({std::string(64, 'b'), "participant", "other", "laptop"},
                                   "uid 0").status());
     return status;
   }));

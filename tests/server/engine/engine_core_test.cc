@@ -31,8 +31,8 @@ class EngineCoreTest : public ::testing::Test {
   }
   static EvaluationState StateOf(World& world, int64_t evaluation) {
     EvaluationState state = EvaluationState::kQueued;
-    EXPECT_TRUE(world.readers->Read([&](Reader& reader) {
-      state = reader.Evaluation(evaluation)->state;
+    EXPECT_TRUE(world.readers->Read([&](const Transaction& reader) {
+      state = reader.evaluations.Find(evaluation)->state;
       return absl::OkStatus();
     }).ok());
     return state;
@@ -61,8 +61,8 @@ TEST_F(EngineCoreTest, DeadlinesDoNotHearOfTheCalendar) {
   }
   RunFor(world, absl::Minutes(5));
   EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
-  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    const std::vector<LeaseRow> leases = *reader.Leases(id);
+  ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
+    const std::vector<LeaseRow> leases = *reader.leases.Of(id);
     for (const LeaseRow& lease : leases) EXPECT_EQ(lease.attempt, 1);
     return absl::OkStatus();
   }).ok());
@@ -76,8 +76,8 @@ TEST_F(EngineCoreTest, NoRunnerIsSilentWhileTheDaemonStandsStill) {
     // The daemon is stopped between its look at the runner and its look at the deadlines.
     world.next_look_takes = absl::Seconds(31);
   }
-  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    const std::vector<LeaseRow> leases = *reader.Leases(id);
+  ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
+    const std::vector<LeaseRow> leases = *reader.leases.Of(id);
     for (const LeaseRow& lease : leases) EXPECT_EQ(lease.faults, 0);
     return absl::OkStatus();
   }).ok());
@@ -114,11 +114,11 @@ TEST_F(EngineCoreTest, WhatNeedsAMissingRuntimeIsNotTriedAgainAndTheHostIsWell) 
   RunFor(world, absl::Seconds(1));
   EXPECT_EQ(StateOf(world, id), EvaluationState::kGraderError);
   EXPECT_EQ(world.core->Health().host, HostHealth::State::kWell);
-  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Evaluation(id)->reason,
+  ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.evaluations.Find(id)->reason,
               "a block of episodes can't be played: there is no runtime \"gone\"");
     int64_t attempts = 0;
-    const std::vector<LeaseRow> leases = *reader.Leases(id);
+    const std::vector<LeaseRow> leases = *reader.leases.Of(id);
     for (const LeaseRow& lease : leases) attempts += lease.attempt;
     EXPECT_LE(attempts, 2) << "at most one for each slot";
     return absl::OkStatus();
@@ -137,11 +137,11 @@ TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
   EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
   EXPECT_EQ(world.core->Health().ending, 1);
   RunFor(world, absl::Seconds(20));
-  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    const LeaseRow lease = reader.Leases(id)->front();
+  ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
+    const LeaseRow lease = reader.leases.Of(id)->front();
     EXPECT_EQ(lease.attempt, 2);
     EXPECT_EQ(lease.faults, 1);
-    const std::vector<EpisodeRow> rows = *reader.Episodes(id);
+    const std::vector<EpisodeRow> rows = *reader.episodes.Of(id);
     for (const EpisodeRow& row : rows) EXPECT_EQ(row.attempt, 2);
     return absl::OkStatus();
   }).ok());
@@ -204,8 +204,8 @@ TEST_F(EngineCoreTest, ARunnerThatStaysAfterItsLastWordKeepsItsSlotAndNothingEls
   EXPECT_EQ(world.core->Health().ending, 1);
   RunFor(world, absl::Minutes(6));
   EXPECT_EQ(StateOf(world, second), EvaluationState::kDone);
-  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Leases(first).value().front().faults, 0);
+  ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.leases.Of(first).value().front().faults, 0);
     return absl::OkStatus();
   }).ok());
   world.CheckStore();
@@ -218,7 +218,7 @@ TEST_F(EngineCoreTest, AStopPutsLeasesBackAndAnswersWhoeverWaits) {
   RunFor(world, absl::Seconds(3));
   world.core->BeginShutdown();
   std::optional<absl::Status> refused;
-  world.core->Ask({[](Writer&) { return absl::OkStatus(); }, nullptr,
+  world.core->Ask({[](Transaction&) { return absl::OkStatus(); }, nullptr,
                    [&](absl::Status status) { refused = status; }});
   RunFor(world, absl::Seconds(1));
   EXPECT_TRUE(world.core->idle());

@@ -302,9 +302,9 @@ int64_t World::Submit(const std::string& team, int episodes) {
   const ArtefactRow artefact{submission.artefact, team, {"./policy"}, needs_runtimes, 1, 1};
   int64_t id = 0;
   try {
-    core->Ask({[&, submission, artefact](Writer& writer) -> absl::Status {
-                 if (auto added = writer.AddArtefact(artefact); !added.ok()) return added.status();
-                 absl::StatusOr<Accepted> accepted = writer.Accept(submission, kRules, "test");
+    core->Ask({[&, submission, artefact](Transaction& writer) -> absl::Status {
+                 if (auto added = writer.content.AddArtefact(artefact); !added.ok()) return added.status();
+                 absl::StatusOr<Accepted> accepted = writer.submissions.Accept(submission, kRules, "test");
                  if (accepted.ok()) id = accepted->evaluation;
                  return accepted.status();
                },
@@ -340,8 +340,8 @@ void World::Cancel(int64_t submission) {
 
 bool World::AllEnded() {
   bool all = true;
-  (void)readers->Read([&](Reader& reader) {
-    const Listed<EvaluationRow> open = reader.Unfinished();
+  (void)readers->Read([&](const Transaction& reader) {
+    const UnfinishedRows open = reader.evaluations.Unfinished();
     all = open.rows.empty() && open.damaged.empty();
     return absl::OkStatus();
   });
@@ -353,10 +353,10 @@ std::string World::WhatIsOpen() {
   std::string open = absl::StrCat(health.running, " running, ", health.pending, " pending, ",
                                   health.ending, " ending; ", health.store_trouble, " ",
                                   health.host_trouble);
-  (void)readers->Read([&](Reader& reader) {
-    for (const EvaluationRow& row : reader.Unfinished().rows) {
+  (void)readers->Read([&](const Transaction& reader) {
+    for (const EvaluationRow& row : reader.evaluations.Unfinished().rows) {
       absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->OutlookOf(row.id).waiting);
-      const auto leases = reader.Leases(row.id);
+      const auto leases = reader.leases.Of(row.id);
       for (const LeaseRow& lease : leases.value_or(std::vector<LeaseRow>())) {
         absl::StrAppend(&open, ", lease ", lease.id, " ", std::string(LeaseStateName(lease.state)),
                         " attempt ", lease.attempt, " faults ", lease.faults);
@@ -368,22 +368,22 @@ std::string World::WhatIsOpen() {
 }
 
 void World::CheckStore() {
-  const absl::Status status = readers->Read([&](Reader& reader) {
+  const absl::Status status = readers->Read([&](const Transaction& reader) {
     for (const int64_t id : evaluations) CheckEvaluation(reader, id);
     return absl::OkStatus();
   });
   Promise(status.ok(), absl::StrCat("the store can't be read: ", status.message()));
 }
 
-void World::CheckEvaluation(Reader& reader, int64_t id) {
-  const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+void World::CheckEvaluation(const Transaction& reader, int64_t id) {
+  const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
   Promise(evaluation.ok(), absl::StrCat("evaluation ", id, " was accepted and is lost"));
   if (!evaluation.ok()) return;
-  const SubmissionRow submission = *reader.Submission(evaluation->submission);
+  const SubmissionRow submission = *reader.submissions.Find(evaluation->submission);
   const auto seeds =
-      nlohmann::json::parse(*reader.SeedsJson(submission.seeds)).get<std::vector<uint64_t>>();
-  const std::vector<EpisodeRow> rows = *reader.Episodes(id);
-  const std::map<int64_t, std::string> details = *reader.EpisodeDetails(id);
+      nlohmann::json::parse(*reader.content.SeedsJson(submission.seeds)).get<std::vector<uint64_t>>();
+  const std::vector<EpisodeRow> rows = *reader.episodes.Of(id);
+  const std::map<int64_t, std::string> details = *reader.episodes.Details(id);
   Promise(details.size() == rows.size(), absl::StrCat("details of ", id, " were lost or are extra"));
   for (const EpisodeRow& row : rows) {
     const EpisodeFacts expected = FactsOf(
@@ -400,14 +400,14 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   int64_t known = 0;
   for (const auto& [key, facts] : seen_) known += key.first == id;
   Promise(known == std::ssize(rows), absl::StrCat("an episode of ", id, " was lost"));
-  Promise(reader.Repeats(id)->empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
+  Promise(reader.episodes.Repeats(id)->empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
   if (evaluation->state == EvaluationState::kDone) {
     Promise(rows.size() == seeds.size(), absl::StrCat(id, " is done without all its episodes"));
     Promise(evaluation->results_hash == ResultsHash(rows, track->config.seed_salt),
             "another hash than its rows have");
   }
   CheckHistory(reader, "evaluation", id, std::string(EvaluationStateName(evaluation->state)));
-  const std::vector<LeaseRow> leases = *reader.Leases(id);
+  const std::vector<LeaseRow> leases = *reader.leases.Of(id);
   for (const LeaseRow& lease : leases) {
     Promise(lease.faults <= 4, "a lease was played again more than three times");
     Promise(!IsFinal(evaluation->state) || IsFinal(lease.state), "an open lease of an ended one");
@@ -416,10 +416,10 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
 }
 
 // Each row starts where the previous one ended, and the last one is the state.
-void World::CheckHistory(Reader& reader, const std::string& entity, int64_t id,
+void World::CheckHistory(const Transaction& reader, const std::string& entity, int64_t id,
                          const std::string& state) {
   std::string now;
-  const std::vector<TransitionRow> history = *reader.Transitions(entity, id);
+  const std::vector<TransitionRow> history = *reader.evaluations.Transitions(entity, id);
   for (const TransitionRow& row : history) {
     Promise(row.from == now, absl::StrCat(entity, " ", id, " has a gap in its history"));
     now = row.to;

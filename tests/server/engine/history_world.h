@@ -165,8 +165,8 @@ class World {
   std::set<int64_t> evaluations;  // all that were accepted
 
  private:
-  void CheckEvaluation(Reader& reader, int64_t id);
-  void CheckHistory(Reader& reader, const std::string& entity, int64_t id,
+  void CheckEvaluation(const Transaction& reader, int64_t id);
+  void CheckHistory(const Transaction& reader, const std::string& entity, int64_t id,
                     const std::string& state);
   void Promise(bool kept, const std::string& what);
 

@@ -187,19 +187,19 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
   const std::string artefact = Sha256Hex(absl::StrCat(team, "/", ++artefacts_));
   fs::create_directory(ArtefactFolder(dir_, artefact));
   Accepted accepted;
-  const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
-    if (auto added = writer.AddArtefact({artefact, team, {"./policy"}, {}, 1, 1}); !added.ok()) {
+  const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
+    if (auto added = writer.content.AddArtefact({artefact, team, {"./policy"}, {}, 1, 1}); !added.ok()) {
       return added.status();
     }
     absl::StatusOr<Accepted> added =
-        writer.Accept(SubmissionOf(config, team, artefact, grader), kOpenRules, "uid 1");
+        writer.submissions.Accept(SubmissionOf(config, team, artefact, grader), kOpenRules, "uid 1");
     if (!added.ok()) return added.status();
     accepted = *added;
     std::vector<EpisodeRow> rows;
     absl::Status written;
     const auto blocks = BlocksOf(std::ssize(config.seeds), config.episodes_per_lease);
     for (size_t i = 0; i < blocks.size(); ++i) {
-      written.Update(writer.StartLease(accepted.leases[i], 1, 0, 1, "test"));
+      written.Update(writer.leases.Start(accepted.leases[i], 1, 0, 1, "test"));
       for (int64_t index = blocks[i].first; index <= blocks[i].second; ++index) {
         EpisodeOrder order;
         order.index = index;
@@ -214,15 +214,15 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
         row.evaluation = accepted.evaluation;
         row.lease = accepted.leases[i];
         row.attempt = 1;
-        written.Update(writer.RecordEpisode(row).status());
+        written.Update(writer.episodes.Record(row).status());
         rows.push_back(std::move(row));
       }
-      written.Update(writer.FinishLease(accepted.leases[i], 1, "{}", "test"));
+      written.Update(writer.leases.Finish(accepted.leases[i], 1, "{}", "test"));
     }
     const EvaluationResult result = *ResultOf(*base_, rows);
-    written.Update(writer.EndEvaluation(accepted.evaluation, result.state, result.reason,
+    written.Update(writer.evaluations.End(accepted.evaluation, result.state, result.reason,
                                         result.results_hash, "test"));
-    if (!crashes) written.Update(writer.SetStanding(accepted.evaluation, result.standing));
+    if (!crashes) written.Update(writer.episodes.SetStanding(accepted.evaluation, result.standing));
     return written;
   });
   EXPECT_TRUE(status.ok()) << status;
@@ -275,10 +275,10 @@ absl::StatusOr<RejudgeDone> RejudgeWorld::Drop(int64_t rejudge) {
 
 RejudgeProgress RejudgeWorld::Progress(int64_t rejudge) {
   RejudgeProgress progress;
-  Read([&](Reader& reader) {
-    const auto row = reader.Rejudge(rejudge);
+  Read([&](const Transaction& reader) {
+    const auto row = reader.rejudges.Find(rejudge);
     ASSERT_TRUE(row.ok()) << row.status();
-    const auto read = reader.ProgressOf(*row);
+    const auto read = reader.rejudges.ProgressOf(*row);
     ASSERT_TRUE(read.ok()) << read.status();
     progress = *read;
   });
@@ -287,8 +287,8 @@ RejudgeProgress RejudgeWorld::Progress(int64_t rejudge) {
 
 std::vector<EvaluationRow> RejudgeWorld::Items(int64_t rejudge) {
   std::vector<EvaluationRow> items;
-  Read([&](Reader& reader) {
-    const auto read = reader.EvaluationsOfRejudge(rejudge);
+  Read([&](const Transaction& reader) {
+    const auto read = reader.evaluations.OfRejudge(rejudge);
     ASSERT_TRUE(read.ok()) << read.status();
     items = *read;
   });
@@ -297,8 +297,8 @@ std::vector<EvaluationRow> RejudgeWorld::Items(int64_t rejudge) {
 
 std::string RejudgeWorld::StateOf(int64_t evaluation) {
   std::string state;
-  Read([&](Reader& reader) {
-    state = std::string(EvaluationStateName(reader.Evaluation(evaluation)->state));
+  Read([&](const Transaction& reader) {
+    state = std::string(EvaluationStateName(reader.evaluations.Find(evaluation)->state));
   });
   return state;
 }

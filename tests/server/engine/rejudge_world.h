@@ -74,7 +74,7 @@ class RejudgeWorld : public testing::Test {
   void AwaitComplete(int64_t rejudge);
   template <typename Body>
   void Read(Body body) {
-    const absl::Status status = readers_->Read([&](Reader& reader) {
+    const absl::Status status = readers_->Read([&](const Transaction& reader) {
       body(reader);
       return absl::OkStatus();
     });

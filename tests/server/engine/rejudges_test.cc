@@ -62,27 +62,27 @@ TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
   ASSERT_EQ(items.size(), 2u);
   EXPECT_EQ(items[0].submission, alpha);
   EXPECT_EQ(items[1].submission, beta);
-  Read([&](Reader& reader) {
-    const std::vector<EpisodeRow> before = *reader.Episodes(items[0].source);
-    const std::vector<EpisodeRow> after = *reader.Episodes(items[0].id);
+  Read([&](const Transaction& reader) {
+    const std::vector<EpisodeRow> before = *reader.episodes.Of(items[0].source);
+    const std::vector<EpisodeRow> after = *reader.episodes.Of(items[0].id);
     ASSERT_EQ(after.size(), before.size());
     for (size_t i = 0; i < after.size(); ++i) {
       EXPECT_EQ(after[i].facts_json, before[i].facts_json);
       const bool failed = after[i].outcome == Outcome::kFailure;
       EXPECT_EQ(Json::parse(after[i].metrics_json)["time_s"] == 20, failed);
     }
-    EXPECT_EQ(reader.EpisodeDetails(items[0].id)->size(), after.size());
-    EXPECT_EQ(*reader.EpisodeDetails(items[0].id),
-              *reader.EpisodeDetails(items[0].source));
-    const EvaluationRow source = *reader.Evaluation(items[0].source);
-    const EvaluationRow row = *reader.Evaluation(items[0].id);
+    EXPECT_EQ(reader.episodes.Details(items[0].id)->size(), after.size());
+    EXPECT_EQ(*reader.episodes.Details(items[0].id),
+              *reader.episodes.Details(items[0].source));
+    const EvaluationRow source = *reader.evaluations.Find(items[0].source);
+    const EvaluationRow row = *reader.evaluations.Find(items[0].id);
     EXPECT_EQ(row.kind, EvaluationKind::kRejudge);
     EXPECT_EQ(row.state, EvaluationState::kDone);
     EXPECT_EQ(row.config, created->rejudge.to_config);
     EXPECT_EQ(row.grader_json, source.grader_json) << "that build measured the facts";
     EXPECT_NE(row.results_hash, source.results_hash);
-    EXPECT_EQ(reader.Leases(row.id)->size(), reader.Leases(source.id)->size());
-    EXPECT_THAT(reader.DoneEvaluations(/*without_standing=*/true), IsEmpty());
+    EXPECT_EQ(reader.leases.Of(row.id)->size(), reader.leases.Of(source.id)->size());
+    EXPECT_THAT(reader.evaluations.Done(/*without_standing=*/true), IsEmpty());
     EXPECT_EQ(row.rejudge, id);
     EXPECT_EQ(source.rejudge, 0);
   });
@@ -111,8 +111,8 @@ TEST_F(RejudgesTest, PlaysWhatTheEnvironmentOrTheBuildChanges) {
 TEST_F(RejudgesTest, WhatCanNotBePlayedIsWithoutResult) {
   const int64_t gone = Played("gone", today_);
   Played("there", today_);
-  Read([&](Reader& reader) {
-    std::filesystem::remove_all(ArtefactFolder(dir_, reader.Submission(gone)->artefact));
+  Read([&](const Transaction& reader) {
+    std::filesystem::remove_all(ArtefactFolder(dir_, reader.submissions.Find(gone)->artefact));
   });
   Run();
   const absl::StatusOr<CreatedRejudge> created = Create(To(LongerSteps()));
@@ -149,8 +149,8 @@ TEST_F(RejudgesTest, IsAppliedAndDroppedAsAWhole) {
   EXPECT_THAT(std::string(Drop(id).status().message()), HasSubstr("dropped already"));
   EXPECT_EQ(Progress(id).state, State::kDropped);
   EXPECT_TRUE(Apply(id).ok());
-  Read([&](Reader& reader) {
-    const std::vector<RejudgeEventRow> events = reader.Rejudge(id)->events;
+  Read([&](const Transaction& reader) {
+    const std::vector<RejudgeEventRow> events = reader.rejudges.Find(id)->events;
     std::vector<std::string_view> names;
     for (const RejudgeEventRow& event : events) {
       names.push_back(RejudgeEventName(event.event));
@@ -205,7 +205,7 @@ TEST_F(RejudgesTest, FollowsSubmissionsThatEndLater) {
 TEST_F(RejudgesTest, GivesWayToLiveSubmissionsWithoutAFault) {
   slots_ = 1;
   const int64_t alpha = Played("alpha", today_);
-  Read([&](Reader& reader) { playing_.held = reader.Submission(alpha)->artefact; });
+  Read([&](const Transaction& reader) { playing_.held = reader.submissions.Find(alpha)->artefact; });
   playing_.hold = true;
   Run();
   const int64_t id = MustCreate(To(LongerSteps()));
@@ -215,11 +215,11 @@ TEST_F(RejudgesTest, GivesWayToLiveSubmissionsWithoutAFault) {
   EXPECT_GE(playing_.ended_early, 1);
   playing_.hold = false;
   AwaitComplete(id);
-  Read([&](Reader& reader) {
-    const std::vector<LeaseRow> leases = *reader.Leases(Items(id)[0].id);
+  Read([&](const Transaction& reader) {
+    const std::vector<LeaseRow> leases = *reader.leases.Of(Items(id)[0].id);
     EXPECT_GE(leases[0].attempt, 2);
     for (const LeaseRow& lease : leases) EXPECT_EQ(lease.faults, 0);
-    EXPECT_EQ(reader.Evaluation(Items(id)[0].id)->state, EvaluationState::kDone);
+    EXPECT_EQ(reader.evaluations.Find(Items(id)[0].id)->state, EvaluationState::kDone);
   });
 }
 
@@ -245,7 +245,7 @@ TEST_F(RejudgesTest, ACancelLeavesItAloneAndADropEndsIt) {
 TEST_F(RejudgesTest, TellsWhichPoliciesAreNotRepeatable) {
   const int64_t steady = Played("steady", today_);
   const int64_t unsteady = Played("unsteady", today_);
-  Read([&](Reader& reader) { playing_.unsteady = reader.Submission(unsteady)->artefact; });
+  Read([&](const Transaction& reader) { playing_.unsteady = reader.submissions.Find(unsteady)->artefact; });
   Run();
   NewRejudge rejudge = To(base_);
   rejudge.repeats = 3;
@@ -253,8 +253,8 @@ TEST_F(RejudgesTest, TellsWhichPoliciesAreNotRepeatable) {
   AwaitComplete(id);
   EXPECT_EQ(Items(id).size(), 6u);
   EXPECT_EQ(Progress(id).play, 6) << "facts tell nothing about a repetition";
-  Read([&](Reader& reader) {
-    const std::vector<Unrepeatable> found = *reader.UnrepeatableOf(id);
+  Read([&](const Transaction& reader) {
+    const std::vector<Unrepeatable> found = *reader.rejudges.UnrepeatableOf(id);
     ASSERT_EQ(found.size(), 1u);
     EXPECT_EQ(found[0].submission, unsteady);
     EXPECT_NE(found[0].submission, steady);
@@ -310,19 +310,19 @@ TEST_F(RejudgesTest, RefusesWhatMakesNoSense) {
   rejudge.to_config_json = "{}";
   EXPECT_THAT(message(rejudge), HasSubstr("is not the hash"));
   EXPECT_THAT(std::string(Apply(99).status().message()), HasSubstr("no rejudge 99"));
-  Read([&](Reader& reader) { EXPECT_THAT(reader.Board().rejudges(), IsEmpty()); });
+  Read([&](const Transaction& reader) { EXPECT_THAT(reader.Board().rejudges(), IsEmpty()); });
 }
 
 TEST_F(RejudgesTest, KeepsTheFilesThatItMayHaveToPlay) {
   const int64_t failed = Played("failed", today_, /*crashes=*/true);
   std::string artefact;
-  Read([&](Reader& reader) { artefact = reader.Submission(failed)->artefact; });
+  Read([&](const Transaction& reader) { artefact = reader.submissions.Find(failed)->artefact; });
   Run();
   const auto removed = [&] {
     bool gone = false;
     EXPECT_TRUE(engine_->Change(
-        [&](Writer& writer) -> absl::Status {
-          const absl::StatusOr<bool> row = writer.Remove("artefact", artefact, 1, "of no use");
+        [&](Transaction& writer) -> absl::Status {
+          const absl::StatusOr<bool> row = writer.content.Remove("artefact", artefact, 1, "of no use");
           gone = row.ok() && *row;
           return row.status();
         },
@@ -333,9 +333,9 @@ TEST_F(RejudgesTest, KeepsTheFilesThatItMayHaveToPlay) {
   AwaitComplete(id);
   EXPECT_EQ(Items(id)[0].state, EvaluationState::kFailed) << "by any rules";
   EXPECT_FALSE(removed());
-  Read([&](Reader& reader) { EXPECT_TRUE(reader.ArtefactUses()[0].needed); });
+  Read([&](const Transaction& reader) { EXPECT_TRUE(reader.content.ArtefactUses()[0].needed); });
   ASSERT_TRUE(Drop(id).ok());
-  Read([&](Reader& reader) { EXPECT_FALSE(reader.ArtefactUses()[0].needed); });
+  Read([&](const Transaction& reader) { EXPECT_FALSE(reader.content.ArtefactUses()[0].needed); });
   EXPECT_TRUE(removed());
 }
 
@@ -349,7 +349,7 @@ TEST_F(RejudgesTest, AnExportBringsThemAlong) {
   const std::string path = dir_ + "/export.json";
   {
     std::ofstream file(path);
-    Read([&](Reader& reader) {
+    Read([&](const Transaction& reader) {
       EXPECT_TRUE(reader.Export([&](std::string_view text) {
         file << text;
         return true;
@@ -362,12 +362,12 @@ TEST_F(RejudgesTest, AnExportBringsThemAlong) {
   const auto other = Store::Open(dir_ + "/other.db", SystemClock());
   ASSERT_TRUE(other.ok()) << other.status();
   const absl::Status imported = (*other)->Write(
-      [&](Writer& writer) { return writer.Import(path, *info, "test", CheckReadable); });
+      [&](Transaction& writer) { return writer.Import(path, *info, "test", CheckReadable); });
   ASSERT_TRUE(imported.ok()) << imported;
   const std::vector<EvaluationRow> items = Items(id);
-  EXPECT_TRUE(ReaderPool(dir_ + "/other.db").Read([&](Reader& reader) {
-    EXPECT_EQ(reader.ProgressOf(*reader.Rejudge(id))->state, State::kApplied);
-    const EvaluationRow row = *reader.Evaluation(items[0].id);
+  EXPECT_TRUE(ReaderPool(dir_ + "/other.db").Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.rejudges.ProgressOf(*reader.rejudges.Find(id))->state, State::kApplied);
+    const EvaluationRow row = *reader.evaluations.Find(items[0].id);
     EXPECT_EQ(row.config, SlowFailures()->config.hash);
     EXPECT_EQ(row.results_hash, items[0].results_hash);
     return absl::OkStatus();
@@ -401,7 +401,7 @@ TEST_F(RejudgesTest, APowerCutAtAnyCommitLosesNothing) {
       Open();
       Run();
       bool there = false;
-      Read([&](Reader& reader) { there = reader.Rejudge(1).ok(); });
+      Read([&](const Transaction& reader) { there = reader.rejudges.Find(1).ok(); });
       if (!there) {
         ASSERT_TRUE(Create(To(SlowFailures())).ok());
       }

@@ -28,16 +28,16 @@ class RemoteEngineTest : public ::testing::Test {
   }
   LeaseRow OnlyLease(int64_t evaluation) {
     LeaseRow row;
-    EXPECT_TRUE(world.readers->Read([&](Reader& reader) {
-      row = reader.Leases(evaluation)->front();
+    EXPECT_TRUE(world.readers->Read([&](const Transaction& reader) {
+      row = reader.leases.Of(evaluation)->front();
       return absl::OkStatus();
     }).ok());
     return row;
   }
   std::vector<LeaseRunRow> RunsOf(int64_t evaluation) {
     std::vector<LeaseRunRow> rows;
-    EXPECT_TRUE(world.readers->Read([&](Reader& reader) {
-      rows = *reader.LeaseRunsOf(evaluation);
+    EXPECT_TRUE(world.readers->Read([&](const Transaction& reader) {
+      rows = *reader.leases.RunsOf(evaluation);
       return absl::OkStatus();
     }).ok());
     return rows;
@@ -136,8 +136,8 @@ TEST_F(RemoteEngineTest, ADrainedNodeIsRemembered) {
   world.RunOnce();
   world.RunOnce();
   EXPECT_TRUE(world.drained.empty());
-  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    const std::vector<DrainedNodeRow> drained = reader.DrainedNodes().rows;
+  ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
+    const std::vector<DrainedNodeRow> drained = reader.leases.DrainedNodes().rows;
     EXPECT_EQ(drained.size(), 1u);
     if (drained.empty()) return absl::OkStatus();
     EXPECT_EQ(drained.front().node, "node3");

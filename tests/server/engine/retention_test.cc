@@ -121,8 +121,8 @@ class RetentionFolder : public testing::Test {
   void MakeArtefact(char letter) {
     const std::string hash(64, letter);
     fs::create_directory(FolderOf(letter));
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
-      return writer.AddArtefact({hash, "walker", {"./policy"}, {}, 100, 2}).status();
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+      return writer.content.AddArtefact({hash, "walker", {"./policy"}, {}, 100, 2}).status();
     }).ok());
   }
   std::string FolderOf(char letter) const {
@@ -147,11 +147,11 @@ class RetentionFolder : public testing::Test {
   void PlayWithLog(char artefact, bool ranked, const std::string& log) {
     NewSubmission submission = SubmissionOf(artefact);
     submission.ranked = ranked;
-    ASSERT_TRUE(store_->Write([&](Writer& writer) -> absl::Status {
-      const auto accepted = writer.Accept(submission, Rules(), "uid 0");
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) -> absl::Status {
+      const auto accepted = writer.submissions.Accept(submission, Rules(), "uid 0");
       if (!accepted.ok()) return accepted.status();
-      absl::Status status = writer.StartLease(accepted->leases[0], 1, 0, 99, "daemon");
-      status.Update(writer.RecordEpisode({accepted->evaluation, 0, accepted->leases[0], 1, 1,
+      absl::Status status = writer.leases.Start(accepted->leases[0], 1, 0, 99, "daemon");
+      status.Update(writer.episodes.Record({accepted->evaluation, 0, accepted->leases[0], 1, 1,
                                           Outcome::kFailure, FailureReason::kTime,
                                           R"({"log":{"sha256":")" + log + R"("}})",
                                           R"({"time_s":10.0})"}).status());
@@ -162,8 +162,8 @@ class RetentionFolder : public testing::Test {
     return {.quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
   }
   void Accept(char artefact) {
-    ASSERT_TRUE((*Store::Open(dir_ + "/store.db", clock_))->Write([&](Writer& writer) {
-      return writer.Accept(SubmissionOf(artefact), Rules(), "uid 0").status();
+    ASSERT_TRUE((*Store::Open(dir_ + "/store.db", clock_))->Write([&](Transaction& writer) {
+      return writer.submissions.Accept(SubmissionOf(artefact), Rules(), "uid 0").status();
     }).ok());
   }
 
@@ -293,9 +293,9 @@ TEST_F(RetentionFolder, DenialsGoAndActsStay) {
     event.kind = "act";
     event.who = "uid 0";
     event.action = "mark";
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
-      absl::Status status = writer.AddDenial(event, event);
-      status.Update(writer.AddAccessEvent(event));
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+      absl::Status status = writer.callers.AddDenial(event, event);
+      status.Update(writer.callers.AddEvent(event));
       return status;
     }).ok());
   };

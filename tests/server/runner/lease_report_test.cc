@@ -13,7 +13,7 @@ using ::testing::HasSubstr;
 
 constexpr absl::Duration kStart = absl::Seconds(100);
 
-std::vector<EpisodeOrder> Episodes(int64_t count) {
+std::vector<EpisodeOrder> SomeEpisodes(int64_t count) {
   std::vector<EpisodeOrder> episodes;
   for (int64_t i = 0; i < count; ++i) {
     episodes.push_back({10 + i, static_cast<uint64_t>(70 + i), 0});
@@ -36,7 +36,7 @@ LeaseEndRecord End(bool ok = true, const std::string& detail = "") {
 }
 
 TEST(LeaseReport, IsDoneWhenEveryEpisodeAndTheLastRecordWereTold) {
-  LeaseReport report(Episodes(2), {}, kStart);
+  LeaseReport report(SomeEpisodes(2), {}, kStart);
   const auto news = report.Take({ProgressRecord{10, 5}, Facts(10, 70)}, kStart);
   EXPECT_EQ(news.progress->step, 5);
   EXPECT_EQ(news.episodes.size(), 1u);
@@ -48,19 +48,19 @@ TEST(LeaseReport, IsDoneWhenEveryEpisodeAndTheLastRecordWereTold) {
 
 TEST(LeaseReport, WhatWasNotOrderedIsAFaultAndNothingCountsAfterIt) {
   for (const EpisodeFacts& wrong : {Facts(9, 69), Facts(12, 72), Facts(10, 71)}) {
-    LeaseReport report(Episodes(2), {}, kStart);
+    LeaseReport report(SomeEpisodes(2), {}, kStart);
     const auto news = report.Take({wrong, Facts(10, 70), End()}, kStart);
     EXPECT_THAT(report.fault(), HasSubstr("which the lease did not ask for"));
     EXPECT_TRUE(news.episodes.empty());
     EXPECT_FALSE(report.end().has_value());
   }
-  LeaseReport report(Episodes(2), {}, kStart);
+  LeaseReport report(SomeEpisodes(2), {}, kStart);
   EXPECT_EQ(report.Take({Facts(10, 70), Facts(10, 70)}, kStart).episodes.size(), 1u);
   EXPECT_THAT(report.fault(), HasSubstr("twice"));
 }
 
 TEST(LeaseReport, TheFirstReasonStays) {
-  LeaseReport report(Episodes(1), {.deadline = kStart}, kStart);
+  LeaseReport report(SomeEpisodes(1), {.deadline = kStart}, kStart);
   report.Fail("the disk is full");
   report.Tick(kStart + absl::Hours(1));
   report.Conclude(9, "words");
@@ -70,18 +70,18 @@ TEST(LeaseReport, TheFirstReasonStays) {
 TEST(LeaseReport, ARunnerThatIsLateOrSilentIsFaultyUnlessItHasToldAll) {
   const LeaseReport::Limits limits = {.deadline = kStart + absl::Seconds(60),
                                       .silence = absl::Seconds(10)};
-  LeaseReport silent(Episodes(1), limits, kStart);
+  LeaseReport silent(SomeEpisodes(1), limits, kStart);
   silent.Tick(kStart + absl::Seconds(10));
   EXPECT_FALSE(silent.faulty());
   silent.Tick(kStart + absl::Seconds(11));
   EXPECT_EQ(silent.fault(), "the runner was silent for 10s");
 
-  LeaseReport late(Episodes(1), limits, kStart);
+  LeaseReport late(SomeEpisodes(1), limits, kStart);
   for (int s = 5; s <= 60; s += 5) late.Take({ProgressRecord{}}, kStart + absl::Seconds(s));
   late.Tick(kStart + absl::Seconds(61));
   EXPECT_EQ(late.fault(), "the runner did not end in its time");
 
-  LeaseReport told(Episodes(1), limits, kStart);
+  LeaseReport told(SomeEpisodes(1), limits, kStart);
   told.Take({Facts(10, 70), End()}, kStart + absl::Seconds(1));
   told.Tick(kStart + absl::Hours(1));
   EXPECT_FALSE(told.faulty());
@@ -90,22 +90,22 @@ TEST(LeaseReport, ARunnerThatIsLateOrSilentIsFaultyUnlessItHasToldAll) {
 }
 
 TEST(LeaseReport, AnEndThatIsNoneTellsWhatIsKnown) {
-  LeaseReport without(Episodes(1), {}, kStart);
+  LeaseReport without(SomeEpisodes(1), {}, kStart);
   without.Conclude(9, "first\nthe last line\n");
   EXPECT_EQ(without.fault(), "the runner ended (signal 9) without its last record; its last words: "
                              "the last line");
-  LeaseReport refused(Episodes(1), {}, kStart);
+  LeaseReport refused(SomeEpisodes(1), {}, kStart);
   refused.Take({End(false, "the models are gone")}, kStart);
   refused.Conclude(0, "");
   EXPECT_EQ(refused.fault(), "the models are gone");
-  LeaseReport short_one(Episodes(3), {}, kStart);
+  LeaseReport short_one(SomeEpisodes(3), {}, kStart);
   short_one.Take({Facts(11, 71), End()}, kStart);
   short_one.Conclude(0, "");
   EXPECT_EQ(short_one.fault(), "the runner said done after 1 of 3 episodes");
 }
 
 TEST(LeaseReport, ReplaysAreToldByTheirEpisode) {
-  LeaseReport report(Episodes(2), {}, kStart);
+  LeaseReport report(SomeEpisodes(2), {}, kStart);
   ReplayRecord replay;
   replay.episode = 11;
   EXPECT_EQ(report.Take({replay}, kStart).replays.size(), 1u);
@@ -118,7 +118,7 @@ TEST(LeaseReport, ReplaysAreToldByTheirEpisode) {
 // lease is done if and only if each was reported once, in any order, before a valid end record.
 RC_GTEST_PROP(LeaseReport, GivesEachOrderedEpisodeAtMostOnce, ()) {
   const int64_t count = *rc::gen::inRange<int64_t>(1, 5);
-  LeaseReport report(Episodes(count), {}, kStart);
+  LeaseReport report(SomeEpisodes(count), {}, kStart);
   std::multiset<int64_t> given;
   bool right = true;   // only what was ordered, each once
   bool ended = false;

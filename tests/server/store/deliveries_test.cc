@@ -22,7 +22,7 @@ class DeliveriesTest : public StoreTest {
 
   std::vector<DeliveryRow> Rows(const std::string& webhook) {
     std::vector<DeliveryRow> rows;
-    Read([&](Reader& reader) { rows = reader.Deliveries(webhook, INT64_MAX, 100).rows; });
+    Read([&](const Transaction& reader) { rows = reader.deliveries.List(webhook, INT64_MAX, 100).rows; });
     return rows;
   }
   std::vector<std::string> Events(const std::string& webhook) {
@@ -31,13 +31,13 @@ class DeliveriesTest : public StoreTest {
     return events;
   }
   absl::Status Cancel(const Accepted& accepted) {
-    return store_->Write([&](Writer& writer) {
-      return writer.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0");
+    return store_->Write([&](Transaction& writer) {
+      return writer.evaluations.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0");
     });
   }
   void Pause(const std::string& phase, const std::string& why) {
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      return writer.AddPhaseEvent(phase, kPausedEvent, "uid 0", why).status();
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      return writer.phases.AddEvent(phase, kPausedEvent, "uid 0", why).status();
     });
     ASSERT_TRUE(status.ok()) << status;
   }
@@ -67,8 +67,8 @@ TEST_F(DeliveriesTest, AnEndIsToldToWhomItConcerns) {
 
 TEST_F(DeliveriesTest, WhatIsRolledBackIsNotTold) {
   const Accepted accepted = Submit();
-  const absl::Status status = store_->Write([&](Writer& writer) {
-    EXPECT_TRUE(writer.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0")
+  const absl::Status status = store_->Write([&](Transaction& writer) {
+    EXPECT_TRUE(writer.evaluations.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0")
                     .ok());
     return absl::AbortedError("no");
   });
@@ -80,8 +80,8 @@ TEST_F(DeliveriesTest, ARerunIsToldToNobody) {
   const Accepted accepted = Submit();
   Accepted rerun;
   ASSERT_TRUE(store_
-                  ->Write([&](Writer& writer) {
-                    auto added = writer.AddRerun(
+                  ->Write([&](Transaction& writer) {
+                    auto added = writer.evaluations.AddRerun(
                         {accepted.submission, std::string(64, 'a'), "{}", {{0, 1}}}, "uid 0");
                     if (added.ok()) rerun = *added;
                     return added.status();
@@ -115,17 +115,17 @@ TEST_F(DeliveriesTest, TheOldestWaitsFirstAndOutcomesStay) {
   Pause("", "two");
   EXPECT_THAT(Events("pauses"), ElementsAre(kPauseEvent, kPauseEvent));
   absl::StatusOr<DeliveryRow> next = absl::NotFoundError("");
-  Read([&](Reader& reader) { next = reader.NextDelivery("pauses"); });
+  Read([&](const Transaction& reader) { next = reader.deliveries.Next("pauses"); });
   ASSERT_TRUE(next.ok()) << next.status();
   EXPECT_EQ(Json::parse(next->body_json)["reason"], "one");
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
-    return writer.SetDelivery(next->id, {"delivered", 3, next->due_at, ""});
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    return writer.deliveries.Set(next->id, {"delivered", 3, next->due_at, ""});
   }).ok());
-  Read([&](Reader& reader) { next = reader.NextDelivery("pauses"); });
+  Read([&](const Transaction& reader) { next = reader.deliveries.Next("pauses"); });
   ASSERT_TRUE(next.ok()) << next.status();
   EXPECT_EQ(Json::parse(next->body_json)["reason"], "two");
   std::vector<DeliveryCounts> counts;
-  Read([&](Reader& reader) { counts = reader.CountDeliveries(); });
+  Read([&](const Transaction& reader) { counts = reader.deliveries.Counts(); });
   ASSERT_EQ(counts.size(), 2u);
   EXPECT_EQ(counts[1].webhook, "pauses");
   EXPECT_EQ(counts[1].waiting, 1);
@@ -136,13 +136,13 @@ TEST_F(DeliveriesTest, TheOldestWaitsFirstAndOutcomesStay) {
 TEST_F(DeliveriesTest, StrangersAreGivenUpAndOldRowsGo) {
   Pause("", "one");
   absl::StatusOr<int64_t> given_up = 0;
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
-    given_up = writer.GiveUpStrangers({"all"});
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    given_up = writer.deliveries.GiveUpStrangers({"all"});
     return given_up.status();
   }).ok());
   EXPECT_EQ(*given_up, 1);
   EXPECT_EQ(Rows("pauses").front().state, "given_up");
-  ASSERT_TRUE(store_->Write([](Writer& writer) { return writer.PruneDeliveries(INT64_MAX); }).ok());
+  ASSERT_TRUE(store_->Write([](Transaction& writer) { return writer.deliveries.Prune(INT64_MAX); }).ok());
   EXPECT_THAT(Rows("pauses"), IsEmpty());
   EXPECT_EQ(Rows("all").size(), 1u) << "what waits stays";
 }
@@ -151,7 +151,7 @@ TEST_F(DeliveriesTest, SubmissionsAreCountedByState) {
   Submit("alpha", 'a');
   ASSERT_TRUE(Cancel(Submit("beta", 'b')).ok());
   std::map<std::string, int64_t> counts;
-  Read([&](Reader& reader) { counts = reader.SubmissionsByState(); });
+  Read([&](const Transaction& reader) { counts = reader.submissions.CountByState(); });
   EXPECT_EQ(counts, (std::map<std::string, int64_t>{{"cancelled", 1}, {"queued", 1}}));
 }
 

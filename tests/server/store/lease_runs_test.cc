@@ -17,28 +17,28 @@ using testing::HasSubstr;
 class LeaseRunsTest : public StoreTest {
  protected:
   absl::Status Add(const LeaseRunRow& run) {
-    return store_->Write([&](Writer& writer) { return writer.RecordLeaseRun(run); });
+    return store_->Write([&](Transaction& writer) { return writer.leases.RecordRun(run); });
   }
   void Drain(const std::string& node, const std::string& why) {
     const absl::Status status =
-        store_->Write([&](Writer& writer) { return writer.DrainNode(node, why, "uid 0"); });
+        store_->Write([&](Transaction& writer) { return writer.leases.DrainNode(node, why, "uid 0"); });
     ASSERT_TRUE(status.ok()) << status;
   }
   void Admit(const std::string& node) {
     const absl::Status status =
-        store_->Write([&](Writer& writer) { return writer.AdmitNode(node, "uid 7"); });
+        store_->Write([&](Transaction& writer) { return writer.leases.AdmitNode(node, "uid 7"); });
     ASSERT_TRUE(status.ok()) << status;
   }
   std::vector<LeaseRunRow> RunsOf(int64_t evaluation) {
     std::vector<LeaseRunRow> runs;
-    Read([&](Reader& reader) { runs = reader.LeaseRunsOf(evaluation).value(); });
+    Read([&](const Transaction& reader) { runs = reader.leases.RunsOf(evaluation).value(); });
     return runs;
   }
   std::vector<std::string> Drained() {
     std::vector<std::string> nodes;
-    Read([&](Reader& reader) {
-      const Listed<DrainedNodeRow> drained = reader.DrainedNodes();
-      EXPECT_THAT(drained.damaged, testing::IsEmpty());
+    Read([&](const Transaction& reader) {
+      const Listed<DrainedNodeRow> drained = reader.leases.DrainedNodes();
+      EXPECT_FALSE(drained.left_out.has_value());
       for (const DrainedNodeRow& node : drained.rows) {
         nodes.push_back(absl::StrCat(node.node, ": ", node.why, " (", node.who, ")"));
       }
@@ -115,8 +115,8 @@ TEST_F(LeaseRunsTest, ADamagedRowIsToldByItsLease) {
   ASSERT_TRUE(Add({.lease = accepted.leases[0], .attempt = 1}).ok());
   ASSERT_EQ(SqlError("PRAGMA ignore_check_constraints = ON; DROP TRIGGER lease_run_fixed; "
                      "UPDATE lease_run SET how = 'lost'"), "");
-  Read([&](Reader& reader) {
-    const auto runs = reader.LeaseRunsOf(accepted.evaluation);
+  Read([&](const Transaction& reader) {
+    const auto runs = reader.leases.RunsOf(accepted.evaluation);
     ASSERT_FALSE(runs.ok());
     EXPECT_THAT(std::string(runs.status().message()), HasSubstr("lease_run"));
     EXPECT_THAT(std::string(runs.status().message()), HasSubstr("\"how\""));

@@ -25,8 +25,8 @@ TEST_F(MergesTest, AMergedTeamCountsAsTheOtherAndNoRowOfThePastChanges) {
   Play(first);
   Play(second);
   ASSERT_TRUE(TrySubmit("beta", 'e', /*ranked=*/true).ok());
-  ASSERT_TRUE(Write([](Writer& w) {
-    return w.Grant({"beta", "manipulation", Budget::kRanked, 5, "a broken host"}, "uid 0");
+  ASSERT_TRUE(Write([](Transaction& w) {
+    return w.quotas.Grant({"beta", "manipulation", Budget::kRanked, 5, "a broken host"}, "uid 0");
   }).ok());
   const std::string history = History();
   const int64_t changes = BoardChanges();
@@ -43,17 +43,17 @@ TEST_F(MergesTest, AMergedTeamCountsAsTheOtherAndNoRowOfThePastChanges) {
   EXPECT_EQ(TeamOf("beta"), "alpha");
   EXPECT_THAT(TeamsOf(kBob), ElementsAre("alpha"));
   EXPECT_THAT(MembersOf("alpha"), ElementsAre(kAda, kBob));
-  Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Submissions({.team = "alpha"}).rows.size(), 3u);
-    EXPECT_EQ(reader.SubmissionsOf("alpha"), 3);
-    EXPECT_EQ(reader.Ledger("alpha", "", INT64_MAX, 10).rows.size(), 3u);
-    EXPECT_THAT(reader.Team("beta")->other_names, ElementsAre("beta"));
-    const std::vector<TeamRow> teams = reader.Teams().rows;
+  Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.submissions.List({.team = "alpha"}).rows.size(), 3u);
+    EXPECT_EQ(reader.submissions.CountOf("alpha"), 3);
+    EXPECT_EQ(reader.quotas.Ledger("alpha", "", INT64_MAX, 10).rows.size(), 3u);
+    EXPECT_THAT(reader.teams.Find("beta")->other_names, ElementsAre("beta"));
+    const std::vector<TeamRow> teams = reader.teams.List().rows;
     ASSERT_EQ(teams.size(), 2u);
     EXPECT_EQ(teams[0].merged_into, "alpha");
     EXPECT_THAT(teams[0].members, IsEmpty());
     EXPECT_THAT(teams[1].members, ElementsAre(kAda, kBob));
-    const Listed<TeamRow> page = reader.Teams(teams[0].id, 1);
+    const Listed<TeamRow> page = reader.teams.List(teams[0].id, 1);
     ASSERT_EQ(page.rows.size(), 1u);
     EXPECT_EQ(page.last_id, teams[1].id);
     EXPECT_THAT(page.rows[0].members, ElementsAre(kAda, kBob));
@@ -74,8 +74,8 @@ TEST_F(MergesTest, OfTheChoicesOfMergedTeamsTheNewerStands) {
   Play(second);
   const auto choose = [&](const Accepted& accepted) {
     bool changed = false;
-    EXPECT_TRUE(Write([&](Writer& w) {
-      const absl::StatusOr<bool> done = w.Choose(accepted.submission, kAda);
+    EXPECT_TRUE(Write([&](Transaction& w) {
+      const absl::StatusOr<bool> done = w.journal.Choose(accepted.submission, kAda);
       changed = done.value_or(false);
       return done.status();
     }).ok());
@@ -83,7 +83,7 @@ TEST_F(MergesTest, OfTheChoicesOfMergedTeamsTheNewerStands) {
   };
   const auto choices = [&] {
     std::set<int64_t> chosen;
-    Read([&](Reader& reader) { chosen = reader.Board().Chosen(std::string(64, 'c')); });
+    Read([&](const Transaction& reader) { chosen = reader.Board().Chosen(std::string(64, 'c')); });
     return chosen;
   };
   EXPECT_TRUE(choose(second));
@@ -113,9 +113,9 @@ TEST_F(MergesTest, AMergeIsRefusedInOneSentence) {
   EXPECT_THAT(Sentence(Merge("delta", "gamma")), HasSubstr("\"delta\" is banned"));
   EXPECT_THAT(Sentence(Merge("gamma", "delta")), HasSubstr("\"delta\" is banned"));
   EXPECT_THAT(Sentence(Rename("aleph", "beta")), HasSubstr("the name of a team that was merged"));
-  Read([&](Reader& reader) {
-    EXPECT_FALSE(reader.CheckMerge("beta", "gamma").ok());
-    EXPECT_TRUE(reader.CheckMerge("alpha", "gamma").ok());
+  Read([&](const Transaction& reader) {
+    EXPECT_FALSE(reader.teams.CheckMerge("beta", "gamma").ok());
+    EXPECT_TRUE(reader.teams.CheckMerge("alpha", "gamma").ok());
   });
   // A chain ends at the last of them.
   ASSERT_TRUE(Merge("alpha", "gamma").ok());

@@ -19,45 +19,45 @@ inline constexpr char kBob[] = "uid 1002";
 
 class PeopleTest : public StoreTest {
  protected:
-  absl::Status Write(const std::function<absl::Status(Writer&)>& change) {
+  absl::Status Write(const std::function<absl::Status(Transaction&)>& change) {
     return store_->Write(change);
   }
   absl::Status Create(const std::string& team) {
-    return Write([&](Writer& w) { return w.CreateTeam(team, "uid 0", "").status(); });
+    return Write([&](Transaction& w) { return w.teams.Create(team, "uid 0", "").status(); });
   }
   absl::Status Found(const std::string& team, const std::string& person, int64_t most = 1) {
-    return Write([&](Writer& w) { return w.FoundTeam(team, person, most); });
+    return Write([&](Transaction& w) { return w.teams.Found(team, person, most); });
   }
   absl::Status Rename(const std::string& team, const std::string& name) {
-    return Write([&](Writer& w) { return w.RenameTeam(team, name, "uid 0", "asked for").status(); });
+    return Write([&](Transaction& w) { return w.teams.Rename(team, name, "uid 0", "asked for").status(); });
   }
   absl::Status Merge(const std::string& team, const std::string& into) {
-    return Write([&](Writer& w) { return w.MergeTeams(team, into, "uid 0", "one group"); });
+    return Write([&](Transaction& w) { return w.teams.Merge(team, into, "uid 0", "one group"); });
   }
   absl::Status Ban(const std::string& team, bool banned = true) {
-    return Write([&](Writer& w) { return w.BanTeam(team, banned, "uid 0", "cheats").status(); });
+    return Write([&](Transaction& w) { return w.teams.Ban(team, banned, "uid 0", "cheats").status(); });
   }
   absl::Status SetMember(const std::string& team, const std::string& person, bool belongs) {
-    return Write([&](Writer& w) { return w.SetMember(team, person, belongs, "uid 0").status(); });
+    return Write([&](Transaction& w) { return w.teams.SetMember(team, person, belongs, "uid 0").status(); });
   }
   absl::Status Try(const std::string& team, char artefact = 'a') {
     return TrySubmit(team, artefact, /*ranked=*/true).status();
   }
   std::set<std::string> TeamsOf(const std::string& person) {
     std::set<std::string> teams;
-    Read([&](Reader& reader) { teams = reader.TeamsOf(person); });
+    Read([&](const Transaction& reader) { teams = reader.teams.OfPerson(person); });
     return teams;
   }
   std::vector<std::string> MembersOf(const std::string& team) {
     std::vector<std::string> members;
-    Read([&](Reader& reader) {
-      for (const MemberRow& member : reader.Members(team).rows) members.push_back(member.person);
+    Read([&](const Transaction& reader) {
+      for (const MemberRow& member : reader.teams.Members(team).rows) members.push_back(member.person);
     });
     return members;
   }
   std::string TeamOf(const std::string& name) {
     std::string team;
-    Read([&](Reader& reader) { team = reader.TeamOf(name); });
+    Read([&](const Transaction& reader) { team = reader.teams.NameOf(name); });
     return team;
   }
   // Plays a submission to its end, so that it can stand on a board.
@@ -66,18 +66,18 @@ class PeopleTest : public StoreTest {
       const auto first = static_cast<int64_t>(2 * lease);
       ASSERT_TRUE(Start(accepted.leases[lease], 1).ok());
       ASSERT_TRUE(Record(accepted, first, 1).ok() && Record(accepted, first + 1, 1).ok());
-      ASSERT_TRUE(Write([&](Writer& w) {
-        return w.FinishLease(accepted.leases[lease], 1, "{}", "daemon");
+      ASSERT_TRUE(Write([&](Transaction& w) {
+        return w.leases.Finish(accepted.leases[lease], 1, "{}", "daemon");
       }).ok());
     }
-    ASSERT_TRUE(Write([&](Writer& w) {
-      return w.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "", "x", "daemon");
+    ASSERT_TRUE(Write([&](Transaction& w) {
+      return w.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "x", "daemon");
     }).ok());
   }
   // The teams of the rows that may stand on the board, by submission.
   std::vector<std::string> Board() {
     std::vector<std::string> teams;
-    Read([&](Reader& reader) {
+    Read([&](const Transaction& reader) {
       const BoardState& board = reader.Board();
       for (const auto& [submission, result] : board.InForce(std::string(64, 'c'))) {
         const TeamState* team = board.TeamOf(submission);
@@ -88,13 +88,13 @@ class PeopleTest : public StoreTest {
   }
   int64_t BoardChanges() {
     int64_t changes = 0;
-    Read([&](Reader& reader) { changes = reader.Board().board_changes(); });
+    Read([&](const Transaction& reader) { changes = reader.Board().board_changes(); });
     return changes;
   }
   QuotaUse Quota(const std::string& team) {
     QuotaUse use;
-    Read([&](Reader& reader) {
-      use = reader.Quota(team, "manipulation", absl::ToUnixMillis(clock_.Now()));
+    Read([&](const Transaction& reader) {
+      use = reader.quotas.UseOf(team, "manipulation", absl::ToUnixMillis(clock_.Now()));
     });
     return use;
   }

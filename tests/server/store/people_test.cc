@@ -34,8 +34,8 @@ TEST_F(PeopleTest, TheFirstWhoSubmitsForATeamFoundsIt) {
   EXPECT_TRUE(Found("beta", kAda, 2).ok());
   EXPECT_THAT(TeamsOf(kAda), ElementsAre("alpha", "beta"));
   EXPECT_EQ(ErrorCodeOf(Found("ALPHA", kBob)), "look_alike");
-  Read([&](Reader& reader) {
-    const auto events = reader.TeamEvents("alpha");
+  Read([&](const Transaction& reader) {
+    const auto events = reader.teams.Events("alpha");
     ASSERT_EQ(events.size(), 1u);
     EXPECT_EQ(events[0].event, "created");
     EXPECT_EQ(events[0].who, kAda);
@@ -51,8 +51,8 @@ TEST_F(PeopleTest, ATeamThatHadMembersIsNobodysToTake) {
   ASSERT_TRUE(SetMember("alpha", kBob, true).ok());
   EXPECT_TRUE(Found("alpha", kBob).ok());
   // One that only a grant has made has no members yet.
-  ASSERT_TRUE(Write([](Writer& w) {
-    return w.Grant({"gamma", "manipulation", Budget::kRanked, 1, "early"}, "uid 0");
+  ASSERT_TRUE(Write([](Transaction& w) {
+    return w.quotas.Grant({"gamma", "manipulation", Budget::kRanked, 1, "early"}, "uid 0");
   }).ok());
   EXPECT_TRUE(Found("gamma", kAda).ok());
 }
@@ -61,8 +61,8 @@ TEST_F(PeopleTest, AMemberIsAddedAndRemovedOnce) {
   ASSERT_TRUE(Create("alpha").ok());
   const auto set = [&](bool belongs) {
     bool changed = false;
-    EXPECT_TRUE(Write([&](Writer& w) {
-      const absl::StatusOr<bool> done = w.SetMember("alpha", kAda, belongs, "uid 0");
+    EXPECT_TRUE(Write([&](Transaction& w) {
+      const absl::StatusOr<bool> done = w.teams.SetMember("alpha", kAda, belongs, "uid 0");
       changed = done.value_or(false);
       return done.status();
     }).ok());
@@ -90,12 +90,12 @@ TEST_F(PeopleTest, AFormerNameFindsTheTeamEverywhere) {
     EXPECT_EQ(TeamOf(name), "Team Blue") << name;
     EXPECT_TRUE(Try(name, 'b').ok());
     EXPECT_EQ(Quota(name).total_of(Budget::kRanked).charged, 1) << name;
-    Read([&](Reader& reader) {
-      EXPECT_EQ(reader.Submissions({}).rows.front().team, "Team Blue");
-      EXPECT_EQ(reader.Submissions({.team = reader.TeamOf(name)}).rows.size(), 2u);
-      EXPECT_EQ(reader.Ledger(name, "", INT64_MAX, 10).rows.size(), 1u);
-      EXPECT_EQ(reader.Team(name)->name, "Team Blue");
-      EXPECT_THAT(reader.Team(name)->other_names, ElementsAre("alpha"));
+    Read([&](const Transaction& reader) {
+      EXPECT_EQ(reader.submissions.List({}).rows.front().team, "Team Blue");
+      EXPECT_EQ(reader.submissions.List({.team = reader.teams.NameOf(name)}).rows.size(), 2u);
+      EXPECT_EQ(reader.quotas.Ledger(name, "", INT64_MAX, 10).rows.size(), 1u);
+      EXPECT_EQ(reader.teams.Find(name)->name, "Team Blue");
+      EXPECT_THAT(reader.teams.Find(name)->other_names, ElementsAre("alpha"));
     });
   }
   ASSERT_TRUE(Create("beta").ok());
@@ -115,9 +115,9 @@ TEST_F(PeopleTest, ATeamMayTakeItsOwnNamesBack) {
   ASSERT_TRUE(Rename("alpha", "beta").ok());
   ASSERT_TRUE(Rename("beta", "alpha").ok());
   for (const char* name : {"alpha", "Alpha", "beta"}) EXPECT_EQ(TeamOf(name), "alpha");
-  Read([&](Reader& reader) {
-    EXPECT_THAT(reader.Team("beta")->other_names, ElementsAre("Alpha", "beta"));
-    EXPECT_EQ(reader.TeamEvents("alpha").size(), 4u);
+  Read([&](const Transaction& reader) {
+    EXPECT_THAT(reader.teams.Find("beta")->other_names, ElementsAre("Alpha", "beta"));
+    EXPECT_EQ(reader.teams.Events("alpha").size(), 4u);
   });
   Open();
   EXPECT_EQ(ErrorCodeOf(Try("BETA")), "look_alike") << "after a start too";
@@ -125,10 +125,10 @@ TEST_F(PeopleTest, ATeamMayTakeItsOwnNamesBack) {
 
 TEST_F(PeopleTest, UploadsFollowTheirTeamsName) {
   const auto upload = [&](char artefact, const std::string& team) {
-    return Write([&](Writer& w) {
+    return Write([&](Transaction& w) {
       const ArtefactRow row = {std::string(64, artefact), "walker", {"./policy"}, {}, 10, 2};
-      absl::Status status = w.AddArtefact(row).status();
-      status.Update(w.AddUpload(row, {.uploader = "", .team = team}, {.of_one = 1}));
+      absl::Status status = w.content.AddArtefact(row).status();
+      status.Update(w.content.AddUpload(row, {.uploader = "", .team = team}, {.of_one = 1}));
       return status;
     });
   };
@@ -146,8 +146,8 @@ TEST_F(PeopleTest, ARerunOfABannedTeamIsTheOrganisersAlone) {
   Play(accepted);
   ASSERT_TRUE(Rename("alpha", "beta").ok());
   const auto rerun = [&](bool organiser) {
-    return Write([&](Writer& w) {
-      return w.CheckReruns(accepted.submission, kAda, organiser, RerunLimits());
+    return Write([&](Transaction& w) {
+      return w.submissions.CheckReruns(accepted.submission, kAda, organiser, RerunLimits());
     });
   };
   EXPECT_TRUE(rerun(false).ok());
@@ -170,7 +170,7 @@ TEST_F(PeopleTest, ABannedTeamHandsInNothingAndLeavesTheBoards) {
     const absl::Status refused = Try(name, 'f');
     EXPECT_EQ(ErrorCodeOf(refused), kBannedCode) << refused;
     EXPECT_THAT(Sentence(refused), HasSubstr("team \"gamma\" is banned by the organisers (cheats)"));
-    Read([&](Reader& reader) { EXPECT_EQ(ErrorCodeOf(reader.CheckTeam(name)), kBannedCode); });
+    Read([&](const Transaction& reader) { EXPECT_EQ(ErrorCodeOf(reader.teams.Check(name)), kBannedCode); });
   }
   Play(running);  // what was accepted goes on
   EXPECT_THAT(Board(), ElementsAre("beta"));
@@ -188,12 +188,12 @@ TEST_F(PeopleTest, AnExportHoldsAllOfItAndAnImportGivesItBack) {
   ASSERT_TRUE(Merge("beta", "alpha").ok());
   ASSERT_TRUE(Create("gamma").ok());
   ASSERT_TRUE(Ban("gamma").ok());
-  ASSERT_TRUE(Write([](Writer& w) {
-    return w.AddToken({std::string(64, 'a'), "participant", "gamma", "laptop"}, "uid 0").status();
+  ASSERT_TRUE(Write([](Transaction& w) {
+    return w.callers.AddToken({std::string(64, 'a'), "participant", "gamma", "laptop"}, "uid 0").status();
   }).ok());
   const auto text_of = [](const std::string& store) {
     std::string text;
-    EXPECT_TRUE(ReaderPool(store).Read([&](Reader& reader) {
+    EXPECT_TRUE(ReaderPool(store).Read([&](const Transaction& reader) {
       return reader.Export([&](std::string_view part) {
         text.append(part);
         return true;
@@ -210,8 +210,8 @@ TEST_F(PeopleTest, AnExportHoldsAllOfItAndAnImportGivesItBack) {
   ASSERT_TRUE(info.ok()) << info.status();
   path_ = dir_ + "/copy.db";
   Open();
-  ASSERT_TRUE(Write([&](Writer& w) {
-                return w.Import(file, *info, "uid 0", [](Reader&) { return absl::OkStatus(); });
+  ASSERT_TRUE(Write([&](Transaction& w) {
+                return w.Import(file, *info, "uid 0", [](const Transaction&) { return absl::OkStatus(); });
               }).ok());
   EXPECT_EQ(text_of(path_), text);
   EXPECT_EQ(TeamOf("alpha"), "Team Blue");
@@ -237,9 +237,9 @@ TEST_F(PeopleTest, DamagedRowsAreReportedAndTheRestGoesOn) {
   EXPECT_TRUE(Try("beta", 'e').ok());
   EXPECT_THAT(TeamsOf(kAda), IsEmpty()) << "nobody gains rights by damage";
   EXPECT_THAT(TeamsOf(kBob), ElementsAre("beta"));
-  Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Teams().damaged.size(), 1u);
-    EXPECT_TRUE(DamageOf(reader.Team("alpha").status()).has_value());
+  Read([&](const Transaction& reader) {
+    EXPECT_TRUE(reader.teams.List().left_out.has_value());
+    EXPECT_TRUE(DamageOf(reader.teams.Find("alpha").status()).has_value());
   });
   damage("UPDATE team SET merged_into = NULL, banned = 7 WHERE name = 'alpha'");
   EXPECT_TRUE(DamageOf(Try("alpha", 'e')).has_value());

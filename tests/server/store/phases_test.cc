@@ -15,8 +15,8 @@ class PhaseStoreTest : public StoreTest {
  protected:
   bool Act(const std::string& phase, const char* event, const std::string& why = "why") {
     absl::StatusOr<bool> changed = false;
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      changed = writer.AddPhaseEvent(phase, event, "uid 0", why);
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      changed = writer.phases.AddEvent(phase, event, "uid 0", why);
       return changed.status();
     });
     EXPECT_TRUE(status.ok()) << status;
@@ -25,8 +25,8 @@ class PhaseStoreTest : public StoreTest {
 
   absl::StatusOr<std::string> Secret(const std::string& phase) {
     absl::StatusOr<std::string> secret = "";
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      secret = writer.PhaseSecret(phase);
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      secret = writer.phases.EnsureSecret(phase);
       return secret.status();
     });
     if (!status.ok()) return status;
@@ -40,8 +40,8 @@ class PhaseStoreTest : public StoreTest {
                                     absl::Status closed = absl::OkStatus(), bool ranked = true) {
     const std::string hash(64, artefact);
     absl::StatusOr<Accepted> accepted = absl::InternalError("");
-    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
-      auto added = writer.AddArtefact({hash, "walker", {"./policy"}, {}, 10, 2});
+    const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
+      auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {}, 10, 2});
       if (!added.ok()) return added.status();
       NewSubmission submission{.team = team,
                                .artefact = hash,
@@ -57,7 +57,7 @@ class PhaseStoreTest : public StoreTest {
                                .blocks = {{0, 1}},
                                .phase = phase,
                                .closed = std::move(closed)};
-      accepted = writer.Accept(submission, rules, "uid 7");
+      accepted = writer.submissions.Accept(submission, rules, "uid 7");
       return accepted.status();
     });
     if (!status.ok()) return status;
@@ -67,9 +67,9 @@ class PhaseStoreTest : public StoreTest {
   void Finish(const Accepted& accepted) {
     ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
     for (const int64_t index : {0, 1}) ASSERT_TRUE(Record(accepted, index, 1).ok());
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      absl::Status ended = writer.FinishLease(accepted.leases[0], 1, "{}", "daemon");
-      ended.Update(writer.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "", "",
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      absl::Status ended = writer.leases.Finish(accepted.leases[0], 1, "{}", "daemon");
+      ended.Update(writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "",
                                         "daemon"));
       return ended;
     });
@@ -78,8 +78,8 @@ class PhaseStoreTest : public StoreTest {
 
   absl::StatusOr<bool> Choose(int64_t submission) {
     absl::StatusOr<bool> changed = false;
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      changed = writer.Choose(submission, "uid 7");
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      changed = writer.journal.Choose(submission, "uid 7");
       return changed.status();
     });
     if (!status.ok()) return status;
@@ -88,7 +88,7 @@ class PhaseStoreTest : public StoreTest {
 
   std::set<int64_t> Choices(char config, int64_t before = INT64_MAX) {
     std::set<int64_t> chosen;
-    Read([&](Reader& reader) {
+    Read([&](const Transaction& reader) {
       chosen = reader.Board().Chosen(std::string(64, config), {.before_ms = before});
     });
     return chosen;
@@ -96,7 +96,7 @@ class PhaseStoreTest : public StoreTest {
 
   int64_t Changes() {
     int64_t changes = 0;
-    Read([&](Reader& reader) { changes = reader.Board().board_changes(); });
+    Read([&](const Transaction& reader) { changes = reader.Board().board_changes(); });
     return changes;
   }
 };
@@ -115,7 +115,7 @@ TEST_F(PhaseStoreTest, AnActIsARowOnlyIfItChangesSomething) {
   EXPECT_TRUE(Act("warm-up", kPublishedEvent));
   EXPECT_NE(Changes(), before) << "a board is not as it was";
   std::vector<std::string> seen;
-  Read([&](Reader& reader) {
+  Read([&](const Transaction& reader) {
     for (const PhaseEventRow& event : reader.Board().PhaseEvents("final")) {
       seen.push_back(absl::StrCat(event.phase, " ", event.event));
     }
@@ -126,8 +126,8 @@ TEST_F(PhaseStoreTest, AnActIsARowOnlyIfItChangesSomething) {
 }
 
 TEST_F(PhaseStoreTest, OnlyAPhaseIsPublished) {
-  const absl::Status status = store_->Write([&](Writer& writer) {
-    return writer.AddPhaseEvent("", kPublishedEvent, "uid 0", "why").status();
+  const absl::Status status = store_->Write([&](Transaction& writer) {
+    return writer.phases.AddEvent("", kPublishedEvent, "uid 0", "why").status();
   });
   EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
 }
@@ -141,8 +141,8 @@ TEST_F(PhaseStoreTest, ActsAndSecretsStayAsTheyAre) {
 }
 
 TEST_F(PhaseStoreTest, ASecretIsDrawnOnce) {
-  Read([&](Reader& reader) {
-    EXPECT_TRUE(absl::IsNotFound(reader.PhaseSecret("final").status()));
+  Read([&](const Transaction& reader) {
+    EXPECT_TRUE(absl::IsNotFound(reader.phases.Secret("final").status()));
   });
   const absl::StatusOr<std::string> secret = Secret("final");
   ASSERT_TRUE(secret.ok()) << secret.status();
@@ -151,14 +151,14 @@ TEST_F(PhaseStoreTest, ASecretIsDrawnOnce) {
   EXPECT_NE(*Secret("other"), *secret);
   Open();
   EXPECT_EQ(*Secret("final"), *secret) << "after a restart";
-  Read([&](Reader& reader) { EXPECT_EQ(*reader.PhaseSecret("final"), *secret); });
+  Read([&](const Transaction& reader) { EXPECT_EQ(*reader.phases.Secret("final"), *secret); });
 }
 
 TEST_F(PhaseStoreTest, ASecretBelongsToOneChallenge) {
   const auto of = [&](const std::string& challenge) {
     absl::StatusOr<std::string> secret = absl::InternalError("");
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      secret = writer.PhaseSecret("final", challenge);
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      secret = writer.phases.EnsureSecret("final", challenge);
       return secret.status();
     });
     return status.ok() ? secret : absl::StatusOr<std::string>(status);
@@ -182,7 +182,7 @@ TEST_F(PhaseStoreTest, AUsedPhaseDrawsNoSecret) {
   }
   // Further episodes of a phase with public seeds follow from a secret that is drawn late.
   const absl::Status further =
-      store_->Write([](Writer& writer) { return writer.FurtherSecret("played").status(); });
+      store_->Write([](Transaction& writer) { return writer.phases.FurtherSecret("played").status(); });
   EXPECT_TRUE(further.ok()) << further;
   ASSERT_TRUE(Secret("final").ok());
   ASSERT_EQ(SqlError("DELETE FROM phase_secret"), "");
@@ -259,17 +259,17 @@ TEST_F(PhaseStoreTest, EachPhaseCountsItsOwnUnits) {
   EXPECT_TRUE(SubmitTo("", 'b', rules).ok());
   Finish(*in_final);
   const int64_t now = absl::ToUnixMillis(clock_.Now());
-  Read([&](Reader& reader) {
+  Read([&](const Transaction& reader) {
     for (const auto& [phase, charged, open] :
          {std::tuple{"final", 1, 0}, std::tuple{"other", 0, 1}, std::tuple{"", 0, 1}}) {
-      const QuotaUse use = reader.Quota("alpha", "manipulation", now, phase);
+      const QuotaUse use = reader.quotas.UseOf("alpha", "manipulation", now, phase);
       EXPECT_EQ(use.total_of(Budget::kRanked).charged, charged) << phase;
       EXPECT_EQ(use.total_of(Budget::kRanked).open, open) << phase;
     }
-    EXPECT_EQ(reader.Ledger("alpha", "", INT64_MAX, 9).rows.at(0).phase, "final");
+    EXPECT_EQ(reader.quotas.Ledger("alpha", "", INT64_MAX, 9).rows.at(0).phase, "final");
   });
-  const absl::Status granted = store_->Write([&](Writer& writer) {
-    return writer.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why", "final"}, "uid 0");
+  const absl::Status granted = store_->Write([&](Transaction& writer) {
+    return writer.quotas.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why", "final"}, "uid 0");
   });
   ASSERT_TRUE(granted.ok()) << granted;
   EXPECT_TRUE(SubmitTo("final", 'b', rules).ok());
@@ -306,7 +306,7 @@ TEST_F(PhaseStoreTest, TeamsThatWereMergedHaveOneChoice) {
   EXPECT_TRUE(*Choose(second->submission));
   EXPECT_TRUE(*Choose(first->submission));
   const absl::Status merged = store_->Write(
-      [](Writer& writer) { return writer.MergeTeams("beta", "alpha", "uid 0", "why"); });
+      [](Transaction& writer) { return writer.teams.Merge("beta", "alpha", "uid 0", "why"); });
   ASSERT_TRUE(merged.ok()) << merged;
   EXPECT_THAT(Choices('f'), ElementsAre(first->submission));
   EXPECT_FALSE(*Choose(first->submission));
@@ -325,24 +325,24 @@ TEST_F(PhaseStoreTest, OnlyWhatIsRankedAndDoneIsChosen) {
 }
 
 TEST_F(PhaseStoreTest, PhasesAreKnownByTheirSubmissions) {
-  Read([&](Reader& reader) {
+  Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.Board().ConfigOfPhase("final"), "");
-    EXPECT_THAT(*reader.PhasesInUse(), IsEmpty());
+    EXPECT_THAT(*reader.phases.InUse(), IsEmpty());
   });
   ASSERT_TRUE(SubmitTo("", 'a').ok());
   const auto first = SubmitTo("final", 'a');
   Finish(*first);
   ASSERT_TRUE(SubmitTo("final", 'b').ok());
-  Read([&](Reader& reader) {
+  Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.Board().ConfigOfPhase("final"), std::string(64, 'f'));
     EXPECT_EQ(reader.Board().ConfigOfPhase(""), "");
-    const auto uses = reader.PhasesInUse();
+    const auto uses = reader.phases.InUse();
     ASSERT_EQ(uses->size(), 1u);
     EXPECT_EQ(uses->front().phase, "final");
     EXPECT_EQ(uses->front().submissions, 2);
     EXPECT_EQ(uses->front().waiting, 1);
-    EXPECT_EQ(reader.Submissions({.phase = "final"}).rows.size(), 2u);
-    EXPECT_EQ(reader.Submission(first->submission)->phase, "final");
+    EXPECT_EQ(reader.submissions.List({.phase = "final"}).rows.size(), 2u);
+    EXPECT_EQ(reader.submissions.Find(first->submission)->phase, "final");
   });
 }
 

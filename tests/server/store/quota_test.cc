@@ -29,15 +29,15 @@ class QuotaTest : public StoreTest {
  protected:
   QuotaUse Use(const std::string& team = "alpha") {
     QuotaUse use;
-    Read([&](Reader& reader) { use = reader.Quota(team, kTrack, NowMs()); });
+    Read([&](const Transaction& reader) { use = reader.quotas.UseOf(team, kTrack, NowMs()); });
     return use;
   }
   int64_t NowMs() const { return absl::ToUnixMillis(clock_.Now()); }
 
   std::vector<std::string> Entries(const std::string& team = "alpha") {
     std::vector<std::string> entries;
-    Read([&](Reader& reader) {
-      const std::vector<LedgerRow> rows = reader.Ledger(team, "", INT64_MAX, 1000).rows;
+    Read([&](const Transaction& reader) {
+      const std::vector<LedgerRow> rows = reader.quotas.Ledger(team, "", INT64_MAX, 1000).rows;
       for (const LedgerRow& row : rows) {
         entries.insert(entries.begin(), row.entry + " " + row.budget);
       }
@@ -52,20 +52,20 @@ class QuotaTest : public StoreTest {
   }
 
   void End(const Accepted& accepted, EvaluationState state) {
-    const absl::Status status = store_->Write([&](Writer& writer) {
+    const absl::Status status = store_->Write([&](Transaction& writer) {
       absl::Status written;
       for (const int64_t lease : accepted.leases) {
-        written.Update(writer.EndLease(lease, LeaseState::kCancelled, false, "daemon", "over"));
+        written.Update(writer.leases.End(lease, LeaseState::kCancelled, false, "daemon", "over"));
       }
-      written.Update(writer.EndEvaluation(accepted.evaluation, state, "", "", "daemon"));
+      written.Update(writer.evaluations.End(accepted.evaluation, state, "", "", "daemon"));
       return written;
     });
     ASSERT_TRUE(status.ok()) << status;
   }
 
   void Grant(Budget budget, int64_t amount) {
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
-      return writer.Grant({"alpha", kTrack, budget, amount, "the grid was down"}, "uid 0");
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+      return writer.quotas.Grant({"alpha", kTrack, budget, amount, "the grid was down"}, "uid 0");
     }).ok());
   }
 };
@@ -92,8 +92,8 @@ TEST_F(QuotaTest, WhatIsCancelledBeforeItsFirstEpisodeCostsNothing) {
 
 TEST_F(QuotaTest, WhereEpisodesAreWithheldACancelCostsOnceALeaseHasBegun) {
   const auto cancel = [&](const Accepted& accepted) {
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
-      writer.ChargeBegun(accepted.evaluation);
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+      writer.quotas.ChargeBegun(accepted.evaluation);
       return absl::OkStatus();
     }).ok());
     End(accepted, EvaluationState::kCancelled);
@@ -120,8 +120,8 @@ TEST_F(QuotaTest, AnArtefactWhoseEveryTryIsTheGradersFaultIsHeldBack) {
   for (int i = 0; i < 3; ++i) {
     const Accepted accepted = Submit();
     PlayFirst(accepted);
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
-      reason = writer.WithHold(accepted.evaluation, "it vanished");
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+      reason = writer.submissions.WithHold(accepted.evaluation, "it vanished");
       return absl::OkStatus();
     }).ok());
     EXPECT_EQ(reason == "it vanished", i < 2) << reason;
@@ -131,15 +131,15 @@ TEST_F(QuotaTest, AnArtefactWhoseEveryTryIsTheGradersFaultIsHeldBack) {
   const absl::Status refused = TrySubmit("beta", 'a', /*ranked=*/false).status();
   EXPECT_EQ(ErrorCodeOf(refused), "held_back") << refused;
   EXPECT_TRUE(TrySubmit("alpha", 'b', /*ranked=*/true).ok()) << "another artefact";
-  Read([](Reader& reader) {
-    EXPECT_THAT(reader.HeldBack(), ElementsAre(std::string(64, 'a')));
+  Read([](const Transaction& reader) {
+    EXPECT_THAT(reader.submissions.HeldBack(), ElementsAre(std::string(64, 'a')));
   });
   Accepted rerun;
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
-    const absl::Status own = writer.CheckReruns(1, "uid 7", /*organiser=*/false, {});
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    const absl::Status own = writer.submissions.CheckReruns(1, "uid 7", /*organiser=*/false, {});
     EXPECT_EQ(ErrorCodeOf(own), "held_back") << own;
-    EXPECT_TRUE(writer.CheckReruns(1, "uid 0", /*organiser=*/true, {}).ok());
-    auto added = writer.AddRerun({.submission = 1, .artefact = std::string(64, 'a'),
+    EXPECT_TRUE(writer.submissions.CheckReruns(1, "uid 0", /*organiser=*/true, {}).ok());
+    auto added = writer.evaluations.AddRerun({.submission = 1, .artefact = std::string(64, 'a'),
                                   .grader_json = "{}", .blocks = {{0, 1}, {2, 3}}}, "uid 0");
     if (added.ok()) rerun = *added;
     return added.status();
@@ -147,7 +147,7 @@ TEST_F(QuotaTest, AnArtefactWhoseEveryTryIsTheGradersFaultIsHeldBack) {
   clock_.Advance(absl::Seconds(1));
   End(rerun, EvaluationState::kFailed);
   EXPECT_TRUE(TrySubmit("alpha", 'a', /*ranked=*/true).ok());
-  Read([](Reader& reader) { EXPECT_THAT(reader.HeldBack(), IsEmpty()); });
+  Read([](const Transaction& reader) { EXPECT_THAT(reader.submissions.HeldBack(), IsEmpty()); });
 }
 
 TEST_F(QuotaTest, AFailedTryGoesToABudgetOfItsOwn) {
@@ -159,8 +159,8 @@ TEST_F(QuotaTest, AFailedTryGoesToABudgetOfItsOwn) {
   EXPECT_EQ(Use().today_of(Budget::kFailed).charged, 1);
   const auto next = TrySubmit("alpha", 'b', true, Rules(5, 5, /*failed=*/1));
   EXPECT_THAT(std::string(next.status().message()), HasSubstr("used up its 1 failed try of"));
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
-    return writer.ChargeFailure("beta", kTrack, "uid 0", "upload refused: it is empty");
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    return writer.quotas.ChargeFailure("beta", kTrack, "uid 0", "upload refused: it is empty");
   }).ok());
   EXPECT_THAT(Entries("beta"), ElementsAre("charge failed"));
 }
@@ -245,9 +245,9 @@ TEST_F(QuotaTest, AnArtefactHasOneOfficialEvaluation) {
   const auto refused = TrySubmit("gamma", 'a', true, everyone);
   EXPECT_EQ(ErrorCodeOf(refused.status()), "same_artefact");
   EXPECT_TRUE(TrySubmit("alpha", 'a', true, everyone)->linked);
-  Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Unfinished().rows.size(), 3u);
-    EXPECT_THAT(reader.Transitions("submission", 3)->front().why,
+  Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.evaluations.Unfinished().rows.size(), 3u);
+    EXPECT_THAT(reader.evaluations.Transitions("submission", 3)->front().why,
                 HasSubstr("the same artefact as submission 1 of team \"alpha\""));
   });
 }
@@ -275,7 +275,7 @@ TEST_F(QuotaTest, NothingIsAcceptedUnderContentThatIsNotWhatItsHashSays) {
     const absl::Status status = TrySubmit("beta", 'b', true).status();
     ASSERT_TRUE(DamageOf(status)) << status;
     EXPECT_EQ(ErrorCodeOf(status), kDamagedRowCode);
-    Read([&](Reader& reader) { EXPECT_EQ(reader.Unfinished().rows.size(), 1u); });
+    Read([&](const Transaction& reader) { EXPECT_EQ(reader.evaluations.Unfinished().rows.size(), 1u); });
   }
 }
 
@@ -289,12 +289,12 @@ TEST_F(QuotaTest, ADamagedAccountIsNamedAndStopsNoDay) {
   EXPECT_EQ(Use().day, today);
   EXPECT_EQ(Use().total_of(Budget::kRanked).charged, 0);
   EXPECT_TRUE(TrySubmit("alpha", 'b', true, Rules(1, 1)).ok());
-  Read([&](Reader& reader) {
-    const Listed<LedgerRow> ledger = reader.Ledger("alpha", "", INT64_MAX, 10);
+  Read([&](const Transaction& reader) {
+    const Listed<LedgerRow> ledger = reader.quotas.Ledger("alpha", "", INT64_MAX, 10);
     EXPECT_THAT(ledger.rows, IsEmpty());
-    ASSERT_EQ(ledger.damaged.size(), 1u);
-    EXPECT_EQ(ledger.damaged[0].table, "ledger");
-    EXPECT_EQ(ledger.damaged[0].key, "1");
+    ASSERT_TRUE(ledger.left_out.has_value());
+    EXPECT_EQ(ledger.left_out->table, "ledger");
+    EXPECT_EQ(ledger.left_out->key, "1");
   });
 }
 
@@ -322,8 +322,8 @@ TEST_F(QuotaTest, MarksAreRowsAndTheNewestIsInForce) {
   const Accepted accepted = Submit();
   const auto mark = [&](const char* name, bool set, const char* why) {
     bool changed = false;
-    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
-      auto marked = writer.Mark(accepted.submission, name, set, "uid 0", why);
+    const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
+      auto marked = writer.journal.Mark(accepted.submission, name, set, "uid 0", why);
       if (marked.ok()) changed = *marked;
       return marked.status();
     });
@@ -336,7 +336,7 @@ TEST_F(QuotaTest, MarksAreRowsAndTheNewestIsInForce) {
   EXPECT_TRUE(mark("hidden", true, "another reason"));
   EXPECT_TRUE(mark("disqualified", true, "reads the seeds"));
   EXPECT_TRUE(mark("hidden", false, ""));
-  Read([&](Reader& reader) {
+  Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.Board().MarkHistory(accepted.submission).size(), 4u);
     const auto marks = reader.Board().MarksAt().at(accepted.submission);
     ASSERT_EQ(marks.size(), 1u);
@@ -348,8 +348,8 @@ TEST_F(QuotaTest, MarksAreRowsAndTheNewestIsInForce) {
 TEST_F(QuotaTest, TheSchemaRefusesToRewriteAccounts) {
   const Accepted accepted = Submit();
   PlayFirst(accepted);
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
-    return writer.Mark(accepted.submission, "hidden", true, "uid 0", "").status();
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    return writer.journal.Mark(accepted.submission, "hidden", true, "uid 0", "").status();
   }).ok());
   const std::pair<const char*, const char*> attempts[] = {
       {"UPDATE ledger SET amount = 0", "never changed"},
@@ -368,14 +368,14 @@ TEST_F(QuotaTest, TheSchemaRefusesToRewriteAccounts) {
 }
 
 TEST_F(QuotaTest, APartThatFailsLeavesTheOthers) {
-  const absl::Status status = store_->Write([&](Writer& writer) {
+  const absl::Status status = store_->Write([&](Transaction& writer) {
     const auto grant = [](int64_t amount) {
-      return [amount](Writer& part) {
-        return part.Grant({"alpha", kTrack, Budget::kRanked, amount, "why"}, "uid 0");
+      return [amount](Transaction& part) {
+        return part.quotas.Grant({"alpha", kTrack, Budget::kRanked, amount, "why"}, "uid 0");
       };
     };
     EXPECT_TRUE(writer.Part(grant(1)).ok());
-    EXPECT_FALSE(writer.Part([&](Writer& part) {
+    EXPECT_FALSE(writer.Part([&](Transaction& part) {
       EXPECT_TRUE(grant(10)(part).ok());
       return absl::InvalidArgumentError("no");
     }).ok());

@@ -21,9 +21,9 @@ class RecordTest : public StoreTest {
  protected:
   std::vector<RecordRow> Rows() {
     std::vector<RecordRow> rows;
-    Read([&](Reader& reader) {
-      EXPECT_EQ(reader.RecordSize(), std::ssize(reader.Record(0, 1000).rows));
-      rows = reader.Record(0, 1000).rows;
+    Read([&](const Transaction& reader) {
+      EXPECT_EQ(reader.journal.RecordSize(), std::ssize(reader.journal.Record(0, 1000).rows));
+      rows = reader.journal.Record(0, 1000).rows;
     });
     return rows;
   }
@@ -54,19 +54,19 @@ class RecordTest : public StoreTest {
       for (const int64_t index : {2 * i, 2 * i + 1}) {
         ASSERT_TRUE(Record(accepted, index, 1).ok());
       }
-      ASSERT_TRUE(store_->Write([&](Writer& writer) {
-        return writer.FinishLease(accepted.leases[i], 1, "{}", "daemon");
+      ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+        return writer.leases.Finish(accepted.leases[i], 1, "{}", "daemon");
       }).ok());
     }
-    const absl::Status ended = store_->Write([&](Writer& writer) {
-      return writer.EndEvaluation(accepted.evaluation, state, "", std::string(64, 'e'), "daemon");
+    const absl::Status ended = store_->Write([&](Transaction& writer) {
+      return writer.evaluations.End(accepted.evaluation, state, "", std::string(64, 'e'), "daemon");
     });
     ASSERT_TRUE(ended.ok()) << ended;
   }
 
   void Mark(int64_t submission, const std::string& mark, bool set, const std::string& why) {
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
-      return writer.Mark(submission, mark, set, "uid 0", why).status();
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+      return writer.journal.Mark(submission, mark, set, "uid 0", why).status();
     }).ok());
   }
 };
@@ -76,13 +76,13 @@ TEST_F(RecordTest, EachChangeAddsItsEntryInItsTransaction) {
   Play(accepted);
   Mark(accepted.submission, "hidden", true, "a private reason");
   Mark(accepted.submission, "disqualified", true, "reads the seeds");
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
-    absl::Status status = writer.Choose(accepted.submission, "uid 0").status();
-    status.Update(writer.PhaseSecret("final").status());
-    status.Update(writer.AddPhaseEvent("final", kPausedEvent, "uid 0", "why").status());
-    status.Update(writer.AddPhaseEvent("final", kRevealedEvent, "uid 0", "why").status());
-    status.Update(writer.RenameTeam("alpha", "beta", "uid 0", "asked").status());
-    status.Update(writer.BanTeam("beta", true, "uid 0", "cheats").status());
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    absl::Status status = writer.journal.Choose(accepted.submission, "uid 0").status();
+    status.Update(writer.phases.EnsureSecret("final").status());
+    status.Update(writer.phases.AddEvent("final", kPausedEvent, "uid 0", "why").status());
+    status.Update(writer.phases.AddEvent("final", kRevealedEvent, "uid 0", "why").status());
+    status.Update(writer.teams.Rename("alpha", "beta", "uid 0", "asked").status());
+    status.Update(writer.teams.Ban("beta", true, "uid 0", "cheats").status());
     return status;
   }).ok());
   EXPECT_THAT(Kinds(), ElementsAre("team", "accepted", "graded", "marked", "marked", "chosen",
@@ -105,8 +105,8 @@ TEST_F(RecordTest, EachChangeAddsItsEntryInItsTransaction) {
 
 TEST_F(RecordTest, AFailedChangeLeavesNoEntry) {
   const size_t before = Rows().size();
-  EXPECT_FALSE(store_->Write([&](Writer& writer) -> absl::Status {
-    EXPECT_TRUE(writer.CreateTeam("alpha", "uid 0", "").ok());
+  EXPECT_FALSE(store_->Write([&](Transaction& writer) -> absl::Status {
+    EXPECT_TRUE(writer.teams.Create("alpha", "uid 0", "").ok());
     return absl::CancelledError("no");
   }).ok());
   EXPECT_EQ(Rows().size(), before);
@@ -140,7 +140,7 @@ TEST_F(RecordTest, NobodyChangesOrRemovesAnEntry) {
 
 TEST_F(RecordTest, TheSigningKeyIsNamedWhenItIsNew) {
   for (const char* key : {"one", "one", "two"}) {
-    ASSERT_TRUE(store_->Write([&](Writer& writer) { return writer.AppendKey(key); }).ok());
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) { return writer.journal.AppendKey(key); }).ok());
   }
   EXPECT_THAT(Kinds(), ElementsAre("key", "key"));
   EXPECT_EQ(Entries().back()["key"], "two");
@@ -148,12 +148,12 @@ TEST_F(RecordTest, TheSigningKeyIsNamedWhenItIsNew) {
 
 TEST_F(RecordTest, AnEvaluationsEntryIsFound) {
   const Accepted accepted = Submit("alpha");
-  Read([&](Reader& reader) {
-    EXPECT_TRUE(absl::IsNotFound(reader.GradedEntry(accepted.evaluation).status()));
+  Read([&](const Transaction& reader) {
+    EXPECT_TRUE(absl::IsNotFound(reader.journal.GradedEntry(accepted.evaluation).status()));
   });
   Play(accepted);
-  Read([&](Reader& reader) {
-    const absl::StatusOr<RecordRow> row = reader.GradedEntry(accepted.evaluation);
+  Read([&](const Transaction& reader) {
+    const absl::StatusOr<RecordRow> row = reader.journal.GradedEntry(accepted.evaluation);
     ASSERT_TRUE(row.ok()) << row.status();
     EXPECT_EQ(row->index, 2);
   });

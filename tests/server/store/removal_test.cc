@@ -16,14 +16,14 @@ class RemovalTest : public StoreTest {
     return R"({"digest":"aa","log":{"sha256":")" + log + R"("},"steps":1000})";
   }
 
-  absl::Status Write(const std::function<absl::Status(Writer&)>& change) {
+  absl::Status Write(const std::function<absl::Status(Transaction&)>& change) {
     return store_->Write(change);
   }
 
   bool Remove(const std::string& kind, const std::string& name) {
     bool removed = false;
-    const absl::Status status = Write([&](Writer& writer) -> absl::Status {
-      const absl::StatusOr<bool> row = writer.Remove(kind, name, 10, "too old");
+    const absl::Status status = Write([&](Transaction& writer) -> absl::Status {
+      const absl::StatusOr<bool> row = writer.content.Remove(kind, name, 10, "too old");
       if (row.ok()) removed = *row;
       return row.status();
     });
@@ -35,8 +35,8 @@ class RemovalTest : public StoreTest {
   bool MayGo(char artefact) {
     const std::string hash(64, artefact);
     bool needed = false;
-    Read([&](Reader& reader) {
-      for (const ArtefactUse& use : reader.ArtefactUses()) needed |= use.hash == hash && use.needed;
+    Read([&](const Transaction& reader) {
+      for (const ArtefactUse& use : reader.content.ArtefactUses()) needed |= use.hash == hash && use.needed;
     });
     const bool removed = Remove("artefact", hash);
     EXPECT_EQ(removed, !needed) << artefact;
@@ -44,7 +44,7 @@ class RemovalTest : public StoreTest {
   }
   bool LogMayGo(const std::string& log) {
     bool needed = false;
-    Read([&](Reader& reader) { needed = reader.NeededLogs().contains(log); });
+    Read([&](const Transaction& reader) { needed = reader.episodes.NeededLogs().contains(log); });
     const bool removed = Remove("log", log);
     EXPECT_EQ(removed, !needed) << log;
     return removed;
@@ -57,12 +57,12 @@ class RemovalTest : public StoreTest {
   }
 
   void End(const Accepted& accepted, EvaluationState state) {
-    const absl::Status status = Write([&](Writer& writer) {
+    const absl::Status status = Write([&](Transaction& writer) {
       absl::Status written;
       for (const int64_t lease : accepted.leases) {
-        written.Update(writer.EndLease(lease, LeaseState::kCancelled, false, "daemon", "over"));
+        written.Update(writer.leases.End(lease, LeaseState::kCancelled, false, "daemon", "over"));
       }
-      written.Update(writer.EndEvaluation(accepted.evaluation, state, "", "", "daemon"));
+      written.Update(writer.evaluations.End(accepted.evaluation, state, "", "", "daemon"));
       return written;
     });
     ASSERT_TRUE(status.ok()) << status;
@@ -97,8 +97,8 @@ TEST_F(RemovalTest, WhatHasNotEndedOrMayStandOnABoardStays) {
 }
 
 TEST_F(RemovalTest, WhatNobodyEverUsedGoesAndEachRemovalIsARow) {
-  ASSERT_TRUE(Write([](Writer& writer) {
-    return writer.AddArtefact({std::string(64, '9'), "walker", {"./policy"}, {}, 10, 2}).status();
+  ASSERT_TRUE(Write([](Transaction& writer) {
+    return writer.content.AddArtefact({std::string(64, '9'), "walker", {"./policy"}, {}, 10, 2}).status();
   }).ok());
   EXPECT_TRUE(MayGo('9'));
   EXPECT_TRUE(LogMayGo(kLogHash));
@@ -124,8 +124,8 @@ TEST_F(RemovalTest, ALaterEvaluationNeedsTheFilesOfAnEarlierOne) {
   End(*practice, EvaluationState::kDone);
   EXPECT_TRUE(LogMayGo(kLogHash));
   Accepted rerun;
-  ASSERT_TRUE(Write([&](Writer& writer) -> absl::Status {
-    auto added = writer.AddRerun({practice->submission, std::string(64, 'b'), "{}", {{0, 1}}}, "d");
+  ASSERT_TRUE(Write([&](Transaction& writer) -> absl::Status {
+    auto added = writer.evaluations.AddRerun({practice->submission, std::string(64, 'b'), "{}", {{0, 1}}}, "d");
     if (added.ok()) rerun = *added;
     return added.status();
   }).ok());

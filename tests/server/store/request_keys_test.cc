@@ -22,8 +22,8 @@ class RequestKeys : public StoreTest {
   absl::StatusOr<Accepted> Ask(const std::string& who, const std::string& key,
                                const std::string& request = kBody) {
     Accepted accepted;
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      auto result = writer.Once(who, {key, request}, [&] { return AcceptOne(writer); });
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      auto result = writer.submissions.Once(who, {key, request}, [&] { return AcceptOne(writer); });
       if (result.ok()) accepted = *result;
       return result.status();
     });
@@ -31,9 +31,9 @@ class RequestKeys : public StoreTest {
     return accepted;
   }
 
-  absl::StatusOr<Accepted> AcceptOne(Writer& writer) {
+  absl::StatusOr<Accepted> AcceptOne(Transaction& writer) {
     const std::string hash(64, 'a');
-    auto added = writer.AddArtefact({hash, "walker", {"./policy"}, {}, 10, 2});
+    auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {}, 10, 2});
     if (!added.ok()) return added.status();
     NewSubmission submission;
     submission.team = "alpha";
@@ -49,7 +49,7 @@ class RequestKeys : public StoreTest {
     AdmissionRules rules = kRules;
     rules.quota.waiting = 100'000;
     rules.quota.practice = {100'000, 100'000};
-    return writer.Accept(submission, rules, "uid 1000");
+    return writer.submissions.Accept(submission, rules, "uid 1000");
   }
 
   int64_t Count(const std::string& sql) {
@@ -69,10 +69,10 @@ TEST_F(RequestKeys, TheSameRequestIsAcceptedOnce) {
   EXPECT_EQ(again->evaluation, first->evaluation);
   EXPECT_TRUE(again->leases.empty());
   EXPECT_EQ(Count("SELECT count(*) FROM submission"), 1);
-  Read([&](Reader& reader) {
-    EXPECT_EQ((*reader.FindRequest("uid 1000", {"k", kBody}))->submission, first->submission);
-    EXPECT_FALSE(reader.FindRequest("uid 1000", {"other", kBody})->has_value());
-    EXPECT_FALSE(reader.FindRequest("uid 1000", {"", kBody})->has_value());
+  Read([&](const Transaction& reader) {
+    EXPECT_EQ((*reader.submissions.FindRequest("uid 1000", {"k", kBody}))->submission, first->submission);
+    EXPECT_FALSE(reader.submissions.FindRequest("uid 1000", {"other", kBody})->has_value());
+    EXPECT_FALSE(reader.submissions.FindRequest("uid 1000", {"", kBody})->has_value());
   });
 }
 
@@ -93,9 +93,9 @@ TEST_F(RequestKeys, AnotherRequestWithTheKeyIsRefused) {
 }
 
 TEST_F(RequestKeys, ARefusedRequestKeepsNoKey) {
-  const absl::Status status = store_->Write([&](Writer& writer) {
+  const absl::Status status = store_->Write([&](Transaction& writer) {
     return writer
-        .Once("uid 1000", {"k", kBody},
+        .submissions.Once("uid 1000", {"k", kBody},
               []() -> absl::StatusOr<Accepted> { return absl::NotFoundError("no artefact"); })
         .status();
   });
@@ -105,11 +105,11 @@ TEST_F(RequestKeys, ARefusedRequestKeepsNoKey) {
 
 TEST_F(RequestKeys, OfTwoInOneTransactionOneIsAccepted) {
   int64_t submissions[2] = {};
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
     absl::Status status;
     for (int64_t& submission : submissions) {
-      status.Update(writer.Part([&](Writer& part) {
-        auto accepted = part.Once("uid 1000", {"k", kBody}, [&] { return AcceptOne(part); });
+      status.Update(writer.Part([&](Transaction& part) {
+        auto accepted = part.submissions.Once("uid 1000", {"k", kBody}, [&] { return AcceptOne(part); });
         if (accepted.ok()) submission = accepted->submission;
         return accepted.status();
       }));
@@ -132,12 +132,12 @@ TEST_F(RequestKeys, AreKeptForADay) {
 
 TEST_F(RequestKeys, OfOneCallerTheNewestAreKept) {
   ASSERT_TRUE(Ask("uid 1001", "of another").ok());
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
     const auto accepted = AcceptOne(writer);
     absl::Status status = accepted.status();
     for (int64_t i = 0; i < kKeysOfOne; ++i) {
       status.Update(
-          writer.Once("uid 1000", {absl::StrCat("k", i), kBody}, [&] { return accepted; }).status());
+          writer.submissions.Once("uid 1000", {absl::StrCat("k", i), kBody}, [&] { return accepted; }).status());
     }
     return status;
   }).ok());

@@ -29,19 +29,19 @@ class StandingTest : public StoreTest {
       const int64_t lease = accepted.leases[i];
       ASSERT_TRUE(Start(lease, 1).ok());
       for (const int64_t index : {2 * i, 2 * i + 1}) ASSERT_TRUE(Record(accepted, index, 1).ok());
-      ASSERT_TRUE(Write([&](Writer& w) { return w.FinishLease(lease, 1, "{}", "daemon"); }).ok());
+      ASSERT_TRUE(Write([&](Transaction& w) { return w.leases.Finish(lease, 1, "{}", "daemon"); }).ok());
     }
   }
 
-  absl::Status Write(const std::function<absl::Status(Writer&)>& change) {
+  absl::Status Write(const std::function<absl::Status(Transaction&)>& change) {
     return store_->Write(change);
   }
 
   void End(const Accepted& accepted) {
-    const absl::Status status = Write([&](Writer& writer) {
-      absl::Status written = writer.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "",
+    const absl::Status status = Write([&](Transaction& writer) {
+      absl::Status written = writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "",
                                                   std::string(64, 'e'), "daemon");
-      written.Update(writer.SetStanding(accepted.evaluation, MakeStanding()));
+      written.Update(writer.episodes.SetStanding(accepted.evaluation, MakeStanding()));
       return written;
     });
     ASSERT_TRUE(status.ok()) << status;
@@ -49,7 +49,7 @@ class StandingTest : public StoreTest {
 
   int64_t Changes() {
     int64_t changes = -1;
-    Read([&](Reader& reader) { changes = reader.Board().board_changes(); });
+    Read([&](const Transaction& reader) { changes = reader.Board().board_changes(); });
     return changes;
   }
 };
@@ -58,8 +58,8 @@ TEST_F(StandingTest, HoldsTheNumbersWithEveryBit) {
   const Accepted accepted = Submit();
   Play(accepted);
   End(accepted);
-  Read([&](Reader& reader) {
-    const std::map<int64_t, Standing> standings = reader.Standings({accepted.evaluation, 99});
+  Read([&](const Transaction& reader) {
+    const std::map<int64_t, Standing> standings = reader.episodes.Standings({accepted.evaluation, 99});
     ASSERT_EQ(standings.size(), 1u);
     EXPECT_EQ(standings.at(accepted.evaluation).aggregate_json, kAggregate);
     const RankedNumbers& ranked = standings.at(accepted.evaluation).ranked;
@@ -83,8 +83,8 @@ TEST_F(StandingTest, NumbersThatAreNoneAreNotThere) {
   for (const char* numbers : {"x'00'", "x'000000000000f07f'"}) {
     SQLite::Database(path_, SQLite::OPEN_READWRITE)
         .exec(std::string("UPDATE standing SET numbers = ") + numbers);
-    Read([&](Reader& reader) {
-      EXPECT_TRUE(reader.Standings({accepted.evaluation}).empty()) << numbers;
+    Read([&](const Transaction& reader) {
+      EXPECT_TRUE(reader.episodes.Standings({accepted.evaluation}).empty()) << numbers;
     });
   }
 }

@@ -8,7 +8,7 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
-#include "server/store/reader.h"
+#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -46,8 +46,8 @@ class StoreTest : public ::testing::Test {
                                      const AdmissionRules& rules = kRules) {
     const std::string hash(64, artefact);
     Accepted accepted;
-    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
-      auto added = writer.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2});
+    const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
+      auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2});
       if (!added.ok()) return added.status();
       NewSubmission submission{team,
                                hash,
@@ -61,7 +61,7 @@ class StoreTest : public ::testing::Test {
                                ranked,
                                "{}",
                                {{0, 1}, {2, 3}}};
-      auto result = writer.Accept(submission, rules, "uid 0");
+      auto result = writer.submissions.Accept(submission, rules, "uid 0");
       if (result.ok()) accepted = *result;
       return result.status();
     });
@@ -76,7 +76,7 @@ class StoreTest : public ::testing::Test {
 
   absl::Status Start(int64_t lease, int64_t attempt) {
     return store_->Write(
-        [&](Writer& writer) { return writer.StartLease(lease, attempt, 0, 99, "daemon"); });
+        [&](Transaction& writer) { return writer.leases.Start(lease, attempt, 0, 99, "daemon"); });
   }
 
   absl::StatusOr<Recorded> Record(const Accepted& accepted, int64_t index, int64_t attempt,
@@ -84,8 +84,8 @@ class StoreTest : public ::testing::Test {
                                   const std::string& details = "") {
     Recorded recorded;
     const int64_t lease = accepted.leases[static_cast<size_t>(index / 2)];
-    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
-      auto result = writer.RecordEpisode({accepted.evaluation, index, lease, attempt,
+    const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
+      auto result = writer.episodes.Record({accepted.evaluation, index, lease, attempt,
                                           static_cast<uint64_t>(index + 1), Outcome::kFailure,
                                           FailureReason::kTime, facts, R"({"time_s":10.0})", details});
       if (result.ok()) recorded = *result;
@@ -108,7 +108,7 @@ class StoreTest : public ::testing::Test {
   template <typename Body>
   void Read(Body body) {
     ReaderPool pool(path_);
-    const absl::Status status = pool.Read([&](Reader& reader) {
+    const absl::Status status = pool.Read([&](const Transaction& reader) {
       body(reader);
       return absl::OkStatus();
     });

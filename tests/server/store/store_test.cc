@@ -23,7 +23,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 TEST_F(StoreTest, WritesNothingOnceItsFileIsGone) {
-  const auto write = [&] { return store_->Write([](Writer&) { return absl::OkStatus(); }); };
+  const auto write = [&] { return store_->Write([](Transaction&) { return absl::OkStatus(); }); };
   for (const char* part : {"", "-wal"}) {
     ASSERT_TRUE(write().ok());
     std::filesystem::rename(path_ + part, path_ + ".away");
@@ -89,8 +89,8 @@ TEST_F(StoreTest, TellsOfPagesThatCantBeRead) {
   std::string told;
   readers.SetCorruptObserver(
       [&](const absl::Status& status) { told = std::string(status.message()); });
-  const absl::Status read = readers.Read([](Reader& reader) {
-    return reader.Submission(1).status();
+  const absl::Status read = readers.Read([](const Transaction& reader) {
+    return reader.submissions.Find(1).status();
   });
   EXPECT_TRUE(IsCorruptStore(read)) << read;
   EXPECT_NE(told.find("is damaged"), std::string::npos);
@@ -128,26 +128,26 @@ TEST_F(StoreTest, AcceptanceNumbersRiseAndTheQueueIsThereAfterOpeningAgain) {
   const Accepted second = Submit("beta");
   EXPECT_EQ(second.submission, first.submission + 1);
   Open();
-  Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Unfinished().rows.size(), 2u);
-    EXPECT_EQ(reader.Submission(second.submission)->team, "beta");
-    const std::vector<LeaseRow> leases = *reader.Leases(first.evaluation);
+  Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.evaluations.Unfinished().rows.size(), 2u);
+    EXPECT_EQ(reader.submissions.Find(second.submission)->team, "beta");
+    const std::vector<LeaseRow> leases = *reader.leases.Of(first.evaluation);
     ASSERT_EQ(leases.size(), 2u);
     EXPECT_EQ(leases[1].first, 2);
     EXPECT_EQ(leases[1].state, LeaseState::kPending);
-    EXPECT_EQ(reader.Artefact(std::string(64, 'a'))->runtimes,
+    EXPECT_EQ(reader.content.Artefact(std::string(64, 'a'))->runtimes,
               std::vector<std::string>{"python"});
-    EXPECT_EQ(reader.Submissions({.team = "beta"}).rows.size(), 1u);
-    EXPECT_EQ(reader.Submissions({.before = second.submission}).rows.front().id, first.submission);
+    EXPECT_EQ(reader.submissions.List({.team = "beta"}).rows.size(), 1u);
+    EXPECT_EQ(reader.submissions.List({.before = second.submission}).rows.front().id, first.submission);
   });
 }
 
 TEST_F(StoreTest, AnUnknownArtefactLeavesNothingBehind) {
-  const absl::Status status = store_->Write([&](Writer& writer) {
+  const absl::Status status = store_->Write([&](Transaction& writer) {
     NewSubmission submission;
     submission.artefact = std::string(64, 'f');
     submission.team = "ghost";
-    return writer.Accept(submission, kRules, "uid 0").status();
+    return writer.submissions.Accept(submission, kRules, "uid 0").status();
   });
   EXPECT_TRUE(absl::IsNotFound(status)) << status;
   SQLite::Database db(path_);
@@ -158,8 +158,8 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   const Accepted accepted = Submit();
   ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
   EXPECT_TRUE(Record(accepted, 0, 1)->counted);
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
-    return writer.ReturnLease(accepted.leases[0], 1, true, "daemon", "the runner died");
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    return writer.leases.Return(accepted.leases[0], 1, true, "daemon", "the runner died");
   }).ok());
   // The old attempt is over: its records are rejected.
   EXPECT_TRUE(absl::IsFailedPrecondition(Record(accepted, 1, 1).status()));
@@ -172,13 +172,13 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   std::string other = kFacts;
   other.replace(other.find("aa"), 2, "bb");
   EXPECT_THAT(Record(accepted, 0, 2, other)->differs, ElementsAre("digest"));
-  Read([&](Reader& reader) {
-    const std::vector<EpisodeRow> rows = *reader.Episodes(accepted.evaluation);
+  Read([&](const Transaction& reader) {
+    const std::vector<EpisodeRow> rows = *reader.episodes.Of(accepted.evaluation);
     ASSERT_EQ(rows.size(), 1u);
     EXPECT_EQ(rows[0].facts_json, kFacts);
     EXPECT_EQ(rows[0].attempt, 1);
-    ASSERT_EQ(reader.Repeats(accepted.evaluation)->size(), 1u);
-    EXPECT_EQ((*reader.Leases(accepted.evaluation))[0].faults, 1);
+    ASSERT_EQ(reader.episodes.Repeats(accepted.evaluation)->size(), 1u);
+    EXPECT_EQ((*reader.leases.Of(accepted.evaluation))[0].faults, 1);
   });
 }
 
@@ -190,31 +190,31 @@ TEST_F(StoreTest, DetailsAreKeptBesideTheResultAndComparedWithNothing) {
   const auto again = Record(accepted, 0, 1, kFacts, R"({"fall_time":2.5})");
   EXPECT_FALSE(again->counted);
   EXPECT_TRUE(again->differs.empty()) << "no part of a result";
-  Read([&](Reader& reader) {
-    EXPECT_THAT(*reader.EpisodeDetails(accepted.evaluation),
+  Read([&](const Transaction& reader) {
+    EXPECT_THAT(*reader.episodes.Details(accepted.evaluation),
                 ElementsAre(testing::Pair(0, R"({"fall_time":1.5})")));
-    EXPECT_THAT(*reader.EpisodeDetails(accepted.evaluation + 1), testing::IsEmpty());
-    const std::vector<EpisodeRow> rows = *reader.Episodes(accepted.evaluation);
+    EXPECT_THAT(*reader.episodes.Details(accepted.evaluation + 1), testing::IsEmpty());
+    const std::vector<EpisodeRow> rows = *reader.episodes.Of(accepted.evaluation);
     EXPECT_EQ(rows.size(), 2u);
     for (const EpisodeRow& row : rows) EXPECT_EQ(row.details_json, "") << "read by themselves";
   });
   ASSERT_EQ(SqlError("DROP TRIGGER episode_details_fixed; "
                      "UPDATE episode_details SET details_json = '[]'"), "");
-  Read([&](Reader& reader) {
-    EXPECT_TRUE(absl::IsDataLoss(reader.EpisodeDetails(accepted.evaluation).status()));
-    EXPECT_TRUE(reader.Episodes(accepted.evaluation).ok());
+  Read([&](const Transaction& reader) {
+    EXPECT_TRUE(absl::IsDataLoss(reader.episodes.Details(accepted.evaluation).status()));
+    EXPECT_TRUE(reader.episodes.Of(accepted.evaluation).ok());
   });
 }
 
 TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
   const Accepted accepted = Submit();
   const int64_t lease = accepted.leases[0];
-  const auto step = [&](const std::function<absl::Status(Writer&)>& change) {
+  const auto step = [&](const std::function<absl::Status(Transaction&)>& change) {
     return store_->Write(change).code();
   };
-  const auto finish = [&](Writer& writer) { return writer.FinishLease(lease, 1, "{}", "daemon"); };
-  const auto end = [&](Writer& writer) {
-    return writer.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "", "", "daemon");
+  const auto finish = [&](Transaction& writer) { return writer.leases.Finish(lease, 1, "{}", "daemon"); };
+  const auto end = [&](Transaction& writer) {
+    return writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "", "daemon");
   };
   EXPECT_EQ(step(finish), absl::StatusCode::kFailedPrecondition) << "it does not run";
   EXPECT_EQ(Start(lease, 2).code(), absl::StatusCode::kFailedPrecondition) << "attempt 1 is next";
@@ -224,22 +224,22 @@ TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
   ASSERT_TRUE(Record(accepted, 0, 1).ok() && Record(accepted, 1, 1).ok());
   EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "leases are open";
   EXPECT_EQ(step(finish), absl::StatusCode::kOk);
-  EXPECT_EQ(step([&](Writer& writer) {
-    return writer.EndLease(accepted.leases[1], LeaseState::kCancelled, false, "uid 0", "enough");
+  EXPECT_EQ(step([&](Transaction& writer) {
+    return writer.leases.End(accepted.leases[1], LeaseState::kCancelled, false, "uid 0", "enough");
   }), absl::StatusCode::kOk);
-  EXPECT_EQ(step([&](Writer& writer) {
-    return writer.EndEvaluation(accepted.evaluation, EvaluationState::kCancelled, "enough", "",
+  EXPECT_EQ(step([&](Transaction& writer) {
+    return writer.evaluations.End(accepted.evaluation, EvaluationState::kCancelled, "enough", "",
                                 "uid 0");
   }), absl::StatusCode::kOk);
   EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "what ended stays ended";
-  Read([&](Reader& reader) {
+  Read([&](const Transaction& reader) {
     std::vector<std::string> steps;
-    const std::vector<TransitionRow> history = *reader.Transitions("lease", lease);
+    const std::vector<TransitionRow> history = *reader.evaluations.Transitions("lease", lease);
     for (const TransitionRow& row : history) {
       steps.push_back(row.from + ">" + row.to);
     }
     EXPECT_THAT(steps, ElementsAre(">pending", "pending>running", "running>done"));
-    EXPECT_TRUE(reader.Unfinished().rows.empty());
+    EXPECT_TRUE(reader.evaluations.Unfinished().rows.empty());
   });
 }
 
@@ -295,7 +295,7 @@ TEST_F(StoreTest, AFullDiskIsToldAndLosesNothing) {
   EXPECT_THAT(std::string(status.message()), HasSubstr(path_));
   EXPECT_TRUE(Record(accepted, 0, 1)->counted);
   Open();
-  Read([&](Reader& reader) { EXPECT_EQ(reader.Counts(accepted.evaluation).done, 1); });
+  Read([&](const Transaction& reader) { EXPECT_EQ(reader.episodes.Counts(accepted.evaluation).done, 1); });
 }
 
 TEST_F(StoreTest, StrangeFilesAreRefusedWithASentence) {

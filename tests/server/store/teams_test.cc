@@ -24,7 +24,7 @@ class TeamsTest : public StoreTest {
   }
   std::string TeamOfLast() {
     std::string team;
-    Read([&](Reader& reader) { team = reader.Submissions({}).rows.front().team; });
+    Read([&](const Transaction& reader) { team = reader.submissions.List({}).rows.front().team; });
     return team;
   }
   int64_t Count(const std::string& table) {
@@ -47,9 +47,9 @@ TEST_F(TeamsTest, TheFormsOfANameAreOneTeam) {
   for (const char* name : {"Team Blue", kNoBreak, "Team  Blue", "\xef\xbc\xb4" "eam Blue"}) {
     EXPECT_TRUE(Try(name).ok()) << name;
     EXPECT_EQ(TeamOfLast(), "Team Blue");
-    Read([&](Reader& reader) {
-      EXPECT_EQ(reader.TeamOf(name), "Team Blue");
-      EXPECT_TRUE(reader.CheckTeam(name).ok());
+    Read([&](const Transaction& reader) {
+      EXPECT_EQ(reader.teams.NameOf(name), "Team Blue");
+      EXPECT_TRUE(reader.teams.Check(name).ok());
     });
   }
   EXPECT_EQ(Count("team"), 1);
@@ -59,13 +59,13 @@ TEST_F(TeamsTest, ALookAlikeIsRefusedWhereverATeamIsMade) {
   ASSERT_TRUE(Try("alpha").ok());
   for (const std::string name : {kCyrillic, "ALPHA", "aIpha", "a1pha"}) {
     std::vector<absl::Status> refusals = {Try(name)};
-    refusals.push_back(store_->Write([&](Writer& writer) {
-      return writer.ChargeFailure(name, "manipulation", "uid 0", "upload refused");
+    refusals.push_back(store_->Write([&](Transaction& writer) {
+      return writer.quotas.ChargeFailure(name, "manipulation", "uid 0", "upload refused");
     }));
-    refusals.push_back(store_->Write([&](Writer& writer) {
-      return writer.Grant({name, "manipulation", Budget::kRanked, 1, "why"}, "uid 0");
+    refusals.push_back(store_->Write([&](Transaction& writer) {
+      return writer.quotas.Grant({name, "manipulation", Budget::kRanked, 1, "why"}, "uid 0");
     }));
-    Read([&](Reader& reader) { refusals.push_back(reader.CheckTeam(name)); });
+    Read([&](const Transaction& reader) { refusals.push_back(reader.teams.Check(name)); });
     for (const absl::Status& refused : refusals) {
       EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << name << ": " << refused;
       EXPECT_EQ(ErrorCodeOf(refused), "look_alike");
@@ -83,10 +83,10 @@ TEST_F(TeamsTest, ALookAlikeIsRefusedWhereverATeamIsMade) {
 // Concurrent requests share a transaction, and each sees those before it.
 TEST_F(TeamsTest, OfTwoFirstSubmissionsAtOnceOneIsRefused) {
   std::vector<absl::Status> statuses;
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
     for (const char* name : {"alpha", kCyrillic, "Alpha", "beta"}) {
-      statuses.push_back(writer.Part([&](Writer& part) {
-        return part.Grant({name, "manipulation", Budget::kRanked, 1, "why"}, "uid 0");
+      statuses.push_back(writer.Part([&](Transaction& part) {
+        return part.quotas.Grant({name, "manipulation", Budget::kRanked, 1, "why"}, "uid 0");
       }));
     }
     return absl::OkStatus();
@@ -98,8 +98,8 @@ TEST_F(TeamsTest, OfTwoFirstSubmissionsAtOnceOneIsRefused) {
 }
 
 TEST_F(TeamsTest, AChangeThatFailsLeavesNoLook) {
-  EXPECT_FALSE(store_->Write([&](Writer& writer) -> absl::Status {
-    EXPECT_TRUE(writer.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why"}, "u").ok());
+  EXPECT_FALSE(store_->Write([&](Transaction& writer) -> absl::Status {
+    EXPECT_TRUE(writer.quotas.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why"}, "u").ok());
     return absl::UnavailableError("the disk is gone");
   }).ok());
   EXPECT_EQ(Count("team_look"), 0);
@@ -112,10 +112,10 @@ TEST_F(TeamsTest, TeamsOfEarlierStoresKeepTheirNames) {
   for (const char* name : {"alpha", kCyrillic, kNoBreak, kFiller}) {
     EXPECT_TRUE(Try(name).ok()) << name;
     EXPECT_EQ(TeamOfLast(), name);
-    Read([&](Reader& reader) {
-      EXPECT_EQ(reader.TeamOf(name), name);
-      EXPECT_TRUE(reader.CheckTeam(name).ok());
-      EXPECT_EQ(reader.Submissions({.team = name}).rows.size(), 1u);
+    Read([&](const Transaction& reader) {
+      EXPECT_EQ(reader.teams.NameOf(name), name);
+      EXPECT_TRUE(reader.teams.Check(name).ok());
+      EXPECT_EQ(reader.submissions.List({.team = name}).rows.size(), 1u);
     });
   }
   EXPECT_EQ(Count("team"), 4);
@@ -136,9 +136,9 @@ TEST_F(TeamsTest, LooksAreMadeAnewWhenTheRuleChanges) {
 }
 
 TEST_F(TeamsTest, ThousandsOfTeamsAreLookedUpByAnIndex) {
-  ASSERT_TRUE(store_->Write([](Writer& writer) -> absl::Status {
+  ASSERT_TRUE(store_->Write([](Transaction& writer) -> absl::Status {
     for (int i = 0; i < 10'000; ++i) {
-      absl::Status status = writer.Grant(
+      absl::Status status = writer.quotas.Grant(
           {absl::StrCat("Team ", i * 2 + 1'000'002), "manipulation", Budget::kRanked, 1, "w"},
           "u");
       // 0 and O, 1 and l are alike, two numbers never are.

@@ -16,8 +16,8 @@ class TokensTest : public StoreTest {
  protected:
   absl::StatusOr<int64_t> Add(const NewToken& token) {
     absl::StatusOr<int64_t> id = absl::InternalError("");
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      id = writer.AddToken(token, "uid 0");
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      id = writer.callers.AddToken(token, "uid 0");
       return id.status();
     });
     if (!status.ok()) return status;
@@ -25,12 +25,12 @@ class TokensTest : public StoreTest {
   }
   absl::StatusOr<TokenRow> Find(char digit) {
     absl::StatusOr<TokenRow> token = absl::InternalError("");
-    Read([&](Reader& reader) { token = reader.TokenByHash(std::string(64, digit)); });
+    Read([&](const Transaction& reader) { token = reader.callers.TokenByHash(std::string(64, digit)); });
     return token;
   }
   void MakeTeam(const std::string& team) {
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
-      return writer.CreateTeam(team, "uid 0", "").status();
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+      return writer.teams.Create(team, "uid 0", "").status();
     }).ok());
   }
   int64_t now_ms() { return absl::ToUnixMillis(clock_.Now()); }
@@ -54,12 +54,12 @@ TEST_F(TokensTest, ATokenIsFoundByItsHash) {
   EXPECT_EQ(Find('b')->expires_at, 0);
   EXPECT_EQ(Find('b')->team, "");
   EXPECT_TRUE(absl::IsNotFound(Find('c').status()));
-  Read([&](Reader& reader) {
-    const std::vector<TokenRow> tokens = reader.Tokens().rows;
+  Read([&](const Transaction& reader) {
+    const std::vector<TokenRow> tokens = reader.callers.Tokens().rows;
     ASSERT_EQ(tokens.size(), 2u);
     EXPECT_GT(tokens[0].id, tokens[1].id);
-    EXPECT_EQ(reader.Tokens(tokens[0].id, 5).rows.size(), 1u);
-    EXPECT_EQ(reader.Tokens(INT64_MAX, 1).last_id, tokens[0].id);
+    EXPECT_EQ(reader.callers.Tokens(tokens[0].id, 5).rows.size(), 1u);
+    EXPECT_EQ(reader.callers.Tokens(INT64_MAX, 1).last_id, tokens[0].id);
   });
 }
 
@@ -74,7 +74,7 @@ TEST_F(TokensTest, WhatMakesNoTokenIsRefused) {
   EXPECT_TRUE(absl::IsFailedPrecondition(Add({hash, "emperor", "", "x"}).status()));
   ASSERT_TRUE(Add({hash, "organiser", "", "x"}).ok());
   EXPECT_TRUE(absl::IsFailedPrecondition(Add({hash, "organiser", "", "x"}).status())) << "twice";
-  Read([&](Reader& reader) { EXPECT_EQ(reader.Tokens().rows.size(), 1u); });
+  Read([&](const Transaction& reader) { EXPECT_EQ(reader.callers.Tokens().rows.size(), 1u); });
 }
 
 TEST_F(TokensTest, ATokenIsRevokedOnce) {
@@ -82,8 +82,8 @@ TEST_F(TokensTest, ATokenIsRevokedOnce) {
   ASSERT_TRUE(id.ok());
   const auto revoke = [&](int64_t one, const std::string& who) {
     absl::StatusOr<bool> changed = false;
-    EXPECT_TRUE(store_->Write([&](Writer& writer) {
-      changed = writer.RevokeToken(one, who);
+    EXPECT_TRUE(store_->Write([&](Transaction& writer) {
+      changed = writer.callers.RevokeToken(one, who);
       return absl::OkStatus();
     }).ok());
     return changed;
@@ -101,7 +101,7 @@ TEST_F(TokensTest, LastUseIsNotedToTheMinute) {
   const absl::StatusOr<int64_t> id = Add({std::string(64, 'a'), "operator", "", "x"});
   ASSERT_TRUE(id.ok());
   const auto touch = [&] {
-    ASSERT_TRUE(store_->Write([&](Writer& writer) { return writer.TouchToken(*id); }).ok());
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) { return writer.callers.TouchToken(*id); }).ok());
   };
   touch();
   const int64_t first = Find('a')->last_used_at;
@@ -120,9 +120,9 @@ TEST_F(TokensTest, ATokenFollowsItsTeam) {
   MakeTeam("alpha");
   MakeTeam("beta");
   ASSERT_TRUE(Add({std::string(64, 'a'), "participant", "alpha", "x"}).ok());
-  ASSERT_TRUE(store_->Write([](Writer& writer) {
-    absl::Status status = writer.RenameTeam("alpha", "gamma", "uid 0", "").status();
-    status.Update(writer.MergeTeams("alpha", "beta", "uid 0", ""));
+  ASSERT_TRUE(store_->Write([](Transaction& writer) {
+    absl::Status status = writer.teams.Rename("alpha", "gamma", "uid 0", "").status();
+    status.Update(writer.teams.Merge("alpha", "beta", "uid 0", ""));
     return status;
   }).ok());
   EXPECT_EQ(Find('a')->team, "beta");
@@ -145,11 +145,11 @@ TEST_F(TokensTest, ADamagedTokenIsNone) {
               "");
     EXPECT_TRUE(DamageOf(Find('a').status()).has_value()) << Find('a').status();
     EXPECT_TRUE(Find('b').ok());
-    Read([&](Reader& reader) {
-      const Listed<TokenRow> listed = reader.Tokens();
+    Read([&](const Transaction& reader) {
+      const Listed<TokenRow> listed = reader.callers.Tokens();
       EXPECT_EQ(listed.rows.size(), 1u);
-      ASSERT_EQ(listed.damaged.size(), 1u);
-      EXPECT_THAT(listed.damaged[0].key, HasSubstr(std::string(change) == "team_id = 99" ? "99"
+      ASSERT_TRUE(listed.left_out.has_value());
+      EXPECT_THAT(listed.left_out->key, HasSubstr(std::string(change) == "team_id = 99" ? "99"
                                                                                          : "1"));
     });
   }

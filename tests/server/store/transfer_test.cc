@@ -20,7 +20,7 @@ class TransferTest : public StoreTest {
   std::string Export(const std::string& store) {
     std::string text;
     ReaderPool pool(store);
-    const absl::Status status = pool.Read([&](Reader& reader) {
+    const absl::Status status = pool.Read([&](const Transaction& reader) {
       return reader.Export([&](std::string_view part) {
         text.append(part);
         return true;
@@ -43,8 +43,8 @@ class TransferTest : public StoreTest {
     if (!info.ok()) return info.status();
     auto store = Store::Open(dir_ + "/" + name, clock_);
     if (!store.ok()) return store.status();
-    return (*store)->Write([&](Writer& writer) {
-      return writer.Import(path, *info, "organiser", [](Reader&) { return absl::OkStatus(); });
+    return (*store)->Write([&](Transaction& writer) {
+      return writer.Import(path, *info, "organiser", [](const Transaction&) { return absl::OkStatus(); });
     });
   }
 
@@ -56,17 +56,17 @@ class TransferTest : public StoreTest {
       ASSERT_TRUE(Start(id, 1).ok());
       ASSERT_TRUE(Record(played, 2 * lease, 1, kFacts, R"({"fall_time":null})").ok());
       ASSERT_TRUE(Record(played, 2 * lease + 1, 1).ok());
-      ASSERT_TRUE(store_->Write([&](Writer& writer) {
-        return writer.FinishLease(id, 1, "{}", "daemon");
+      ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+        return writer.leases.Finish(id, 1, "{}", "daemon");
       }).ok());
     }
-    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    ASSERT_TRUE(store_->Write([&](Transaction& writer) {
       absl::Status status =
-          writer.EndEvaluation(played.evaluation, EvaluationState::kDone, "", "x", "daemon");
-      status.Update(writer.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
-      status.Update(writer.RecordLeaseRun(
+          writer.evaluations.End(played.evaluation, EvaluationState::kDone, "", "x", "daemon");
+      status.Update(writer.journal.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
+      status.Update(writer.leases.RecordRun(
           {played.leases[0], 1, "n1", "7_1", 0, 5, 1.5, std::nullopt, RunEnd::kDone}));
-      status.Update(writer.DrainNode("n1", "a fan is broken", "uid 0"));
+      status.Update(writer.leases.DrainNode("n1", "a fan is broken", "uid 0"));
       return status;
     }).ok());
   }
@@ -94,9 +94,9 @@ TEST_F(TransferTest, WhatHadNotEndedIsCancelled) {
   ASSERT_TRUE(Start(open.leases[0], 1).ok());
   ASSERT_TRUE(Import(Export(path_), "copy.db").ok());
   ReaderPool pool(dir_ + "/copy.db");
-  ASSERT_TRUE(pool.Read([&](Reader& reader) {
-    EXPECT_TRUE(reader.Unfinished().rows.empty());
-    EXPECT_EQ(reader.Evaluation(open.evaluation)->state, EvaluationState::kCancelled);
+  ASSERT_TRUE(pool.Read([&](const Transaction& reader) {
+    EXPECT_TRUE(reader.evaluations.Unfinished().rows.empty());
+    EXPECT_EQ(reader.evaluations.Find(open.evaluation)->state, EvaluationState::kCancelled);
     return absl::OkStatus();
   }).ok());
 }

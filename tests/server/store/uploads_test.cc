@@ -19,15 +19,15 @@ class UploadsTest : public StoreTest {
  protected:
   absl::Status Upload(char artefact, const std::string& uploader, int64_t bytes = 10,
                       const std::string& team = "", bool organiser = false) {
-    return store_->Write([&](Writer& writer) -> absl::Status {
+    return store_->Write([&](Transaction& writer) -> absl::Status {
       const ArtefactRow row{std::string(64, artefact), "walker", {"./policy"}, {}, bytes, 2};
-      if (auto added = writer.AddArtefact(row); !added.ok()) return added.status();
-      return writer.AddUpload(row, {uploader, team, organiser}, kLimits);
+      if (auto added = writer.content.AddArtefact(row); !added.ok()) return added.status();
+      return writer.content.AddUpload(row, {uploader, team, organiser}, kLimits);
     });
   }
   std::vector<UploadRow> Uploads() {
     std::vector<UploadRow> uploads;
-    Read([&](Reader& reader) { uploads = reader.Uploads(); });
+    Read([&](const Transaction& reader) { uploads = reader.content.Uploads(); });
     return uploads;
   }
   static void IsOver(const absl::Status& status, const std::string& whose) {
@@ -37,8 +37,8 @@ class UploadsTest : public StoreTest {
   }
   absl::StatusOr<bool> Remove(const std::string& kind, char artefact) {
     bool removed = false;
-    const absl::Status status = store_->Write([&](Writer& writer) {
-      absl::StatusOr<bool> row = writer.Remove(kind, std::string(64, artefact), 10, "old");
+    const absl::Status status = store_->Write([&](Transaction& writer) {
+      absl::StatusOr<bool> row = writer.content.Remove(kind, std::string(64, artefact), 10, "old");
       if (row.ok()) removed = *row;
       return row.status();
     });
@@ -56,8 +56,8 @@ TEST_F(UploadsTest, OneUploaderHasSoManyAndSoManyBytes) {
   IsOver(Upload('4', "uid 8", 491), "uid 8 has 1 uploads of 10 bytes");
   EXPECT_TRUE(Upload('4', "uid 8", 490).ok());
   EXPECT_THAT(Uploads(), SizeIs(4));
-  Read([](Reader& reader) {
-    EXPECT_TRUE(absl::IsNotFound(reader.Artefact(std::string(64, '5')).status()));
+  Read([](const Transaction& reader) {
+    EXPECT_TRUE(absl::IsNotFound(reader.content.Artefact(std::string(64, '5')).status()));
   });
 }
 
@@ -112,13 +112,13 @@ TEST_F(UploadsTest, TheOldestComesFirstAndANewUploadMakesItYoung) {
 class RerunsTest : public StoreTest {
  protected:
   absl::Status Rerun(int64_t submission, const std::string& who, bool organiser = false) {
-    return store_->Write([&](Writer& writer) -> absl::Status {
+    return store_->Write([&](Transaction& writer) -> absl::Status {
       constexpr RerunLimits kReruns = {
           .unfinished = 4, .of_one = 2, .of_a_submission = 2, .of_organisers = 5};
-      if (auto status = writer.CheckReruns(submission, who, organiser, kReruns); !status.ok()) {
+      if (auto status = writer.submissions.CheckReruns(submission, who, organiser, kReruns); !status.ok()) {
         return status;
       }
-      auto added = writer.AddRerun({submission, "", "{}", {{0, 1}}}, who);
+      auto added = writer.evaluations.AddRerun({submission, "", "{}", {{0, 1}}}, who);
       if (added.ok()) last_ = *added;
       return added.status();
     });
@@ -141,10 +141,10 @@ TEST_F(RerunsTest, AreBoundedUntilTheyEnd) {
   EXPECT_THAT(Rerun(c, "uid 9").message(), HasSubstr("4 re-runs have not ended"));
   EXPECT_TRUE(Rerun(a, "uid 0", /*organiser=*/true).ok());
   EXPECT_EQ(ErrorCodeOf(Rerun(a, "uid 0", /*organiser=*/true)), "quota");
-  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
     absl::Status status =
-        writer.EndLease(last_.leases[0], LeaseState::kCancelled, false, "uid 0", "enough");
-    status.Update(writer.EndEvaluation(last_.evaluation, EvaluationState::kCancelled, "enough", "",
+        writer.leases.End(last_.leases[0], LeaseState::kCancelled, false, "uid 0", "enough");
+    status.Update(writer.evaluations.End(last_.evaluation, EvaluationState::kCancelled, "enough", "",
                                        "uid 0"));
     return status;
   }).ok());

@@ -5,10 +5,9 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/store/quota.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
-#include "server/store/teams.h"
+#include "server/store/team_names.h"
 
 namespace myograde::server {
 namespace {
@@ -39,14 +38,6 @@ bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
       FROM access_event WHERE kind = 'denied' AND at BETWEEN ?1 AND ?1 + ?2 - 1 LIMIT ?3))",
                      now_ms / kMsOfADay * kMsOfADay, kMsOfADay,
                      kMostDenialsOfADay) == kMostDenialsOfADay;
-}
-
-// Makes room for one more key of a caller.
-void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
-  Run(db, "DELETE FROM request_key WHERE at < ?", now_ms - absl::ToInt64Milliseconds(kKeyAge));
-  Run(db, R"(DELETE FROM request_key WHERE who = ?1 AND key IN (SELECT key
-      FROM request_key WHERE who = ?1 ORDER BY at DESC, key LIMIT -1 OFFSET ?2))",
-      who, kKeysOfOne - 1);
 }
 
 constexpr int64_t kMinuteMs = 60 * 1000;
@@ -84,7 +75,7 @@ StoredRow TokenOf(SQLite::Statement& select, TokenRow& token) {
 
 }  // namespace
 
-absl::Status Writer::AddDenial(AccessEventRow event, const AccessEventRow& others) {
+absl::Status Callers::AddDenial(AccessEventRow event, const AccessEventRow& others) {
   event.kind = "denied";
   if (CountDenial(db_, event, now_ms_)) return absl::OkStatus();
   if (IsDayFull(db_, now_ms_)) {
@@ -93,16 +84,16 @@ absl::Status Writer::AddDenial(AccessEventRow event, const AccessEventRow& other
     event.count = count;
     if (CountDenial(db_, event, now_ms_)) return absl::OkStatus();
   }
-  return AddAccessEvent(event);
+  return AddEvent(event);
 }
 
-void Writer::RemoveDenials(int64_t before_ms) {
+void Callers::RemoveDenials(int64_t before_ms) {
   Run(db_, R"(DELETE FROM access_event WHERE id IN (SELECT id
       FROM access_event WHERE kind = 'denied' AND at < ? ORDER BY at LIMIT 10000))",
       before_ms);
 }
 
-absl::Status Writer::AddAccessEvent(const AccessEventRow& event) {
+absl::Status Callers::AddEvent(const AccessEventRow& event) {
   Run(db_, R"(INSERT INTO access_event (at, kind, who, role, action, subject, detail, count)
       VALUES (?, ?, ?, ?, ?, ?, ?, ?))",
       now_ms_, event.kind, event.who, event.role, event.action, event.subject, event.detail,
@@ -110,8 +101,8 @@ absl::Status Writer::AddAccessEvent(const AccessEventRow& event) {
   return absl::OkStatus();
 }
 
-Listed<AccessEventRow> Reader::AccessEvents(const std::string& kind, int64_t before,
-                                            int64_t limit) {
+Listed<AccessEventRow> Callers::Events(const std::string& kind, int64_t before,
+                                            int64_t limit) const {
   return ListOf<AccessEventRow>(
       Statement(db_, R"(SELECT id, at, kind, who, role, action, subject, detail, count
           FROM access_event WHERE id < ?1 AND (?2 = '' OR kind = ?2) ORDER BY id DESC LIMIT ?3)",
@@ -119,39 +110,7 @@ Listed<AccessEventRow> Reader::AccessEvents(const std::string& kind, int64_t bef
       AccessEventOf);
 }
 
-absl::StatusOr<std::optional<Accepted>> Reader::FindRequest(const std::string& who,
-                                                            const RequestKey& key) {
-  if (key.key.empty()) return std::optional<Accepted>();
-  Statement select(db_, R"(SELECT request, submission, evaluation, linked
-      FROM request_key WHERE who = ? AND key = ?)",
-                   who, key.key);
-  if (!select.executeStep()) return std::optional<Accepted>();
-  StoredRow row(select, "request_key", absl::StrCat(who, "/", key.key));
-  const std::string request = row.Hash(0);
-  const Accepted earlier{
-      .submission = row.Id(1), .evaluation = row.Id(2), .linked = row.Flag(3), .repeated = true};
-  if (!row.ok()) return row.status();
-  if (request == key.request) return std::optional(earlier);
-  return CodedRefusal(kKeyReusedCode,
-                      absl::StrCat("the Idempotency-Key \"", key.key,
-                                   "\" came with another request before, for submission ",
-                                   earlier.submission, "; use a new key for each request"));
-}
-
-absl::StatusOr<Accepted> Writer::Once(const std::string& who, const RequestKey& key,
-                                      const std::function<absl::StatusOr<Accepted>()>& accept) {
-  ASSIGN_OR_RETURN(std::optional<Accepted> earlier, Reader(db_, Board()).FindRequest(who, key));
-  if (earlier.has_value()) return *earlier;
-  absl::StatusOr<Accepted> accepted = accept();
-  if (accepted.ok() && !key.key.empty()) {
-    DropOldKeys(db_, who, now_ms_);
-    Run(db_, "INSERT INTO request_key VALUES (?, ?, ?, ?, ?, ?, ?)", who, key.key, key.request,
-        accepted->submission, accepted->evaluation, accepted->linked, now_ms_);
-  }
-  return accepted;
-}
-
-absl::StatusOr<int64_t> Writer::AddToken(const NewToken& token, const std::string& who) {
+absl::StatusOr<int64_t> Callers::AddToken(const NewToken& token, const std::string& who) {
   const bool participant = token.role == kParticipant;
   if (participant == token.team.empty()) {
     return absl::InvalidArgumentError("a participant's token has a team, and no other token has");
@@ -176,8 +135,8 @@ absl::StatusOr<int64_t> Writer::AddToken(const NewToken& token, const std::strin
   return db_.getLastInsertRowid();
 }
 
-absl::StatusOr<bool> Writer::RevokeToken(int64_t id, const std::string& who) {
-  const absl::Status there = Reader(db_, Board()).Token(id).status();
+absl::StatusOr<bool> Callers::RevokeToken(int64_t id, const std::string& who) {
+  const absl::Status there = Token(id).status();
   if (absl::IsNotFound(there)) return there;
   // A damaged row is revoked as well, if the schema takes it.
   return Run(db_, R"(UPDATE token
@@ -185,24 +144,24 @@ absl::StatusOr<bool> Writer::RevokeToken(int64_t id, const std::string& who) {
              now_ms_, who, id) == 1;
 }
 
-absl::Status Writer::TouchToken(int64_t id) {
+absl::Status Callers::TouchToken(int64_t id) {
   Run(db_, R"(UPDATE token
       SET last_used_at = ?1 WHERE id = ?2 AND (last_used_at IS NULL OR last_used_at < ?1))",
       now_ms_ - now_ms_ % kMinuteMs, id);
   return absl::OkStatus();
 }
 
-absl::StatusOr<TokenRow> Reader::TokenByHash(const std::string& sha256) {
+absl::StatusOr<TokenRow> Callers::TokenByHash(const std::string& sha256) const {
   return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.hash = ?"), sha256),
                            TokenOf, absl::NotFoundError("there is no such token"));
 }
 
-absl::StatusOr<TokenRow> Reader::Token(int64_t id) {
+absl::StatusOr<TokenRow> Callers::Token(int64_t id) const {
   return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id = ?"), id),
                            TokenOf, absl::NotFoundError(absl::StrCat("there is no token ", id)));
 }
 
-Listed<TokenRow> Reader::Tokens(int64_t before, int64_t limit) {
+Listed<TokenRow> Callers::Tokens(int64_t before, int64_t limit) const {
   return ListOf<TokenRow>(
       Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id < ? ORDER BY k.id DESC LIMIT ?"),
                 before, limit),

@@ -6,12 +6,12 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_image.h"
-#include "server/store/reader.h"
-#include "server/store/store.h"
+#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
-#include "server/store/teams.h"
+#include "server/store/team_names.h"
 
 namespace myograde::server {
 namespace {
@@ -74,16 +74,41 @@ void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
   }
 }
 
+// Content is addressed by its hash, so a mismatch means that it is not what was stored.
+absl::StatusOr<std::string> StoredText(SQLite::Database& db, const char* table, const char* column,
+                                    const std::string& hash) {
+  Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
+  if (!select.executeStep()) {
+    return DamagedRow({table, hash, "it is missing, and other rows name it"});
+  }
+  StoredRow row(select, table, hash);
+  std::string text = row.Text(0);
+  if (row.ok() && Sha256Hex(text) != hash) row.Fail("its content has another hash");
+  if (!row.ok()) return row.status();
+  return text;
+}
+
+// Of a config or a seed list that was added: a damaged row if another text is there under its hash.
+absl::Status CheckContent(SQLite::Database& db, const char* table, const char* column,
+                          const std::string& hash, const std::string& text) {
+  Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
+  if (select.executeStep() && select.getColumn(0).isText() &&
+      select.getColumn(0).getString() == text) {
+    return absl::OkStatus();
+  }
+  return DamagedRow({table, hash, "its content has another hash"});
+}
+
 }  // namespace
 
-absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
+absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
   return Run(db_, "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
              artefact.hash, artefact.name, CanonicalJson(artefact.command),
              CanonicalJson(artefact.runtimes), artefact.bytes, artefact.files, now_ms_,
              CanonicalJson(artefact.environment), OptionsOf(artefact)) == 1;
 }
 
-absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
+absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                                const UnsubmittedLimits& limits) {
   RETURN_IF_ERROR(CheckNotBanned(db_, Board(), upload.team));
   const std::string team = KnownTeam(db_, upload.team);
@@ -125,7 +150,7 @@ absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upl
   return absl::OkStatus();
 }
 
-absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
+absl::StatusOr<ArtefactRow> Content::Artefact(const std::string& hash) const {
   Statement select(db_, R"(SELECT name, command_json,
       runtimes_json, bytes, files, environment_json, options_json FROM artefact WHERE hash = ?)",
                    hash);
@@ -144,7 +169,7 @@ absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   return artefact;
 }
 
-std::vector<ArtefactUse> Reader::ArtefactUses() {
+std::vector<ArtefactUse> Content::ArtefactUses() const {
   Statement select(
       db_, absl::StrCat("SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
                         "ifnull(max(e.finished_at), 0)), "
@@ -162,13 +187,13 @@ std::vector<ArtefactUse> Reader::ArtefactUses() {
   return uses;
 }
 
-std::vector<UploadRow> Reader::Uploads() {
+std::vector<UploadRow> Content::Uploads() const {
   return AllRows<UploadRow, 3>(Statement(db_, R"(SELECT u.artefact, a.bytes, u.at
       FROM upload AS u JOIN artefact AS a ON a.hash = u.artefact ORDER BY u.at)"));
 }
 
 // The logs of the episodes for which `condition` holds.
-std::set<std::string> Reader::LogsWhere(const std::string& condition) {
+std::set<std::string> Episodes::LogsWhere(const std::string& condition) const {
   Statement select(db_, absl::StrCat("SELECT ", kLogOfEpisode, ", p.facts_json ", kEpisodesOf,
                                      "WHERE ", condition, " AND (", kLogOfEpisode, ") IS NOT ''"));
   std::set<std::string> logs;
@@ -178,11 +203,11 @@ std::set<std::string> Reader::LogsWhere(const std::string& condition) {
   return logs;
 }
 
-std::set<std::string> Reader::NeededLogs() {
+std::set<std::string> Episodes::NeededLogs() const {
   return LogsWhere(absl::StrCat(Over(Board()), " IS NOT TRUE"));
 }
 
-std::set<std::string> Reader::PracticeLogs() {
+std::set<std::string> Episodes::PracticeLogs() const {
   std::set<std::string> logs = LogsWhere("s.ranked = 0");
   for (const std::string& log :
        LogsWhere(absl::StrCat(Over(Board()), " IS NOT TRUE AND s.ranked IS NOT 0"))) {
@@ -191,11 +216,11 @@ std::set<std::string> Reader::PracticeLogs() {
   return logs;
 }
 
-std::vector<std::string> Reader::Hashes(const std::string& table) {
+std::vector<std::string> Content::Hashes(const std::string& table) const {
   return AllTexts(db_, absl::StrCat("SELECT hash FROM \"", table, "\" ORDER BY hash"));
 }
 
-absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& name, int64_t bytes,
+absl::StatusOr<bool> Content::Remove(const std::string& kind, const std::string& name, int64_t bytes,
                                     const std::string& why) {
   const bool upload = kind == kUploadKind;
   const bool practice = kind == kPracticeLogKind;
@@ -224,17 +249,17 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
   return true;
 }
 
-bool Reader::MaySubmitArtefact(const std::string& hash, const std::string& who,
-                               const std::string& team) {
+bool Content::MaySubmitArtefact(const std::string& hash, const std::string& who,
+                               const std::string& team) const {
   return UploadedArtefact(hash, who) || (!team.empty() && TeamHoldsArtefact(hash, team));
 }
 
-bool Reader::UploadedArtefact(const std::string& hash, const std::string& who) {
+bool Content::UploadedArtefact(const std::string& hash, const std::string& who) const {
   return AnyRow(db_, "SELECT 1 FROM artefact_holder WHERE artefact = ? AND uploader = ? LIMIT 1",
                 hash, who);
 }
 
-bool Reader::TeamHoldsArtefact(const std::string& hash, const std::string& team) {
+bool Content::TeamHoldsArtefact(const std::string& hash, const std::string& team) const {
   if (AnyRow(db_,
              absl::StrCat("SELECT 1 FROM submission WHERE artefact = ?1 AND team_id IN ",
                           RowsOfTeam(2), " LIMIT 1"),
@@ -245,27 +270,10 @@ bool Reader::TeamHoldsArtefact(const std::string& hash, const std::string& team)
   const std::vector<std::string> names = AllTexts(
       db_, "SELECT DISTINCT team FROM artefact_holder WHERE artefact = ? AND team != ''", hash);
   return std::any_of(names.begin(), names.end(),
-                     [&](const std::string& name) { return TeamOf(name) == TeamOf(team); });
+                     [&](const std::string& name) { return Teams(context_).NameOf(name) == Teams(context_).NameOf(team); });
 }
 
-absl::StatusOr<std::string> Reader::TeamOfSubmission(int64_t id) {
-  const std::string name = FirstText(db_, R"(SELECT t.name FROM submission AS s
-      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE s.id = ?)",
-                                     id);
-  if (!name.empty()) return TeamOf(name);
-  return absl::NotFoundError(absl::StrCat("there is no submission ", id));
-}
-
-absl::StatusOr<std::string> Reader::TeamOfEvaluation(int64_t id) {
-  const std::string name = FirstText(db_, R"(SELECT t.name
-      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
-      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE e.id = ?)",
-                                     id);
-  if (!name.empty()) return TeamOf(name);
-  return absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
-}
-
-std::set<std::string> Reader::TeamsOfLog(const std::string& sha256) {
+std::set<std::string> Episodes::TeamsOfLog(const std::string& sha256) const {
   std::set<std::string> teams;
   for (const std::string& name : AllTexts(db_,
                                           absl::StrCat("SELECT DISTINCT t.name ", kEpisodesOf,
@@ -273,19 +281,19 @@ std::set<std::string> Reader::TeamsOfLog(const std::string& sha256) {
                                                        "AND typeof(t.name) = 'text' WHERE (",
                                                        kLogOfEpisode, ") = ?"),
                                           sha256)) {
-    teams.insert(TeamOf(name));
+    teams.insert(Teams(context_).NameOf(name));
   }
   return teams;
 }
 
-std::set<std::string> Reader::PhasesOfLog(const std::string& sha256) {
+std::set<std::string> Episodes::PhasesOfLog(const std::string& sha256) const {
   const std::vector<std::string> phases = AllTexts(
       db_, absl::StrCat("SELECT DISTINCT s.phase ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?"),
       sha256);
   return {phases.begin(), phases.end()};
 }
 
-absl::StatusOr<LoggedEpisode> Reader::EpisodeOfLog(const std::string& sha256) {
+absl::StatusOr<LoggedEpisode> Episodes::OfLog(const std::string& sha256) const {
   Statement select(db_,
                    absl::StrCat("SELECT evaluation, idx, lease, seed FROM episode WHERE (",
                                 kLogOfEpisode, ") = ? ORDER BY evaluation, idx LIMIT 1"),
@@ -304,15 +312,24 @@ absl::StatusOr<LoggedEpisode> Reader::EpisodeOfLog(const std::string& sha256) {
       absl::NotFoundError(absl::StrCat("no episode has the log ", sha256)));
 }
 
-std::vector<EndedEvaluation> Reader::DoneSince(int64_t after_ms, int64_t limit) {
-  std::vector<EndedEvaluation> ended =
-      AllRows<EndedEvaluation, 2>(Statement(db_, R"(SELECT id, finished_at FROM evaluation
-          WHERE state = 'done' AND finished_at > ? ORDER BY finished_at DESC, id DESC LIMIT ?)",
-                                            after_ms, limit));
-  std::reverse(ended.begin(), ended.end());
-  return ended;
+absl::StatusOr<std::string> Content::ConfigJson(const std::string& hash) const {
+  return StoredText(db_, "config", "effective_json", hash);
 }
 
-int64_t Reader::LastEnd() { return FirstNumber(db_, "SELECT max(finished_at) FROM evaluation"); }
+absl::StatusOr<std::string> Content::SeedsJson(const std::string& hash) const {
+  return StoredText(db_, "seed_list", "seeds_json", hash);
+}
+
+absl::Status Content::AddConfig(const std::string& hash, const std::string& track,
+                               const std::string& profile, const std::string& json) {
+  Run(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", hash, track, profile,
+      json, now_ms_);
+  return CheckContent(db_, "config", "effective_json", hash, json);
+}
+
+absl::Status Content::AddSeedList(const std::string& hash, int64_t count, const std::string& json) {
+  Run(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING", hash, count, json);
+  return CheckContent(db_, "seed_list", "seeds_json", hash, json);
+}
 
 }  // namespace myograde::server

@@ -1,0 +1,57 @@
+// What is found by its hash, in the store.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "server/store/context.h"
+#include "server/store/rows.h"
+#include "server/store/submissions.h"
+
+namespace myograde::server {
+
+// The kind of an artefact that Content::Remove removes only if it is still unsubmitted.
+inline constexpr char kUploadKind[] = "upload";
+inline constexpr char kPracticeLogKind[] = "practice log";
+
+// What is found by its hash: artefacts, configs and seed lists, and who uploaded what.
+class Content : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  absl::StatusOr<ArtefactRow> Artefact(const std::string& hash) const;
+  // Whether `who` may submit an artefact for a team: they uploaded it themselves, or the team holds it.
+  bool MaySubmitArtefact(const std::string& hash, const std::string& who, const std::string& team) const;
+  bool UploadedArtefact(const std::string& hash, const std::string& who) const;
+  // Somebody uploaded it for the team, or the team submitted it.
+  bool TeamHoldsArtefact(const std::string& hash, const std::string& team) const;
+  // The effective config, and the seeds, as canonical JSON with the given hash.
+  absl::StatusOr<std::string> ConfigJson(const std::string& hash) const;
+  absl::StatusOr<std::string> SeedsJson(const std::string& hash) const;
+  // The keys of a table that is keyed by hash: "artefact", "config", "seed_list".
+  std::vector<std::string> Hashes(const std::string& table) const;
+  std::vector<ArtefactUse> ArtefactUses() const;
+  // Uploads that nobody has submitted, oldest first.
+  std::vector<UploadRow> Uploads() const;
+  // True if it is new.
+  absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
+  // Records who uploaded an artefact whose files are here or about to be kept, and for which team. Only
+  // one that was never submitted counts against the limits. FailedPreconditionError with the code "quota" if over a limit.
+  absl::Status AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
+                         const UnsubmittedLimits& limits);
+  // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no
+  // row, if they are needed. Of kPracticeLogKind, those of a practice that has not ended are not.
+  absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,
+                              const std::string& why);
+  // Content rows, each found by the SHA-256 of its text and never changed. Each is added unless it
+  // is there. A damaged row (damage.h) if what is there under this hash is not this text.
+  absl::Status AddConfig(const std::string& hash, const std::string& track,
+                         const std::string& profile, const std::string& json);
+  absl::Status AddSeedList(const std::string& hash, int64_t count, const std::string& json);
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,178 @@
+#include "server/store/episodes.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/status_macros.h"
+#include "protocol/lease/track_config.h"
+#include "protocol/tracks/registry.h"
+#include "server/store/differences.h"
+#include "server/store/stored_row.h"
+#include "server/store/transaction.h"
+
+namespace myograde::server {
+namespace {
+
+StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
+  StoredRow row(select, "episode",
+                absl::StrCat(Shown(select.getColumn(8)), "/", Shown(select.getColumn(0))));
+  episode.evaluation = row.Id(8);
+  episode.index = row.Number(0, 0, kMaxEpisodes - 1);
+  episode.lease = row.Id(1);
+  episode.attempt = row.Number(2, 1, kMany);
+  episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
+  episode.outcome = row.Named(4, ParseOutcome);
+  episode.reason = row.Named(5, ParseFailureReason);
+  episode.facts_json = row.Object(6);
+  episode.metrics_json = row.Object(7);
+  if ((episode.outcome == Outcome::kFailure) != (episode.reason != FailureReason::kNone)) {
+    row.Fail(5, "its outcome says otherwise");
+  }
+  return row;
+}
+
+// The numbers as raw memory.
+std::string BytesOf(const std::vector<double>& numbers) {
+  static_assert(std::endian::native == std::endian::little && sizeof(double) == 8);
+  return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * 8);
+}
+
+std::vector<double> NumbersIn(StoredRow& row, int column) {
+  const std::string bytes = row.Blob(column);
+  std::vector<double> numbers(bytes.size() / 8);
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
+  const bool any_infinite = std::any_of(numbers.begin(), numbers.end(),
+                                        [](double number) { return std::isinf(number); });
+  if (bytes.size() % 8 != 0 || any_infinite) row.Fail(column, "numbers belong there");
+  return numbers;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<EpisodeRow>> Episodes::Of(int64_t evaluation) const {
+  return AllOf<EpisodeRow>(Statement(db_, R"(SELECT idx, lease, attempt, seed, outcome, reason,
+      facts_json, metrics_json, evaluation FROM episode WHERE evaluation = ? ORDER BY idx)",
+                                     evaluation),
+                           EpisodeOf);
+}
+
+absl::StatusOr<std::vector<RepeatRow>> Episodes::Repeats(int64_t evaluation) const {
+  const auto parse = [](SQLite::Statement& select, RepeatRow& replay) {
+    StoredRow row(select, "replay");
+    replay.index = row.Number(1, 0, kMaxEpisodes - 1);
+    replay.attempt = row.Number(2, 1, kMany);
+    replay.differs = row.Strings(3);
+    return row;
+  };
+  return AllOf<RepeatRow>(Statement(db_, R"(SELECT id, idx, attempt, differs_json
+      FROM replay WHERE evaluation = ? ORDER BY idx, attempt)",
+                                    evaluation),
+                          parse);
+}
+
+EpisodeCounts Episodes::Counts(int64_t evaluation, bool ended_leases) const {
+  return AllRows<EpisodeCounts, 4>(Statement(db_, R"(SELECT count(*),
+      ifnull(sum(outcome = 'success'), 0), ifnull(sum(outcome = 'failure'), 0),
+      count(*) - ifnull(sum(outcome IN ('success', 'failure')), 0) FROM episode WHERE evaluation = ?1
+      AND (?2 = 0 OR lease NOT IN (SELECT id FROM lease WHERE evaluation = ?1
+      AND finished_at IS NULL)))",
+                                             evaluation, ended_leases))
+      .front();
+}
+
+absl::StatusOr<std::map<int64_t, std::string>> Episodes::Details(int64_t evaluation) const {
+  Statement select(
+      db_, "SELECT id, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx",
+      evaluation);
+  std::map<int64_t, std::string> details;
+  while (select.executeStep()) {
+    StoredRow row(select, "episode_details");
+    const int64_t index = row.Number(1, 0, INT64_MAX);
+    std::string text = row.Object(2);
+    if (!row.ok()) return row.status();
+    details.emplace_hint(details.end(), index, std::move(text));
+  }
+  return details;
+}
+
+absl::StatusOr<Recorded> Episodes::Record(const EpisodeRow& row) {
+  ASSIGN_OR_RETURN(const LeaseRow lease, Leases(context_).Find(row.lease));
+  if (lease.state != LeaseState::kRunning || lease.attempt != row.attempt) {
+    return Leases::Refused("given an episode", lease, absl::StrCat(", the episode is of ", row.attempt));
+  }
+  if (Run(db_, R"(INSERT INTO episode
+      VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx) DO NOTHING)",
+          row.evaluation, row.index, row.lease, row.attempt, static_cast<int64_t>(row.seed),
+          OutcomeName(row.outcome), row.reason.name(), row.facts_json, row.metrics_json,
+          now_ms_) == 1) {
+    if (!row.details_json.empty()) {
+      Run(db_, "INSERT INTO episode_details (evaluation, idx, details_json) VALUES (?, ?, ?)",
+          row.evaluation, row.index, row.details_json);
+    }
+    Quotas(context_).ChargeFirstEpisode(row.evaluation, absl::StrCat("episode ", row.index, " ended as ",
+                                                    std::string(OutcomeName(row.outcome))));
+    return Recorded{.counted = true, .differs = {}};
+  }
+
+  Statement select(db_, R"(SELECT outcome, reason, facts_json, metrics_json
+      FROM episode WHERE evaluation = ? AND idx = ?)",
+                   row.evaluation, row.index);
+  select.executeStep();
+  StoredRow there(select, "episode", absl::StrCat(row.evaluation, "/", row.index));
+  EpisodeRow kept = row;
+  kept.outcome = there.Named(0, ParseOutcome);
+  kept.reason = there.Named(1, ParseFailureReason);
+  kept.facts_json = there.Object(2);
+  kept.metrics_json = there.Object(3);
+  if (!there.ok()) return there.status();
+  Recorded recorded{.counted = false, .differs = DifferencesBetween(kept, row)};
+  if (recorded.differs.empty()) return recorded;
+  Run(db_, R"(INSERT INTO replay (evaluation, idx, attempt, differs_json, facts_json, recorded_at)
+      VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx, attempt) DO NOTHING)",
+      row.evaluation, row.index, row.attempt, CanonicalJson(nlohmann::json(recorded.differs)),
+      row.facts_json, now_ms_);
+  return recorded;
+}
+
+absl::Status Episodes::SetStanding(int64_t evaluation, const Standing& standing) {
+  const RankedNumbers& ranked = standing.ranked;
+  Run(db_, R"(INSERT INTO standing VALUES (?, ?, ?, ?, CAST(? AS BLOB), ?) ON CONFLICT
+      (evaluation) DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, names
+      = excluded.names, numbers = excluded.numbers, aggregate_json = excluded.aggregate_json)",
+      evaluation, ranked.successes, ranked.episodes, ranked.names, BytesOf(ranked.numbers),
+      standing.aggregate_json);
+  return absl::OkStatus();
+}
+
+absl::Status Episodes::DropStandings() {
+  db_.exec("DELETE FROM standing");
+  return absl::OkStatus();
+}
+
+std::map<int64_t, Standing> Episodes::Standings(const std::vector<int64_t>& evaluations) const {
+  Statement select(db_, R"(SELECT evaluation, aggregate_json, successes, episodes, names, numbers
+      FROM standing WHERE evaluation IN (SELECT value FROM json_each(?)))",
+                   absl::StrCat("[", absl::StrJoin(evaluations, ","), "]"));
+  std::map<int64_t, Standing> standings;
+  while (select.executeStep()) {
+    StoredRow row(select, "standing");
+    Standing read;
+    read.aggregate_json = row.Text(1);
+    read.ranked.successes = row.Number(2, 0, kMany);
+    read.ranked.episodes = row.Number(3, 0, kMany);
+    read.ranked.names = row.Text(4);
+    read.ranked.numbers = NumbersIn(row, 5);
+    if (row.ok()) standings.emplace(row.Id(0), std::move(read));
+  }
+  return standings;
+}
+
+}  // namespace myograde::server

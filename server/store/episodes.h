@@ -1,0 +1,65 @@
+// Episodes in the store.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "server/store/context.h"
+#include "server/store/rows.h"
+
+namespace myograde::server {
+
+// Where an episode is that a log is of.
+struct LoggedEpisode {
+  int64_t evaluation = 0;
+  int64_t index = 0;
+  int64_t lease = 0;
+  uint64_t seed = 0;
+};
+
+// The result of recording an episode.
+struct Recorded {
+  bool counted = false;              // false: a row was already there, and stays
+  std::vector<std::string> differs;  // if not counted: in what the new row differs
+};
+
+// Episodes, their logs, and what evaluations are ranked by.
+class Episodes : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  absl::StatusOr<std::vector<EpisodeRow>> Of(int64_t evaluation) const;  // by index
+  absl::StatusOr<std::vector<RepeatRow>> Repeats(int64_t evaluation) const;
+  // `ended_leases`: only episodes of leases that have ended, so that nothing tells how far one is.
+  EpisodeCounts Counts(int64_t evaluation, bool ended_leases = false) const;
+  // The teams one of whose episodes has the log with this SHA-256.
+  std::set<std::string> TeamsOfLog(const std::string& sha256) const;
+  // The phases of those episodes; "": of none.
+  std::set<std::string> PhasesOfLog(const std::string& sha256) const;
+  // The first episode with this log. NotFoundError: there is none.
+  absl::StatusOr<LoggedEpisode> OfLog(const std::string& sha256) const;
+  // Hashes of the logs of evaluations that have not ended, or are done and ranked.
+  std::set<std::string> NeededLogs() const;
+  // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs too.
+  std::set<std::string> PracticeLogs() const;
+  // What finished evaluations are ranked by, as far as the view has it and it can be read.
+  std::map<int64_t, Standing> Standings(const std::vector<int64_t>& evaluations) const;
+  // The text of the JSON object with an episode's details, by index, of those that have some.
+  absl::StatusOr<std::map<int64_t, std::string>> Details(int64_t evaluation) const;
+  // Keeps an existing row; if the new one differs, records in what.
+  absl::StatusOr<Recorded> Record(const EpisodeRow& row);
+  // Sets or replaces what a finished evaluation is ranked by.
+  absl::Status SetStanding(int64_t evaluation, const Standing& standing);
+  absl::Status DropStandings();
+
+ private:
+  std::set<std::string> LogsWhere(const std::string& condition) const;
+};
+
+}  // namespace myograde::server

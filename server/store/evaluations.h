@@ -1,0 +1,89 @@
+// Evaluations in the store.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "server/store/context.h"
+#include "server/store/damage.h"
+#include "server/store/rows.h"
+#include "server/store/submissions.h"
+
+namespace myograde::server {
+
+struct UnfinishedRows {
+  std::vector<EvaluationRow> rows;
+  std::vector<Damage> damaged;  // keyed by id
+};
+
+struct EndedEvaluation {
+  int64_t evaluation = 0;
+  int64_t finished_at = 0;
+};
+
+// An evaluation to queue.
+struct NewEvaluation {
+  int64_t submission = 0;
+  EvaluationKind kind = EvaluationKind::kOriginal;
+  std::string config = "";  // "": the submission's
+  std::string seeds = "";
+  std::string grader_json;
+  std::vector<std::pair<int64_t, int64_t>> blocks;
+  int64_t rejudge = 0;  // 0: of none, and nothing below counts
+  int64_t repetition = 0;
+  int64_t source = 0;
+  RejudgeMethod method = RejudgeMethod::kPlay;
+};
+
+// Evaluations and how they end. `who` and `why` go into the audit rows.
+class Evaluations : StorePart {
+ public:
+  using StorePart::StorePart;
+
+  absl::StatusOr<EvaluationRow> Find(int64_t id) const;
+  // A submission's evaluations, the original first. Never empty.
+  absl::StatusOr<std::vector<EvaluationRow>> Of(int64_t submission) const;
+  absl::StatusOr<EvaluationRow> Original(int64_t submission) const;
+  // Every evaluation that has not ended, oldest first.
+  UnfinishedRows Unfinished() const;
+  absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity, int64_t id) const;
+  absl::StatusOr<std::string> TeamOf(int64_t id) const;
+  // Evaluations that ended as done after `after_ms`: the last `limit` of them, oldest first.
+  std::vector<EndedEvaluation> DoneSince(int64_t after_ms, int64_t limit) const;
+  // When the last one ended, in ms since 1970; 0: none has.
+  int64_t LastEnd() const;
+  // Evaluations that are done: all, or those without a standing.
+  std::vector<int64_t> Done(bool without_standing) const;
+  // By submission and repetition.
+  absl::StatusOr<std::vector<EvaluationRow>> OfRejudge(int64_t rejudge) const;
+  // The builds that evaluations are of, as stored; "" for one that is missing.
+  std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations) const;
+  absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
+  // Adds an audit row for an evaluation without changing its state.
+  absl::Status Note(int64_t evaluation, const std::string& who, const std::string& why);
+  // queued or running -> a final state. FailedPreconditionError while any of its leases has not
+  // ended.
+  absl::Status End(int64_t evaluation, EvaluationState state, const std::string& reason,
+                             const std::string& results_hash, const std::string& who);
+  // The same, and cancels its leases that have not ended.
+  absl::Status EndWithLeases(int64_t evaluation, EvaluationState state, const std::string& why,
+                             const std::string& who);
+  // Ends an evaluation with unreadable rows as grader_error, as far as they can be written: values
+  // of a wrong type become 0 and "". An error: it stays as it is.
+  absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
+  // The evaluations that a cancel of the submission ends: those of its original one and, if
+  // `reruns`, its re-runs that have not ended. Rejudges end by DropRejudge alone.
+  std::vector<int64_t> OpenOf(int64_t submission, bool reruns);
+  // Queued, with its leases.
+  absl::StatusOr<Accepted> Add(const NewEvaluation& added, const std::string& who);
+
+  // Adds to the journal how it ended; practice and re-runs have no act.
+  void AppendGraded(int64_t evaluation, const std::string& who);
+};
+
+}  // namespace myograde::server
