@@ -73,28 +73,29 @@ class Admission {
   //   NotFoundError               code "unknown_track"
   //   InvalidArgumentError        code "bad_artefact": the archive, or its adapter on the track; no
   //                               code: the team's name
-  //   FailedPreconditionError     code "look_alike": the team's name (Writer::Accept); "forbidden":
-  //                               the team can't be founded (Writer::FoundTeam); "quota": no
+  //   FailedPreconditionError     code "look_alike": the team's name (Submissions::Accept);
+  //   "forbidden":
+  //                               the team can't be founded (Teams::Found); "quota": no
   //                               failed tries left, or too many uploads that were never submitted
   // and the other errors of Uploads::Take.
   absl::StatusOr<ReceivedArtefact> Receive(const UploadRequest& request, IncomingArchive& archive);
 
   // Accepts a submission made by `who` and queues its evaluation. If it names neither seeds nor
-  // episodes it plays exactly the seeds of its phase and is ranked, otherwise it is practice; a track
-  // that has no phases is one itself, which is always open. A linked result is an earlier submission:
-  // nothing new is played or charged.
-  //   NotFoundError               code "unknown_track", "unknown_profile", "unknown_phase"; no code:
+  // episodes it plays exactly the seeds of its phase and is ranked, otherwise it is practice; a
+  // track that has no phases is one itself, which is always open. A linked result is an earlier
+  // submission: nothing new is played or charged.
+  //   NotFoundError               code "unknown_track", "unknown_profile", "unknown_phase"; no
+  //   code:
   //                               the artefact, which is also one that neither `who` nor the team
   //                               uploaded or submitted before
   //   InvalidArgumentError        code "bad_artefact": too large for the track, has an adapter that
-  //                               can't play it, or asks for extra observations that the profile does
-  //                               not allow;
-  //                               "unknown_runtime"; "ranked_seed": practice on a seed that is
-  //                               ranked; no code: episodes, the team's name, a phase of another
-  //                               track, several phases to choose from
+  //                               can't play it, or asks for extra observations that the profile
+  //                               does not allow; "unknown_runtime"; "ranked_seed": practice on a
+  //                               seed that is ranked; no code: episodes, the team's name, a phase
+  //                               of another track, several phases to choose from
   //   FailedPreconditionError     code "quota", "same_artefact", "look_alike", "paused"
-  //                               "phase_revealed" (Writer::Accept), "forbidden" (Writer::FoundTeam);
-  //                               "phase_closed"
+  //                               "phase_revealed" (Submissions::Accept), "forbidden"
+  //                               (Teams::Found); "phase_closed"
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
   // and the errors of Engine::Submit and ReaderPool::Read. A result that is repeated was accepted
   // before, when the request came for the first time; nothing is checked again.
@@ -136,7 +137,7 @@ class Admission {
 };
 
 // What `who` was answered when this key came for the first time, so that what would not be accepted
-// any more is answered as it was then; nullopt if it is new. Errors of Reader::FindRequest and
+// any more is answered as it was then; nullopt if it is new. Errors of Submissions::FindRequest and
 // ReaderPool::Read.
 absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
                                                     const RequestKey& key);

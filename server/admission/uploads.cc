@@ -152,7 +152,8 @@ absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
   const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
   if (!artefact.has_value()) return absl::NotFoundError("not seen before");
   RETURN_IF_ERROR(HasArtefactFiles(data_dir_, *artefact));
-  return readers_.Read<ArtefactRow>([&](const Transaction& reader) { return reader.content.Artefact(*artefact); });
+  return readers_.Read<ArtefactRow>(
+      [&](const Transaction& reader) { return reader.content.Artefact(*artefact); });
 }
 
 absl::StatusOr<bool> Uploads::Hold(const ArtefactRow& row, const NewUpload& from) {
@@ -185,8 +186,8 @@ absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const s
   ReceivedArtefact received{RowOf(artefact)};
   ArtefactRow& row = received.artefact;
   // One that came before keeps its name.
-  absl::Status status =
-      readers_.Read([&](const Transaction& reader) { return reader.content.Artefact(row.hash).status(); });
+  absl::Status status = readers_.Read(
+      [&](const Transaction& reader) { return reader.content.Artefact(row.hash).status(); });
   if (absl::IsNotFound(status)) {
     ASSIGN_OR_RETURN(row.name, CleanName(row.name, "policy.json: \"name\""));
   }

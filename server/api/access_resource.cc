@@ -136,9 +136,10 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
   const Identity& caller = Caller();
   Json token;
   if (caller.token != 0) {
-    ASSIGN_OR_RETURN(const TokenRow row, context.readers.Read<TokenRow>([&](const Transaction& reader) {
-      return reader.callers.Token(caller.token);
-    }));
+    ASSIGN_OR_RETURN(const TokenRow row,
+                     context.readers.Read<TokenRow>([&](const Transaction& reader) {
+                       return reader.callers.Token(caller.token);
+                     }));
     token = {{"id", row.id}, {"label", row.label}, {"expires_at", TimeToJson(row.expires_at)}};
   }
   return ApiAnswer{200,
@@ -151,8 +152,9 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
 
 // The token as it is in the store.
 ApiResult ShowToken(const ApiContext& context, int64_t id, int http, Json more) {
-  ASSIGN_OR_RETURN(const TokenRow token, context.readers.Read<TokenRow>(
-                                             [&](const Transaction& reader) { return reader.callers.Token(id); }));
+  ASSIGN_OR_RETURN(const TokenRow token,
+                   context.readers.Read<TokenRow>(
+                       [&](const Transaction& reader) { return reader.callers.Token(id); }));
   Json body = TokenToJson(token, absl::ToUnixMillis(context.clock.Now()));
   body.update(more);
   return ApiAnswer{http, std::move(body)};

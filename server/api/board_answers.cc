@@ -36,7 +36,8 @@ size_t KeptBoards::size() {
   return kept_.size();
 }
 
-absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(const Transaction& reader, const BoardQuery& asked) {
+absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(const Transaction& reader,
+                                                      const BoardQuery& asked) {
   const std::string& config = asked.track->config.hash;
   KeptBoards& kept = asked.at_ms == 0 && config == asked.config_in_force ? now_ : others_;
   const KeptBoards::Key key{config, asked.config_in_force, asked.board, asked.view(), asked.at_ms};

@@ -62,8 +62,8 @@ class KeptBoards {
 class BoardAnswers {
  public:
   // What is said of a board.
-  using Make =
-      std::function<absl::StatusOr<nlohmann::json>(const Transaction& reader, const BoardQuery& asked)>;
+  using Make = std::function<absl::StatusOr<nlohmann::json>(const Transaction& reader,
+                                                            const BoardQuery& asked)>;
 
   // `context` must outlive it.
   BoardAnswers(const ApiContext& context, Make make) : context_(context), make_(std::move(make)) {}

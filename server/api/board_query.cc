@@ -78,7 +78,8 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, const Transaction
                      " or more of the digits 0-9 and a-f"));
   }
   std::map<std::string, TrackPtr> found;
-  for (const std::string& hash : reader.Board().ConfigsLike(digits, CallerIsOrganiser())) found[hash];
+  for (const std::string& hash : reader.Board().ConfigsLike(digits, CallerIsOrganiser()))
+    found[hash];
   // Nothing need have been accepted under what is played now.
   const auto add = [&](const TrackPtr& track) {
     if (track->config.hash.starts_with(digits)) found[track->config.hash] = track;

@@ -10,9 +10,9 @@
 
 #include "scoring/track.h"
 #include "server/api/context.h"
+#include "server/board/acts.h"
 #include "server/grading/tracks.h"
 #include "server/http/request.h"
-#include "server/board/acts.h"
 #include "server/store/reader_pool.h"
 
 namespace myograde::server {

@@ -78,8 +78,8 @@ absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& trac
   return made;
 }
 
-absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& track, const std::string& board,
-                                       const BoardMoment& moment) {
+absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& track,
+                                       const std::string& board, const BoardMoment& moment) {
   const auto rules = track.scoring.boards.find(board);
   if (rules == track.scoring.boards.end()) {
     return absl::InvalidArgumentError(
@@ -89,7 +89,8 @@ absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& t
   return BoardOf(source, track, rules->second.rules);
 }
 
-absl::StatusOr<TrackPtr> TrackAt(const Transaction& reader, const TrackPtr& live, int64_t before_ms) {
+absl::StatusOr<TrackPtr> TrackAt(const Transaction& reader, const TrackPtr& live,
+                                 int64_t before_ms) {
   const TrackConfig& config = live->config;
   if (before_ms == INT64_MAX) return live;
   const std::string hash =
@@ -113,8 +114,8 @@ absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missi
   return made;
 }
 
-absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live, const std::string& board,
-                                    const BoardMoment& moment) {
+absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live,
+                                    const std::string& board, const BoardMoment& moment) {
   ASSIGN_OR_RETURN(const TrackPtr track, TrackAt(reader, live, moment.results_before_ms()));
   return BoardUnder(reader, *track, board, moment);
 }

@@ -23,7 +23,8 @@ struct BoardSource {
 };
 
 // Of the config of `track`, as of a moment.
-absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& track, const BoardMoment& moment);
+absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& track,
+                                     const BoardMoment& moment);
 
 // The ranked board that it makes, with all that can't be read.
 absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& track,
@@ -35,16 +36,17 @@ absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& trac
 //   // The board as it is, and as it would be with rejudge 3:
 //   BoardUnder(reader, *old_track, "main", {});
 //   BoardUnder(reader, *new_track, "main", {.assumed_rejudge = 3});
-absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& track, const std::string& board,
-                                       const BoardMoment& moment);
+absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& track,
+                                       const std::string& board, const BoardMoment& moment);
 
 // What the board of `live` had at a moment; `live` is what the daemon plays there now, or played
 // last. A damaged row (store/damage.h) if that can't be read any more.
-absl::StatusOr<TrackPtr> TrackAt(const Transaction& reader, const TrackPtr& live, int64_t before_ms);
+absl::StatusOr<TrackPtr> TrackAt(const Transaction& reader, const TrackPtr& live,
+                                 int64_t before_ms);
 
 // BoardUnder the config that the board had at that moment.
-absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live, const std::string& board,
-                                    const BoardMoment& moment);
+absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live,
+                                    const std::string& board, const BoardMoment& moment);
 
 // Computes from the episodes what boards are ranked by, and writes it: anew, or only what the
 // store's view lacks. The result is what was written, and what could not be read.

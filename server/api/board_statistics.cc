@@ -109,10 +109,12 @@ class RowReader {
 
   // Nothing of a row counts if a part can't be read.
   absl::StatusOr<TestedRow> Read(const LeaderboardRow& row, TestedPlace& place) {
-    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader_.episodes.Of(row.source.evaluation));
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows,
+                     reader_.episodes.Of(row.source.evaluation));
     ASSIGN_OR_RETURN(std::vector<JudgedEpisode> episodes,
                      JudgedEpisodes(*track_.scoring.track, rows));
-    ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader_.evaluations.Find(row.source.evaluation));
+    ASSIGN_OR_RETURN(const EvaluationRow evaluation,
+                     reader_.evaluations.Find(row.source.evaluation));
     RETURN_IF_ERROR(CheckResults(reader_, evaluation, rows, track_.config.seed_salt));
     place.over_steps = SpreadsOf(track_, rules_, episodes);
     ASSIGN_OR_RETURN(
@@ -134,7 +136,8 @@ class RowReader {
 
 }  // namespace
 
-absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader, const RejudgeRow& rejudge) {
+absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
+                                                     const RejudgeRow& rejudge) {
   ASSIGN_OR_RETURN(const std::string text, reader.content.SeedsJson(rejudge.seeds));
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
   return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));

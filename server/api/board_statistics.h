@@ -44,7 +44,8 @@ using FurtherItems = std::map<int64_t, std::vector<FurtherItem>>;
 absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std::string& config);
 
 // The seeds that a rejudge plays, by index.
-absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader, const RejudgeRow& rejudge);
+absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
+                                                     const RejudgeRow& rejudge);
 
 // What is known of one of the first places.
 struct TestedPlace {
@@ -81,7 +82,8 @@ class KeptStatistics {
  public:
   // Those of `board`, which is the one that `asked` asks for. UnavailableError with the code
   // "busy": too many requests wait already. DeadlineExceededError: the request's time is over.
-  absl::StatusOr<std::shared_ptr<const BoardStatistics>> Of(const Transaction& reader, const BoardQuery& asked,
+  absl::StatusOr<std::shared_ptr<const BoardStatistics>> Of(const Transaction& reader,
+                                                            const BoardQuery& asked,
                                                             const Leaderboard& board,
                                                             const scoring::GroupRules& rules);
 

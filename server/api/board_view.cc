@@ -230,9 +230,9 @@ int64_t UndecidedRows(const Json& groups) {
 }
 
 // "statistics", "criteria", "rows", "groups" and "undecided" of the answer.
-Json StatisticsAnswer(const Transaction& reader, const Track& track, const scoring::BoardRules& rules,
-                      const Leaderboard& board, const BoardStatistics& statistics,
-                      const scoring::StatisticsConfig& config) {
+Json StatisticsAnswer(const Transaction& reader, const Track& track,
+                      const scoring::BoardRules& rules, const Leaderboard& board,
+                      const BoardStatistics& statistics, const scoring::StatisticsConfig& config) {
   std::map<size_t, size_t> place_of;  // among the tested, by row
   for (size_t i = 0; i < statistics.places.size(); ++i) place_of[statistics.places[i].row] = i;
   const BoardStatistics untested;

@@ -66,8 +66,8 @@ absl::Status SendFeed(const ApiContext& context, const Answers& answers, const R
       if (!found.ok()) return found.status();
       ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
     }
-    const Json last = TimeToJson(
-        reader.Board().ChangedAt(asked.track->config.hash, asked.track->config.phase, asked.moment()));
+    const Json last = TimeToJson(reader.Board().ChangedAt(
+        asked.track->config.hash, asked.track->config.phase, asked.moment()));
     const std::string changed = last.is_null() ? "1970-01-01T00:00:00.000Z"  // an empty board
                                                : last.get<std::string>();
     SendFresh(FeedOf(board, changed, ended), "application/atom+xml", response);
@@ -75,17 +75,18 @@ absl::Status SendFeed(const ApiContext& context, const Answers& answers, const R
   });
 }
 
-ApiResult ExplainPlaces(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult ExplainPlaces(const ApiContext& context, const Transaction& reader,
+                        const Request& request) {
   ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context, {"a", "b"}));
   for (const char* key : {"a", "b"}) {
     if (request.HasParam(key)) continue;
     return MissingParameter(key, "the number of a submission, or the name of a team");
   }
   ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
-  ASSIGN_OR_RETURN(
-      const auto explanation,
-      ExplainOrder(source.standings, source.marks, board.rules->rules, board.track->scoring.team,
-                   reader.teams.NameOf(request.Param("a")), reader.teams.NameOf(request.Param("b"))));
+  ASSIGN_OR_RETURN(const auto explanation,
+                   ExplainOrder(source.standings, source.marks, board.rules->rules,
+                                board.track->scoring.team, reader.teams.NameOf(request.Param("a")),
+                                reader.teams.NameOf(request.Param("b"))));
   return ApiAnswer{.body = {{"track", board.track->config.id},
                             {"profile", board.track->config.profile},
                             {"phase", TextOrNull(board.track->config.phase)},

@@ -20,7 +20,7 @@ bool CallerIsOrganiser();
 bool CallerMay(Action action);
 
 // Whether the caller may take the request's action for a team, given by today's name
-// (Reader::TeamOf). If not, the status is `missing`: what the answer would be if there were nothing
+// (Teams::NameOf). If not, the status is `missing`: what the answer would be if there were nothing
 // of the kind.
 absl::Status Require(const std::string& team, const absl::Status& missing);
 // The same for the team of a submission or an evaluation. NotFoundError for those of other teams as

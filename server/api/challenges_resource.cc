@@ -118,7 +118,8 @@ Json FormerPhases(const std::map<std::string, PhaseUse>& uses, const Phases& pha
   return former;
 }
 
-ApiResult ListChallenges(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
+                         const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   const Events events = reader.Board().PhaseEvents(std::nullopt);
   ASSIGN_OR_RETURN(std::vector<PhaseUse> listed, reader.phases.InUse());
@@ -164,7 +165,8 @@ absl::Status CheckAct(const PhaseConfig& phase, const std::string& event, absl::
 }
 
 // Whether the team of a submission may choose it now.
-absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row, const ApiContext& context) {
+absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row,
+                         const ApiContext& context) {
   ASSIGN_OR_RETURN(TrackPtr track, StoredTrack(reader, row.config));
   if (track->scoring.team != scoring::TeamRule::kChosen) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -208,9 +210,10 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
                    context.engine.Change<bool>(add, context.config.http.request));
   Json state;
   if (config != nullptr) {
-    ASSIGN_OR_RETURN(const Events events, context.readers.Read<Events>([&](const Transaction& reader) {
-      return reader.Board().PhaseEvents(phase);
-    }));
+    ASSIGN_OR_RETURN(const Events events,
+                     context.readers.Read<Events>([&](const Transaction& reader) {
+                       return reader.Board().PhaseEvents(phase);
+                     }));
     state = PhaseStateName(StatusOfPhase(*config, events, context.clock.Now()).state);
   }
   NoteAct(phase.empty() ? "all submissions" : absl::StrCat("phase ", phase), event);
@@ -225,15 +228,17 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
 ApiResult ChooseSubmission(const ApiContext& context, const Request& request, const Json& body) {
   RETURN_IF_ERROR(ParseNothing(body));
   const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(
-      const SubmissionRow row,
-      context.readers.Read<SubmissionRow>([&](const Transaction& reader) -> absl::StatusOr<SubmissionRow> {
-        RETURN_IF_ERROR(RequireSubmission(reader, id));
-        ASSIGN_OR_RETURN(SubmissionRow found, reader.submissions.Find(id));
-        RETURN_IF_ERROR(CheckChoice(reader, found, context));
-        return found;
-      }));
-  const auto choose = [id, who = CallerKey()](Transaction& writer) { return writer.journal.Choose(id, who); };
+  ASSIGN_OR_RETURN(const SubmissionRow row,
+                   context.readers.Read<SubmissionRow>(
+                       [&](const Transaction& reader) -> absl::StatusOr<SubmissionRow> {
+                         RETURN_IF_ERROR(RequireSubmission(reader, id));
+                         ASSIGN_OR_RETURN(SubmissionRow found, reader.submissions.Find(id));
+                         RETURN_IF_ERROR(CheckChoice(reader, found, context));
+                         return found;
+                       }));
+  const auto choose = [id, who = CallerKey()](Transaction& writer) {
+    return writer.journal.Choose(id, who);
+  };
   ASSIGN_OR_RETURN(const bool changed,
                    context.engine.Change<bool>(choose, context.config.http.request));
   return ApiAnswer{200,

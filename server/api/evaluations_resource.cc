@@ -81,15 +81,16 @@ absl::StatusOr<Json> ComparisonOf(const Transaction& reader, const EvaluationRow
                                   const std::vector<EpisodeRow>& rows,
                                   const std::string& seed_salt) {
   if (evaluation.kind != EvaluationKind::kRerun) return Json();
-  ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(evaluation.submission));
+  ASSIGN_OR_RETURN(const EvaluationRow original,
+                   reader.evaluations.Original(evaluation.submission));
   ASSIGN_OR_RETURN(const std::vector<EpisodeRow> its, reader.episodes.Of(original.id));
   // A re-run has the config of its original.
   RETURN_IF_ERROR(CheckResults(reader, original, its, seed_salt));
   return CompareRows(original.id, its, evaluation, rows);
 }
 
-absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContext& context, int64_t id,
-                                      const EpisodeSelection& selection) {
+absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContext& context,
+                                      int64_t id, const EpisodeSelection& selection) {
   ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.evaluations.Find(id));
   ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(evaluation.submission));
   ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, submission)));
@@ -158,8 +159,8 @@ absl::Status CheckFurtherLook(const Transaction& reader, const ApiContext& conte
 }
 
 // What is to be played again, all of which can be read.
-absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& context, int64_t submission,
-                                   const RerunRequest& wanted) {
+absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& context,
+                                   int64_t submission, const RerunRequest& wanted) {
   RETURN_IF_ERROR(reader.submissions.Find(submission).status());
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Original(submission));
   // What can't be played must not be there afterwards.
@@ -204,7 +205,8 @@ ApiResult GetResult(const ApiContext& context, const Transaction& reader, const 
   return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult GetEvaluation(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult GetEvaluation(const ApiContext& context, const Transaction& reader,
+                        const Request& request) {
   ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
   RETURN_IF_ERROR(RequireEvaluation(reader, IdOf(request)));
   ASSIGN_OR_RETURN(Json body, EvaluationToJson(reader, context, IdOf(request), selection));
@@ -213,8 +215,9 @@ ApiResult GetEvaluation(const ApiContext& context, const Transaction& reader, co
 
 ApiResult RerunAnswer(const ApiContext& context, const Accepted& accepted) {
   ASSIGN_OR_RETURN(const EvaluationRow evaluation,
-                   context.readers.Read<EvaluationRow>(
-                       [&](const Transaction& reader) { return reader.evaluations.Find(accepted.evaluation); }));
+                   context.readers.Read<EvaluationRow>([&](const Transaction& reader) {
+                     return reader.evaluations.Find(accepted.evaluation);
+                   }));
   return ApiAnswer{accepted.is_new() ? 201 : 200,
                    {{"evaluation", accepted.evaluation},
                     {"submission", accepted.submission},
@@ -232,11 +235,11 @@ ApiResult RerunSubmission(const ApiContext& context, const Request& request, con
                    FindEarlier(context.readers, CallerKey(), key));
   if (earlier.has_value()) return RerunAnswer(context, *earlier);
   const int64_t submission = IdOf(request);
-  ASSIGN_OR_RETURN(NewRerun rerun,
-                   context.readers.Read<NewRerun>([&](const Transaction& reader) -> absl::StatusOr<NewRerun> {
-                     RETURN_IF_ERROR(RequireSubmission(reader, submission));
-                     return MakeRerun(reader, context, submission, wanted);
-                   }));
+  ASSIGN_OR_RETURN(NewRerun rerun, context.readers.Read<NewRerun>(
+                                       [&](const Transaction& reader) -> absl::StatusOr<NewRerun> {
+                                         RETURN_IF_ERROR(RequireSubmission(reader, submission));
+                                         return MakeRerun(reader, context, submission, wanted);
+                                       }));
   rerun.request_key = key;
   ASSIGN_OR_RETURN(const Accepted accepted,
                    context.engine.Rerun(rerun, CallerKey(), CallerIsOrganiser(),

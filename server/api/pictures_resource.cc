@@ -43,7 +43,8 @@ absl::Status RequireLog(const Transaction& reader, const std::string& hash) {
 }
 
 // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
-absl::Status CheckLogShown(const Transaction& reader, const ApiContext& context, const std::string& hash) {
+absl::Status CheckLogShown(const Transaction& reader, const ApiContext& context,
+                           const std::string& hash) {
   for (const std::string& phase : reader.episodes.PhasesOfLog(hash)) {
     ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, phase));
     if (SeesLogs(sight)) continue;

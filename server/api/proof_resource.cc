@@ -23,8 +23,8 @@
 #include "server/proof/record_head.h"
 #include "server/proof/seed_list.h"
 #include "server/store/damage.h"
-#include "server/store/quota.h"
 #include "server/store/journal.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
@@ -61,8 +61,8 @@ absl::Status HideSeeds(const Transaction& reader, const TrackConfig& config, Jso
 
 // The proof is that of the record as its entry left it, so that a receipt stays the same for ever.
 // Practice and re-runs have no entry.
-absl::Status AddRecord(const Transaction& reader, RecordLog& record, const EvaluationRow& evaluation,
-                       Json& receipt) {
+absl::Status AddRecord(const Transaction& reader, RecordLog& record,
+                       const EvaluationRow& evaluation, Json& receipt) {
   const absl::StatusOr<RecordRow> entry = reader.journal.GradedEntry(evaluation.id);
   const absl::StatusOr<EntryProof> proof =
       entry.ok() ? record.Prove(reader, entry->index, entry->index + 1)
@@ -78,8 +78,8 @@ absl::Status AddRecord(const Transaction& reader, RecordLog& record, const Evalu
 // (server/proof/receipt.h); in format 2 if its config hides its seeds, whether or not they have
 // been revealed. `record` proves where the public record has it. FailedPreconditionError before it
 // is done or failed.
-absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record, const SubmissionRow& submission,
-                               const EvaluationRow& evaluation) {
+absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record,
+                               const SubmissionRow& submission, const EvaluationRow& evaluation) {
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::FailedPreconditionError(absl::StrCat(
         "submission ", submission.id, " is ", std::string(EvaluationStateName(evaluation.state)),
@@ -165,7 +165,8 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, const Tran
 }
 
 // Until a rejudge is applied, only organisers know of its results.
-absl::Status CheckRejudgeShown(const Transaction& reader, const EvaluationRow& evaluation, bool everybody) {
+absl::Status CheckRejudgeShown(const Transaction& reader, const EvaluationRow& evaluation,
+                               bool everybody) {
   const RejudgeSight rejudge = reader.Board().SightOf(evaluation.rejudge);
   if (rejudge.rejudge == 0) return absl::OkStatus();
   if (!CallerSees(rejudge)) {
@@ -288,7 +289,8 @@ ApiResult ListRecord(const ApiContext&, const Transaction& reader, const Request
                    .next = more ? NextPage(request, next) : ""};
 }
 
-ApiResult GetRecordHead(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult GetRecordHead(const ApiContext& context, const Transaction& reader,
+                        const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   ASSIGN_OR_RETURN(const RecordHead head, context.record.Head(reader));
   ASSIGN_OR_RETURN(const std::shared_ptr<const SigningKey> key, context.receipts_key.Get());
@@ -306,7 +308,8 @@ ApiResult ProveEntry(const ApiContext& context, const Transaction& reader, const
   return ApiAnswer{.body = EntryProofToJson(proof), .tagged = true};
 }
 
-ApiResult CompareRecords(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult CompareRecords(const ApiContext& context, const Transaction& reader,
+                         const Request& request) {
   int64_t to = 0;
   RETURN_IF_ERROR(CheckParameters(request, {"from", "to"}));
   RETURN_IF_ERROR(ReadNumber(request, "to", kMaxIndex, to, /*min=*/0));

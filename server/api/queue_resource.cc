@@ -51,7 +51,8 @@ absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, const Transaction
   return Waiting{std::move(row), *std::move(evaluation)};
 }
 
-absl::StatusOr<Json> EntryOf(const Waiting& waiting, const Transaction& reader, const ApiContext& context) {
+absl::StatusOr<Json> EntryOf(const Waiting& waiting, const Transaction& reader,
+                             const ApiContext& context) {
   ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, waiting.row.phase));
   const EpisodeCounts counts = reader.episodes.Counts(waiting.evaluation.id, !sight.progress);
   Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
@@ -147,8 +148,9 @@ class Queue {
 };
 
 absl::StatusOr<Queue::Snapshot> Queue::Make() const {
-  ASSIGN_OR_RETURN(Json view, context_.readers.Read<Json>(
-                                  [&](const Transaction& reader) { return QueueView(reader, context_); }));
+  ASSIGN_OR_RETURN(Json view, context_.readers.Read<Json>([&](const Transaction& reader) {
+    return QueueView(reader, context_);
+  }));
   std::string text = CanonicalJson(view);
   return Snapshot{std::move(text), StableText(std::move(view)), context_.clock.Monotonic()};
 }

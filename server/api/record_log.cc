@@ -65,7 +65,8 @@ absl::StatusOr<RecordHead> RecordLog::Head(const Transaction& reader) {
   return head;
 }
 
-absl::StatusOr<EntryProof> RecordLog::Prove(const Transaction& reader, int64_t entry, int64_t size) {
+absl::StatusOr<EntryProof> RecordLog::Prove(const Transaction& reader, int64_t entry,
+                                            int64_t size) {
   const int64_t whole = reader.journal.RecordSize();
   if (size == 0) size = whole;
   if (entry < 0 || entry >= whole) return OutOfRange("entry", entry, 0, whole - 1);

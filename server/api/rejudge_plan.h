@@ -51,8 +51,8 @@ absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiConte
 // The JSON pointers at which two effective configs differ, sorted.
 std::vector<std::string> DifferingKeys(const nlohmann::json& from, const nlohmann::json& to);
 
-// Signs the document of the act that the store is about to write, with the key of receipts. An error if
-// there is no key.
+// Signs the document of the act that the store is about to write, with the key of receipts. An
+// error if there is no key.
 absl::StatusOr<SignDocument> RejudgeSigner(const ApiContext& context);
 
 }  // namespace myograde::server

@@ -239,20 +239,21 @@ ApiResult GetRejudge(const ApiContext&, const Transaction& reader, const Request
 
 // The rejudge as it is now, with `more` keys.
 ApiResult ShowRejudge(const ApiContext& context, int64_t id, int http, Json more) {
-  ASSIGN_OR_RETURN(Json body,
-                   context.readers.Read<Json>([&](const Transaction& reader) -> absl::StatusOr<Json> {
-                     ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
-                     return WholeRejudgeToJson(reader, row);
-                   }));
+  ASSIGN_OR_RETURN(
+      Json body, context.readers.Read<Json>([&](const Transaction& reader) -> absl::StatusOr<Json> {
+        ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
+        return WholeRejudgeToJson(reader, row);
+      }));
   body.update(more);
   return ApiAnswer{http, std::move(body)};
 }
 
 ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& body) {
   ASSIGN_OR_RETURN(const RejudgeRequest asked, ParseRejudge(body));
-  ASSIGN_OR_RETURN(const NewRejudge rejudge, context.readers.Read<NewRejudge>([&](const Transaction& reader) {
-    return MakeRejudge(reader, context, asked);
-  }));
+  ASSIGN_OR_RETURN(const NewRejudge rejudge,
+                   context.readers.Read<NewRejudge>([&](const Transaction& reader) {
+                     return MakeRejudge(reader, context, asked);
+                   }));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   ASSIGN_OR_RETURN(
       const CreatedRejudge created,
@@ -264,12 +265,13 @@ ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& b
 
 // The hash of the config in force on its board.
 absl::StatusOr<std::string> ConfigInForce(const ApiContext& context, int64_t id) {
-  return context.readers.Read<std::string>([&](const Transaction& reader) -> absl::StatusOr<std::string> {
-    ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
-    ASSIGN_OR_RETURN(const TrackPtr live,
-                     TrackInForce(reader, context, row.phase, row.track, row.profile));
-    return live->config.hash;
-  });
+  return context.readers.Read<std::string>(
+      [&](const Transaction& reader) -> absl::StatusOr<std::string> {
+        ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
+        ASSIGN_OR_RETURN(const TrackPtr live,
+                         TrackInForce(reader, context, row.phase, row.track, row.profile));
+        return live->config.hash;
+      });
 }
 
 // Has the daemon play and show the board's new config once an act is written.

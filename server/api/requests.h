@@ -53,7 +53,7 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
 absl::StatusOr<RequestKey> ReadRequestKey(const Request& request, const nlohmann::json& body);
 
 // Whether there can be a team of this name; what a new one may be called is stricter
-// and the store's to say (Reader::CheckTeam), as teams of long ago keep their names.
+// and the store's to say (Teams::Check), as teams of long ago keep their names.
 absl::Status CheckTeam(const std::string& team);
 
 // Whole numbers of a query; a missing parameter leaves `value` as it is.

@@ -18,7 +18,8 @@ auto Bind(const ApiContext& context, Result (*handler)(const ApiContext&, Argume
 }
 // The same for one that answers from one state of the store.
 inline Routes::Handler Bind(const ApiContext& context,
-                            ApiResult (*handler)(const ApiContext&, const Transaction&, const Request&)) {
+                            ApiResult (*handler)(const ApiContext&, const Transaction&,
+                                                 const Request&)) {
   return [&context, handler](const Request& request) {
     return context.readers.Read<ApiAnswer>(
         [&](const Transaction& reader) { return handler(context, reader, request); });

@@ -35,7 +35,8 @@ std::vector<uint64_t> FurtherSeeds(const std::string& secret, const std::string&
 }
 
 // The further seeds of a phase from the first to the last that was played, or will be.
-absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& reader, const std::string& phase,
+absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& reader,
+                                                         const std::string& phase,
                                                          const std::string& secret) {
   std::set<uint64_t> played;
   size_t own = 0;
@@ -107,9 +108,10 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(const Transaction& reader, const ApiCo
 ApiResult RevealSeeds(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const std::string phase = request.matches[1];
-  ASSIGN_OR_RETURN(const HiddenSeeds hidden, context.readers.Read<HiddenSeeds>([&](const Transaction& reader) {
-    return SeedsToReveal(reader, context, phase);
-  }));
+  ASSIGN_OR_RETURN(const HiddenSeeds hidden,
+                   context.readers.Read<HiddenSeeds>([&](const Transaction& reader) {
+                     return SeedsToReveal(reader, context, phase);
+                   }));
   const auto reveal = [phase, reason, who = CallerKey()](Transaction& writer) {
     return writer.phases.AddEvent(phase, kRevealedEvent, who, reason);
   };
@@ -171,8 +173,8 @@ std::vector<int64_t> UndecidedOf(const Leaderboard& board, const BoardStatistics
   return undecided;
 }
 
-absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader, const ApiContext& context,
-                                                const Track& track,
+absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader,
+                                                const ApiContext& context, const Track& track,
                                                 const MoreSeedsRequest& request) {
   ASSIGN_OR_RETURN(const Leaderboard board, BoardUnder(reader, track, request.board, {}));
   std::vector<int64_t> chosen;
@@ -292,8 +294,8 @@ Json CreatedToJson(const CreatedRejudge& created, const NewRejudge& asked) {
 // The secret of a phase. One whose own seeds are public gets one for its further seeds.
 absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::string& phase) {
   bool hidden = false;
-  absl::StatusOr<std::string> secret =
-      context.readers.Read<std::string>([&](const Transaction& reader) -> absl::StatusOr<std::string> {
+  absl::StatusOr<std::string> secret = context.readers.Read<std::string>(
+      [&](const Transaction& reader) -> absl::StatusOr<std::string> {
         ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, phase, "", ""));
         hidden = !track->config.seed_salt.empty();
         return reader.phases.Secret(phase);
@@ -305,7 +307,8 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
         "\", as exports do not hold it; further seeds follow from it where it was held"));
   }
   return context.engine.Change<std::string>(
-      [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); }, context.config.http.request);
+      [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); },
+      context.config.http.request);
 }
 
 ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const Json& body) {

@@ -135,9 +135,12 @@ ApiResult UploadArtefact(const ApiContext& context, const Request& request) {
                     {"new", received->is_new}}};
 }
 
-absl::StatusOr<Json> HistoryToJson(const Transaction& reader, int64_t submission, int64_t evaluation) {
-  ASSIGN_OR_RETURN(std::vector<TransitionRow> rows, reader.evaluations.Transitions("submission", submission));
-  ASSIGN_OR_RETURN(std::vector<TransitionRow> more, reader.evaluations.Transitions("evaluation", evaluation));
+absl::StatusOr<Json> HistoryToJson(const Transaction& reader, int64_t submission,
+                                   int64_t evaluation) {
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> rows,
+                   reader.evaluations.Transitions("submission", submission));
+  ASSIGN_OR_RETURN(std::vector<TransitionRow> more,
+                   reader.evaluations.Transitions("evaluation", evaluation));
   rows.insert(rows.end(), more.begin(), more.end());
   Json history = Json::array();
   for (const TransitionRow& row : rows) {
@@ -201,7 +204,8 @@ Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
 }
 
 // The answer to GET /v1/submissions/ID. NotFoundError: there is no such submission.
-absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContext& context, int64_t id) {
+absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContext& context,
+                                      int64_t id) {
   ASSIGN_OR_RETURN(SubmissionRow row, reader.submissions.Find(id));
   ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations, reader.evaluations.Of(id));
   const EvaluationRow& original = evaluations.front();
@@ -251,7 +255,8 @@ absl::StatusOr<Json> ListedToJson(const Transaction& reader, const ApiContext& c
   return json;
 }
 
-ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader,
+                          const Request& request) {
   ASSIGN_OR_RETURN(SubmissionFilter filter, ParseFilter(request));
   if (!CallerIsOrganiser()) filter.teams = Caller().teams;
   filter.team = reader.teams.NameOf(filter.team);
@@ -279,7 +284,8 @@ ApiResult StatusAnswer(const ApiContext& context, int64_t submission) {
   return ApiAnswer{200, std::move(body)};
 }
 
-ApiResult GetSubmission(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult GetSubmission(const ApiContext& context, const Transaction& reader,
+                        const Request& request) {
   RETURN_IF_ERROR(RequireSubmission(reader, IdOf(request)));
   ASSIGN_OR_RETURN(Json body, SubmissionStatus(reader, context, IdOf(request)));
   return ApiAnswer{200, std::move(body)};
@@ -306,14 +312,15 @@ ApiResult CreateSubmission(const ApiContext& context, const Request& request, co
 ApiResult CancelSubmission(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseCancel(body));
   const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(
-      const Visibility sight,
-      context.readers.Read<Visibility>([&](const Transaction& reader) -> absl::StatusOr<Visibility> {
-        RETURN_IF_ERROR(RequireSubmission(reader, id));
-        ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(id));
-        // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
-        return SightOfPhase(reader, context, row.phase);
-      }));
+  ASSIGN_OR_RETURN(const Visibility sight,
+                   context.readers.Read<Visibility>(
+                       [&](const Transaction& reader) -> absl::StatusOr<Visibility> {
+                         RETURN_IF_ERROR(RequireSubmission(reader, id));
+                         ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(id));
+                         // Practice is of no phase, and organisers see all: neither is charged for
+                         // a cancel as such.
+                         return SightOfPhase(reader, context, row.phase);
+                       }));
   ASSIGN_OR_RETURN(
       const CancelReport report,
       context.engine.Cancel({.submission = id,
@@ -324,9 +331,9 @@ ApiResult CancelSubmission(const ApiContext& context, const Request& request, co
                             context.config.http.request));
   NoteAct(absl::StrCat("submission ", id), reason);
   ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(context, id));
-  ASSIGN_OR_RETURN(
-      const std::string charged,
-      context.readers.Read<std::string>([&](const Transaction& reader) { return reader.quotas.ChargedBudget(id); }));
+  ASSIGN_OR_RETURN(const std::string charged,
+                   context.readers.Read<std::string>(
+                       [&](const Transaction& reader) { return reader.quotas.ChargedBudget(id); }));
   answer.body["cancel"] = {{"killed", report.killed},
                            {"still_ending", report.still_ending},
                            {"took_wall_s", absl::ToDoubleSeconds(report.took)},
@@ -338,8 +345,8 @@ ApiResult MarkSubmission(const ApiContext& context, const Request& request, cons
   ASSIGN_OR_RETURN(MarkRequest wanted, ParseMark(body));
   const int64_t id = IdOf(request);
   // What can't be answered is not done.
-  RETURN_IF_ERROR(
-      context.readers.Read([&](const Transaction& reader) { return reader.submissions.Find(id).status(); }));
+  RETURN_IF_ERROR(context.readers.Read(
+      [&](const Transaction& reader) { return reader.submissions.Find(id).status(); }));
   const auto mark = [id, who = CallerKey(), wanted](Transaction& writer) {
     return writer.journal.Mark(id, wanted.mark, wanted.set, who, wanted.reason);
   };
@@ -348,10 +355,11 @@ ApiResult MarkSubmission(const ApiContext& context, const Request& request, cons
   ApiAnswer answer;
   RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(id));
-    answer.body = {{"submission", id},          {"team", submission.team},
-                   {"track", submission.track}, {"profile", submission.profile},
-                   {"mark", wanted.mark},       {"set", wanted.set},
-                   {"changed", changed},        {"marks", MarksToJson(reader.Board().MarkHistory(id))}};
+    answer.body = {
+        {"submission", id},          {"team", submission.team},
+        {"track", submission.track}, {"profile", submission.profile},
+        {"mark", wanted.mark},       {"set", wanted.set},
+        {"changed", changed},        {"marks", MarksToJson(reader.Board().MarkHistory(id))}};
     return absl::OkStatus();
   }));
   NoteAct(absl::StrCat("submission ", id),

@@ -152,8 +152,8 @@ ApiResult ChangeTeam(const ApiContext& context, const std::string& team,
   const absl::StatusOr<bool> changed =
       context.engine.ChangeTeams(std::move(change), context.config.http.request);
   if (!changed.ok()) return TeamErrorOf(changed.status(), team);
-  absl::StatusOr<Json> body =
-      context.readers.Read<Json>([&](const Transaction& reader) { return WholeTeam(reader, team); });
+  absl::StatusOr<Json> body = context.readers.Read<Json>(
+      [&](const Transaction& reader) { return WholeTeam(reader, team); });
   if (!body.ok()) return TeamErrorOf(body.status(), team);
   (*body)["changed"] = *changed;
   return ApiAnswer{http, *std::move(body)};
@@ -293,8 +293,8 @@ Json LedgerToJson(const LedgerRow& row) {
           {"why", row.why}};
 }
 
-absl::Status AddLedger(const Transaction& reader, const ApiContext& context, const Listed<LedgerRow>& ledger,
-                       Json& body) {
+absl::Status AddLedger(const Transaction& reader, const ApiContext& context,
+                       const Listed<LedgerRow>& ledger, Json& body) {
   body["ledger"] = Json::array();
   for (const LedgerRow& row : ledger.rows) {
     ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
@@ -363,9 +363,10 @@ ApiResult GetQuota(const ApiContext& context, const Transaction& reader, const R
 ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body) {
   ASSIGN_OR_RETURN(NewGrant grant, ParseGrant(body));
   RETURN_IF_ERROR(CheckPlace(grant, context));
-  absl::Status status = context.engine.Change(
-      [row = grant, who = CallerKey()](Transaction& writer) { return writer.quotas.Grant(row, who); },
-      context.config.http.request);
+  absl::Status status =
+      context.engine.Change([row = grant, who = CallerKey()](
+                                Transaction& writer) { return writer.quotas.Grant(row, who); },
+                            context.config.http.request);
   ApiAnswer answer{201};
   if (status.ok()) {
     status = context.readers.Read([&](const Transaction& reader) {

@@ -39,7 +39,8 @@ Json WebhookToJson(const Webhook& webhook, const DeliveryCounts& counts) {
           {"oldest_waiting_at", TimeToJson(counts.oldest_waiting_at)}};
 }
 
-ApiResult ListWebhooks(const ApiContext& context, const Transaction& reader, const Request& request) {
+ApiResult ListWebhooks(const ApiContext& context, const Transaction& reader,
+                       const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   std::map<std::string, DeliveryCounts> counts;

@@ -1,34 +1,38 @@
-// The acts that the journal holds (server/store/journal.h), and what they tell of each thing that they
-// are about. An act is a JSON object; its public keys are an entry of the public record, which anybody
-// may check afterwards:
+// The acts that the journal holds (server/store/journal.h), and what they tell of each thing that
+// they are about. An act is a JSON object; its public keys are an entry of the public record, which
+// anybody may check afterwards:
 //
 //   {"at": "2026-11-22T19:20:38.000Z", "kind": "accepted", ...}
 //
-//   accepted   a ranked submission: "submission", "evaluation", "team", "team_id", "track", "profile",
-//              "phase", "config", and "artefact", which commits to the artefact's hash without telling
-//              it (ArtefactCommitment)
-//   graded     how a ranked evaluation ended: "submission", "evaluation", "rejudge" and "repetition"
+//   accepted   a ranked submission: "submission", "evaluation", "team", "team_id", "track",
+//   "profile",
+//              "phase", "config", and "artefact", which commits to the artefact's hash without
+//              telling it (ArtefactCommitment)
+//   graded     how a ranked evaluation ended: "submission", "evaluation", "rejudge" and
+//   "repetition"
 //              (null: it is the original), "state", "results", "config", "seeds" and "grader". The
-//              state is "graded" for done and for failed ones, as that is a result, which boards may
-//              withhold; else "cancelled" or "grader_error", and "results" is null. "results" is the
-//              hash of all episodes' results, "grader" that of the build
+//              state is "graded" for done and for failed ones, as that is a result, which boards
+//              may withhold; else "cancelled" or "grader_error", and "results" is null. "results"
+//              is the hash of all episodes' results, "grader" that of the build
 //   marked     "submission", "mark", "set", and "reason", if the board tells it
 //   chosen     "submission"
 //   team       "event", "team_id", "team" (its name afterwards), "into" (the id of the team that it
 //              was merged into)
-//   commitment "phase" and "commitment": to the secret that its seeds and their salt follow from; with
+//   commitment "phase" and "commitment": to the secret that its seeds and their salt follow from;
+//   with
 //              "further": true, only the seeds of its further episodes do
 //   phase      "event" ("paused", "resumed", "published", "revealed"), "phase" (null: all
 //              submissions), and "secret" when it is revealed
 //   config     the config that a board has from now on: "phase", "track", "profile", "config",
 //              "rejudge"
-//   rejudge    "event", "rejudge", "document_sha256", "signature", and the document itself once it is
+//   rejudge    "event", "rejudge", "document_sha256", "signature", and the document itself once it
+//   is
 //              applied
 //   key        the key that signs receipts and heads from now on: "key" (PEM)
 //
-// No entry has a score, a seed, or anything of an artefact. Private keys: "failed" of graded; "why" of
-// marked, team and phase; "detail" of team (the name before, or the team that it was merged into);
-// "document" of rejudge.
+// No entry has a score, a seed, or anything of an artefact. Private keys: "failed" of graded; "why"
+// of marked, team and phase; "detail" of team (the name before, or the team that it was merged
+// into); "document" of rejudge.
 #pragma once
 
 #include <cstdint>
@@ -63,7 +67,8 @@ struct Act {
   nlohmann::json content;  // public and private keys
 };
 
-// The act that an entry of a public record tells. InvalidArgumentError if it has no kind or no time.
+// The act that an entry of a public record tells. InvalidArgumentError if it has no kind or no
+// time.
 absl::StatusOr<Act> ActOfEntry(int64_t index, nlohmann::json entry);
 
 // "2026-11-22T19:20:38.000Z".
@@ -72,8 +77,8 @@ std::string TimeText(int64_t ms);
 // What an entry has of an artefact: SHA-256 over "myograde artefact/SUBMISSION/HASH".
 std::string ArtefactCommitment(int64_t submission, const std::string& artefact);
 
-// The board of a phase or, if `phase` is "", of a track's profile. (The boards of scoring, "main" and
-// others, are different orders of the same entries.)
+// The board of a phase or, if `phase` is "", of a track's profile. (The boards of scoring, "main"
+// and others, are different orders of the same entries.)
 struct BoardName {
   std::string phase;
   std::string track;
@@ -129,8 +134,8 @@ struct TeamEventRow {
   std::string why;
 };
 
-// An act on a phase of a challenge. The newest pause or resumption of a phase is in force; the others
-// are never taken back.
+// An act on a phase of a challenge. The newest pause or resumption of a phase is in force; the
+// others are never taken back.
 inline constexpr char kPausedEvent[] = "paused";
 inline constexpr char kResumedEvent[] = "resumed";
 inline constexpr char kPublishedEvent[] = "published";
@@ -199,7 +204,9 @@ struct RejudgeRow {
 
   BoardName board() const { return {phase, track, profile}; }
   // The newest event; kCreated if none is known.
-  RejudgeEvent last() const { return events.empty() ? RejudgeEvent::kCreated : events.back().event; }
+  RejudgeEvent last() const {
+    return events.empty() ? RejudgeEvent::kCreated : events.back().event;
+  }
 };
 
 // What every document and answer about a rejudge tells of it: purpose, board, configs and method.

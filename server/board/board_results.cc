@@ -256,7 +256,8 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board,
       if (submission.board != board || !result->graded || result->failed) return;
       if (!counted.insert(submission.id).second) return;
       teams.insert(TeamInForce(submission.team));
-      other.first_at = counted.size() == 1 ? submission.at : std::min(other.first_at, submission.at);
+      other.first_at =
+          counted.size() == 1 ? submission.at : std::min(other.first_at, submission.at);
       other.last_at = std::max(other.last_at, submission.at);
     };
     for (const BoardResult* result : Originals(hash, moment.results_before_ms())) count(result);

@@ -13,8 +13,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-// The functions below throw Json::exception where an act lacks what its kind has; Add turns that into
-// its sentence.
+// The functions below throw Json::exception where an act lacks what its kind has; Add turns that
+// into its sentence.
 int64_t NumberAt(const Json& content, const char* key) { return content.at(key).get<int64_t>(); }
 std::string TextAt(const Json& content, const char* key) {
   return content.at(key).get<std::string>();
@@ -108,7 +108,8 @@ absl::Status BoardState::AddAccepted(const Act& act) {
                                 .config = TextAt(act.content, "config"),
                                 .artefact = TextAt(act.content, "artefact")};
   if (!teams_.contains(submission.team)) {
-    return Wrong(act, "accepts submission ", submission.id, " of a team that no entry before it names");
+    return Wrong(act, "accepts submission ", submission.id,
+                 " of a team that no entry before it names");
   }
   const int64_t id = submission.id;
   if (!submissions_.emplace(id, std::move(submission)).second) {
@@ -200,7 +201,8 @@ void BoardState::AddConfig(const Act& act) {
                         .rejudge = NumberOrZero(act.content, "rejudge"),
                         .who = act.who,
                         .from_config = ""};
-  if (const RejudgeRow* rejudge = Rejudge(config.rejudge)) config.from_config = rejudge->from_config;
+  if (const RejudgeRow* rejudge = Rejudge(config.rejudge))
+    config.from_config = rejudge->from_config;
   configs_[config.board].push_back(std::move(config));
 }
 

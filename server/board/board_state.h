@@ -1,9 +1,9 @@
-// What counts on which board: a fold of the acts of the journal, one at a time. The daemon folds its
-// journal once and applies each act as it is written (server/store/journal.h); whoever holds a public
-// record folds its entries. Both have the same boards. Pure.
+// What counts on which board: a fold of the acts of the journal, one at a time. The daemon folds
+// its journal once and applies each act as it is written (server/store/journal.h); whoever holds a
+// public record folds its entries. Both have the same boards. Pure.
 //
-// What happened has its time, so one state answers for every moment: a board at a time, a frozen one, or
-// one as it would be if a rejudge were applied.
+// What happened has its time, so one state answers for every moment: a board at a time, a frozen
+// one, or one as it would be if a rejudge were applied.
 #pragma once
 
 #include <cstdint>
@@ -84,8 +84,8 @@ struct RejudgeSight {
 
 class BoardState {
  public:
-  // Applies an act, in the journal's order. InvalidArgumentError says what is wrong with it; nothing
-  // of it is applied then.
+  // Applies an act, in the journal's order. InvalidArgumentError says what is wrong with it;
+  // nothing of it is applied then.
   absl::Status Add(const Act& act);
 
   // The id of the newest act, and of the newest that can touch a board; 0: none.
@@ -104,27 +104,27 @@ class BoardState {
   // --- what counts ---
 
   // By submission, the evaluation by which it stands under a config: its own, in whose place each
-  // applied rejudge to the config, the earliest first, puts the one that it ended with. One without a
-  // result takes the submission off the board. A banned team's are among them.
+  // applied rejudge to the config, the earliest first, puts the one that it ended with. One without
+  // a result takes the submission off the board. A banned team's are among them.
   std::map<int64_t, const BoardResult*> InForce(const std::string& config,
                                                     const BoardMoment& moment = {}) const;
   // Whether a freeze leaves out some of them.
   bool Withholds(const std::string& config, const BoardMoment& moment) const;
-  // The submissions that teams stand with where they choose: each team's newest choice of those that
-  // belong to the config's board. If that one has no result, the team is not on the board.
+  // The submissions that teams stand with where they choose: each team's newest choice of those
+  // that belong to the config's board. If that one has no result, the team is not on the board.
   std::set<int64_t> Chosen(const std::string& config, const BoardMoment& moment = {}) const;
   // Those that a rejudge which is neither applied nor dropped may have to play.
   std::set<int64_t> NeededByRejudges() const;
   Marks MarksAt(int64_t before_ms = INT64_MAX) const;
-  // When anything last happened that may have changed the board of a config, or 0: a result, a mark, a
-  // choice, a rejudge, an act on a team or the phase.
+  // When anything last happened that may have changed the board of a config, or 0: a result, a
+  // mark, a choice, a rejudge, an act on a team or the phase.
   int64_t ChangedAt(const std::string& config, const std::string& phase,
                     const BoardMoment& moment) const;
 
   // --- configs ---
 
-  // The config that a board had at a moment: its newest before it, else that of its latest submission
-  // before it, else of its first; "": it never had one.
+  // The config that a board had at a moment: its newest before it, else that of its latest
+  // submission before it, else of its first; "": it never had one.
   std::string ConfigAt(const BoardName& board, int64_t before_ms = INT64_MAX) const;
   // What the board was given, oldest first.
   const std::vector<BoardConfigRow>& ConfigsOf(const BoardName& board) const;
@@ -136,8 +136,8 @@ class BoardState {
   // The number of originals among them that no rejudge has brought to `config`.
   int64_t RankedElsewhere(const BoardName& board, const std::string& config,
                           const BoardMoment& moment) const;
-  // Hashes that begin with `prefix`, of configs that a board has or had, or has been rejudged to; also
-  // by rejudges that were never applied, if asked for.
+  // Hashes that begin with `prefix`, of configs that a board has or had, or has been rejudged to;
+  // also by rejudges that were never applied, if asked for.
   std::set<std::string> ConfigsLike(const std::string& prefix, bool of_open_rejudges) const;
 
   // --- teams, marks, phases, rejudges ---
@@ -149,7 +149,8 @@ class BoardState {
   std::vector<TeamEventRow> TeamEvents(int64_t team) const;
   // Oldest first.
   const std::vector<MarkRow>& MarkHistory(int64_t submission) const;
-  // What happened to a phase and to all submissions (phase ""), or with nullopt to any, oldest first.
+  // What happened to a phase and to all submissions (phase ""), or with nullopt to any, oldest
+  // first.
   std::vector<PhaseEventRow> PhaseEvents(const std::optional<std::string>& phase) const;
   // Of a phase, or ("") of all submissions.
   const PhaseHistory& Phase(const std::string& phase) const { return FindOrNone(phases_, phase); }

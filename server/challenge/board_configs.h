@@ -16,9 +16,10 @@
 namespace myograde::server {
 
 // Has the daemon play and show a config on its board from now on: the phase that the config names
-// or, if it names none, the track's profile. To be called once the journal has the act of it. Evaluations that were accepted before keep their config. A phase that no file describes any
-// more is played by nobody, and nothing is changed.
-// InvalidArgumentError if there is no such track or profile, or if it is of another environment.
+// or, if it names none, the track's profile. To be called once the journal has the act of it.
+// Evaluations that were accepted before keep their config. A phase that no file describes any more
+// is played by nobody, and nothing is changed. InvalidArgumentError if there is no such track or
+// profile, or if it is of another environment.
 absl::Status SwitchConfig(const TrackPtr& track, Tracks& tracks, Phases& phases);
 
 // The same for a config of the store.

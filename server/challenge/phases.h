@@ -93,9 +93,10 @@ struct PhaseStatus {
 PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRow> events,
                           absl::Time now);
 
-// Where a store contradicts challenges, one sentence for each phase with the file and what to do: its
-// seeds were revealed, and its times would let submissions in again; its secret can't be had
-// (Reader::CheckPhaseSecret); or it has public seeds, after a commitment to hidden ones. Errors of Reader::PhaseEvents.
+// Where a store contradicts challenges, one sentence for each phase with the file and what to do:
+// its seeds were revealed, and its times would let submissions in again; its secret can't be had
+// (PhaseActs::CheckSecret); or it has public seeds, after a commitment to hidden ones. Errors of
+// BoardState::PhaseEvents.
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
     std::span<const ChallengeConfig> challenges, const Transaction& reader, absl::Time now);
 

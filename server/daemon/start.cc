@@ -281,11 +281,13 @@ void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed) {
 
 absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
                          RecordLog& record) {
-  ASSIGN_OR_RETURN(const int64_t entries,
-                   readers.Read<int64_t>([](const Transaction& reader) { return reader.journal.RecordSize(); }));
+  ASSIGN_OR_RETURN(const int64_t entries, readers.Read<int64_t>([](const Transaction& reader) {
+    return reader.journal.RecordSize();
+  }));
   if (const auto key = receipts_key.Get(); entries > 0 && key.ok()) {
-    RETURN_IF_ERROR(
-        store.Write([pem = (*key)->PublicPem()](Transaction& writer) { return writer.journal.AppendKey(pem); }));
+    RETURN_IF_ERROR(store.Write([pem = (*key)->PublicPem()](Transaction& writer) {
+      return writer.journal.AppendKey(pem);
+    }));
   }
   return readers.Read([&](const Transaction& reader) -> absl::Status {
     ASSIGN_OR_RETURN(const std::vector<Damage> damaged, record.Damaged(reader));

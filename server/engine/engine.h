@@ -40,12 +40,12 @@ class Engine {
 
   // Requests. Safe from any thread, answered within `timeout`. Besides EngineCore's errors:
   // CancelledError while stopping, ResourceExhaustedError when the queue is full,
-  // DeadlineExceededError. True if the artefact is new. On an error (see Writer::AddUpload) nothing
-  // was added.
+  // DeadlineExceededError. True if the artefact is new. On an error (see Content::AddUpload)
+  // nothing was added.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
                                    const UnsubmittedLimits& limits, absl::Duration timeout);
   // If the returned Accepted is linked or repeated, it names an earlier evaluation and nothing new
-  // will run. NotFoundError if the artefact's files have been removed. Errors of Writer::Once.
+  // will run. NotFoundError if the artefact's files have been removed. Errors of Submissions::Once.
   absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who, absl::Duration timeout);
   absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who, bool organiser,
@@ -56,7 +56,8 @@ class Engine {
                       std::function<absl::Status()> effect = nullptr);
   // The same for a change that gives a value.
   template <typename T>
-  absl::StatusOr<T> Change(std::function<absl::StatusOr<T>(Transaction&)> change, absl::Duration timeout,
+  absl::StatusOr<T> Change(std::function<absl::StatusOr<T>(Transaction&)> change,
+                           absl::Duration timeout,
                            std::function<absl::Status(const T&)> effect = nullptr);
   // For a change that renames or merges teams, or adds members: gives whether there was any.
   absl::StatusOr<bool> ChangeTeams(std::function<absl::StatusOr<bool>(Transaction&)> change,
@@ -110,8 +111,9 @@ class Engine {
 
   absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Transaction&)> add,
                                  absl::Duration timeout);
-  absl::StatusOr<RejudgeDone> ActOnRejudge(std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act,
-                                           absl::Duration timeout, AfterRejudge after);
+  absl::StatusOr<RejudgeDone> ActOnRejudge(
+      std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act, absl::Duration timeout,
+      AfterRejudge after);
 
   const std::string data_dir_;
   const std::string cache_dir_;

@@ -49,9 +49,10 @@ LogFields EngineCore::FieldsOf(const LeaseRun& run) {
 }
 
 void EngineCore::WriteReturn(const LeaseRun& run, bool fault, const std::string& why) {
-  AddToJournal(run.context->evaluation.id,
-               [lease = run.lease, attempt = run.attempt, fault, why, who = owner_](
-                   Transaction& writer) { return writer.leases.Return(lease, attempt, fault, who, why); });
+  AddToJournal(run.context->evaluation.id, [lease = run.lease, attempt = run.attempt, fault, why,
+                                            who = owner_](Transaction& writer) {
+    return writer.leases.Return(lease, attempt, fault, who, why);
+  });
 }
 
 // Runners that ended by themselves, and those whose records show a fault.
@@ -340,8 +341,8 @@ absl::StatusOr<std::set<int64_t>> EngineCore::CancelEvaluations(const CancelOrde
     open = writer.evaluations.OpenOf(order.submission, order.reruns);
     for (const int64_t evaluation : open) {
       if (order.charge && may_have_begun(evaluation)) writer.quotas.ChargeBegun(evaluation);
-      RETURN_IF_ERROR(
-          writer.evaluations.EndWithLeases(evaluation, EvaluationState::kCancelled, order.why, order.who));
+      RETURN_IF_ERROR(writer.evaluations.EndWithLeases(evaluation, EvaluationState::kCancelled,
+                                                       order.why, order.who));
     }
     return absl::OkStatus();
   }));

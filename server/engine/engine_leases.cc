@@ -159,16 +159,19 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   const bool played = row->outcome == Outcome::kSuccess || row->outcome == Outcome::kFailure;
   metrics().CountEpisode(run.context->submission.track, OutcomeName(row->outcome),
                          /*participant_fault=*/!played);
-  AddToJournal(run.context->evaluation.id, [row = *std::move(row)](Transaction& writer) -> absl::Status {
-    ASSIGN_OR_RETURN(Recorded recorded, writer.episodes.Record(row));
-    if (!recorded.differs.empty()) {
-      const LogScope about({.evaluation = row.evaluation, .lease = row.lease,
-                            .attempt = row.attempt});
-      spdlog::warn("evaluation {}, episode {}: played again with another result (policy not "
-                   "repeatable)", row.evaluation, row.index);
-    }
-    return absl::OkStatus();
-  });
+  AddToJournal(run.context->evaluation.id,
+               [row = *std::move(row)](Transaction& writer) -> absl::Status {
+                 ASSIGN_OR_RETURN(Recorded recorded, writer.episodes.Record(row));
+                 if (!recorded.differs.empty()) {
+                   const LogScope about(
+                       {.evaluation = row.evaluation, .lease = row.lease, .attempt = row.attempt});
+                   spdlog::warn(
+                       "evaluation {}, episode {}: played again with another result (policy not "
+                       "repeatable)",
+                       row.evaluation, row.index);
+                 }
+                 return absl::OkStatus();
+               });
 }
 
 }  // namespace myograde::server

@@ -25,8 +25,9 @@ Priority PriorityOf(const StoredEvaluation& stored) {
 // What an evaluation began with holds for all its leases.
 std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluation& stored) {
   const nlohmann::json grader = ParsedText(stored.evaluation.grader_json);
-  const nlohmann::json recorded =
-      grader.is_object() ? grader.value("runtimes", nlohmann::json::object()) : nlohmann::json::object();
+  const nlohmann::json recorded = grader.is_object()
+                                      ? grader.value("runtimes", nlohmann::json::object())
+                                      : nlohmann::json::object();
   std::vector<std::pair<std::string, std::string>> needed;
   for (const std::string& name : stored.artefact.runtimes) {
     needed.emplace_back(name, recorded.value(name, ""));

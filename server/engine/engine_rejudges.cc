@@ -13,7 +13,8 @@ namespace {
 constexpr char kRejudger[] = "daemon";  // in audit rows
 
 // The items of a rejudge with further episodes, complete but for its id.
-absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(const Transaction& reader, const NewRejudge& rejudge,
+absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(const Transaction& reader,
+                                                    const NewRejudge& rejudge,
                                                     const std::string& data_dir) {
   std::vector<NewRejudgeItem> items;
   if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
@@ -86,15 +87,15 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
 absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                  const std::string& who, absl::Duration timeout,
                                                  AfterRejudge after) {
-  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Apply(act, sign, who); }, timeout,
-                      std::move(after));
+  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Apply(act, sign, who); },
+                      timeout, std::move(after));
 }
 
 absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignDocument& sign,
                                                 const std::string& who, absl::Duration timeout,
                                                 AfterRejudge after) {
-  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Drop(act, sign, who); }, timeout,
-                      std::move(after));
+  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Drop(act, sign, who); },
+                      timeout, std::move(after));
 }
 
 absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
@@ -125,7 +126,9 @@ absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
           }
         };
         for (const JudgedItem& item : judged) {
-          part([&](Transaction& one) { return one.rejudges.AddJudgedItem(item, kRejudger).status(); });
+          part([&](Transaction& one) {
+            return one.rejudges.AddJudgedItem(item, kRejudger).status();
+          });
         }
         for (const NewRejudgeItem& item : to_play) {
           part([&](Transaction& one) { return AddItem(one, item, kRejudger, *to_queue); });

@@ -27,8 +27,9 @@ void EngineCore::AttendExecutor() {
   for (const DrainedNode& drained : executor_.TakeDrained()) {
     spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);
     AddToJournal(0, [drained, who = owner_](Transaction& writer) {
-      return Note(writer,
-                  [&](Transaction& part) { return part.leases.DrainNode(drained.node, drained.why, who); });
+      return Note(writer, [&](Transaction& part) {
+        return part.leases.DrainNode(drained.node, drained.why, who);
+      });
     });
   }
   const MutexLock lock(mutex_);
@@ -46,8 +47,9 @@ void EngineCore::AttendExecutor() {
 absl::Status EngineCore::RecallDrained() {
   if (!executor_.remote()) return absl::OkStatus();
   using Drained = Listed<DrainedNodeRow>;
-  ASSIGN_OR_RETURN(const Drained drained,
-                   readers_.Read<Drained>([](const Transaction& reader) { return reader.leases.DrainedNodes(); }));
+  ASSIGN_OR_RETURN(const Drained drained, readers_.Read<Drained>([](const Transaction& reader) {
+    return reader.leases.DrainedNodes();
+  }));
   for (const DrainedNodeRow& row : drained.rows) {
     const absl::Status kept = executor_.Drain(row.node, row.why);
     if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));

@@ -30,8 +30,8 @@ absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
 
 absl::Status Engine::DrainNode(const std::string& node, const std::string& why,
                                const std::string& who, absl::Duration timeout) {
-  return Change([=](Transaction& writer) { return writer.leases.DrainNode(node, why, who); }, timeout,
-                [this, node, why] { return core_.executor().Drain(node, why); });
+  return Change([=](Transaction& writer) { return writer.leases.DrainNode(node, why, who); },
+                timeout, [this, node, why] { return core_.executor().Drain(node, why); });
 }
 
 absl::Status Engine::AdmitNode(const std::string& node, const std::string& who,

@@ -148,10 +148,10 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
   return plan;
 }
 
-absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader, const RejudgeCandidate& candidate,
-                                          int64_t rejudge, const std::string& grader_json,
-                                          int64_t count, int64_t per_lease,
-                                          const std::string& data_dir) {
+absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader,
+                                          const RejudgeCandidate& candidate, int64_t rejudge,
+                                          const std::string& grader_json, int64_t count,
+                                          int64_t per_lease, const std::string& data_dir) {
   ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(candidate.submission));
   NewRejudgeItem item = {.rejudge = rejudge,
                          .submission = candidate.submission,

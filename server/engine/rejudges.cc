@@ -83,8 +83,9 @@ void Rejudger::Loop() {
 }
 
 absl::Status Rejudger::LookForWork() {
-  ASSIGN_OR_RETURN(const int64_t newest,
-                   readers_.Read<int64_t>([](const Transaction& reader) { return reader.Board().last(); }));
+  ASSIGN_OR_RETURN(const int64_t newest, readers_.Read<int64_t>([](const Transaction& reader) {
+    return reader.Board().last();
+  }));
   if (newest == seen_) return absl::OkStatus();
   ASSIGN_OR_RETURN(const std::vector<Work> open, OpenWork());
   for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
@@ -128,15 +129,15 @@ absl::Status Rejudger::Carry(const Work& work) {
   Batch batch;
   for (const RejudgeCandidate& candidate : work.missing) {
     if (stop_.stop_requested()) return absl::OkStatus();
-    RETURN_IF_ERROR(
-        readers_.Read([&](const Transaction& reader) { return Add(reader, work, candidate, today, batch); }));
+    RETURN_IF_ERROR(readers_.Read(
+        [&](const Transaction& reader) { return Add(reader, work, candidate, today, batch); }));
     if (batch.rows >= kRowsAtOnce) RETURN_IF_ERROR(Write(std::exchange(batch, {})));
   }
   return Write(std::move(batch));
 }
 
-absl::Status Rejudger::Add(const Transaction& reader, const Work& work, const RejudgeCandidate& candidate,
-                           const Json& today, Batch& batch) {
+absl::Status Rejudger::Add(const Transaction& reader, const Work& work,
+                           const RejudgeCandidate& candidate, const Json& today, Batch& batch) {
   const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
   absl::Status why_not = source.status();
   RejudgeMethod method = RejudgeMethod::kPlay;

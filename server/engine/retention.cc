@@ -121,8 +121,8 @@ void Retention::MakeRoom() {
   if (!disk.has_value() || disk->free >= disk_reserve_) return;
   std::vector<KeptFile> logs = Logs();
   using Hashes = std::set<std::string>;
-  const absl::StatusOr<Hashes> practice =
-      readers_.Read<Hashes>([](const Transaction& reader) { return reader.episodes.PracticeLogs(); });
+  const absl::StatusOr<Hashes> practice = readers_.Read<Hashes>(
+      [](const Transaction& reader) { return reader.episodes.PracticeLogs(); });
   if (!practice.ok()) {
     spdlog::warn("room for the disk's reserve: {}", std::string(practice.status().message()));
     return;
@@ -158,9 +158,8 @@ void Retention::RemoveDenials(int64_t now_ms) {
 }
 
 void Retention::NoteTime() {
-  Write("the time of the store's use", [now = absl::ToUnixMillis(time_.Now())](Transaction& writer) {
-    writer.SetTrustedTime(now);
-  });
+  Write("the time of the store's use", [now = absl::ToUnixMillis(time_.Now())](
+                                           Transaction& writer) { writer.SetTrustedTime(now); });
 }
 
 void Retention::Sweep() {
@@ -200,8 +199,9 @@ void Retention::Sweep() {
 
 absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
   using Uploads = std::vector<UploadRow>;
-  ASSIGN_OR_RETURN(const Uploads uploads,
-                   readers_.Read<Uploads>([](const Transaction& reader) { return reader.content.Uploads(); }));
+  ASSIGN_OR_RETURN(const Uploads uploads, readers_.Read<Uploads>([](const Transaction& reader) {
+    return reader.content.Uploads();
+  }));
   std::vector<Choice> choices;
   for (const UploadRow& upload : uploads) {
     if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
@@ -218,8 +218,9 @@ absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
 
 absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
   using Uses = std::vector<ArtefactUse>;
-  ASSIGN_OR_RETURN(const Uses uses,
-                   readers_.Read<Uses>([](const Transaction& reader) { return reader.content.ArtefactUses(); }));
+  ASSIGN_OR_RETURN(const Uses uses, readers_.Read<Uses>([](const Transaction& reader) {
+    return reader.content.ArtefactUses();
+  }));
   std::vector<KeptFile> files;
   for (const ArtefactUse& use : uses) {
     KeptFile file{use.hash, ArtefactFolder(data_dir_, use.hash), use.bytes, use.last_use,
@@ -254,8 +255,9 @@ std::vector<KeptFile> Retention::Logs() {
 
 absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
   using Hashes = std::set<std::string>;
-  ASSIGN_OR_RETURN(const Hashes needed,
-                   readers_.Read<Hashes>([](const Transaction& reader) { return reader.episodes.NeededLogs(); }));
+  ASSIGN_OR_RETURN(const Hashes needed, readers_.Read<Hashes>([](const Transaction& reader) {
+    return reader.episodes.NeededLogs();
+  }));
   const int64_t old = absl::ToUnixMillis(time_.Now()) - kFreshMs;
   for (KeptFile& file : files) {
     file.needed = needed.contains(file.name) || file.last_use > old;
@@ -273,8 +275,9 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     const std::string to = absl::StrCat(data_dir_, "/spool/removed-", choice.file.name);
     const absl::StatusOr<bool> removed = engine_.Change<bool>(
         [=](Transaction& writer) -> absl::StatusOr<bool> {
-          ASSIGN_OR_RETURN(const bool unneeded,
-                           writer.content.Remove(kind, choice.file.name, choice.file.bytes, choice.why));
+          ASSIGN_OR_RETURN(
+              const bool unneeded,
+              writer.content.Remove(kind, choice.file.name, choice.file.bytes, choice.why));
           if (unneeded && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
             return absl::InternalError(
                 absl::StrCat(from, ": can't be removed: ", std::strerror(errno)));

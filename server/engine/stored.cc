@@ -20,7 +20,8 @@ absl::Status Unreadable(const char* table, const std::string& key, const absl::S
 }
 
 // The submission of an evaluation. If its row is missing, then the evaluation's is damaged.
-absl::StatusOr<SubmissionRow> SubmissionOf(const Transaction& reader, const EvaluationRow& evaluation) {
+absl::StatusOr<SubmissionRow> SubmissionOf(const Transaction& reader,
+                                           const EvaluationRow& evaluation) {
   absl::StatusOr<SubmissionRow> submission = reader.submissions.Find(evaluation.submission);
   if (absl::IsNotFound(submission.status())) {
     return Unreadable("evaluation", absl::StrCat(evaluation.id), submission.status());
@@ -192,7 +193,8 @@ absl::Status CheckReadable(const Transaction& reader) {
   RETURN_IF_ERROR(StatusOfList(submissions));
   for (const SubmissionRow& submission : submissions.rows) {
     absl::Status status = reader.evaluations.Transitions("submission", submission.id).status();
-    const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.evaluations.Of(submission.id);
+    const absl::StatusOr<std::vector<EvaluationRow>> evaluations =
+        reader.evaluations.Of(submission.id);
     status.Update(evaluations.status());
     RETURN_IF_ERROR(status);
     for (const EvaluationRow& evaluation : *evaluations) {
@@ -247,9 +249,10 @@ absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& read
   if (missing.rows.empty()) return std::move(missing.damaged);
   RETURN_IF_ERROR(store.Write([&](Transaction& writer) {
     for (const auto& [id, standing] : missing.rows) {
-      const absl::Status set = writer.Part([evaluation = id, &numbers = standing](Transaction& part) {
-        return part.episodes.SetStanding(evaluation, numbers);
-      });
+      const absl::Status set =
+          writer.Part([evaluation = id, &numbers = standing](Transaction& part) {
+            return part.episodes.SetStanding(evaluation, numbers);
+          });
       if (!set.ok()) {
         missing.damaged.push_back({"evaluation", absl::StrCat(id), std::string(set.message())});
       }

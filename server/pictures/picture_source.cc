@@ -228,15 +228,16 @@ absl::StatusOr<std::string> MakeFile(ReaderPool& readers, const std::string& dat
                                      const Stopped& stopped) {
   if (key.kind == PictureKind::kModel) return MakeModel(key.of, makers, stopped);
   ASSIGN_OR_RETURN(const PicturedEpisode episode,
-                   readers.Read<PicturedEpisode>(
-                       [&](const Transaction& reader) { return EpisodeOf(reader, data_dir, key.of); }));
+                   readers.Read<PicturedEpisode>([&](const Transaction& reader) {
+                     return EpisodeOf(reader, data_dir, key.of);
+                   }));
   return key.kind == PictureKind::kPicture ? MakePicture(episode, makers, stopped)
                                            : MakeTrajectory(episode, makers, stopped);
 }
 
 EndedEvaluations::EndedEvaluations(ReaderPool& readers) : readers_(readers) {
-  const absl::StatusOr<int64_t> last =
-      readers_.Read<int64_t>([](const Transaction& reader) { return reader.evaluations.LastEnd(); });
+  const absl::StatusOr<int64_t> last = readers_.Read<int64_t>(
+      [](const Transaction& reader) { return reader.evaluations.LastEnd(); });
   if (!last.ok()) spdlog::warn("pictures: {}", std::string(last.status().message()));
   seen_ = last.value_or(0);
 }

@@ -5,9 +5,9 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/store/quota.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {

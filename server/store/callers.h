@@ -42,8 +42,8 @@ class Callers : StorePart {
   absl::StatusOr<bool> RevokeToken(int64_t id, const std::string& who);
   // Notes that it was used now. Writes at most once a minute.
   absl::Status TouchToken(int64_t id);
-  // Counts denied requests in today's row of equal ones. Once today has kMostDenialsOfADay rows, new
-  // kinds count in that of `others`.
+  // Counts denied requests in today's row of equal ones. Once today has kMostDenialsOfADay rows,
+  // new kinds count in that of `others`.
   absl::Status AddDenial(AccessEventRow event, const AccessEventRow& others);
   // Removes denials of before, some thousands at a time.
   void RemoveDenials(int64_t before_ms);

@@ -51,8 +51,8 @@ bool IsAboutARow(const std::string& finding) {
 
 constexpr char kQuickCheck[] = "PRAGMA quick_check(1000)";
 
-// What an earlier start, a disk or a person left in the rows of a store that is opened: each row that
-// its table would refuse, or that names one which is not there, is passed to `damaged`.
+// What an earlier start, a disk or a person left in the rows of a store that is opened: each row
+// that its table would refuse, or that names one which is not there, is passed to `damaged`.
 absl::Status CheckRows(SQLite::Database& db, const std::string& path,
                        const std::function<void(const std::string& what)>& damaged) {
   SQLite::Statement check(db, kQuickCheck);
@@ -64,7 +64,8 @@ absl::Status CheckRows(SQLite::Database& db, const std::string& path,
     }
     if (found != "ok") damaged(found);
   }
-  SQLite::Statement keys(db, "SELECT \"table\", rowid, parent FROM pragma_foreign_key_check LIMIT 1000");
+  SQLite::Statement keys(
+      db, "SELECT \"table\", rowid, parent FROM pragma_foreign_key_check LIMIT 1000");
   while (keys.executeStep()) {
     damaged(absl::StrCat("row ", keys.getColumn(1).getString(), " of ",
                          keys.getColumn(0).getString(), " names a row of ",

@@ -9,9 +9,9 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_image.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -220,8 +220,8 @@ std::vector<std::string> Content::Hashes(const std::string& table) const {
   return AllTexts(db_, absl::StrCat("SELECT hash FROM \"", table, "\" ORDER BY hash"));
 }
 
-absl::StatusOr<bool> Content::Remove(const std::string& kind, const std::string& name, int64_t bytes,
-                                    const std::string& why) {
+absl::StatusOr<bool> Content::Remove(const std::string& kind, const std::string& name,
+                                     int64_t bytes, const std::string& why) {
   const bool upload = kind == kUploadKind;
   const bool practice = kind == kPracticeLogKind;
   const bool artefact = upload || kind == "artefact";
@@ -269,8 +269,9 @@ bool Content::TeamHoldsArtefact(const std::string& hash, const std::string& team
   // By name, as a new team has no row before its first submission.
   const std::vector<std::string> names = AllTexts(
       db_, "SELECT DISTINCT team FROM artefact_holder WHERE artefact = ? AND team != ''", hash);
-  return std::any_of(names.begin(), names.end(),
-                     [&](const std::string& name) { return Teams(context_).NameOf(name) == Teams(context_).NameOf(team); });
+  return std::any_of(names.begin(), names.end(), [&](const std::string& name) {
+    return Teams(context_).NameOf(name) == Teams(context_).NameOf(team);
+  });
 }
 
 std::set<std::string> Episodes::TeamsOfLog(const std::string& sha256) const {

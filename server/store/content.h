@@ -24,8 +24,10 @@ class Content : StorePart {
   using StorePart::StorePart;
 
   absl::StatusOr<ArtefactRow> Artefact(const std::string& hash) const;
-  // Whether `who` may submit an artefact for a team: they uploaded it themselves, or the team holds it.
-  bool MaySubmitArtefact(const std::string& hash, const std::string& who, const std::string& team) const;
+  // Whether `who` may submit an artefact for a team: they uploaded it themselves, or the team holds
+  // it.
+  bool MaySubmitArtefact(const std::string& hash, const std::string& who,
+                         const std::string& team) const;
   bool UploadedArtefact(const std::string& hash, const std::string& who) const;
   // Somebody uploaded it for the team, or the team submitted it.
   bool TeamHoldsArtefact(const std::string& hash, const std::string& team) const;
@@ -39,8 +41,9 @@ class Content : StorePart {
   std::vector<UploadRow> Uploads() const;
   // True if it is new.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
-  // Records who uploaded an artefact whose files are here or about to be kept, and for which team. Only
-  // one that was never submitted counts against the limits. FailedPreconditionError with the code "quota" if over a limit.
+  // Records who uploaded an artefact whose files are here or about to be kept, and for which team.
+  // Only one that was never submitted counts against the limits. FailedPreconditionError with the
+  // code "quota" if over a limit.
   absl::Status AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                          const UnsubmittedLimits& limits);
   // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no

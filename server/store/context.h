@@ -35,9 +35,9 @@ inline nlohmann::json OrNull(const std::string& text) {
 }
 inline nlohmann::json OrNull(int64_t id) { return id == 0 ? nlohmann::json() : nlohmann::json(id); }
 
-// Adds an act at the end. A disk's fault or a stranger's edit of the last row does not keep what follows
-// out: the chain goes on from what is there, and a check of the chain tells where it broke. Internal to
-// the store; throws SQLite::Exception.
+// Adds an act at the end. A disk's fault or a stranger's edit of the last row does not keep what
+// follows out: the chain goes on from what is there, and a check of the chain tells where it broke.
+// Internal to the store; throws SQLite::Exception.
 void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act);
 
 // Applies to a state what the journal has beyond it. What can't be applied is told by
@@ -58,7 +58,8 @@ class BoardFold {
 // A state that has seen acts which are not in the journal any more is folded anew.
 void ForgetRolledBack(SQLite::Database& db, BoardState& board);
 
-// A transaction on one connection. The state of the journal is that of its writer, or follows `fold`.
+// A transaction on one connection. The state of the journal is that of its writer, or follows
+// `fold`.
 struct TransactionContext {
   SQLite::Database& db;
   BoardFold* fold = nullptr;

@@ -10,8 +10,8 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
 #include "server/store/connection.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -143,7 +143,8 @@ int64_t Deliveries::NextId(const std::string& webhook) const {
                      webhook);
 }
 
-Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before, int64_t limit) const {
+Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before,
+                                     int64_t limit) const {
   return ListOf<DeliveryRow>(Statement(db_,
                                        absl::StrCat(kDeliveryColumns,
                                                     "WHERE id < ?1 AND (?2 = '' OR "

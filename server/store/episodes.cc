@@ -106,7 +106,8 @@ absl::StatusOr<std::map<int64_t, std::string>> Episodes::Details(int64_t evaluat
 absl::StatusOr<Recorded> Episodes::Record(const EpisodeRow& row) {
   ASSIGN_OR_RETURN(const LeaseRow lease, Leases(context_).Find(row.lease));
   if (lease.state != LeaseState::kRunning || lease.attempt != row.attempt) {
-    return Leases::Refused("given an episode", lease, absl::StrCat(", the episode is of ", row.attempt));
+    return Leases::Refused("given an episode", lease,
+                           absl::StrCat(", the episode is of ", row.attempt));
   }
   if (Run(db_, R"(INSERT INTO episode
       VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx) DO NOTHING)",
@@ -117,8 +118,9 @@ absl::StatusOr<Recorded> Episodes::Record(const EpisodeRow& row) {
       Run(db_, "INSERT INTO episode_details (evaluation, idx, details_json) VALUES (?, ?, ?)",
           row.evaluation, row.index, row.details_json);
     }
-    Quotas(context_).ChargeFirstEpisode(row.evaluation, absl::StrCat("episode ", row.index, " ended as ",
-                                                    std::string(OutcomeName(row.outcome))));
+    Quotas(context_).ChargeFirstEpisode(
+        row.evaluation,
+        absl::StrCat("episode ", row.index, " ended as ", std::string(OutcomeName(row.outcome))));
     return Recorded{.counted = true, .differs = {}};
   }
 

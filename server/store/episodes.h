@@ -46,7 +46,8 @@ class Episodes : StorePart {
   absl::StatusOr<LoggedEpisode> OfLog(const std::string& sha256) const;
   // Hashes of the logs of evaluations that have not ended, or are done and ranked.
   std::set<std::string> NeededLogs() const;
-  // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs too.
+  // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs
+  // too.
   std::set<std::string> PracticeLogs() const;
   // What finished evaluations are ranked by, as far as the view has it and it can be read.
   std::map<int64_t, Standing> Standings(const std::vector<int64_t>& evaluations) const;

@@ -14,8 +14,8 @@
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/store/differences.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -233,19 +233,20 @@ void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
   // The hash of the build as a receipt shows it.
   const std::string grader = Sha256Hex(CanonicalJson(nlohmann::json::parse(
       select.getColumn(5).getString(), nullptr, /*allow_exceptions=*/false)));
-  Append({.kind = kGradedAct,
-          .who = who,
-          .content = {{"evaluation", evaluation},
-                      {"submission", select.getColumn(0).getInt64()},
-                      {"state", result ? "graded" : state},
-                      {"results", result ? nlohmann::json(select.getColumn(2).getString()) : nullptr},
-                      {"config", select.getColumn(3).getString()},
-                      {"seeds", select.getColumn(4).getString()},
-                      {"grader", grader},
-                      {"rejudge", OrNull(select.getColumn(6).getInt64())},
-                      {"repetition", OrNull(select.getColumn(7).getInt64())}},
-          .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
-          .evaluation = evaluation});
+  Append(
+      {.kind = kGradedAct,
+       .who = who,
+       .content = {{"evaluation", evaluation},
+                   {"submission", select.getColumn(0).getInt64()},
+                   {"state", result ? "graded" : state},
+                   {"results", result ? nlohmann::json(select.getColumn(2).getString()) : nullptr},
+                   {"config", select.getColumn(3).getString()},
+                   {"seeds", select.getColumn(4).getString()},
+                   {"grader", grader},
+                   {"rejudge", OrNull(select.getColumn(6).getInt64())},
+                   {"repetition", OrNull(select.getColumn(7).getInt64())}},
+       .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
+       .evaluation = evaluation});
 }
 
 std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {
@@ -342,6 +343,8 @@ std::vector<EndedEvaluation> Evaluations::DoneSince(int64_t after_ms, int64_t li
   return ended;
 }
 
-int64_t Evaluations::LastEnd() const { return FirstNumber(db_, "SELECT max(finished_at) FROM evaluation"); }
+int64_t Evaluations::LastEnd() const {
+  return FirstNumber(db_, "SELECT max(finished_at) FROM evaluation");
+}
 
 }  // namespace myograde::server

@@ -51,7 +51,8 @@ class Evaluations : StorePart {
   absl::StatusOr<EvaluationRow> Original(int64_t submission) const;
   // Every evaluation that has not ended, oldest first.
   UnfinishedRows Unfinished() const;
-  absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity, int64_t id) const;
+  absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity,
+                                                         int64_t id) const;
   absl::StatusOr<std::string> TeamOf(int64_t id) const;
   // Evaluations that ended as done after `after_ms`: the last `limit` of them, oldest first.
   std::vector<EndedEvaluation> DoneSince(int64_t after_ms, int64_t limit) const;

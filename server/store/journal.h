@@ -1,7 +1,7 @@
 // The journal: every act that decides what stands on a board or that the public record tells, each
-// added in the transaction of what it does (schema.sql; server/board/acts.h has the kinds). The public
-// record is its public part. What follows from it is a BoardState, which is folded once and then follows
-// what is written.
+// added in the transaction of what it does (schema.sql; server/board/acts.h has the kinds). The
+// public record is its public part. What follows from it is a BoardState, which is folded once and
+// then follows what is written.
 #pragma once
 
 #include <cstdint>
@@ -31,12 +31,12 @@ struct RecordRow {
   std::string chain;
 };
 
-// The chain's value at an entry: the SHA-256 over the value at the entry before ("" for the first), a line
-// feed and the entry.
+// The chain's value at an entry: the SHA-256 over the value at the entry before ("" for the first),
+// a line feed and the entry.
 std::string ChainOf(std::string_view before, std::string_view entry_json);
 
-// What is wrong at an entry: nullptr if it can't be read or is gone. `before`: the chain at the entry
-// before, "" for the first. "": nothing.
+// What is wrong at an entry: nullptr if it can't be read or is gone. `before`: the chain at the
+// entry before, "" for the first. "": nothing.
 std::string ChainMistake(const std::string& before, const RecordRow* entry);
 
 // The first entries, so many at most, at which the chain breaks. Errors of ReaderPool::Read.
@@ -68,7 +68,8 @@ class Journal : StorePart {
   // that changed anything. NotFoundError if there is no such submission; FailedPreconditionError if
   // it is not ranked, or not done.
   absl::StatusOr<bool> Choose(int64_t submission, const std::string& who);
-  // Gives a board its config from now on; true if it had another one. A rejudge's act is always added. FailedPreconditionError if the store has neither the config nor its JSON.
+  // Gives a board its config from now on; true if it had another one. A rejudge's act is always
+  // added. FailedPreconditionError if the store has neither the config nor its JSON.
   absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
   // Adds to the public record (journal.h) the key that signs from now on, unless it is the latest
   // one already.

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {

@@ -15,8 +15,8 @@
 
 namespace myograde::server {
 
-// Leases and their states, where they ran, and the nodes that get none. A transition that the states do
-// not allow is a FailedPreconditionError. `who` and `why` go into the audit rows.
+// Leases and their states, where they ran, and the nodes that get none. A transition that the
+// states do not allow is a FailedPreconditionError. `who` and `why` go into the audit rows.
 class Leases : StorePart {
  public:
   using StorePart::StorePart;
@@ -39,9 +39,9 @@ class Leases : StorePart {
   // pending or running -> failed or cancelled. `fault` as above.
   absl::Status End(int64_t lease, LeaseState state, bool fault, const std::string& who,
                         const std::string& why);
-  // Where an attempt of a lease ran and what it used, once it has ended; `ended_at` 0: now. What the
-  // store has of that attempt already stays. CPU time and energy that no attempt can have used are
-  // stored as the nearest that one can.
+  // Where an attempt of a lease ran and what it used, once it has ended; `ended_at` 0: now. What
+  // the store has of that attempt already stays. CPU time and energy that no attempt can have used
+  // are stored as the nearest that one can.
   absl::Status RecordRun(const LeaseRunRow& run);
   // A node of a cluster gets no leases until it is admitted; the reason in force is the latest.
   // Admitting a node that is not drained changes nothing. `node` is not "".

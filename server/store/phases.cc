@@ -8,8 +8,8 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
 #include "server/store/connection.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -91,8 +91,8 @@ absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::st
   if (event == kResumedEvent && newest == nullptr) return false;
   nlohmann::json content = {{"phase", OrNull(phase)}, {"event", event}};
   if (event == kRevealedEvent) {
-    // It opens the phase's seeds and is published with them. An import never had it: whoever reveals
-    // the phase publishes it elsewhere.
+    // It opens the phase's seeds and is published with them. An import never had it: whoever
+    // reveals the phase publishes it elsewhere.
     ASSIGN_OR_RETURN(const std::optional<SecretRow> secret, FindSecret(db_, phase));
     content["secret"] =
         secret.has_value() ? nlohmann::json(absl::BytesToHexString(secret->secret)) : nullptr;
@@ -144,9 +144,9 @@ absl::StatusOr<std::string> PhaseActs::DrawSecret(const std::string& phase,
   // The commitment is that of server/proof/seed_list.h: over the secret's hexadecimal digits.
   nlohmann::json content = {{"phase", phase},
                             {"commitment", Sha256Hex(absl::BytesToHexString(secret))}};
-  // A phase's own secret is drawn before it takes anything (Writer::PhaseSecret).
-  if (AnyRow(db_, "SELECT 1 FROM submission WHERE phase = ? AND ranked = 1 AND accepted_at < ?", phase,
-             now_ms_)) {
+  // A phase's own secret is drawn before it takes anything (PhaseActs::EnsureSecret).
+  if (AnyRow(db_, "SELECT 1 FROM submission WHERE phase = ? AND ranked = 1 AND accepted_at < ?",
+             phase, now_ms_)) {
     content["further"] = true;
   }
   Append({.kind = kCommitmentAct, .who = "daemon", .content = std::move(content)});
@@ -170,10 +170,11 @@ absl::StatusOr<bool> PhaseActs::ImportSecret(const std::string& phase, const std
   }
   const std::string commitment = Sha256Hex(absl::BytesToHexString(secret));
   if (std::ssize(secret) != kPhaseSecretBytes || commitment != commitments.front().commitment) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "this is not the secret of phase \"", phase, "\": its commitment is ", commitment,
-        ", and the record has ", commitments.front().commitment, "; give the file that \"myograde seeds "
-        "export\" wrote where the phase was held"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("this is not the secret of phase \"", phase, "\": its commitment is ",
+                     commitment, ", and the record has ", commitments.front().commitment,
+                     "; give the file that \"myograde seeds "
+                     "export\" wrote where the phase was held"));
   }
   if (there.has_value() && there->secret == secret) return false;
   if (there.has_value()) {

@@ -17,9 +17,9 @@ class PhaseActs : StorePart {
  public:
   using StorePart::StorePart;
 
-  // NotFoundError: it has none; otherwise as Writer::PhaseSecret.
+  // NotFoundError: it has none; otherwise as PhaseActs::EnsureSecret.
   absl::StatusOr<std::string> Secret(const std::string& phase) const;
-  // Why Writer::PhaseSecret would refuse.
+  // Why PhaseActs::EnsureSecret would refuse.
   absl::Status CheckSecret(const std::string& phase, const std::string& challenge) const;
   // Phases with submissions, by name.
   absl::StatusOr<std::vector<PhaseUse>> InUse() const;
@@ -27,17 +27,17 @@ class PhaseActs : StorePart {
   // is paused is not paused again for the same reason, nor published or revealed twice.
   absl::StatusOr<bool> AddEvent(const std::string& phase, const std::string& event,
                                      const std::string& who, const std::string& why);
-  // The secret of a challenge's phase with hidden seeds, 32 bytes, drawn when it is first asked for and
-  // committed to in the record. A damaged row (damage.h) if it is not that long. FailedPreconditionError
-  // with the code "no_secret": it belongs to another challenge, or there is none although the store has
-  // a commitment, submissions or events of the phase; "phase_revealed": another challenge's, which was
-  // revealed. `challenge` "": whichever it is.
+  // The secret of a challenge's phase with hidden seeds, 32 bytes, drawn when it is first asked for
+  // and committed to in the record. A damaged row (damage.h) if it is not that long.
+  // FailedPreconditionError with the code "no_secret": it belongs to another challenge, or there is
+  // none although the store has a commitment, submissions or events of the phase; "phase_revealed":
+  // another challenge's, which was revealed. `challenge` "": whichever it is.
   absl::StatusOr<std::string> EnsureSecret(const std::string& phase,
                                           const std::string& challenge = "");
   // The same for further episodes of a phase, which may have been played with public seeds before.
   absl::StatusOr<std::string> FurtherSecret(const std::string& phase);
-  // Keeps the secret of a phase that was held elsewhere, and whose record was imported; true if it is
-  // new here. FailedPreconditionError: it is not the one that the record has committed to first.
+  // Keeps the secret of a phase that was held elsewhere, and whose record was imported; true if it
+  // is new here. FailedPreconditionError: it is not the one that the record has committed to first.
   absl::StatusOr<bool> ImportSecret(const std::string& phase, const std::string& secret);
   // FailedPreconditionError with the code "paused" or "phase_revealed".
   absl::Status CheckTakesSubmissions(const std::string& phase);

@@ -33,7 +33,8 @@ class ReaderPool {
     observer_ = std::move(observer);
   }
 
-  // Is told of each Read that found the store corrupt (damage.h), on any thread. Before anybody reads.
+  // Is told of each Read that found the store corrupt (damage.h), on any thread. Before anybody
+  // reads.
   void SetCorruptObserver(std::function<void(const absl::Status&)> observer) {
     corrupt_observer_ = std::move(observer);
   }

@@ -70,7 +70,8 @@ std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& prog
                       "then), and ", Listing(without), " named");
 }
 
-// The results that an application makes those of the board: of each submission the first repetition.
+// The results that an application makes those of the board: of each submission the first
+// repetition.
 nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
   nlohmann::json results = nlohmann::json::array();
   for (const EvaluationRow& row : evaluations) {
@@ -118,8 +119,8 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge,
                          {"rejudge", rejudge.id},
                          {"document_sha256", Sha256Hex(text)},
                          {"signature", signature}}};
-  // Until a rejudge is applied, participants see nothing of it: its document is committed to, and told
-  // when it is applied.
+  // Until a rejudge is applied, participants see nothing of it: its document is committed to, and
+  // told when it is applied.
   if (applied) {
     for (const char* key : {"purpose", "from_config", "to_config", "phase", "track", "profile"}) {
       act.content[key] = document[key];
@@ -132,11 +133,12 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge,
 
 absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDocument& sign,
                                               const std::string& who) {
+  RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.from_config, rejudge.track, rejudge.profile,
+                                              rejudge.from_config_json));
+  RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.to_config, rejudge.track, rejudge.profile,
+                                              rejudge.to_config_json));
   RETURN_IF_ERROR(
-      Content(context_).AddConfig(rejudge.from_config, rejudge.track, rejudge.profile, rejudge.from_config_json));
-  RETURN_IF_ERROR(
-      Content(context_).AddConfig(rejudge.to_config, rejudge.track, rejudge.profile, rejudge.to_config_json));
-  RETURN_IF_ERROR(Content(context_).AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
+      Content(context_).AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
   const auto& earlier = Board().rejudges();
   const RejudgeRow row{.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1,
                        .at = now_ms_,
@@ -184,8 +186,8 @@ absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item,
                                                   .method = item.method},
                                                  who));
   if (item.impossible.empty()) return added;
-  RETURN_IF_ERROR(
-      Evaluations(context_).EndWithLeases(added.evaluation, EvaluationState::kGraderError, item.impossible, who));
+  RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(
+      added.evaluation, EvaluationState::kGraderError, item.impossible, who));
   return added;
 }
 

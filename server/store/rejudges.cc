@@ -16,8 +16,8 @@ namespace {
 
 constexpr std::string_view kStates[] = {"computing", "ready", "applied", "dropped"};
 
-// What a board's submissions have as their results under from_config, and which of them a rejudge has
-// no evaluation of; first repetitions first. Of a RejudgeRow or a NewRejudge, whose `id` is 0.
+// What a board's submissions have as their results under from_config, and which of them a rejudge
+// has no evaluation of; first repetitions first. Of a RejudgeRow or a NewRejudge, whose `id` is 0.
 // `latest`: the latest acceptance that counts.
 template <typename Rejudge>
 std::vector<RejudgeCandidate> Candidates(SQLite::Database& db, const BoardState& board,

@@ -1,8 +1,9 @@
 // Rejudges (server/board/acts.h) in the store: the evaluations that they need and have, and what
 // organisers ask for.
 //
-// While it is created or applied it follows the board: a submission whose evaluation under from_config
-// ends later is judged again too. A dropped one whose evaluations are complete may be applied.
+// While it is created or applied it follows the board: a submission whose evaluation under
+// from_config ends later is judged again too. A dropped one whose evaluations are complete may be
+// applied.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +16,8 @@
 #include <absl/status/statusor.h>
 
 #include "server/board/acts.h"
-#include "server/store/rows.h"
 #include "server/store/context.h"
+#include "server/store/rows.h"
 #include "server/store/submissions.h"
 
 namespace myograde::server {
@@ -72,8 +73,8 @@ struct NewRejudge {
   std::vector<int64_t> submissions = {};
 };
 
-// Signs the document of an act: 128 hexadecimal digits. Called inside the change, whose id and time are
-// known only there; an error undoes the change.
+// Signs the document of an act: 128 hexadecimal digits. Called inside the change, whose id and time
+// are known only there; an error undoes the change.
 using SignDocument = std::function<absl::StatusOr<std::string>(const std::string& document_json)>;
 
 // An item to play: its evaluation is queued.
@@ -155,19 +156,19 @@ class Rejudges : StorePart {
   // Rejudges (rejudges.h). Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
                                         const std::string& who);
-  // An item to play. The answer's `evaluation` is to be queued unless the item is impossible. Adding
-  // an item that is there changes nothing, and `repeated` is true. FailedPreconditionError if the
-  // rejudge was dropped.
+  // An item to play. The answer's `evaluation` is to be queued unless the item is impossible.
+  // Adding an item that is there changes nothing, and `repeated` is true. FailedPreconditionError
+  // if the rejudge was dropped.
   absl::StatusOr<Accepted> AddItem(const NewRejudgeItem& item, const std::string& who);
   // An item that was computed. True if it is new; otherwise as AddRejudgeItem.
   absl::StatusOr<bool> AddJudgedItem(const JudgedItem& item, const std::string& who);
-  // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds, is
-  // applied already, is not complete, has other submissions without result than `without` says, or
-  // the board's config in force is not from_config.
+  // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds,
+  // is applied already, is not complete, has other submissions without result than `without` says,
+  // or the board's config in force is not from_config.
   absl::StatusOr<RejudgeDone> Apply(const RejudgeAct& act, const SignDocument& sign,
                                            const std::string& who);
-  // Event; cancels its unfinished evaluations; if it was applied, the board has its config of before.
-  // FailedPreconditionError: it was dropped before, or a later one of its board is applied.
+  // Event; cancels its unfinished evaluations; if it was applied, the board has its config of
+  // before. FailedPreconditionError: it was dropped before, or a later one of its board is applied.
   absl::StatusOr<RejudgeDone> Drop(const RejudgeAct& act, const SignDocument& sign,
                                           const std::string& who);
 

@@ -152,8 +152,8 @@ struct EpisodeRow {
   FailureReason reason;
   std::string facts_json;
   std::string metrics_json;
-  // What was measured besides; "": nothing. No result follows from it, so Reader::Episodes leaves it
-  // out (Reader::EpisodeDetails has it).
+  // What was measured besides; "": nothing. No result follows from it, so Episodes::Of leaves it
+  // out (Episodes::Details has it).
   std::string details_json = {};
 };
 

@@ -51,8 +51,8 @@ class Store {
   // From now on Check() fails for this reason: the store is corrupt.
   void Distrust(const std::string& why);
 
-  // A time before this start that is surely over: what Writer::SetTrustedTime wrote last, else that of the
-  // newest row; nullopt: there was neither.
+  // A time before this start that is surely over: what Transaction::SetTrustedTime wrote last, else
+  // that of the newest row; nullopt: there was neither.
   std::optional<int64_t> trusted_time_ms() const { return trusted_time_ms_; }
 
   // Who is told of what is written from now on. Not while anybody writes.

@@ -6,9 +6,9 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -205,8 +205,8 @@ absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmi
                    "own, or practise with fewer episodes"));
 }
 
-absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked, const AdmissionRules& rules,
-                                        const std::string& who) {
+absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
+                                             const AdmissionRules& rules, const std::string& who) {
   if (!AnyRow(db_, "SELECT 1 FROM artefact WHERE hash = ?", asked.artefact)) {
     return UnknownArtefact(asked.artefact);
   }
@@ -228,9 +228,10 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked, const A
   RETURN_IF_ERROR(
       CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
   const int64_t team_id = AddTeam(db_, submission.team, now_ms_, who);
-  RETURN_IF_ERROR(
-      Content(context_).AddConfig(submission.config, submission.track, submission.profile, submission.config_json));
-  RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json));
+  RETURN_IF_ERROR(Content(context_).AddConfig(submission.config, submission.track,
+                                              submission.profile, submission.config_json));
+  RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,
+                                                submission.seeds_json));
   Run(db_, R"(INSERT INTO submission (team_id, artefact,
       track, profile, config, seeds, ranked, accepted_by, accepted_at, phase, extra_observations)
       VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",

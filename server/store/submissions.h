@@ -12,9 +12,9 @@
 #include <absl/status/status.h>
 #include <absl/time/time.h>
 
-#include "server/store/quota.h"
 #include "server/store/context.h"
 #include "server/store/damage.h"
+#include "server/store/quota.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
@@ -48,7 +48,7 @@ inline constexpr int64_t kKeysOfOne = 1000;
 // Who becomes a team's first member.
 struct Founding {
   std::string person;  // "uid 1000"
-  int64_t most = 1;    // teams that the person may have (Writer::FoundTeam)
+  int64_t most = 1;    // teams that the person may have (Teams::Found)
   bool needed = true;  // false: it does not matter if the team is somebody else's
 };
 
@@ -134,26 +134,26 @@ class Submissions : StorePart {
 
   absl::StatusOr<SubmissionRow> Find(int64_t id) const;
   Listed<SubmissionRow> List(const SubmissionFilter& filter) const;
-  // Artefacts that are held back (Writer::WithHold), sorted: as of the grader that played them last.
+  // Artefacts that are held back (Submissions::WithHold), sorted: as of the grader that played them
+  // last.
   std::vector<std::string> HeldBack() const;
   // The number of submissions, with those of the teams that were merged into it.
   int64_t CountOf(const std::string& team) const;
   // Whose it is: today's name of the team. NotFoundError if there is no such submission or
   // evaluation, or if nobody can tell whose it is.
   absl::StatusOr<std::string> TeamOf(int64_t id) const;
-  // What Writer::Once would return without asking to accept; nullopt: it would ask.
+  // What Submissions::Once would return without asking to accept; nullopt: it would ask.
   absl::StatusOr<std::optional<Accepted>> FindRequest(const std::string& who,
                                                       const RequestKey& key) const;
   // How many submissions' own evaluations are in each state; "unreadable" counts damaged ones.
   std::map<std::string, int64_t> CountByState() const;
   // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the stored
   // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
-  // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for a
-  // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam),
-  // "paused" if all submissions or those to the phase are paused, "phase_revealed" if its seeds were
-  // revealed; submission.closed.
-  // InvalidArgumentError for a name
-  // that no new team may have. Other operations that take a team have the same name errors.
+  // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for
+  // a banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam),
+  // "paused" if all submissions or those to the phase are paused, "phase_revealed" if its seeds
+  // were revealed; submission.closed. InvalidArgumentError for a name that no new team may have.
+  // Other operations that take a team have the same name errors.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who);
   // Runs `accept` if `who` has not sent this key before, and keeps what it accepted; otherwise

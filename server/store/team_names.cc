@@ -8,8 +8,8 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/names.h"
-#include "server/store/quota.h"
 #include "server/store/journal.h"
+#include "server/store/quota.h"
 #include "server/store/reader_pool.h"
 #include "server/store/stored_row.h"
 

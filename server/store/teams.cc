@@ -10,9 +10,9 @@
 #include "server/base/counted.h"
 #include "server/base/names.h"
 #include "server/store/quota.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -147,8 +147,8 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
   ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, team));
   std::set<std::string> teams = OfPerson(person);
   if (teams.contains(name)) return absl::OkStatus();
-  // Also of teams that were merged into it, and those who were removed; a team may also be of people
-  // with tokens, or of somebody for whom an organiser submits.
+  // Also of teams that were merged into it, and those who were removed; a team may also be of
+  // people with tokens, or of somebody for whom an organiser submits.
   const std::string rows = RowsOfTeam(1);
   if (AnyRow(db_,
              absl::StrCat("SELECT 1 FROM member WHERE team_id IN ", rows,

@@ -25,7 +25,7 @@ class Teams : StorePart {
  public:
   using StorePart::StorePart;
 
-  // errors as of Writer::Accept.
+  // errors as of Submissions::Accept.
   absl::Status Check(const std::string& team) const;
   // The stored name of the team called `name`, now or formerly; `name` itself if there is none.
   std::string NameOf(const std::string& name) const;
@@ -39,10 +39,11 @@ class Teams : StorePart {
   Listed<MemberRow> Members(const std::string& team) const;
   // Oldest first, with those of the teams that were merged into it.
   std::vector<TeamEventRow> Events(const std::string& team) const;
-  // Whether they can be merged; errors as of Writer::MergeTeams.
+  // Whether they can be merged; errors as of Teams::Merge.
   absl::Status CheckMerge(const std::string& team, const std::string& into) const;
   // Teams and their members. Every name may also be a former one, or that of a team that was merged
-  // into the one meant. NotFoundError: there is no such team. "True" means that it changed anything.
+  // into the one meant. NotFoundError: there is no such team. "True" means that it changed
+  // anything.
   //
   // The stored name. FailedPreconditionError if there is such a team; otherwise the name errors of
   // Accept.
@@ -50,7 +51,8 @@ class Teams : StorePart {
                                          const std::string& why);
   // Makes `person` the first member of a team, which is created if there is none. Does nothing for
   // a member. FailedPreconditionError with the code "forbidden" if the team has or had other
-  // members, tokens, or submissions of others, or if the person would belong to more than `most` teams.
+  // members, tokens, or submissions of others, or if the person would belong to more than `most`
+  // teams.
   absl::Status Found(const std::string& team, const std::string& person, int64_t most);
   // The old name still finds the team. FailedPreconditionError if the new one is or was another
   // team's; otherwise the name errors of Accept.

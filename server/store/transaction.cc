@@ -20,8 +20,9 @@ void Transaction::SetTrustedTime(int64_t ms) {
   }
 }
 
-absl::Status Transaction::Import(const std::string& path, const ExportInfo& info, const std::string& who,
-                            const std::function<absl::Status(const Transaction&)>& check) {
+absl::Status Transaction::Import(const std::string& path, const ExportInfo& info,
+                                 const std::string& who,
+                                 const std::function<absl::Status(const Transaction&)>& check) {
   RETURN_IF_ERROR(ImportRows(context_.db, path, info));
   FillTeamLooks(context_.db);
   if (absl::Status read = check(*this); !read.ok()) {

@@ -1,6 +1,6 @@
-// A transaction of the store: what is read and changed in it belongs to nouns, which have a file each.
-// Reading takes a const one. Looking up a missing id is a NotFoundError. Unreadable rows are reported as
-// in damage.h: a query for a single answer fails, lists leave the row out and log it.
+// A transaction of the store: what is read and changed in it belongs to nouns, which have a file
+// each. Reading takes a const one. Looking up a missing id is a NotFoundError. Unreadable rows are
+// reported as in damage.h: a query for a single answer fails, lists leave the row out and log it.
 #pragma once
 
 #include <functional>
@@ -43,8 +43,8 @@ class Transaction {
   // The whole store as one document, in transfer.h's format.
   absl::Status Export(const ExportSink& sink) const { return ExportRows(context_.db, sink); }
   // Fills an empty store; errors as in transfer.h. Evaluations that had not ended when exported end
-  // as cancelled, as exports have no artefact files. `check`: what the store's readers can't tell of its
-  // new rows; its error undoes the whole.
+  // as cancelled, as exports have no artefact files. `check`: what the store's readers can't tell
+  // of its new rows; its error undoes the whole.
   absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who,
                       const std::function<absl::Status(const Transaction&)>& check);
 

@@ -16,8 +16,8 @@
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/migration.h"
-#include "server/store/transaction.h"
 #include "server/store/stored_row.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {

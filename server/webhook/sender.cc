@@ -122,12 +122,13 @@ void WebhookSender::Run(const Webhook& webhook) {
 
 std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
   int64_t damaged = 0;
-  const absl::StatusOr<DeliveryRow> next = options_.readers.Read<DeliveryRow>([&](const Transaction& reader) {
-    absl::StatusOr<DeliveryRow> found = reader.deliveries.Next(webhook.config.name);
-    const bool unreadable = !found.ok() && !absl::IsNotFound(found.status());
-    if (unreadable) damaged = reader.deliveries.NextId(webhook.config.name);
-    return found;
-  });
+  const absl::StatusOr<DeliveryRow> next =
+      options_.readers.Read<DeliveryRow>([&](const Transaction& reader) {
+        absl::StatusOr<DeliveryRow> found = reader.deliveries.Next(webhook.config.name);
+        const bool unreadable = !found.ok() && !absl::IsNotFound(found.status());
+        if (unreadable) damaged = reader.deliveries.NextId(webhook.config.name);
+        return found;
+      });
   if (next.ok()) return *next;
   if (damaged != 0) GiveUpDamaged(webhook, damaged, std::string(next.status().message()));
   return std::nullopt;
@@ -176,8 +177,9 @@ DeliveryOutcome WebhookSender::After(const Webhook& webhook, const DeliveryRow& 
 
 void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
   do {
-    const absl::Status status = options_.write(
-        [delivery, outcome](Transaction& writer) { return writer.deliveries.Set(delivery, outcome); });
+    const absl::Status status = options_.write([delivery, outcome](Transaction& writer) {
+      return writer.deliveries.Set(delivery, outcome);
+    });
     if (status.ok()) return;
   } while (!WaitFor(kRecordEvery));
 }

@@ -64,7 +64,8 @@ absl::Status Fill(Transaction& writer) {
   }
   status.Update(writer.leases.Finish(lease, 1, "{}", "daemon"));
   status.Update(writer.evaluations.End(accepted->evaluation, EvaluationState::kDone, "", "x", "d"));
-  status.Update(writer.journal.Mark(accepted->submission, "baseline", true, "uid 0", "ours").status());
+  status.Update(
+      writer.journal.Mark(accepted->submission, "baseline", true, "uid 0", "ours").status());
   return status;
 }
 

@@ -25,8 +25,8 @@
 #include "server/grading/tracks.h"
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
-#include "server/store/reader_pool.h"
 #include "server/store/journal.h"
+#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 namespace {

@@ -182,10 +182,11 @@ absl::StatusOr<std::string> StoreIn(const SeedOptions& options) {
 absl::StatusOr<int> ExportSecret(const SeedOptions& options) {
   ASSIGN_OR_RETURN(const std::string path, StoreIn(options));
   ReaderPool readers(path);
-  ASSIGN_OR_RETURN(const std::string secret,
-                   HostStatus("seeds export", readers.Read<std::string>([&](const Transaction& reader) {
-                     return reader.phases.Secret(options.phase);
-                   })));
+  ASSIGN_OR_RETURN(
+      const std::string secret,
+      HostStatus("seeds export", readers.Read<std::string>([&](const Transaction& reader) {
+        return reader.phases.Secret(options.phase);
+      })));
   RETURN_IF_ERROR(WriteSecret(options.output, secret));
   return ReportMoved(options, secret, /*changed=*/true);
 }

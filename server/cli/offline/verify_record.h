@@ -12,9 +12,9 @@
 #include <absl/status/status.h>
 #include <nlohmann/json.hpp>
 
+#include "server/board/board_state.h"
 #include "server/cli/offline/record_boards.h"
 #include "server/cli/offline/record_folder.h"
-#include "server/board/board_state.h"
 #include "server/proof/merkle_tree.h"
 #include "server/proof/receipt.h"
 #include "server/proof/record_head.h"

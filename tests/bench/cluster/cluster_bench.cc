@@ -247,7 +247,8 @@ class Daemon {
       const auto added =
           writer.content.AddArtefact({submission.artefact, "bench", {"./policy"}, {}, 1, 1});
       if (!added.ok()) return added.status();
-      const absl::StatusOr<Accepted> accepted = writer.submissions.Accept(submission, kRules, "bench");
+      const absl::StatusOr<Accepted> accepted =
+          writer.submissions.Accept(submission, kRules, "bench");
       if (accepted.ok()) ids.push_back(accepted->evaluation);
       return accepted.status();
     });

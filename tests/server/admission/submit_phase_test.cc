@@ -181,7 +181,9 @@ TEST_F(SubmitPhaseTest, APauseIsOfThePhaseOrOfAll) {
   AddArtefact('a');
   const auto act = [&](const std::string& phase, const char* event) {
     const absl::Status status = engine_->Change(
-        [=](Transaction& writer) { return writer.phases.AddEvent(phase, event, "uid 0", "why").status(); },
+        [=](Transaction& writer) {
+          return writer.phases.AddEvent(phase, event, "uid 0", "why").status();
+        },
         absl::Minutes(1));
     ASSERT_TRUE(status.ok()) << status;
   };

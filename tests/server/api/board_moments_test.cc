@@ -116,7 +116,8 @@ class Board {
   }
   void Mark(int64_t submission, const std::string& mark, bool set) {
     Write([&](Transaction& writer) {
-      const absl::Status status = writer.journal.Mark(submission, mark, set, "uid 0", "why").status();
+      const absl::Status status =
+          writer.journal.Mark(submission, mark, set, "uid 0", "why").status();
       return absl::IsNotFound(status) ? absl::OkStatus() : status;
     });
   }
@@ -388,7 +389,8 @@ TEST_F(RejudgedBoard, TellsWhatStandsUnderOtherConfigs) {
     EXPECT_EQ(others.size(), 1u);
     EXPECT_EQ(others.at(0).config, old_hash);
     EXPECT_EQ(others.at(0).submissions, 2);
-    EXPECT_EQ(reader.Board().RankedElsewhere(name, new_hash, {}), 0) << "the rejudge brought them here";
+    EXPECT_EQ(reader.Board().RankedElsewhere(name, new_hash, {}), 0)
+        << "the rejudge brought them here";
     const std::vector<OtherConfig> newer = reader.Board().OtherConfigs(name, old_hash, {});
     EXPECT_EQ(newer.size(), 1u);
     EXPECT_EQ(newer.at(0).submissions, 3);

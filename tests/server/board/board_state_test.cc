@@ -1,4 +1,5 @@
-// The fold of acts: what counts on a board at each moment, and acts that say less than their kind does.
+// The fold of acts: what counts on a board at each moment, and acts that say less than their kind
+// does.
 #include "server/board/board_state.h"
 
 #include <string>
@@ -197,12 +198,14 @@ TEST_F(BoardStateTest, APhaseCommitsToOneSecret) {
 }
 
 TEST(ActTest, AnEntryOfARecordIsAnAct) {
-  const auto act = ActOfEntry(7, {{"at", "2026-11-22T19:20:38.125Z"}, {"kind", "key"}, {"key", "k"}});
+  const auto act =
+      ActOfEntry(7, {{"at", "2026-11-22T19:20:38.125Z"}, {"kind", "key"}, {"key", "k"}});
   ASSERT_TRUE(act.ok()) << act.status();
   EXPECT_EQ(act->id, 8);
   EXPECT_EQ(TimeText(act->at), "2026-11-22T19:20:38.125Z");
-  for (const Json& entry : {Json(), Json::array(), Json{{"kind", "key"}},
-                            Json{{"kind", "key"}, {"at", "yesterday"}}, Json{{"kind", 1}, {"at", 2}}}) {
+  for (const Json& entry :
+       {Json(), Json::array(), Json{{"kind", "key"}}, Json{{"kind", "key"}, {"at", "yesterday"}},
+        Json{{"kind", 1}, {"at", 2}}}) {
     EXPECT_FALSE(ActOfEntry(0, entry).ok()) << entry;
   }
 }

@@ -59,7 +59,9 @@ class BoardConfigsTest : public testing::Test {
     Read([&](const Transaction& reader) { overlaid = OverlayConfigs(reader, *tracks_, *phases_); });
     EXPECT_TRUE(overlaid.ok()) << overlaid.status();
     for (const NewBoardConfig& change : overlaid->changed) {
-      Write([&](Transaction& writer) { return writer.journal.SetBoardConfig(change, "daemon").status(); });
+      Write([&](Transaction& writer) {
+        return writer.journal.SetBoardConfig(change, "daemon").status();
+      });
     }
     return *overlaid;
   }
@@ -108,9 +110,9 @@ class BoardConfigsTest : public testing::Test {
                              .why = "the rules change"},
                             Sign, "uid 0");
       if (!made.ok()) return made.status();
-      return writer
-          .rejudges.Apply({.rejudge = made->id, .why = "a vote", .in_force = from->config.hash}, Sign,
-                        "uid 0")
+      return writer.rejudges
+          .Apply({.rejudge = made->id, .why = "a vote", .in_force = from->config.hash}, Sign,
+                 "uid 0")
           .status();
     });
   }
@@ -212,7 +214,9 @@ TEST_F(BoardConfigsTest, PhasesHaveBoardsOfTheirOwn) {
   EXPECT_EQ(Final()->config.hash, to->config.hash);
   EXPECT_EQ(Arm()->config.hash, arm);
   Start(0, /*with_phase=*/false);
-  Read([&](const Transaction& reader) { EXPECT_EQ(reader.Board().ConfigOfPhase(kFinal), to->config.hash); });
+  Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.Board().ConfigOfPhase(kFinal), to->config.hash);
+  });
   EXPECT_TRUE(SwitchConfig(to, *tracks_, *phases_).ok()) << "nobody plays it any more";
 }
 

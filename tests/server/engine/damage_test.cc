@@ -71,9 +71,9 @@ class DamageTest : public testing::Test {
       const Listed<SubmissionRow> list = reader.submissions.List({});
       EXPECT_GE(list.found, 4);
       for (const SubmissionRow& row : list.rows) {
-        for (const absl::Status& read :
-             {reader.evaluations.Original(row.id).status(),
-              reader.content.Artefact(row.artefact).status(), reader.content.ConfigJson(row.config).status()}) {
+        for (const absl::Status& read : {reader.evaluations.Original(row.id).status(),
+                                         reader.content.Artefact(row.artefact).status(),
+                                         reader.content.ConfigJson(row.config).status()}) {
           EXPECT_TRUE(read.ok() || DamageOf(read)) << read;
         }
         (void)reader.quotas.Ledger(row.team, "", INT64_MAX, 100);

@@ -303,8 +303,10 @@ int64_t World::Submit(const std::string& team, int episodes) {
   int64_t id = 0;
   try {
     core->Ask({[&, submission, artefact](Transaction& writer) -> absl::Status {
-                 if (auto added = writer.content.AddArtefact(artefact); !added.ok()) return added.status();
-                 absl::StatusOr<Accepted> accepted = writer.submissions.Accept(submission, kRules, "test");
+                 if (auto added = writer.content.AddArtefact(artefact); !added.ok())
+                   return added.status();
+                 absl::StatusOr<Accepted> accepted =
+                     writer.submissions.Accept(submission, kRules, "test");
                  if (accepted.ok()) id = accepted->evaluation;
                  return accepted.status();
                },
@@ -380,8 +382,8 @@ void World::CheckEvaluation(const Transaction& reader, int64_t id) {
   Promise(evaluation.ok(), absl::StrCat("evaluation ", id, " was accepted and is lost"));
   if (!evaluation.ok()) return;
   const SubmissionRow submission = *reader.submissions.Find(evaluation->submission);
-  const auto seeds =
-      nlohmann::json::parse(*reader.content.SeedsJson(submission.seeds)).get<std::vector<uint64_t>>();
+  const auto seeds = nlohmann::json::parse(*reader.content.SeedsJson(submission.seeds))
+                         .get<std::vector<uint64_t>>();
   const std::vector<EpisodeRow> rows = *reader.episodes.Of(id);
   const std::map<int64_t, std::string> details = *reader.episodes.Details(id);
   Promise(details.size() == rows.size(), absl::StrCat("details of ", id, " were lost or are extra"));
@@ -400,7 +402,8 @@ void World::CheckEvaluation(const Transaction& reader, int64_t id) {
   int64_t known = 0;
   for (const auto& [key, facts] : seen_) known += key.first == id;
   Promise(known == std::ssize(rows), absl::StrCat("an episode of ", id, " was lost"));
-  Promise(reader.episodes.Repeats(id)->empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
+  Promise(reader.episodes.Repeats(id)->empty(),
+          absl::StrCat("an episode of ", id, " came out otherwise"));
   if (evaluation->state == EvaluationState::kDone) {
     Promise(rows.size() == seeds.size(), absl::StrCat(id, " is done without all its episodes"));
     Promise(evaluation->results_hash == ResultsHash(rows, track->config.seed_salt),

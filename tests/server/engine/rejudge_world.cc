@@ -188,11 +188,12 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
   fs::create_directory(ArtefactFolder(dir_, artefact));
   Accepted accepted;
   const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
-    if (auto added = writer.content.AddArtefact({artefact, team, {"./policy"}, {}, 1, 1}); !added.ok()) {
+    if (auto added = writer.content.AddArtefact({artefact, team, {"./policy"}, {}, 1, 1});
+        !added.ok()) {
       return added.status();
     }
-    absl::StatusOr<Accepted> added =
-        writer.submissions.Accept(SubmissionOf(config, team, artefact, grader), kOpenRules, "uid 1");
+    absl::StatusOr<Accepted> added = writer.submissions.Accept(
+        SubmissionOf(config, team, artefact, grader), kOpenRules, "uid 1");
     if (!added.ok()) return added.status();
     accepted = *added;
     std::vector<EpisodeRow> rows;

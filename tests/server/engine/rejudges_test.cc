@@ -205,7 +205,7 @@ TEST_F(RejudgesTest, FollowsSubmissionsThatEndLater) {
 TEST_F(RejudgesTest, GivesWayToLiveSubmissionsWithoutAFault) {
   slots_ = 1;
   const int64_t alpha = Played("alpha", today_);
-  Read([&](const Transaction& reader) { playing_.held = reader.submissions.Find(alpha)->artefact; });
+  Read([&](const Transaction& read) { playing_.held = read.submissions.Find(alpha)->artefact; });
   playing_.hold = true;
   Run();
   const int64_t id = MustCreate(To(LongerSteps()));
@@ -245,7 +245,9 @@ TEST_F(RejudgesTest, ACancelLeavesItAloneAndADropEndsIt) {
 TEST_F(RejudgesTest, TellsWhichPoliciesAreNotRepeatable) {
   const int64_t steady = Played("steady", today_);
   const int64_t unsteady = Played("unsteady", today_);
-  Read([&](const Transaction& reader) { playing_.unsteady = reader.submissions.Find(unsteady)->artefact; });
+  Read([&](const Transaction& reader) {
+    playing_.unsteady = reader.submissions.Find(unsteady)->artefact;
+  });
   Run();
   NewRejudge rejudge = To(base_);
   rejudge.repeats = 3;
@@ -320,13 +322,16 @@ TEST_F(RejudgesTest, KeepsTheFilesThatItMayHaveToPlay) {
   Run();
   const auto removed = [&] {
     bool gone = false;
-    EXPECT_TRUE(engine_->Change(
-        [&](Transaction& writer) -> absl::Status {
-          const absl::StatusOr<bool> row = writer.content.Remove("artefact", artefact, 1, "of no use");
-          gone = row.ok() && *row;
-          return row.status();
-        },
-        absl::Seconds(30)).ok());
+    EXPECT_TRUE(engine_
+                    ->Change(
+                        [&](Transaction& writer) -> absl::Status {
+                          const absl::StatusOr<bool> row =
+                              writer.content.Remove("artefact", artefact, 1, "of no use");
+                          gone = row.ok() && *row;
+                          return row.status();
+                        },
+                        absl::Seconds(30))
+                    .ok());
     return gone;
   };
   const int64_t id = MustCreate(To(SlowFailures()));

@@ -57,7 +57,9 @@ TEST_F(AccessEventsTest, EqualDenialsOfADayShareARowAndADayHasFew) {
   others.who = "others";
   const auto deny = [&](const std::string& who) {
     denied.who = who;
-    ASSERT_TRUE(store_->Write([&](Transaction& writer) { return writer.callers.AddDenial(denied, others); }).ok());
+    ASSERT_TRUE(
+        store_->Write([&](Transaction& writer) { return writer.callers.AddDenial(denied, others); })
+            .ok());
   };
   for (int i = 0; i < 3; ++i) {
     deny("a");
@@ -98,7 +100,8 @@ TEST_F(AccessEventsTest, AKindThatThereIsNotIsRefused) {
   row.kind = "other";
   row.who = "a";
   row.action = "read log";
-  EXPECT_FALSE(store_->Write([&](Transaction& writer) { return writer.callers.AddEvent(row); }).ok());
+  EXPECT_FALSE(
+      store_->Write([&](Transaction& writer) { return writer.callers.AddEvent(row); }).ok());
   EXPECT_TRUE(Who("").empty());
 }
 

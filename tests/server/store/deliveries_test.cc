@@ -22,7 +22,9 @@ class DeliveriesTest : public StoreTest {
 
   std::vector<DeliveryRow> Rows(const std::string& webhook) {
     std::vector<DeliveryRow> rows;
-    Read([&](const Transaction& reader) { rows = reader.deliveries.List(webhook, INT64_MAX, 100).rows; });
+    Read([&](const Transaction& reader) {
+      rows = reader.deliveries.List(webhook, INT64_MAX, 100).rows;
+    });
     return rows;
   }
   std::vector<std::string> Events(const std::string& webhook) {
@@ -32,7 +34,8 @@ class DeliveriesTest : public StoreTest {
   }
   absl::Status Cancel(const Accepted& accepted) {
     return store_->Write([&](Transaction& writer) {
-      return writer.evaluations.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0");
+      return writer.evaluations.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "",
+                                              "uid 0");
     });
   }
   void Pause(const std::string& phase, const std::string& why) {
@@ -68,7 +71,8 @@ TEST_F(DeliveriesTest, AnEndIsToldToWhomItConcerns) {
 TEST_F(DeliveriesTest, WhatIsRolledBackIsNotTold) {
   const Accepted accepted = Submit();
   const absl::Status status = store_->Write([&](Transaction& writer) {
-    EXPECT_TRUE(writer.evaluations.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0")
+    EXPECT_TRUE(writer.evaluations
+                    .EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0")
                     .ok());
     return absl::AbortedError("no");
   });
@@ -142,7 +146,8 @@ TEST_F(DeliveriesTest, StrangersAreGivenUpAndOldRowsGo) {
   }).ok());
   EXPECT_EQ(*given_up, 1);
   EXPECT_EQ(Rows("pauses").front().state, "given_up");
-  ASSERT_TRUE(store_->Write([](Transaction& writer) { return writer.deliveries.Prune(INT64_MAX); }).ok());
+  ASSERT_TRUE(
+      store_->Write([](Transaction& writer) { return writer.deliveries.Prune(INT64_MAX); }).ok());
   EXPECT_THAT(Rows("pauses"), IsEmpty());
   EXPECT_EQ(Rows("all").size(), 1u) << "what waits stays";
 }

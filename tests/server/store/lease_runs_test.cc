@@ -20,8 +20,8 @@ class LeaseRunsTest : public StoreTest {
     return store_->Write([&](Transaction& writer) { return writer.leases.RecordRun(run); });
   }
   void Drain(const std::string& node, const std::string& why) {
-    const absl::Status status =
-        store_->Write([&](Transaction& writer) { return writer.leases.DrainNode(node, why, "uid 0"); });
+    const absl::Status status = store_->Write(
+        [&](Transaction& writer) { return writer.leases.DrainNode(node, why, "uid 0"); });
     ASSERT_TRUE(status.ok()) << status;
   }
   void Admit(const std::string& node) {

@@ -29,16 +29,19 @@ class PeopleTest : public StoreTest {
     return Write([&](Transaction& w) { return w.teams.Found(team, person, most); });
   }
   absl::Status Rename(const std::string& team, const std::string& name) {
-    return Write([&](Transaction& w) { return w.teams.Rename(team, name, "uid 0", "asked for").status(); });
+    return Write(
+        [&](Transaction& w) { return w.teams.Rename(team, name, "uid 0", "asked for").status(); });
   }
   absl::Status Merge(const std::string& team, const std::string& into) {
     return Write([&](Transaction& w) { return w.teams.Merge(team, into, "uid 0", "one group"); });
   }
   absl::Status Ban(const std::string& team, bool banned = true) {
-    return Write([&](Transaction& w) { return w.teams.Ban(team, banned, "uid 0", "cheats").status(); });
+    return Write(
+        [&](Transaction& w) { return w.teams.Ban(team, banned, "uid 0", "cheats").status(); });
   }
   absl::Status SetMember(const std::string& team, const std::string& person, bool belongs) {
-    return Write([&](Transaction& w) { return w.teams.SetMember(team, person, belongs, "uid 0").status(); });
+    return Write(
+        [&](Transaction& w) { return w.teams.SetMember(team, person, belongs, "uid 0").status(); });
   }
   absl::Status Try(const std::string& team, char artefact = 'a') {
     return TrySubmit(team, artefact, /*ranked=*/true).status();
@@ -51,7 +54,8 @@ class PeopleTest : public StoreTest {
   std::vector<std::string> MembersOf(const std::string& team) {
     std::vector<std::string> members;
     Read([&](const Transaction& reader) {
-      for (const MemberRow& member : reader.teams.Members(team).rows) members.push_back(member.person);
+      for (const MemberRow& member : reader.teams.Members(team).rows)
+        members.push_back(member.person);
     });
     return members;
   }

@@ -170,7 +170,9 @@ TEST_F(PeopleTest, ABannedTeamHandsInNothingAndLeavesTheBoards) {
     const absl::Status refused = Try(name, 'f');
     EXPECT_EQ(ErrorCodeOf(refused), kBannedCode) << refused;
     EXPECT_THAT(Sentence(refused), HasSubstr("team \"gamma\" is banned by the organisers (cheats)"));
-    Read([&](const Transaction& reader) { EXPECT_EQ(ErrorCodeOf(reader.teams.Check(name)), kBannedCode); });
+    Read([&](const Transaction& reader) {
+      EXPECT_EQ(ErrorCodeOf(reader.teams.Check(name)), kBannedCode);
+    });
   }
   Play(running);  // what was accepted goes on
   EXPECT_THAT(Board(), ElementsAre("beta"));
@@ -189,8 +191,10 @@ TEST_F(PeopleTest, AnExportHoldsAllOfItAndAnImportGivesItBack) {
   ASSERT_TRUE(Create("gamma").ok());
   ASSERT_TRUE(Ban("gamma").ok());
   ASSERT_TRUE(Write([](Transaction& w) {
-    return w.callers.AddToken({std::string(64, 'a'), "participant", "gamma", "laptop"}, "uid 0").status();
-  }).ok());
+                return w.callers
+                    .AddToken({std::string(64, 'a'), "participant", "gamma", "laptop"}, "uid 0")
+                    .status();
+              }).ok());
   const auto text_of = [](const std::string& store) {
     std::string text;
     EXPECT_TRUE(ReaderPool(store).Read([&](const Transaction& reader) {
@@ -211,7 +215,8 @@ TEST_F(PeopleTest, AnExportHoldsAllOfItAndAnImportGivesItBack) {
   path_ = dir_ + "/copy.db";
   Open();
   ASSERT_TRUE(Write([&](Transaction& w) {
-                return w.Import(file, *info, "uid 0", [](const Transaction&) { return absl::OkStatus(); });
+                return w.Import(file, *info, "uid 0",
+                                [](const Transaction&) { return absl::OkStatus(); });
               }).ok());
   EXPECT_EQ(text_of(path_), text);
   EXPECT_EQ(TeamOf("alpha"), "Team Blue");

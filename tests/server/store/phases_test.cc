@@ -181,8 +181,8 @@ TEST_F(PhaseStoreTest, AUsedPhaseDrawsNoSecret) {
     EXPECT_EQ(ErrorCodeOf(Secret(phase).status()), "no_secret") << phase;
   }
   // Further episodes of a phase with public seeds follow from a secret that is drawn late.
-  const absl::Status further =
-      store_->Write([](Transaction& writer) { return writer.phases.FurtherSecret("played").status(); });
+  const absl::Status further = store_->Write(
+      [](Transaction& writer) { return writer.phases.FurtherSecret("played").status(); });
   EXPECT_TRUE(further.ok()) << further;
   ASSERT_TRUE(Secret("final").ok());
   ASSERT_EQ(SqlError("DELETE FROM phase_secret"), "");
@@ -269,7 +269,8 @@ TEST_F(PhaseStoreTest, EachPhaseCountsItsOwnUnits) {
     EXPECT_EQ(reader.quotas.Ledger("alpha", "", INT64_MAX, 9).rows.at(0).phase, "final");
   });
   const absl::Status granted = store_->Write([&](Transaction& writer) {
-    return writer.quotas.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why", "final"}, "uid 0");
+    return writer.quotas.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why", "final"},
+                               "uid 0");
   });
   ASSERT_TRUE(granted.ok()) << granted;
   EXPECT_TRUE(SubmitTo("final", 'b', rules).ok());

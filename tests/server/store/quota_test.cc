@@ -275,7 +275,9 @@ TEST_F(QuotaTest, NothingIsAcceptedUnderContentThatIsNotWhatItsHashSays) {
     const absl::Status status = TrySubmit("beta", 'b', true).status();
     ASSERT_TRUE(DamageOf(status)) << status;
     EXPECT_EQ(ErrorCodeOf(status), kDamagedRowCode);
-    Read([&](const Transaction& reader) { EXPECT_EQ(reader.evaluations.Unfinished().rows.size(), 1u); });
+    Read([&](const Transaction& reader) {
+      EXPECT_EQ(reader.evaluations.Unfinished().rows.size(), 1u);
+    });
   }
 }
 

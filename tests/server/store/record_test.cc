@@ -140,7 +140,8 @@ TEST_F(RecordTest, NobodyChangesOrRemovesAnEntry) {
 
 TEST_F(RecordTest, TheSigningKeyIsNamedWhenItIsNew) {
   for (const char* key : {"one", "one", "two"}) {
-    ASSERT_TRUE(store_->Write([&](Transaction& writer) { return writer.journal.AppendKey(key); }).ok());
+    ASSERT_TRUE(
+        store_->Write([&](Transaction& writer) { return writer.journal.AppendKey(key); }).ok());
   }
   EXPECT_THAT(Kinds(), ElementsAre("key", "key"));
   EXPECT_EQ(Entries().back()["key"], "two");

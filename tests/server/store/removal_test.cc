@@ -36,7 +36,8 @@ class RemovalTest : public StoreTest {
     const std::string hash(64, artefact);
     bool needed = false;
     Read([&](const Transaction& reader) {
-      for (const ArtefactUse& use : reader.content.ArtefactUses()) needed |= use.hash == hash && use.needed;
+      for (const ArtefactUse& use : reader.content.ArtefactUses())
+        needed |= use.hash == hash && use.needed;
     });
     const bool removed = Remove("artefact", hash);
     EXPECT_EQ(removed, !needed) << artefact;
@@ -98,8 +99,10 @@ TEST_F(RemovalTest, WhatHasNotEndedOrMayStandOnABoardStays) {
 
 TEST_F(RemovalTest, WhatNobodyEverUsedGoesAndEachRemovalIsARow) {
   ASSERT_TRUE(Write([](Transaction& writer) {
-    return writer.content.AddArtefact({std::string(64, '9'), "walker", {"./policy"}, {}, 10, 2}).status();
-  }).ok());
+                return writer.content
+                    .AddArtefact({std::string(64, '9'), "walker", {"./policy"}, {}, 10, 2})
+                    .status();
+              }).ok());
   EXPECT_TRUE(MayGo('9'));
   EXPECT_TRUE(LogMayGo(kLogHash));
   EXPECT_EQ(Count("SELECT count(*) FROM removal WHERE kind = 'artefact' AND bytes = 10 AND "
@@ -125,10 +128,11 @@ TEST_F(RemovalTest, ALaterEvaluationNeedsTheFilesOfAnEarlierOne) {
   EXPECT_TRUE(LogMayGo(kLogHash));
   Accepted rerun;
   ASSERT_TRUE(Write([&](Transaction& writer) -> absl::Status {
-    auto added = writer.evaluations.AddRerun({practice->submission, std::string(64, 'b'), "{}", {{0, 1}}}, "d");
-    if (added.ok()) rerun = *added;
-    return added.status();
-  }).ok());
+                auto added = writer.evaluations.AddRerun(
+                    {practice->submission, std::string(64, 'b'), "{}", {{0, 1}}}, "d");
+                if (added.ok()) rerun = *added;
+                return added.status();
+              }).ok());
   EXPECT_FALSE(MayGo('b'));
   EXPECT_TRUE(LogMayGo(kLogHash)) << "it has not been played yet";
   PlayFirst(rerun, kLogHash);

@@ -70,7 +70,8 @@ TEST_F(RequestKeys, TheSameRequestIsAcceptedOnce) {
   EXPECT_TRUE(again->leases.empty());
   EXPECT_EQ(Count("SELECT count(*) FROM submission"), 1);
   Read([&](const Transaction& reader) {
-    EXPECT_EQ((*reader.submissions.FindRequest("uid 1000", {"k", kBody}))->submission, first->submission);
+    EXPECT_EQ((*reader.submissions.FindRequest("uid 1000", {"k", kBody}))->submission,
+              first->submission);
     EXPECT_FALSE(reader.submissions.FindRequest("uid 1000", {"other", kBody})->has_value());
     EXPECT_FALSE(reader.submissions.FindRequest("uid 1000", {"", kBody})->has_value());
   });
@@ -109,7 +110,8 @@ TEST_F(RequestKeys, OfTwoInOneTransactionOneIsAccepted) {
     absl::Status status;
     for (int64_t& submission : submissions) {
       status.Update(writer.Part([&](Transaction& part) {
-        auto accepted = part.submissions.Once("uid 1000", {"k", kBody}, [&] { return AcceptOne(part); });
+        auto accepted =
+            part.submissions.Once("uid 1000", {"k", kBody}, [&] { return AcceptOne(part); });
         if (accepted.ok()) submission = accepted->submission;
         return accepted.status();
       }));
@@ -136,8 +138,9 @@ TEST_F(RequestKeys, OfOneCallerTheNewestAreKept) {
     const auto accepted = AcceptOne(writer);
     absl::Status status = accepted.status();
     for (int64_t i = 0; i < kKeysOfOne; ++i) {
-      status.Update(
-          writer.submissions.Once("uid 1000", {absl::StrCat("k", i), kBody}, [&] { return accepted; }).status());
+      status.Update(writer.submissions
+                        .Once("uid 1000", {absl::StrCat("k", i), kBody}, [&] { return accepted; })
+                        .status());
     }
     return status;
   }).ok());

@@ -29,7 +29,8 @@ class StandingTest : public StoreTest {
       const int64_t lease = accepted.leases[i];
       ASSERT_TRUE(Start(lease, 1).ok());
       for (const int64_t index : {2 * i, 2 * i + 1}) ASSERT_TRUE(Record(accepted, index, 1).ok());
-      ASSERT_TRUE(Write([&](Transaction& w) { return w.leases.Finish(lease, 1, "{}", "daemon"); }).ok());
+      ASSERT_TRUE(
+          Write([&](Transaction& w) { return w.leases.Finish(lease, 1, "{}", "daemon"); }).ok());
     }
   }
 
@@ -59,7 +60,8 @@ TEST_F(StandingTest, HoldsTheNumbersWithEveryBit) {
   Play(accepted);
   End(accepted);
   Read([&](const Transaction& reader) {
-    const std::map<int64_t, Standing> standings = reader.episodes.Standings({accepted.evaluation, 99});
+    const std::map<int64_t, Standing> standings =
+        reader.episodes.Standings({accepted.evaluation, 99});
     ASSERT_EQ(standings.size(), 1u);
     EXPECT_EQ(standings.at(accepted.evaluation).aggregate_json, kAggregate);
     const RankedNumbers& ranked = standings.at(accepted.evaluation).ranked;

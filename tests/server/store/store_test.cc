@@ -138,7 +138,8 @@ TEST_F(StoreTest, AcceptanceNumbersRiseAndTheQueueIsThereAfterOpeningAgain) {
     EXPECT_EQ(reader.content.Artefact(std::string(64, 'a'))->runtimes,
               std::vector<std::string>{"python"});
     EXPECT_EQ(reader.submissions.List({.team = "beta"}).rows.size(), 1u);
-    EXPECT_EQ(reader.submissions.List({.before = second.submission}).rows.front().id, first.submission);
+    EXPECT_EQ(reader.submissions.List({.before = second.submission}).rows.front().id,
+              first.submission);
   });
 }
 
@@ -212,7 +213,9 @@ TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
   const auto step = [&](const std::function<absl::Status(Transaction&)>& change) {
     return store_->Write(change).code();
   };
-  const auto finish = [&](Transaction& writer) { return writer.leases.Finish(lease, 1, "{}", "daemon"); };
+  const auto finish = [&](Transaction& writer) {
+    return writer.leases.Finish(lease, 1, "{}", "daemon");
+  };
   const auto end = [&](Transaction& writer) {
     return writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "", "daemon");
   };
@@ -295,7 +298,9 @@ TEST_F(StoreTest, AFullDiskIsToldAndLosesNothing) {
   EXPECT_THAT(std::string(status.message()), HasSubstr(path_));
   EXPECT_TRUE(Record(accepted, 0, 1)->counted);
   Open();
-  Read([&](const Transaction& reader) { EXPECT_EQ(reader.episodes.Counts(accepted.evaluation).done, 1); });
+  Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.episodes.Counts(accepted.evaluation).done, 1);
+  });
 }
 
 TEST_F(StoreTest, StrangeFilesAreRefusedWithASentence) {

@@ -98,10 +98,15 @@ TEST_F(TeamsTest, OfTwoFirstSubmissionsAtOnceOneIsRefused) {
 }
 
 TEST_F(TeamsTest, AChangeThatFailsLeavesNoLook) {
-  EXPECT_FALSE(store_->Write([&](Transaction& writer) -> absl::Status {
-    EXPECT_TRUE(writer.quotas.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why"}, "u").ok());
-    return absl::UnavailableError("the disk is gone");
-  }).ok());
+  EXPECT_FALSE(
+      store_
+          ->Write([&](Transaction& writer) -> absl::Status {
+            EXPECT_TRUE(
+                writer.quotas.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why"}, "u")
+                    .ok());
+            return absl::UnavailableError("the disk is gone");
+          })
+          .ok());
   EXPECT_EQ(Count("team_look"), 0);
   EXPECT_TRUE(Try(kCyrillic).ok()) << "the name was nobody's";
 }

@@ -25,7 +25,9 @@ class TokensTest : public StoreTest {
   }
   absl::StatusOr<TokenRow> Find(char digit) {
     absl::StatusOr<TokenRow> token = absl::InternalError("");
-    Read([&](const Transaction& reader) { token = reader.callers.TokenByHash(std::string(64, digit)); });
+    Read([&](const Transaction& reader) {
+      token = reader.callers.TokenByHash(std::string(64, digit));
+    });
     return token;
   }
   void MakeTeam(const std::string& team) {
@@ -101,7 +103,8 @@ TEST_F(TokensTest, LastUseIsNotedToTheMinute) {
   const absl::StatusOr<int64_t> id = Add({std::string(64, 'a'), "operator", "", "x"});
   ASSERT_TRUE(id.ok());
   const auto touch = [&] {
-    ASSERT_TRUE(store_->Write([&](Transaction& writer) { return writer.callers.TouchToken(*id); }).ok());
+    ASSERT_TRUE(
+        store_->Write([&](Transaction& writer) { return writer.callers.TouchToken(*id); }).ok());
   };
   touch();
   const int64_t first = Find('a')->last_used_at;

@@ -44,7 +44,8 @@ class TransferTest : public StoreTest {
     auto store = Store::Open(dir_ + "/" + name, clock_);
     if (!store.ok()) return store.status();
     return (*store)->Write([&](Transaction& writer) {
-      return writer.Import(path, *info, "organiser", [](const Transaction&) { return absl::OkStatus(); });
+      return writer.Import(path, *info, "organiser",
+                           [](const Transaction&) { return absl::OkStatus(); });
     });
   }
 
@@ -63,7 +64,8 @@ class TransferTest : public StoreTest {
     ASSERT_TRUE(store_->Write([&](Transaction& writer) {
       absl::Status status =
           writer.evaluations.End(played.evaluation, EvaluationState::kDone, "", "x", "daemon");
-      status.Update(writer.journal.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
+      status.Update(
+          writer.journal.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
       status.Update(writer.leases.RecordRun(
           {played.leases[0], 1, "n1", "7_1", 0, 5, 1.5, std::nullopt, RunEnd::kDone}));
       status.Update(writer.leases.DrainNode("n1", "a fan is broken", "uid 0"));
@@ -82,7 +84,7 @@ TEST_F(TransferTest, AnImportGivesTheSameExportAgain) {
   ASSERT_EQ(json["data"]["episode_details"].size(), 2u);
   EXPECT_EQ(json["data"]["episode_details"][0]["details_json"], R"({"fall_time":null})");
   EXPECT_EQ(json["data"]["ledger"].size(), 1u);
-  EXPECT_EQ(json["data"]["mark"][0]["why"], "ours");
+  EXPECT_EQ(json["data"]["journal"].back()["private_json"], R"({"why":"ours"})");
   EXPECT_EQ(json["data"]["lease_run"][0]["cpu_ms"], 1500);
   EXPECT_EQ(json["data"]["lease_run"][0]["energy_mj"], nullptr);
   EXPECT_EQ(json["data"]["node_event"][0]["node"], "n1");

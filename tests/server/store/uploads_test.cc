@@ -115,7 +115,8 @@ class RerunsTest : public StoreTest {
     return store_->Write([&](Transaction& writer) -> absl::Status {
       constexpr RerunLimits kReruns = {
           .unfinished = 4, .of_one = 2, .of_a_submission = 2, .of_organisers = 5};
-      if (auto status = writer.submissions.CheckReruns(submission, who, organiser, kReruns); !status.ok()) {
+      if (auto status = writer.submissions.CheckReruns(submission, who, organiser, kReruns);
+          !status.ok()) {
         return status;
       }
       auto added = writer.evaluations.AddRerun({submission, "", "{}", {{0, 1}}}, who);
@@ -144,8 +145,8 @@ TEST_F(RerunsTest, AreBoundedUntilTheyEnd) {
   ASSERT_TRUE(store_->Write([&](Transaction& writer) {
     absl::Status status =
         writer.leases.End(last_.leases[0], LeaseState::kCancelled, false, "uid 0", "enough");
-    status.Update(writer.evaluations.End(last_.evaluation, EvaluationState::kCancelled, "enough", "",
-                                       "uid 0"));
+    status.Update(writer.evaluations.End(last_.evaluation, EvaluationState::kCancelled, "enough",
+                                         "", "uid 0"));
     return status;
   }).ok());
   EXPECT_TRUE(Rerun(a, "uid 0", /*organiser=*/true).ok());
