@@ -202,7 +202,6 @@ void PrintList(const Json& answer, const std::string& key, const std::string& no
   } else {
     PrintRows(rows, columns);
   }
-  PrintUnreadable(answer);
 }
 
 bool HasFinding(const std::vector<Finding>& findings, FindingState state) {

@@ -367,15 +367,13 @@ absl::StatusOr<int64_t> Client::Download(
 
 absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
                                  const std::string& rows) {
-  Json all = {{rows, Json::array()}, {"unreadable", Json::array()}, {"next_before", nullptr}};
+  Json all = {{rows, Json::array()}, {"next_before", nullptr}};
   int64_t before = std::numeric_limits<int64_t>::max();
   for (;;) {
     ASSIGN_OR_RETURN(const Json page,
                      client.Get(absl::StrCat(path, "?limit=1000&before=", before)));
-    for (const std::string& key : {rows, std::string("unreadable")}) {
-      const Json more = page.value(key, Json::array());
-      if (more.is_array()) all[key].insert(all[key].end(), more.begin(), more.end());
-    }
+    const Json more = page.value(rows, Json::array());
+    if (more.is_array()) all[rows].insert(all[rows].end(), more.begin(), more.end());
     const Json next = page.value("next_before", Json());
     // Each page begins below the one before, so that the loop ends.
     if (!next.is_number_integer() || next.get<int64_t>() >= before) return all;

@@ -155,7 +155,6 @@ void PrintWebhooks(const Json& answer) {
     PrintRows(deliveries, {"delivery", "event", "at", "state", "attempts",
                            "next attempt=next_attempt_at", "problem"});
   }
-  PrintUnreadable(answer);
 }
 
 absl::StatusOr<int> TestWebhook(const WebhookOptions& options) {

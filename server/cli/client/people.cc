@@ -66,7 +66,6 @@ void PrintTeam(const Json& team) {
   if (const Json events = team.value("events", Json::array()); !events.empty()) {
     PrintRows(events, {"at", "team", "event", "detail", "who", "why=reason"});
   }
-  PrintUnreadable(team);
   std::cout.flush();
 }
 
@@ -262,7 +261,6 @@ void PrintQuota(const Json& quota) {
               << " that this team has not used outside the phases; --json has them.\n";
   }
   std::cout << Filled(quota, "The next day begins at {next_day_at}.\n");
-  PrintUnreadable(quota);
   const Json ledger = quota.value("ledger", Json::array());
   if (ledger.empty()) {
     std::cout << "The ledger is empty." << std::endl;

@@ -115,15 +115,14 @@ class RecordExporter {
                        client_.Get(absl::StrCat("/v1/record?from=", from,
                                                 "&limit=", std::min(size - from, kEntriesAtOnce))));
       const Json entries = page.value("entries", Json());
-      if (!page.value("unreadable", Json::array()).empty()) {
-        return absl::InternalError(absl::StrCat(
-            "the daemon can't read all of its record: ", TextAt(page["unreadable"][0], "message"),
-            "; restore the store from a backup"));
-      }
       if (!entries.is_array() || entries.empty()) return Strange("record");
       for (const Json& row : entries) {
         const Json entry = row.value("entry", Json());
-        if (!entry.is_object() || row.value("index", Json()) != from) return Strange("record");
+        if (row.value("index", Json()) != from) {
+          return absl::InternalError(absl::StrCat("the daemon can't read entry ", from,
+                                                  " of its record; restore its store from a backup"));
+        }
+        if (!entry.is_object()) return Strange("record");
         absl::StrAppend(&lines_, CanonicalJson(entry), "\n");
         ++from;
         if (TextAt(entry, "kind") == "graded" && TextAt(entry, "state") == "graded") {

@@ -180,12 +180,9 @@ absl::StatusOr<int> StatusOfAll(const Client& client, bool json) {
   ASSIGN_OR_RETURN(const Json health, client.Get("/v1/health"));
   ASSIGN_OR_RETURN(const Json list, client.Get("/v1/submissions"));
   const Json submissions = list.value("submissions", Json::array());
-  return PrintAnswer(Json{{"daemon", health},
-                          {"submissions", submissions},
-                          {"unreadable", list.value("unreadable", Json::array())}},
-                     json, [&](const Json&) {
+  return PrintAnswer(Json{{"daemon", health}, {"submissions", submissions}}, json,
+                     [&](const Json&) {
                        PrintHealth(health);
-                       PrintUnreadable(list);
                        PrintSubmissions(submissions);
                      });
 }
