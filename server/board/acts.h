@@ -59,11 +59,11 @@ inline constexpr char kRejudgeAct[] = "rejudge";
 inline constexpr char kKeyAct[] = "key";
 
 struct Act {
-  int64_t id = 0;      // in the journal, from 1 on; of a record without a journal, its index + 1
-  int64_t at = 0;      // ms since 1970-01-01 UTC
+  int64_t id = 0;  // in the journal, from 1 on; of a record without a journal, its index + 1
+  int64_t at = 0;  // ms since 1970-01-01 UTC
   std::string kind;
-  std::string who;     // "": not told
-  int64_t entry = -1;  // its index in the public record; -1: it is not public
+  std::string who;         // "": not told
+  int64_t entry = -1;      // its index in the public record; -1: it is not public
   nlohmann::json content;  // public and private keys
 };
 
@@ -195,9 +195,9 @@ struct RejudgeRow {
   std::string profile;
   std::string from_config;  // hashes
   std::string to_config;
-  std::string seeds;        // of to_config
+  std::string seeds;  // of to_config
   RejudgeMethod method = RejudgeMethod::kAuto;
-  int64_t repeats = 1;      // evaluations of each submission
+  int64_t repeats = 1;  // evaluations of each submission
   std::string who;
   std::string why;
   std::vector<RejudgeEventRow> events;  // oldest first

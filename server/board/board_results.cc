@@ -40,7 +40,7 @@ std::vector<int64_t> BoardState::AppliedTo(const std::string& config,
 }
 
 std::vector<const BoardResult*> BoardState::Originals(const std::string& config,
-                                                          int64_t before_ms) const {
+                                                      int64_t before_ms) const {
   std::vector<const BoardResult*> found;
   for (const int64_t evaluation : FindOrNone(originals_, config)) {
     const BoardResult& result = results_.at(evaluation);
@@ -49,8 +49,7 @@ std::vector<const BoardResult*> BoardState::Originals(const std::string& config,
   return found;
 }
 
-std::vector<const BoardResult*> BoardState::OfRejudge(int64_t rejudge,
-                                                          int64_t before_ms) const {
+std::vector<const BoardResult*> BoardState::OfRejudge(int64_t rejudge, int64_t before_ms) const {
   std::vector<const BoardResult*> found;
   for (const int64_t evaluation : FindOrNone(rejudged_, rejudge)) {
     const BoardResult& result = results_.at(evaluation);
@@ -60,7 +59,7 @@ std::vector<const BoardResult*> BoardState::OfRejudge(int64_t rejudge,
 }
 
 std::map<int64_t, const BoardResult*> BoardState::InForce(const std::string& config,
-                                                              const BoardMoment& moment) const {
+                                                          const BoardMoment& moment) const {
   std::map<int64_t, const BoardResult*> in_force;
   const int64_t before = moment.results_before_ms();
   for (const BoardResult* result : Originals(config, before)) {
@@ -94,8 +93,7 @@ bool BoardState::Withholds(const std::string& config, const BoardMoment& moment)
   return false;
 }
 
-std::set<int64_t> BoardState::Rejudged(const std::string& config,
-                                       const BoardMoment& moment) const {
+std::set<int64_t> BoardState::Rejudged(const std::string& config, const BoardMoment& moment) const {
   std::set<int64_t> submissions;
   for (const int64_t rejudge : AppliedTo(config, moment)) {
     for (const BoardResult* result : OfRejudge(rejudge, moment.results_before_ms())) {
@@ -239,8 +237,7 @@ std::string BoardState::ConfigOfPhase(const std::string& phase) const {
   return "";
 }
 
-std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board,
-                                                  const std::string& config,
+std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const std::string& config,
                                                   const BoardMoment& moment) const {
   std::set<std::string> hashes;
   for (const auto& [hash, evaluations] : originals_) hashes.insert(hash);

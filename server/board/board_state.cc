@@ -119,16 +119,15 @@ absl::Status BoardState::AddAccepted(const Act& act) {
 }
 
 absl::Status BoardState::AddGraded(const Act& act) {
-  BoardResult ended{
-      .evaluation = NumberAt(act.content, "evaluation"),
-      .entry = act.entry,
-      .at = act.at,
-      .submission = NumberAt(act.content, "submission"),
-      .config = TextAt(act.content, "config"),
-      .rejudge = NumberOrZero(act.content, "rejudge"),
-      .repetition = std::max<int64_t>(1, NumberOrZero(act.content, "repetition")),
-      .graded = TextAt(act.content, "state") == "graded",
-      .failed = act.content.value("failed", false)};
+  BoardResult ended{.evaluation = NumberAt(act.content, "evaluation"),
+                    .entry = act.entry,
+                    .at = act.at,
+                    .submission = NumberAt(act.content, "submission"),
+                    .config = TextAt(act.content, "config"),
+                    .rejudge = NumberOrZero(act.content, "rejudge"),
+                    .repetition = std::max<int64_t>(1, NumberOrZero(act.content, "repetition")),
+                    .graded = TextAt(act.content, "state") == "graded",
+                    .failed = act.content.value("failed", false)};
   const auto [place, added] = results_.emplace(ended.evaluation, std::move(ended));
   const BoardResult& result = place->second;
   if (!added) return Wrong(act, "ends evaluation ", result.evaluation, " a second time");

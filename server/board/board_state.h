@@ -24,7 +24,7 @@ struct AcceptedSubmission {  // a ranked one
   int64_t id = 0;
   int64_t entry = 0;  // index in the public record
   int64_t at = 0;
-  int64_t team = 0;   // id, as it was then
+  int64_t team = 0;  // id, as it was then
   BoardName board;
   std::string config;
   std::string artefact;  // ArtefactCommitment
@@ -71,7 +71,7 @@ struct OtherConfig {
   std::string config;       // its hash
   int64_t submissions = 0;  // that have a result under it
   int64_t teams = 0;
-  int64_t first_at = 0;     // when the earliest and the latest of them were accepted
+  int64_t first_at = 0;  // when the earliest and the latest of them were accepted
   int64_t last_at = 0;
 };
 
@@ -107,7 +107,7 @@ class BoardState {
   // applied rejudge to the config, the earliest first, puts the one that it ended with. One without
   // a result takes the submission off the board. A banned team's are among them.
   std::map<int64_t, const BoardResult*> InForce(const std::string& config,
-                                                    const BoardMoment& moment = {}) const;
+                                                const BoardMoment& moment = {}) const;
   // Whether a freeze leaves out some of them.
   bool Withholds(const std::string& config, const BoardMoment& moment) const;
   // The submissions that teams stand with where they choose: each team's newest choice of those
@@ -200,7 +200,7 @@ class BoardState {
   int64_t last_ = 0;
   int64_t board_changes_ = 0;
   std::map<int64_t, AcceptedSubmission> submissions_;
-  std::map<int64_t, BoardResult> results_;  // by evaluation
+  std::map<int64_t, BoardResult> results_;                 // by evaluation
   std::map<std::string, std::vector<int64_t>> originals_;  // evaluations, by config
   std::map<int64_t, std::vector<int64_t>> rejudged_;       // first repetitions, by rejudge
   std::map<int64_t, TeamState> teams_;

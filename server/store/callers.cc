@@ -102,7 +102,7 @@ absl::Status Callers::AddEvent(const AccessEventRow& event) {
 }
 
 Listed<AccessEventRow> Callers::Events(const std::string& kind, int64_t before,
-                                            int64_t limit) const {
+                                       int64_t limit) const {
   return ListOf<AccessEventRow>(
       Statement(db_, R"(SELECT id, at, kind, who, role, action, subject, detail, count
           FROM access_event WHERE id < ?1 AND (?2 = '' OR kind = ?2) ORDER BY id DESC LIMIT ?3)",

@@ -55,9 +55,11 @@ constexpr char kLogOfEpisode[] =
 // a board, nor on one that a rejudge is made for, which may have to play it. Unreadable rows keep
 // their files.
 std::string Over(const BoardState& board) {
-  return absl::StrCat("(e.finished_at IS NOT NULL AND "
-                      "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')) AND "
-                      "s.id NOT IN (", absl::StrJoin(board.NeededByRejudges(), ","), "))");
+  return absl::StrCat(
+      "(e.finished_at IS NOT NULL AND "
+      "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')) AND "
+      "s.id NOT IN (",
+      absl::StrJoin(board.NeededByRejudges(), ","), "))");
 }
 
 constexpr char kEpisodesOf[] =
@@ -76,7 +78,7 @@ void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
 
 // Content is addressed by its hash, so a mismatch means that it is not what was stored.
 absl::StatusOr<std::string> StoredText(SQLite::Database& db, const char* table, const char* column,
-                                    const std::string& hash) {
+                                       const std::string& hash) {
   Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
   if (!select.executeStep()) {
     return DamagedRow({table, hash, "it is missing, and other rows name it"});
@@ -109,7 +111,7 @@ absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
 }
 
 absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
-                               const UnsubmittedLimits& limits) {
+                                const UnsubmittedLimits& limits) {
   RETURN_IF_ERROR(CheckNotBanned(db_, Board(), upload.team));
   const std::string team = KnownTeam(db_, upload.team);
   Run(db_, "INSERT INTO artefact_holder VALUES (?, ?, ?) ON CONFLICT DO NOTHING", artefact.hash,
@@ -250,7 +252,7 @@ absl::StatusOr<bool> Content::Remove(const std::string& kind, const std::string&
 }
 
 bool Content::MaySubmitArtefact(const std::string& hash, const std::string& who,
-                               const std::string& team) const {
+                                const std::string& team) const {
   return UploadedArtefact(hash, who) || (!team.empty() && TeamHoldsArtefact(hash, team));
 }
 
@@ -322,7 +324,7 @@ absl::StatusOr<std::string> Content::SeedsJson(const std::string& hash) const {
 }
 
 absl::Status Content::AddConfig(const std::string& hash, const std::string& track,
-                               const std::string& profile, const std::string& json) {
+                                const std::string& profile, const std::string& json) {
   Run(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", hash, track, profile,
       json, now_ms_);
   return CheckContent(db_, "config", "effective_json", hash, json);

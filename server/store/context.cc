@@ -86,15 +86,14 @@ const BoardState& TransactionContext::Board() const {
 }
 
 absl::Status StorePart::Audit(const char* entity, int64_t id, std::string_view from,
-                           std::string_view to, const std::string& who, const std::string& why) {
+                              std::string_view to, const std::string& who, const std::string& why) {
   Run(db_, R"(INSERT INTO transition (at, entity, entity_id, from_state, to_state, who, why)
       VALUES (?, ?, ?, ?, ?, ?, ?))",
       now_ms_, entity, id, from, to, who, why);
   return absl::OkStatus();
 }
 
-absl::Status TransactionContext::Part(
-    const std::function<absl::Status()>& change) const {
+absl::Status TransactionContext::Part(const std::function<absl::Status()>& change) const {
   db.exec("SAVEPOINT part");
   absl::Status status;
   try {

@@ -48,8 +48,8 @@ struct DeliveryRow {
   std::string body_json;  // canonical; "id" in it is the same for every attempt
   std::string state;      // "waiting", "delivered", "given_up"
   int64_t attempts = 0;
-  int64_t due_at = 0;     // of the next attempt, by the calendar
-  std::string detail;     // what went wrong last
+  int64_t due_at = 0;  // of the next attempt, by the calendar
+  std::string detail;  // what went wrong last
 };
 
 // How the latest attempt ended.

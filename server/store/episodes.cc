@@ -49,8 +49,8 @@ std::vector<double> NumbersIn(StoredRow& row, int column) {
   const std::string bytes = row.Blob(column);
   std::vector<double> numbers(bytes.size() / 8);
   if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
-  const bool any_infinite = std::any_of(numbers.begin(), numbers.end(),
-                                        [](double number) { return std::isinf(number); });
+  const bool any_infinite =
+      std::any_of(numbers.begin(), numbers.end(), [](double number) { return std::isinf(number); });
   if (bytes.size() % 8 != 0 || any_infinite) row.Fail(column, "numbers belong there");
   return numbers;
 }

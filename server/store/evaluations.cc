@@ -131,7 +131,7 @@ UnfinishedRows Evaluations::Unfinished() const {
 }
 
 absl::StatusOr<std::vector<TransitionRow>> Evaluations::Transitions(const std::string& entity,
-                                                               int64_t id) const {
+                                                                    int64_t id) const {
   const auto parse = [](SQLite::Statement& select, TransitionRow& transition) {
     StoredRow row(select, "transition");
     transition.at = row.Time(1);
@@ -149,10 +149,10 @@ absl::StatusOr<std::vector<TransitionRow>> Evaluations::Transitions(const std::s
 
 absl::StatusOr<Accepted> Evaluations::AddRerun(const NewRerun& rerun, const std::string& who) {
   return Add({.submission = rerun.submission,
-                        .kind = EvaluationKind::kRerun,
-                        .grader_json = rerun.grader_json,
-                        .blocks = rerun.blocks},
-                       who);
+              .kind = EvaluationKind::kRerun,
+              .grader_json = rerun.grader_json,
+              .blocks = rerun.blocks},
+             who);
 }
 
 absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std::string& who) {
@@ -180,8 +180,7 @@ absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std:
   return accepted;
 }
 
-absl::Status Evaluations::Note(int64_t evaluation, const std::string& who,
-                                    const std::string& why) {
+absl::Status Evaluations::Note(int64_t evaluation, const std::string& who, const std::string& why) {
   Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no evaluation ", evaluation));
@@ -190,9 +189,8 @@ absl::Status Evaluations::Note(int64_t evaluation, const std::string& who,
   return Audit("evaluation", evaluation, state, state, who, why);
 }
 
-absl::Status Evaluations::End(int64_t evaluation, EvaluationState state,
-                                   const std::string& reason, const std::string& results_hash,
-                                   const std::string& who) {
+absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const std::string& reason,
+                              const std::string& results_hash, const std::string& who) {
   Statement select(db_, R"(SELECT state, (SELECT count(*) FROM lease
       WHERE evaluation = e.id AND finished_at IS NULL) FROM evaluation AS e WHERE id = ?)",
                    evaluation);
@@ -231,8 +229,8 @@ void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
   const bool failed = state == EvaluationStateName(EvaluationState::kFailed);
   const bool result = failed || state == EvaluationStateName(EvaluationState::kDone);
   // The hash of the build as a receipt shows it.
-  const std::string grader = Sha256Hex(CanonicalJson(nlohmann::json::parse(
-      select.getColumn(5).getString(), nullptr, /*allow_exceptions=*/false)));
+  const std::string grader = Sha256Hex(CanonicalJson(
+      nlohmann::json::parse(select.getColumn(5).getString(), nullptr, /*allow_exceptions=*/false)));
   Append(
       {.kind = kGradedAct,
        .who = who,
@@ -258,7 +256,7 @@ std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {
 }
 
 absl::Status Evaluations::EndWithLeases(int64_t evaluation, EvaluationState state,
-                                   const std::string& why, const std::string& who) {
+                                        const std::string& why, const std::string& who) {
   for (const int64_t lease : AllNumbers(db_, kOpenLeases, evaluation)) {
     RETURN_IF_ERROR(Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why));
   }

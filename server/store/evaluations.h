@@ -70,7 +70,7 @@ class Evaluations : StorePart {
   // queued or running -> a final state. FailedPreconditionError while any of its leases has not
   // ended.
   absl::Status End(int64_t evaluation, EvaluationState state, const std::string& reason,
-                             const std::string& results_hash, const std::string& who);
+                   const std::string& results_hash, const std::string& who);
   // The same, and cancels its leases that have not ended.
   absl::Status EndWithLeases(int64_t evaluation, EvaluationState state, const std::string& why,
                              const std::string& who);

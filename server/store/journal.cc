@@ -47,7 +47,7 @@ std::string ChainMistake(const std::string& before, const RecordRow* entry) {
 }
 
 absl::StatusOr<bool> Journal::Mark(int64_t submission, const std::string& mark, bool set,
-                                  const std::string& who, const std::string& why) {
+                                   const std::string& who, const std::string& why) {
   Statement select(db_, "SELECT ranked FROM submission WHERE id = ?", submission);
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
@@ -80,9 +80,10 @@ absl::StatusOr<bool> Journal::Choose(int64_t submission, const std::string& who)
   const auto& submissions = Board().submissions();
   const auto found = submissions.find(submission);
   if (select.getColumn(0).getInt() != 1 || found == submissions.end()) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "submission ", submission, " can't be chosen: it is practice, or its evaluation is not "
-        "done; choose a ranked one that is"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", submission,
+                     " can't be chosen: it is practice, or its evaluation is not "
+                     "done; choose a ranked one that is"));
   }
   if (Board().NewestChoice(found->second.team, found->second.board) == submission) return false;
   Append({.kind = kChosenAct, .who = who, .content = {{"submission", submission}}});
@@ -120,8 +121,7 @@ absl::Status Journal::AppendKey(const std::string& public_pem) {
 }
 
 int64_t Journal::RecordSize() const {
-  return FirstNumber(
-      db_, "SELECT max(entry) + 1 FROM journal WHERE entry BETWEEN 0 AND 1 << 40");
+  return FirstNumber(db_, "SELECT max(entry) + 1 FROM journal WHERE entry BETWEEN 0 AND 1 << 40");
 }
 
 Listed<RecordRow> Journal::Record(int64_t from, int64_t limit) const {

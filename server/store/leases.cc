@@ -116,7 +116,7 @@ absl::Status Leases::RunEvaluation(int64_t evaluation, const std::string& who) {
 }
 
 absl::Status Leases::Start(int64_t lease, int64_t attempt, int64_t slot, int64_t deadline_ms,
-                                const std::string& who) {
+                           const std::string& who) {
   ASSIGN_OR_RETURN(LeaseRow row, Find(lease));
   if (row.state == LeaseState::kRunning && row.attempt == attempt) return absl::OkStatus();
   if (row.state != LeaseState::kPending || attempt != row.attempt + 1) {
@@ -131,7 +131,7 @@ absl::Status Leases::Start(int64_t lease, int64_t attempt, int64_t slot, int64_t
 }
 
 absl::Status Leases::Finish(int64_t lease, int64_t attempt, const std::string& output_json,
-                                 const std::string& who) {
+                            const std::string& who) {
   ASSIGN_OR_RETURN(LeaseRow row, Find(lease));
   if (row.state == LeaseState::kDone && row.attempt == attempt) return absl::OkStatus();
   if (row.state != LeaseState::kRunning || row.attempt != attempt) {
@@ -150,7 +150,7 @@ absl::Status Leases::Finish(int64_t lease, int64_t attempt, const std::string& o
 }
 
 absl::Status Leases::Return(int64_t lease, int64_t attempt, bool fault, const std::string& who,
-                                 const std::string& why) {
+                            const std::string& why) {
   ASSIGN_OR_RETURN(LeaseRow row, Find(lease));
   if (row.state == LeaseState::kPending && row.attempt == attempt) return absl::OkStatus();
   if (row.state != LeaseState::kRunning || row.attempt != attempt) {
@@ -163,7 +163,7 @@ absl::Status Leases::Return(int64_t lease, int64_t attempt, bool fault, const st
 }
 
 absl::Status Leases::End(int64_t lease, LeaseState state, bool fault, const std::string& who,
-                              const std::string& why) {
+                         const std::string& why) {
   ASSIGN_OR_RETURN(LeaseRow row, Find(lease));
   if (row.state == state) return absl::OkStatus();
   if (IsFinal(row.state) || (state != LeaseState::kFailed && state != LeaseState::kCancelled)) {

@@ -21,7 +21,7 @@ class Leases : StorePart {
  public:
   using StorePart::StorePart;
 
-  absl::StatusOr<std::vector<LeaseRow>> Of(int64_t evaluation) const;    // by first episode
+  absl::StatusOr<std::vector<LeaseRow>> Of(int64_t evaluation) const;  // by first episode
   // The attempts of its leases that have ended, by lease and attempt.
   absl::StatusOr<std::vector<LeaseRunRow>> RunsOf(int64_t evaluation) const;
   // By name.
@@ -29,16 +29,16 @@ class Leases : StorePart {
   // pending -> running, as the given attempt (one more than before). A queued evaluation starts
   // running too.
   absl::Status Start(int64_t lease, int64_t attempt, int64_t slot, int64_t deadline_ms,
-                          const std::string& who);
+                     const std::string& who);
   // running -> done. FailedPreconditionError unless every episode has its row.
   absl::Status Finish(int64_t lease, int64_t attempt, const std::string& output_json,
-                           const std::string& who);
+                      const std::string& who);
   // running -> pending, for a retry. `fault`: a grader fault, which is counted.
   absl::Status Return(int64_t lease, int64_t attempt, bool fault, const std::string& who,
-                           const std::string& why);
+                      const std::string& why);
   // pending or running -> failed or cancelled. `fault` as above.
   absl::Status End(int64_t lease, LeaseState state, bool fault, const std::string& who,
-                        const std::string& why);
+                   const std::string& why);
   // Where an attempt of a lease ran and what it used, once it has ended; `ended_at` 0: now. What
   // the store has of that attempt already stays. CPU time and energy that no attempt can have used
   // are stored as the nearest that one can.

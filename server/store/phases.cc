@@ -78,7 +78,7 @@ absl::Status CheckBelongs(const PhaseHistory& history, const std::string& phase,
 }  // namespace
 
 absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::string& event,
-                                           const std::string& who, const std::string& why) {
+                                         const std::string& who, const std::string& why) {
   const bool pauses = event == kPausedEvent || event == kResumedEvent;
   if (phase.empty() && !pauses) {
     return absl::InvalidArgumentError(absl::StrCat("only a phase can be ", event));
@@ -99,8 +99,9 @@ absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::st
   }
   Append({.kind = kPhaseAct, .who = who, .content = std::move(content), .beside = {{"why", why}}});
   if (!pauses) return true;
-  RETURN_IF_ERROR(Deliveries(context_).Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
-                       CanonicalJson({{"phase", OrNull(phase)}, {"reason", why}})));
+  RETURN_IF_ERROR(
+      Deliveries(context_).Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
+                                CanonicalJson({{"phase", OrNull(phase)}, {"reason", why}})));
   return true;
 }
 
@@ -120,7 +121,7 @@ absl::Status PhaseActs::CheckTakesSubmissions(const std::string& phase) {
 }
 
 absl::StatusOr<std::string> PhaseActs::EnsureSecret(const std::string& phase,
-                                                const std::string& challenge) {
+                                                    const std::string& challenge) {
   ASSIGN_OR_RETURN(std::optional<SecretRow> there, FindSecret(db_, phase));
   if (!there.has_value()) return DrawSecret(phase, challenge, /*further=*/false);
   RETURN_IF_ERROR(CheckBelongs(Board().Phase(phase), phase, *there, challenge));
@@ -137,7 +138,7 @@ absl::StatusOr<std::string> PhaseActs::FurtherSecret(const std::string& phase) {
 }
 
 absl::StatusOr<std::string> PhaseActs::DrawSecret(const std::string& phase,
-                                               const std::string& challenge, bool further) {
+                                                  const std::string& challenge, bool further) {
   RETURN_IF_ERROR(CheckNeverUsed(db_, Board().Phase(phase), phase, further));
   ASSIGN_OR_RETURN(std::string secret, RandomBytes(kPhaseSecretBytes));
   AddSecret(phase, challenge, secret);

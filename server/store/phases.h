@@ -26,14 +26,14 @@ class PhaseActs : StorePart {
   // Adds an act on a phase, or on all submissions (`phase` ""); true if that changed anything: what
   // is paused is not paused again for the same reason, nor published or revealed twice.
   absl::StatusOr<bool> AddEvent(const std::string& phase, const std::string& event,
-                                     const std::string& who, const std::string& why);
+                                const std::string& who, const std::string& why);
   // The secret of a challenge's phase with hidden seeds, 32 bytes, drawn when it is first asked for
   // and committed to in the record. A damaged row (damage.h) if it is not that long.
   // FailedPreconditionError with the code "no_secret": it belongs to another challenge, or there is
   // none although the store has a commitment, submissions or events of the phase; "phase_revealed":
   // another challenge's, which was revealed. `challenge` "": whichever it is.
   absl::StatusOr<std::string> EnsureSecret(const std::string& phase,
-                                          const std::string& challenge = "");
+                                           const std::string& challenge = "");
   // The same for further episodes of a phase, which may have been played with public seeds before.
   absl::StatusOr<std::string> FurtherSecret(const std::string& phase);
   // Keeps the secret of a phase that was held elsewhere, and whose record was imported; true if it
@@ -45,8 +45,7 @@ class PhaseActs : StorePart {
  private:
   absl::StatusOr<std::string> DrawSecret(const std::string& phase, const std::string& challenge,
                                          bool further);
-  void AddSecret(const std::string& phase, const std::string& challenge,
-                 const std::string& secret);
+  void AddSecret(const std::string& phase, const std::string& challenge, const std::string& secret);
 };
 
 }  // namespace myograde::server

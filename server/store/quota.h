@@ -52,7 +52,7 @@ struct BudgetUse {
 };
 
 struct QuotaUse {
-  int64_t day = 0;      // since 1970-01-01 UTC
+  int64_t day = 0;  // since 1970-01-01 UTC
   int64_t waiting = 0;
   std::array<BudgetUse, 3> today;  // by Budget
   std::array<BudgetUse, 3> total;
@@ -65,7 +65,8 @@ struct QuotaUse {
 inline constexpr int64_t kLastDay = 2'932'896;
 inline constexpr int64_t kMostUnits = 1'000'000'000;
 
-// The store's current day: today, or tomorrow if there are rows of it. These throw SQLite::Exception.
+// The store's current day: today, or tomorrow if there are rows of it. These throw
+// SQLite::Exception.
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms);
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
                       const std::string& phase, int64_t now_ms);

@@ -19,7 +19,6 @@ namespace {
 // Idle connections kept open between requests; each has a cache of about 1 MiB (OpenForReading).
 constexpr size_t kKept = 8;
 
-
 }  // namespace
 
 ReaderPool::ReaderPool(std::string path) : path_(std::move(path)) {}

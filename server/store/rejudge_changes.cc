@@ -93,10 +93,9 @@ std::string ConfigInForce(const BoardState& board, const BoardName& name,
 
 }  // namespace
 
-absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge,
-                                                        RejudgeEvent event, const std::string& why,
-                                                        const SignDocument& sign,
-                                                        const std::string& who) {
+absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
+                                                   const std::string& why, const SignDocument& sign,
+                                                   const std::string& who) {
   const bool applied = event == RejudgeEvent::kApplied;
   nlohmann::json document = RejudgeKeys(rejudge);
   document.update({{"format", 1},
@@ -132,7 +131,7 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge,
 }
 
 absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDocument& sign,
-                                              const std::string& who) {
+                                         const std::string& who) {
   RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.from_config, rejudge.track, rejudge.profile,
                                               rejudge.from_config_json));
   RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.to_config, rejudge.track, rejudge.profile,
@@ -159,7 +158,7 @@ absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDo
 }
 
 absl::StatusOr<std::optional<RejudgeRow>> Rejudges::RejudgeWithout(int64_t id, int64_t submission,
-                                                                 int64_t repetition) {
+                                                                   int64_t repetition) {
   ASSIGN_OR_RETURN(RejudgeRow rejudge, Find(id));
   if (AnyRow(db_, R"(SELECT 1
       FROM evaluation WHERE rejudge = ? AND submission = ? AND repetition = ?)",
@@ -169,22 +168,21 @@ absl::StatusOr<std::optional<RejudgeRow>> Rejudges::RejudgeWithout(int64_t id, i
   return std::optional(std::move(rejudge));
 }
 
-absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item,
-                                                const std::string& who) {
+absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std::string& who) {
   ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge,
                    RejudgeWithout(item.rejudge, item.submission, item.repetition));
   if (!rejudge.has_value()) return Accepted{.submission = item.submission, .repeated = true};
   ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add({.submission = item.submission,
-                                                  .kind = EvaluationKind::kRejudge,
-                                                  .config = rejudge->to_config,
-                                                  .seeds = rejudge->seeds,
-                                                  .grader_json = item.grader_json,
-                                                  .blocks = item.blocks,
-                                                  .rejudge = item.rejudge,
-                                                  .repetition = item.repetition,
-                                                  .source = item.source,
-                                                  .method = item.method},
-                                                 who));
+                                                              .kind = EvaluationKind::kRejudge,
+                                                              .config = rejudge->to_config,
+                                                              .seeds = rejudge->seeds,
+                                                              .grader_json = item.grader_json,
+                                                              .blocks = item.blocks,
+                                                              .rejudge = item.rejudge,
+                                                              .repetition = item.repetition,
+                                                              .source = item.source,
+                                                              .method = item.method},
+                                                             who));
   if (item.impossible.empty()) return added;
   RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(
       added.evaluation, EvaluationState::kGraderError, item.impossible, who));
@@ -242,18 +240,18 @@ absl::StatusOr<bool> Rejudges::AddJudgedItem(const JudgedItem& item, const std::
 
 // Gives the board the config that it has after the act.
 absl::StatusOr<RejudgeDone> Rejudges::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
-                                              const std::string& who) {
+                                                const std::string& who) {
   if (done.config_after == done.config_before) return done;
-  RETURN_IF_ERROR(Journal(context_).SetBoardConfig({.board = rejudge.board(),
-                                  .config = done.config_after,
-                                  .rejudge = rejudge.id},
-                                 who)
-                      .status());
+  RETURN_IF_ERROR(
+      Journal(context_)
+          .SetBoardConfig(
+              {.board = rejudge.board(), .config = done.config_after, .rejudge = rejudge.id}, who)
+          .status());
   return done;
 }
 
 absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDocument& sign,
-                                                 const std::string& who) {
+                                            const std::string& who) {
   ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
   ASSIGN_OR_RETURN(const RejudgeProgress progress, ProgressOf(rejudge));
   RejudgeDone done;
@@ -262,14 +260,13 @@ absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDoc
       !why.empty()) {
     return Refused(rejudge, why);
   }
-  ASSIGN_OR_RETURN(done.event,
-                   AddEvent(rejudge, RejudgeEvent::kApplied, act.why, sign, who));
+  ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, RejudgeEvent::kApplied, act.why, sign, who));
   done.config_after = rejudge.to_config;
   return MoveBoard(rejudge, std::move(done), who);
 }
 
 absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocument& sign,
-                                                const std::string& who) {
+                                           const std::string& who) {
   ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
   const RejudgeEventRow& last = rejudge.events.back();
   if (last.event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped already");
@@ -286,19 +283,19 @@ absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocu
   if (applied && rejudge.from_config != rejudge.to_config) {
     const auto& submissions = Board().submissions();
     done.stay = std::count_if(submissions.begin(), submissions.end(), [&](const auto& one) {
-      return one.second.config == rejudge.to_config &&
-             one.second.board.phase == rejudge.phase && one.second.at >= last.at;
+      return one.second.config == rejudge.to_config && one.second.board.phase == rejudge.phase &&
+             one.second.at >= last.at;
     });
   }
   done.cancelled = AllNumbers(db_, R"(SELECT id FROM evaluation
       WHERE rejudge = ? AND finished_at IS NULL ORDER BY id)",
                               rejudge.id);
   for (const int64_t evaluation : done.cancelled) {
-    RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(evaluation, EvaluationState::kCancelled,
-                                  absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
+    RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(
+        evaluation, EvaluationState::kCancelled,
+        absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
   }
-  ASSIGN_OR_RETURN(done.event,
-                   AddEvent(rejudge, RejudgeEvent::kDropped, act.why, sign, who));
+  ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, RejudgeEvent::kDropped, act.why, sign, who));
   return MoveBoard(rejudge, std::move(done), who);
 }
 

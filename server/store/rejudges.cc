@@ -85,9 +85,9 @@ absl::StatusOr<RejudgeProgress> Rejudges::ProgressOf(const RejudgeRow& rejudge) 
                       !(dropped && progress.cancelled > 0);
   using State = RejudgeProgress::State;
   progress.state = rejudge.last() == RejudgeEvent::kApplied ? State::kApplied
-                   : dropped                                     ? State::kDropped
-                   : progress.complete                           ? State::kReady
-                                                                 : State::kComputing;
+                   : dropped                                ? State::kDropped
+                   : progress.complete                      ? State::kReady
+                                                            : State::kComputing;
   return progress;
 }
 
@@ -103,8 +103,7 @@ std::vector<RejudgeCandidate> Rejudges::MissingItems(const RejudgeRow& rejudge) 
 }
 
 std::vector<RejudgeCandidate> Rejudges::CandidatesFor(const NewRejudge& rejudge) const {
-  std::vector<RejudgeCandidate> candidates =
-      Candidates(db_, Board(), rejudge, /*id=*/0, INT64_MAX);
+  std::vector<RejudgeCandidate> candidates = Candidates(db_, Board(), rejudge, /*id=*/0, INT64_MAX);
   if (rejudge.purpose == RejudgePurpose::kSeeds) {
     const std::set<int64_t> listed(rejudge.submissions.begin(), rejudge.submissions.end());
     std::erase_if(candidates, [&](const RejudgeCandidate& candidate) {

@@ -29,8 +29,8 @@ struct RejudgeCandidate {
   int64_t repetition = 1;  // that it has no evaluation of yet
 };
 
-// Where it stands. In `without_result` are the submissions with an item (of repetition 1) that ended
-// as grader_error or cancelled: they can't be on the board once it is applied.
+// Where it stands. In `without_result` are the submissions with an item (of repetition 1) that
+// ended as grader_error or cancelled: they can't be on the board once it is applied.
 struct RejudgeProgress {
   enum class State { kComputing, kReady, kApplied, kDropped };
   State state = State::kComputing;
@@ -41,9 +41,9 @@ struct RejudgeProgress {
   int64_t play = 0;         // items to play, or played
   int64_t waiting = 0;      // items queued
   int64_t running = 0;
-  int64_t ended = 0;        // in any way
-  int64_t cancelled = 0;    // of those
-  int64_t episodes = 0;       // of all items
+  int64_t ended = 0;      // in any way
+  int64_t cancelled = 0;  // of those
+  int64_t episodes = 0;   // of all items
   int64_t episodes_done = 0;
   std::vector<int64_t> without_result;  // sorted
   // Nothing is missing and everything has ended, not by being dropped. Only then it may be applied.
@@ -65,7 +65,7 @@ struct NewRejudge {
   std::string seeds_json;  // array of numbers, canonical
   int64_t seed_count = 0;
   RejudgeMethod method = RejudgeMethod::kAuto;
-  int64_t repeats = 1;     // 1 to kMostRepeats
+  int64_t repeats = 1;  // 1 to kMostRepeats
   std::string why;
   // The build that plays its items; "": this host's, as the engine finds it.
   std::string grader_json = "";
@@ -84,10 +84,10 @@ struct NewRejudgeItem {
   int64_t repetition = 1;
   int64_t source = 0;
   RejudgeMethod method = RejudgeMethod::kPlay;
-  std::string grader_json;  // of the build that plays it
+  std::string grader_json;                               // of the build that plays it
   std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each lease
-  // Not "": it can't be played, or computed, for this reason: its evaluation ends as grader_error at
-  // once.
+  // Not "": it can't be played, or computed, for this reason: its evaluation ends as grader_error
+  // at once.
   std::string impossible = "";
 };
 
@@ -123,7 +123,8 @@ struct RejudgeDone {
   std::string config_before;
   std::string config_after;
   std::vector<int64_t> cancelled;  // evaluations that a drop ended
-  // Of a drop: ranked submissions accepted under to_config since it was applied; they stay under it.
+  // Of a drop: ranked submissions accepted under to_config since it was applied; they stay under
+  // it.
   int64_t stay = 0;
 };
 
@@ -155,7 +156,7 @@ class Rejudges : StorePart {
   absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge) const;
   // Rejudges (rejudges.h). Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
-                                        const std::string& who);
+                                 const std::string& who);
   // An item to play. The answer's `evaluation` is to be queued unless the item is impossible.
   // Adding an item that is there changes nothing, and `repeated` is true. FailedPreconditionError
   // if the rejudge was dropped.
@@ -166,19 +167,19 @@ class Rejudges : StorePart {
   // is applied already, is not complete, has other submissions without result than `without` says,
   // or the board's config in force is not from_config.
   absl::StatusOr<RejudgeDone> Apply(const RejudgeAct& act, const SignDocument& sign,
-                                           const std::string& who);
+                                    const std::string& who);
   // Event; cancels its unfinished evaluations; if it was applied, the board has its config of
   // before. FailedPreconditionError: it was dropped before, or a later one of its board is applied.
   absl::StatusOr<RejudgeDone> Drop(const RejudgeAct& act, const SignDocument& sign,
-                                          const std::string& who);
+                                   const std::string& who);
 
  private:
   // The rejudge that an item is to be added to; nullopt if the item is there.
   absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(int64_t rejudge, int64_t submission,
                                                            int64_t repetition);
   absl::StatusOr<RejudgeEventRow> AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
-                                                  const std::string& why, const SignDocument& sign,
-                                                  const std::string& who);
+                                           const std::string& why, const SignDocument& sign,
+                                           const std::string& who);
   absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                         const std::string& who);
 };

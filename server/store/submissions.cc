@@ -143,11 +143,12 @@ std::string Submissions::WithHold(int64_t evaluation, const std::string& why) {
 }
 
 absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who, bool organiser,
-                                 const RerunLimits& limits) {
+                                      const RerunLimits& limits) {
   if (!organiser) {
-    RETURN_IF_ERROR(CheckNotBanned(db_, Board(), FirstText(db_, R"(SELECT t.name
+    RETURN_IF_ERROR(CheckNotBanned(db_, Board(),
+                                   FirstText(db_, R"(SELECT t.name
         FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
-                                                  submission)));
+                                             submission)));
     Statement last(db_, R"(SELECT s.artefact, e.grader_json FROM submission AS s
         JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ? ORDER BY e.id DESC LIMIT 1)",
                    submission);
@@ -183,7 +184,7 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
 }
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmission& submission,
-                                                             const AdmissionRules& rules) {
+                                                                  const AdmissionRules& rules) {
   Statement own(
       db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
       submission.artefact, submission.config, KnownTeamId(db_, submission.team));
@@ -244,11 +245,12 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
       SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?)",
       BudgetName(budget), use.day, id);
   RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
-  ASSIGN_OR_RETURN(Accepted accepted, Evaluations(context_).Add({.submission = id,
-                                                     .kind = EvaluationKind::kOriginal,
-                                                     .grader_json = submission.grader_json,
-                                                     .blocks = submission.blocks},
-                                                    who));
+  ASSIGN_OR_RETURN(Accepted accepted,
+                   Evaluations(context_).Add({.submission = id,
+                                              .kind = EvaluationKind::kOriginal,
+                                              .grader_json = submission.grader_json,
+                                              .blocks = submission.blocks},
+                                             who));
   if (!submission.ranked) return accepted;
   Append({.kind = kAcceptedAct,
           .who = who,
@@ -292,7 +294,7 @@ int64_t Submissions::CountOf(const std::string& team) const {
 }
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindRequest(const std::string& who,
-                                                            const RequestKey& key) const {
+                                                                 const RequestKey& key) const {
   if (key.key.empty()) return std::optional<Accepted>();
   Statement select(db_, R"(SELECT request, submission, evaluation, linked
       FROM request_key WHERE who = ? AND key = ?)",
@@ -310,8 +312,9 @@ absl::StatusOr<std::optional<Accepted>> Submissions::FindRequest(const std::stri
                                    earlier.submission, "; use a new key for each request"));
 }
 
-absl::StatusOr<Accepted> Submissions::Once(const std::string& who, const RequestKey& key,
-                                      const std::function<absl::StatusOr<Accepted>()>& accept) {
+absl::StatusOr<Accepted> Submissions::Once(
+    const std::string& who, const RequestKey& key,
+    const std::function<absl::StatusOr<Accepted>()>& accept) {
   ASSIGN_OR_RETURN(std::optional<Accepted> earlier, FindRequest(who, key));
   if (earlier.has_value()) return *earlier;
   absl::StatusOr<Accepted> accepted = accept();

@@ -121,9 +121,9 @@ struct SubmissionFilter {
   std::string track = "";
   std::string profile = "";
   std::string phase = "";
-  std::optional<EvaluationState> state = std::nullopt;  // of the original evaluation
+  std::optional<EvaluationState> state = std::nullopt;        // of the original evaluation
   std::optional<std::set<std::string>> teams = std::nullopt;  // only theirs
-  int64_t before = INT64_MAX;            // only ids below
+  int64_t before = INT64_MAX;                                 // only ids below
   int64_t limit = 100;
 };
 

@@ -169,5 +169,4 @@ void FillTeamLooks(SQLite::Database& db) {
   if (!fits) SetMeta(db, "team_looks", version);
 }
 
-
 }  // namespace myograde::server

@@ -52,12 +52,12 @@ absl::Status CheckFree(SQLite::Database& db, const std::string& clean, int64_t t
   ASSIGN_OR_RETURN(const TeamInForce holder, TeamOfRow(db, row));
   if (team != 0 && holder.id == team) {
     return Conflict(absl::StrCat("\"", clean, "\" is the name of a team that was merged into \"",
-                               holder.name, "\", and keeps finding it; choose another name"));
+                                 holder.name, "\", and keeps finding it; choose another name"));
   }
   return Conflict(holder.name == clean
-                    ? absl::StrCat("there is a team \"", clean, "\" already; choose another name")
-                    : absl::StrCat("\"", clean, "\" is a former name of team \"", holder.name,
-                                   "\", and keeps finding it; choose another name"));
+                      ? absl::StrCat("there is a team \"", clean, "\" already; choose another name")
+                      : absl::StrCat("\"", clean, "\" is a former name of team \"", holder.name,
+                                     "\", and keeps finding it; choose another name"));
 }
 
 // "team "a" and team "b"".
@@ -72,7 +72,7 @@ absl::StatusOr<TeamInForce> Unmerged(SQLite::Database& db, const std::string& na
   const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
   if (!team.ok() || team->id == TeamRowNamed(db, name)) return team;
   return Conflict(absl::StrCat("team \"", name, "\" was merged into team \"", team->name,
-                             "\" already; name that one"));
+                               "\" already; name that one"));
 }
 
 // The two teams of a merge.
@@ -90,8 +90,9 @@ absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& tea
   }
   for (const TeamInForce& one : {from, to}) {
     if (!one.banned) continue;
-    return Conflict(absl::StrCat("team \"", one.name, "\" is banned, and a merge would hide that; "
-                               "unban it first"));
+    return Conflict(absl::StrCat("team \"", one.name,
+                                 "\" is banned, and a merge would hide that; "
+                                 "unban it first"));
   }
   return MergePair{from, to};
 }
@@ -136,7 +137,7 @@ std::map<int64_t, std::vector<std::string>> TextsByTeam(SQLite::Database& db,
 }  // namespace
 
 absl::StatusOr<std::string> Teams::Create(const std::string& team, const std::string& who,
-                                               const std::string& why) {
+                                          const std::string& why) {
   ASSIGN_OR_RETURN(std::string clean, CleanName(team, "the team's name"));
   RETURN_IF_ERROR(CheckFree(db_, clean, 0));
   AddTeam(db_, clean, now_ms_, who, why);
@@ -161,8 +162,10 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
                                "add you"));
   }
   if (std::ssize(teams) >= most) {
-    return Forbid(absl::StrCat(person, " belongs to ", TeamList(teams), ", and one person may "
-                               "belong to ", Counted(most, "team"), "; go on with ",
+    return Forbid(absl::StrCat(person, " belongs to ", TeamList(teams),
+                               ", and one person may "
+                               "belong to ",
+                               Counted(most, "team"), "; go on with ",
                                teams.size() == 1 ? "that one" : "one of those",
                                ", or ask an organiser"));
   }
@@ -171,7 +174,7 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
 }
 
 absl::StatusOr<bool> Teams::Rename(const std::string& team, const std::string& name,
-                                        const std::string& who, const std::string& why) {
+                                   const std::string& who, const std::string& why) {
   ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
   ASSIGN_OR_RETURN(const std::string clean, CleanName(name, "the team's new name"));
   if (clean == found.name) return false;
@@ -186,15 +189,15 @@ absl::StatusOr<bool> Teams::Rename(const std::string& team, const std::string& n
 }
 
 absl::StatusOr<bool> Teams::SetMember(const std::string& team, const std::string& person,
-                                       bool belongs, const std::string& who) {
+                                      bool belongs, const std::string& who) {
   ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
   if (Belongs(db_, found.id, person) == belongs) return false;
   AddMember(db_, now_ms_, found.id, person, belongs, who);
   return true;
 }
 
-absl::Status Teams::Merge(const std::string& team, const std::string& into,
-                                const std::string& who, const std::string& why) {
+absl::Status Teams::Merge(const std::string& team, const std::string& into, const std::string& who,
+                          const std::string& why) {
   ASSIGN_OR_RETURN(const MergePair pair, Mergeable(db_, team, into));
   const auto& [from, to] = pair;
   // Teams that were merged into the first follow it, so that no row leads to another merged one.
@@ -209,7 +212,7 @@ absl::Status Teams::Merge(const std::string& team, const std::string& into,
 }
 
 absl::StatusOr<bool> Teams::Ban(const std::string& team, bool banned, const std::string& who,
-                                     const std::string& why) {
+                                const std::string& why) {
   ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, team));
   if (found.banned == banned) return false;
   Run(db_, "UPDATE team SET banned = ? WHERE id = ?", banned, found.id);

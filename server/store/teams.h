@@ -48,7 +48,7 @@ class Teams : StorePart {
   // The stored name. FailedPreconditionError if there is such a team; otherwise the name errors of
   // Accept.
   absl::StatusOr<std::string> Create(const std::string& team, const std::string& who,
-                                         const std::string& why);
+                                     const std::string& why);
   // Makes `person` the first member of a team, which is created if there is none. Does nothing for
   // a member. FailedPreconditionError with the code "forbidden" if the team has or had other
   // members, tokens, or submissions of others, or if the person would belong to more than `most`
@@ -57,16 +57,16 @@ class Teams : StorePart {
   // The old name still finds the team. FailedPreconditionError if the new one is or was another
   // team's; otherwise the name errors of Accept.
   absl::StatusOr<bool> Rename(const std::string& team, const std::string& name,
-                                  const std::string& who, const std::string& why);
+                              const std::string& who, const std::string& why);
   absl::StatusOr<bool> SetMember(const std::string& team, const std::string& person, bool belongs,
                                  const std::string& who);
   // From now on `team` is a part of `into`: its submissions, its ledger, its tokens and its members
   // are those of `into`. No row that tells what happened changes. Can't be undone.
   // FailedPreconditionError if both are one team, if either was merged before, or is banned.
   absl::Status Merge(const std::string& team, const std::string& into, const std::string& who,
-                          const std::string& why);
+                     const std::string& why);
   absl::StatusOr<bool> Ban(const std::string& team, bool banned, const std::string& who,
-                               const std::string& why);
+                           const std::string& why);
 };
 
 }  // namespace myograde::server
