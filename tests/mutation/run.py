@@ -19,32 +19,32 @@ import operators
 import trial
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-STORE, ENGINE = "server/store/", "server/engine/"
+STORE, ENGINE, BOARD = "server/store/", "server/engine/", "server/board/"
 
 # Test program, what of it to run, file, the text, what stands in its place.
 MUTANTS = [
     # What may be removed.
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", "if (AnyRow(db_, needed, name)) return false;", ""),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", "e.finished_at IS NOT NULL AND ", "TRUE AND "),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", "s.ranked = 0 OR ", ""),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc",
+    ("store_test", "RemovalTest.*", STORE + "content.cc", "if (AnyRow(db_, needed, name)) return false;", ""),
+    ("store_test", "RemovalTest.*", STORE + "content.cc", "e.finished_at IS NOT NULL AND ", "TRUE AND "),
+    ("store_test", "RemovalTest.*", STORE + "content.cc", "s.ranked = 0 OR ", ""),
+    ("store_test", "RemovalTest.*", STORE + "content.cc",
      "OR e.state IN ('failed', 'cancelled', 'grader_error')", ""),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", "'failed', 'cancelled', 'grader_error')) AND NOT",
-     "'done', 'failed', 'cancelled', 'grader_error')) AND NOT"),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", 'WHERE s.artefact = ?1 AND ",\n        kOver',
-     'WHERE s.artefact = ?1 AND NOT ", kOver'),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", 'kLogOfEpisode, ") = ?1 AND ", open',
+    ("store_test", "RemovalTest.*", STORE + "content.cc", "'failed', 'cancelled', 'grader_error')) AND \"",
+     "'done', 'failed', 'cancelled', 'grader_error')) AND \""),
+    ("store_test", "RemovalTest.*", STORE + "content.cc", 'WHERE s.artefact = ?1 AND ",\n        Over(',
+     'WHERE s.artefact = ?1 AND NOT ", Over('),
+    ("store_test", "RemovalTest.*", STORE + "content.cc", 'kLogOfEpisode, ") = ?1 AND ", open',
      'kLogOfEpisode, ") = ?1 AND NOT ", open'),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", '") IS NULL AND instr(p.facts_json, ?1) > 0',
+    ("store_test", "RemovalTest.*", STORE + "content.cc", '") IS NULL AND instr(p.facts_json, ?1) > 0',
      '") IS NULL AND instr(p.facts_json, ?1) < 0'),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", "if (end - begin == 64) hashes", "if (end - begin == 63) hashes"),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", "R\"(INSERT INTO removal (at, kind, name, bytes, why) VALUES (?, ?, ?, ?, ?))\"",
+    ("store_test", "RemovalTest.*", STORE + "content.cc", "if (end - begin == 64) hashes", "if (end - begin == 63) hashes"),
+    ("store_test", "RemovalTest.*", STORE + "content.cc", "R\"(INSERT INTO removal (at, kind, name, bytes, why) VALUES (?, ?, ?, ?, ?))\"",
      "\"SELECT 1 WHERE 0 AND (? OR ? OR ? OR ? OR ?)\""),
-    ("store_test", "RemovalTest.*", STORE + "artefacts.cc", 'upload || kind == "artefact"',
+    ("store_test", "RemovalTest.*", STORE + "content.cc", 'upload || kind == "artefact"',
      'upload || kind != "artefact"'),
-    ("store_test", "UploadsTest.*:RerunsTest.*", STORE + "artefacts.cc",
+    ("store_test", "UploadsTest.*:RerunsTest.*", STORE + "content.cc",
      "if (taken == 0 && upload) return false;", ""),
-    ("store_test", "UploadsTest.*:RerunsTest.*", STORE + "artefacts.cc",
+    ("store_test", "UploadsTest.*:RerunsTest.*", STORE + "content.cc",
      "if (taken == 0 && upload) return false;", "if (upload) return false;"),
     ("engine_test", "Retention*", ENGINE + "retention.cc", "if (file.needed) continue;", ""),
     ("engine_test", "Retention*", ENGINE + "retention.cc", "if (unused > age && ", "if (unused > age * 100 && "),
@@ -85,8 +85,9 @@ MUTANTS = [
      "CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase)",
      "absl::OkStatus()"),
     ("store_test", "QuotaTest.*", STORE + "submissions.cc",
-     "RETURN_IF_ERROR(AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json));",
-     "(void)AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json);"),
+     "RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,\n"
+     "                                                submission.seeds_json));",
+     "(void)Content(context_).AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json);"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "if (use.waiting >= limits.waiting)", "if (false)"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "use.waiting >= limits.waiting", "use.waiting > limits.waiting"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.total) < 1", "sum.left(allowance.total) < 0"),
@@ -101,6 +102,15 @@ MUTANTS = [
      "if (!budget) continue;"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "amount BETWEEN 1 AND ?", "amount < ?"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "admission WHERE day <= ?1", "admission WHERE day != ?1"),
+    # What counts on a board.
+    ("board_test", "*", BOARD + "board_state.cc", "} else if (result.repetition == 1) {", "} else {"),
+    ("board_test", "*", BOARD + "board_results.cc", "return !entry.second->graded;", "return false;"),
+    ("board_test", "*", BOARD + "board_results.cc", "id == moment.assumed_rejudge || id == moment.ignored_rejudge",
+     "id == moment.assumed_rejudge"),
+    ("board_test", "*", BOARD + "board_results.cc", "if (mark.at >= before_ms) continue;", ""),
+    ("board_test", "*", BOARD + "board_results.cc", "choice.at >= moment.results_before_ms() || ", ""),
+    ("board_test", "*", BOARD + "board_results.cc",
+     "if (found->second.config != config && !rejudged.contains(choice.submission)) continue;", ""),
     # What is done with a damaged row.
     ("engine_test", "-*ADamagedRow*", ENGINE + "engine_core.cc",
      "if (!status.ok()) GiveUpUnreadable(entry.evaluation, std::string(status.message()));",
@@ -108,7 +118,7 @@ MUTANTS = [
     ("engine_test", "-*ADamagedRow*", ENGINE + "engine_recover.cc",
      "  if (!stored.ok()) {\n    GiveUpUnreadable(id, std::string(stored.status().message()));\n    return absl::OkStatus();\n  }",
      "  if (!stored.ok()) return stored.status();"),
-    ("engine_test", "-*ADamagedRow*", STORE + "reader.cc",
+    ("engine_test", "-*ADamagedRow*", STORE + "content.cc",
      'if (row.ok() && Sha256Hex(text) != hash)', 'if (false)'),
     ("engine_test", "-*ADamagedRow*", ENGINE + "engine_ends.cc", "  deferred_.erase(evaluation);\n", ""),
 ]
