@@ -28,9 +28,4 @@ uint64_t PolicySeed(const std::string& secret, int64_t episode) {
   return SeedOf(secret, absl::StrCat("myograde policy seed/", episode));
 }
 
-uint64_t PolicySeed(const TrackConfig& config, const Form1PolicySeeds& form1, int64_t episode) {
-  if (config.policy_seed_secret.has_value()) return PolicySeed(*config.policy_seed_secret, episode);
-  return SeedOf(form1.host_secret, absl::StrCat(form1.artefact, "/", episode));
-}
-
 }  // namespace myograde

@@ -64,7 +64,7 @@ struct TrackConfig {
   // seeds are public. As secret as the seeds, until the phase reveals them.
   std::string seed_salt;
   // What policy seeds are derived from (policy_seed.h).
-  std::optional<std::string> policy_seed_secret;
+  std::string policy_seed_secret;
   Budgets budgets;
   nlohmann::json rules;      // the environment's settings, parsed by sim/<track>/
   nlohmann::json scoring;    // judging and boards, parsed by scoring/<track>/

@@ -29,13 +29,11 @@
 namespace myograde::server {
 namespace {
 
-// The policy seeds that follow from a config; null under form 1, where they follow from the store's
-// secret.
+// The policy seeds that follow from a config.
 Json PolicySeedsOf(const TrackConfig& config, const std::vector<EpisodeRow>& rows) {
   Json seeds;
-  if (!config.policy_seed_secret.has_value()) return seeds;
   for (const EpisodeRow& row : rows) {
-    seeds.push_back(PolicySeed(*config.policy_seed_secret, row.index));
+    seeds.push_back(PolicySeed(config.policy_seed_secret, row.index));
   }
   return seeds;
 }

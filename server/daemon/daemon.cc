@@ -194,7 +194,6 @@ absl::Status Daemon::OpenStore() {
     spdlog::info("the store had schema {} and now has {}; {} keeps it as it was", migration->from,
                  migration->to, migration->copy);
   }
-  if (store_->mended()) spdlog::error("{}", DamageText(*store_->mended()));
   RETURN_IF_ERROR(SetWebhooks(configs_.webhooks, *store_));
   readers_.SetObserver([this](absl::Duration took) { metrics_->ObserveStoreRead(took); });
   readers_.SetCorruptObserver(
@@ -209,7 +208,7 @@ absl::Status Daemon::RecoverEngine() {
   disk_.emplace(*store_, metrics_.get());
   ASSIGN_OR_RETURN(const HomeFound home,
                    FindHome(options_.data_dir, config_.on_cluster, /*adopt=*/false));
-  ASSIGN_OR_RETURN(executor_, MakeExecutor(options_, config_, store_->policy_secret(), home));
+  ASSIGN_OR_RETURN(executor_, MakeExecutor(options_, config_, home));
   engine_.emplace(EngineOptions{config_, options_.data_dir, options_.cache_dir, metrics_}, *disk_, readers_,
                   *executor_, clock_);
   // Grading needs no key: without one, the daemon serves everything but receipts.

@@ -298,7 +298,6 @@ absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_ke
 
 absl::StatusOr<std::unique_ptr<Executor>> MakeExecutor(const DaemonOptions& options,
                                                        const ServerConfig& config,
-                                                       const std::string& secret,
                                                        const HomeFound& home) {
   const int64_t uid_base = geteuid() == 0 ? config.uid_base : -1;
   if (!config.on_cluster) {
@@ -308,8 +307,8 @@ absl::StatusOr<std::unique_ptr<Executor>> MakeExecutor(const DaemonOptions& opti
   ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
   return std::make_unique<SlurmExecutor>(SlurmOptions{
       .config = config.slurm,
-      // Shown in the cluster's queue: tells nothing of the secret.
-      .store_id = Sha256Hex("a store on a cluster\n" + secret + home.home.key).substr(0, kStoreIdDigits),
+      // Shown in the cluster's queue.
+      .store_id = Sha256Hex("a store on a cluster\n" + home.home.key).substr(0, kStoreIdDigits),
       .held_back = home.held_back,
       .cache_dir = options.cache_dir,
       .configs_dir = options.configs_dir,

@@ -57,11 +57,10 @@ absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_ke
 // whose own filter counts.
 void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed);
 
-// Where leases run, by the config. `secret`, the store's policy secret, and its home tell its jobs from
-// another's, copies of the same store included.
+// Where leases run, by the config. The store's home tells its jobs from another's, copies of the same
+// store included.
 absl::StatusOr<std::unique_ptr<Executor>> MakeExecutor(const DaemonOptions& options,
                                                        const ServerConfig& config,
-                                                       const std::string& secret,
                                                        const HomeFound& home);
 
 }  // namespace myograde::server

@@ -25,10 +25,9 @@ absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
     runtimes.push_back(runtime.folder);
   }
   const TrackConfig& track = context.track->config;
-  const Form1PolicySeeds form1 = {disk_.policy_secret(), artefact.hash};
   return MakeLeaseOrder(
       absl::StrCat(run.lease, "-", run.attempt), track,
-      EpisodesOf(track, *context.seeds, form1, run.first, run.last),
+      EpisodesOf(track, *context.seeds, run.first, run.last),
       {.artefact_dir = ArtefactFolder(options_.data_dir, artefact.hash),
        .command = artefact.command,
        .environment = artefact.environment,

@@ -20,11 +20,10 @@ class Disk {
  public:
   virtual ~Disk() = default;
 
-  // See Store::Write and Store::policy_secret.
+  // See Store::Write.
   virtual absl::Status Write(const StoreChange& change) = 0;
   // See Store::Check.
   virtual absl::Status Check() const { return absl::OkStatus(); }
-  virtual const std::string& policy_secret() const = 0;
 };
 
 // The production implementation.
@@ -42,7 +41,6 @@ class StoreDisk : public Disk {
     return status;
   }
   absl::Status Check() const override { return store_.Check(); }
-  const std::string& policy_secret() const override { return store_.policy_secret(); }
 
  private:
   Store& store_;

@@ -30,7 +30,7 @@ bool InOrder(const Json& episodes) {
   return true;
 }
 
-// The policy seeds must follow from the secret that the config names. Configs of form 1 name
+// The policy seeds must follow from the secret that the config names. Receipts that hide seeds name
 // none.
 std::optional<ReceiptCheck> CheckPolicySeeds(const Json& receipt) {
   const std::string secret =

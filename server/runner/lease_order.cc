@@ -18,11 +18,11 @@ LeaseOrder OrderAt(std::string id, const TrackConfig& track, std::vector<Episode
 }  // namespace
 
 std::vector<EpisodeOrder> EpisodesOf(const TrackConfig& track, const std::vector<uint64_t>& seeds,
-                                     const Form1PolicySeeds& form1, int64_t first, int64_t last) {
+                                     int64_t first, int64_t last) {
   std::vector<EpisodeOrder> episodes;
   for (int64_t index = first; index <= last; ++index) {
     episodes.push_back({index, seeds.at(static_cast<size_t>(index)),
-                        PolicySeed(track, form1, index)});
+                        PolicySeed(track.policy_seed_secret, index)});
   }
   return episodes;
 }

@@ -13,7 +13,7 @@ namespace myograde::server {
 
 // Episodes `first` to `last` of an evaluation. REQUIRES: `seeds` covers them.
 std::vector<EpisodeOrder> EpisodesOf(const TrackConfig& track, const std::vector<uint64_t>& seeds,
-                                     const Form1PolicySeeds& form1, int64_t first, int64_t last);
+                                     int64_t first, int64_t last);
 
 // An order that plays a policy. `id` appears in messages and in the names of temporary files.
 LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,

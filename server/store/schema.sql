@@ -97,7 +97,7 @@ PRAGMA application_id = 0x4d796f47;
 
 CREATE TABLE meta (
   key   TEXT PRIMARY KEY,
-  value BLOB NOT NULL            -- such as 'policy_secret': 32 random bytes, made with the store
+  value BLOB NOT NULL            -- such as 'home': the folder that the store belongs to
 ) STRICT;
 
 -- Content.

@@ -7,7 +7,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/base/secret.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
@@ -51,7 +50,6 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
   RETURN_IF_ERROR(GuardSqlite(path, [&]() -> absl::Status {
     SQLite::Database& db = *store->db_;
     store->trusted_time_ms_ = TrustedTimeOf(db);
-    RETURN_IF_ERROR(store->LoadSecret());
     SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
     FillTeamLooks(db);
     transaction.commit();
@@ -132,27 +130,6 @@ absl::Status Store::Check() {
 void Store::Distrust(const std::string& why) {
   const MutexLock lock(mutex_);
   if (distrust_.empty()) distrust_ = why;
-}
-
-absl::Status Store::LoadSecret() {
-  ASSIGN_OR_RETURN(std::string fresh, RandomBytes(32));
-  Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
-  const bool there = select.executeStep();
-  if (there && select.getColumn(0).isBlob() &&
-      select.getColumn(0).getBytes() == static_cast<int>(fresh.size())) {
-    policy_secret_ = select.getColumn(0).getString();
-    return absl::OkStatus();
-  }
-  if (there) {
-    mended_ = Damage{"meta", "policy_secret",
-                     absl::StrCat("its \"value\" is ", Shown(select.getColumn(0)),
-                                  ", and not 32 bytes; a new one was made, so policies that use "
-                                  "their seed do not repeat what they did before")};
-  }
-  select.reset();
-  SetMeta(*db_, "policy_secret", fresh);
-  policy_secret_ = std::move(fresh);
-  return absl::OkStatus();
 }
 
 absl::Status Store::Write(const std::function<absl::Status(Transaction&)>& change) {

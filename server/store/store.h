@@ -58,16 +58,11 @@ class Store {
   // Who is told of what is written from now on. Not while anybody writes.
   void SetSubscriptions(Subscriptions subscriptions) { subscriptions_ = std::move(subscriptions); }
 
-  // 32 random bytes, created with the store: the key of policy seeds under configs of form 1.
-  const std::string& policy_secret() const { return policy_secret_; }
-  // What was unreadable on opening, and was rebuilt.
-  const std::optional<Damage>& mended() const { return mended_; }
   // How opening it changed the schema of a store that was there; the copy of what it was is kept.
   const std::optional<Migration>& migration() const { return migration_; }
 
  private:
   Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
-  absl::Status LoadSecret();
 
   // A file as it was when the store was opened.
   struct File {
@@ -97,8 +92,6 @@ class Store {
   BoardState board_;  // of the journal; empty again after what was rolled back
   const Clock& clock_;
   std::optional<int64_t> trusted_time_ms_;
-  std::string policy_secret_;
-  std::optional<Damage> mended_;
   std::optional<Migration> migration_;
   Subscriptions subscriptions_;
 };

@@ -67,10 +67,8 @@ nb::dict DescribeConfig(const std::string& tracks_dir, const std::string& track,
       ConfigOf(OptionsFrom(tracks_dir, track, profile, config_file, "", false, false));
   RaiseUnlessOk(config.status());
   nb::list policy_seeds;
-  if (config->policy_seed_secret.has_value()) {
-    for (size_t i = 0; i < config->seeds.size(); ++i) {
-      policy_seeds.append(PolicySeed(*config->policy_seed_secret, static_cast<int64_t>(i)));
-    }
+  for (size_t i = 0; i < config->seeds.size(); ++i) {
+    policy_seeds.append(PolicySeed(config->policy_seed_secret, static_cast<int64_t>(i)));
   }
   const absl::StatusOr<int64_t> max_steps = config->kind->max_steps(config->rules);
   RaiseUnlessOk(max_steps.status());

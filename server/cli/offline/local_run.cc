@@ -24,9 +24,6 @@ namespace myograde::server {
 namespace {
 
 constexpr int kPollMilliseconds = 100;
-// Stands for a data folder's secret under configs of form 1, whose policy seeds a daemon takes from
-// a secret of its own (policy_seed.h).
-constexpr char kLocalPolicyKey[] = "myograde local run";
 
 Json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
                 const std::vector<EpisodeRow>& rows) {
@@ -99,10 +96,9 @@ class LocalRun {
 
   LeaseOrder OrderFor(const Lease& lease) const {
     const TrackConfig& track = order_.track->config;
-    const Form1PolicySeeds form1 = {kLocalPolicyKey, order_.artefact.digest};
     return MakeLeaseOrder(
         absl::StrCat("local-", lease.first, "-", lease.faults), track,
-        EpisodesOf(track, order_.seeds, form1, lease.first, lease.last),
+        EpisodesOf(track, order_.seeds, lease.first, lease.last),
         {.artefact_dir = order_.artefact_dir,
          .command = order_.artefact.manifest.command,
          .environment = order_.artefact.manifest.environment,

@@ -90,8 +90,7 @@ Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
           {"episodes", config.seeds.size()},
           {"episodes_per_lease", config.episodes_per_lease},
           {"seeds", config.seeds},
-          {"policy_seed_secret", config.policy_seed_secret.has_value()
-                                     ? Json(*config.policy_seed_secret) : Json()},
+          {"policy_seed_secret", config.policy_seed_secret},
           {"observation", LayoutJson(ObservationOf(*config.kind))},
           {"extra_observation", std::move(extra)},
           {"action", std::move(action)},

@@ -94,7 +94,6 @@ class TimedDisk : public Disk {
     ++writes_;
     return status;
   }
-  const std::string& policy_secret() const override { return disk_.policy_secret(); }
   double seconds() const { return seconds_; }
   int64_t writes() const { return writes_; }
 

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "protocol/lease/track_config.h"
+
 namespace myograde {
 namespace {
 
@@ -12,7 +14,6 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 
 const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
-const Form1PolicySeeds kForm1 = {std::string(32, 'k'), std::string(64, 'a')};
 
 // Values computed by Python's hmac module over the same bytes.
 TEST(PolicySeed, IsThePublishedFunctionOfSecretAndIndex) {
@@ -23,18 +24,6 @@ TEST(PolicySeed, IsThePublishedFunctionOfSecretAndIndex) {
   for (int64_t episode = 0; episode < 1000; ++episode) seen.insert(PolicySeed("s", episode));
   EXPECT_EQ(seen.size(), 1000u);
   EXPECT_LE(*seen.rbegin(), static_cast<uint64_t>(INT64_MAX));
-}
-
-TEST(PolicySeed, KnowsNeitherHostNorArtefactNorSeeds) {
-  for (const char* track : {"manipulation", "locomotion", "demo-locomotion"}) {
-    const TrackConfig config = LoadTrackConfig(kTracks, track, "").value();
-    ASSERT_TRUE(config.policy_seed_secret.has_value());
-    const uint64_t seed = PolicySeed(config, kForm1, 7);
-    EXPECT_EQ(seed, PolicySeed(*config.policy_seed_secret, 7));
-    EXPECT_EQ(seed, PolicySeed(config, {"another host", kForm1.artefact}, 7));
-    EXPECT_EQ(seed, PolicySeed(config, {kForm1.host_secret, "padded"}, 7));
-    EXPECT_EQ(seed, PolicySeed(WithSeeds(config, {5, 3, 1}).value(), kForm1, 7));
-  }
 }
 
 TEST(PolicySeed, NoConfigIsWithoutASecret) {

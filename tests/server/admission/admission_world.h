@@ -45,7 +45,6 @@ class FillableDisk : public Disk {
   absl::Status Write(const StoreChange& change) override {
     return full ? absl::ResourceExhaustedError("the disk is full") : store_.Write(change);
   }
-  const std::string& policy_secret() const override { return store_.policy_secret(); }
 
   std::atomic<bool> full = false;
 

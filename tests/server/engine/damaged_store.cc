@@ -117,7 +117,6 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
                         "e.submission = s.id WHERE e.id = ", evaluation, ")");
   };
   std::vector<std::pair<std::string, std::string>> rows = {
-      {"meta", "key = 'policy_secret'"},
       {"meta", "key = 'team_looks'"},
       {"team_look",
        "team = (SELECT id FROM team WHERE name = 'victim') AND look = (SELECT min(look) "

@@ -390,7 +390,7 @@ void World::CheckEvaluation(const Transaction& reader, int64_t id) {
   for (const EpisodeRow& row : rows) {
     const EpisodeFacts expected = FactsOf(
         {row.index, seeds[static_cast<size_t>(row.index)],
-         PolicySeed(*track->config.policy_seed_secret, row.index)});
+         PolicySeed(track->config.policy_seed_secret, row.index)});
     const std::string facts = CanonicalJson(EpisodeFactsToJson(expected));
     Promise(row.facts_json == facts, absl::StrCat("episode ", row.index, " of ", id,
                                                   " has other facts than it was played with"));

@@ -98,7 +98,6 @@ class FakeDisk : public Disk {
  public:
   FakeDisk(World& world, Store& store) : world_(world), store_(store) {}
   absl::Status Write(const StoreChange& change) override;
-  const std::string& policy_secret() const override { return store_.policy_secret(); }
 
  private:
   World& world_;

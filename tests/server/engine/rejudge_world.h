@@ -31,7 +31,6 @@ class CutDisk : public Disk {
  public:
   explicit CutDisk(Store& store) : store_(store) {}
   absl::Status Write(const StoreChange& change) override;
-  const std::string& policy_secret() const override { return store_.policy_secret(); }
 
   int64_t cut = INT64_MAX;
   bool after = false;

@@ -92,7 +92,7 @@ TEST_F(HiddenReceiptTest, HiddenSeedsAreInNoByteOfIt) {
     EXPECT_EQ(text.find(absl::StrCat(absl::Hex(seed))), std::string::npos);
   }
   EXPECT_EQ(text.find(hidden.config.seed_salt), std::string::npos);
-  EXPECT_EQ(text.find(*hidden.config.policy_seed_secret), std::string::npos);
+  EXPECT_EQ(text.find(hidden.config.policy_seed_secret), std::string::npos);
   EXPECT_EQ(text.find(absl::BytesToHexString(hidden.secret)), std::string::npos);
 }
 
@@ -123,7 +123,7 @@ TEST_F(HiddenReceiptTest, TheRevealedSecretOpensEveryCommitment) {
   const auto opened = OpenedReceipt(hidden.receipt, hidden.secret);
   ASSERT_TRUE(opened.ok()) << opened.status();
   EXPECT_EQ((*opened)["track_config"], hidden.config.effective);
-  EXPECT_EQ((*opened)["policy_seeds"][2], PolicySeed(*hidden.config.policy_seed_secret, 2));
+  EXPECT_EQ((*opened)["policy_seeds"][2], PolicySeed(hidden.config.policy_seed_secret, 2));
 
   EXPECT_THAT(Wrong(checked(hidden.receipt, std::string(kSeedSecretBytes, 't'))),
               testing::ElementsAre("commitment", "seed_commitments", "seeds", "config"));

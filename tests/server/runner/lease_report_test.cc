@@ -158,7 +158,7 @@ TEST(LeaseOrder, HasTheSeedsOfItsEpisodes) {
   TrackConfig track;
   track.policy_seed_secret = "secret";
   const std::vector<uint64_t> seeds = {5, 6, 7, 8};
-  const auto episodes = EpisodesOf(track, seeds, {}, 1, 2);
+  const auto episodes = EpisodesOf(track, seeds, 1, 2);
   ASSERT_EQ(episodes.size(), 2u);
   EXPECT_EQ(episodes[0].index, 1);
   EXPECT_EQ(episodes[0].seed, 6u);

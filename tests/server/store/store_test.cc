@@ -96,13 +96,6 @@ TEST_F(StoreTest, TellsOfPagesThatCantBeRead) {
   EXPECT_NE(told.find("is damaged"), std::string::npos);
 }
 
-TEST_F(StoreTest, KeepsItsSecretForEver) {
-  const std::string secret = store_->policy_secret();
-  EXPECT_EQ(secret.size(), 32u);
-  Open();
-  EXPECT_EQ(store_->policy_secret(), secret);
-}
-
 TEST_F(StoreTest, ACopyOfItsFolderIsAnotherHome) {
   namespace fs = std::filesystem;
   EXPECT_FALSE((*RecordedHome(path_)).has_value());
