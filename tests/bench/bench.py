@@ -247,6 +247,7 @@ def table(result):
         f"{(t['log_bytes_per_episode'] or 0) / 1e3:14.1f}" for t in result["tracks"].values()))
     for row in (result["store"] or {}).get("sizes", []):
         lines.append(f"{row['episode_rows']:>9} rows: "
+                     f"start {row['start_s']:.2f} s, "
                      f"submit {1e3 * row['submit_s']['median']:.1f} ms, "
                      f"leaderboard {1e3 * row['leaderboard_s']['median']:.1f} ms, "
                      f"{row['bytes_per_row']:.0f} bytes a row")

@@ -1,4 +1,4 @@
-"""Time of submit and leaderboard in stores of many episode rows.
+"""Time of the daemon's start, of submit and of leaderboard in stores of many episode rows.
 
 A store is filled by copying the rows of one real evaluation in SQL, under new teams and numbers:
 what is measured is the daemon that opens it afterwards."""
@@ -51,11 +51,14 @@ def measure(grader, policy, counts):
         path = grader.data / "store.db"
         fill(path, count)
         os.sync()  # or the kernel would write what was filled in while commands are timed
+        begin = time.monotonic()
         with grader.running_with(slots=1):
+            started = time.monotonic() - begin
             board = timed(grader, REPETITIONS, "leaderboard", "--track", "tiny")
             submit = timed(grader, REPETITIONS, "submit", policy, "--track", "tiny", "--team",
                            "Newcomer NUMBER", "--episodes", "1")
-        sizes.append({"episode_rows": count, "leaderboard_s": board, "submit_s": submit,
+        sizes.append({"episode_rows": count, "start_s": started, "leaderboard_s": board,
+                      "submit_s": submit, "acts": 2 * count // EPISODES,
                       "bytes_per_row": path.stat().st_size / count})
     starts = []
     for _ in range(REPETITIONS):
