@@ -41,7 +41,7 @@ absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(const Transaction& reader,
   const std::string& config = asked.track->config.hash;
   KeptBoards& kept = asked.at_ms == 0 && config == asked.config_in_force ? now_ : others_;
   const KeptBoards::Key key{config, asked.config_in_force, asked.board, asked.view(), asked.at_ms};
-  const int64_t changes = reader.Board().board_changes();
+  const int64_t changes = reader.BoardChanges();
   if (auto found = kept.Find(key, changes); found != nullptr) return found;
   ASSIGN_OR_RETURN(const nlohmann::json made, make_(reader, asked));
   const auto text = std::make_shared<const std::string>(CanonicalJson(made) + "\n");

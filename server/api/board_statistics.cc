@@ -226,7 +226,7 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
   const std::string key = absl::StrJoin(
       std::tuple(track.hash, asked.board, moment.freeze_ms,
                  reader.Board().ChangedAt(track.hash, track.phase, moment),
-                 reader.Board().board_changes()),
+                 reader.BoardChanges()),
       "/");
   if (Made made = Find(key); made != nullptr) return made;
   const absl::Status busy =

@@ -107,9 +107,8 @@ absl::Status BoardState::AddAccepted(const Act& act) {
                                 .board = BoardAt(act.content),
                                 .config = TextAt(act.content, "config"),
                                 .artefact = TextAt(act.content, "artefact")};
-  if (!teams_.contains(submission.team)) {
-    return Wrong(act, "accepts submission ", submission.id,
-                 " of a team that no entry before it names");
+  if (TeamState& team = teams_[submission.team]; team.name.empty()) {
+    team.name = TextAt(act.content, "team");
   }
   const int64_t id = submission.id;
   if (!submissions_.emplace(id, std::move(submission)).second) {

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <nlohmann/json.hpp>
@@ -14,6 +15,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
+#include "server/store/connection.h"
 #include "server/store/differences.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
@@ -38,6 +40,8 @@ StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
   }
   return row;
 }
+
+constexpr char kTimesDropped[] = "standings_dropped";
 
 // The numbers as raw memory.
 std::string BytesOf(const std::vector<double>& numbers) {
@@ -156,7 +160,13 @@ absl::Status Episodes::SetStanding(int64_t evaluation, const Standing& standing)
 
 absl::Status Episodes::DropStandings() {
   db_.exec("DELETE FROM standing");
+  SetMeta(db_, kTimesDropped, absl::StrCat(TimesDropped() + 1));
   return absl::OkStatus();
+}
+
+int64_t Episodes::TimesDropped() const {
+  int64_t times = 0;
+  return absl::SimpleAtoi(Meta(db_, kTimesDropped), &times) ? times : 0;
 }
 
 std::map<int64_t, Standing> Episodes::Standings(const std::vector<int64_t>& evaluations) const {

@@ -58,6 +58,8 @@ class Episodes : StorePart {
   // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
+  // How often that was done.
+  int64_t TimesDropped() const;
 
  private:
   std::set<std::string> LogsWhere(const std::string& condition) const;

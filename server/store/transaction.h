@@ -35,6 +35,9 @@ class Transaction {
   // boards. Valid until an act is added.
   const BoardState& Board() const { return context_.Board(); }
 
+  // Grows with whatever may change a board, so that a kept board is never stale.
+  int64_t BoardChanges() const { return Board().board_changes() + episodes.TimesDropped(); }
+
   // One of several changes that share a transaction: if it fails, or the schema rejects one of its
   // rows, all of it is rolled back and the others go on.
   absl::Status Part(const std::function<absl::Status(Transaction&)>& change);

@@ -1,7 +1,6 @@
 """How the API and the tool report unreadable rows of the store. damage_test covers that everything
 else goes on."""
 
-import json
 import os
 import signal
 import sqlite3
@@ -9,6 +8,7 @@ import time
 import unittest
 
 from organiser_test import TRACK, OrganiserCase
+from support.daemon import DaemonError
 
 
 class DamagedStore(OrganiserCase):
@@ -194,7 +194,7 @@ class DamagedStore(OrganiserCase):
         self.assertIn("overwritten with an older store", trouble["message"])
         self.assertEqual(self.call("GET", "/v1/ready")[0], 503)
 
-    def test_damaged_pages_end_what_is_accepted(self):
+    def test_a_store_with_damaged_pages_is_not_opened(self):
         self.played("ok")
         with sqlite3.connect(self.data / "store.db", timeout=20) as db:
             db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -206,16 +206,8 @@ class DamagedStore(OrganiserCase):
         with open(self.data / "store.db", "r+b") as store:
             store.seek((page - 1) * size)
             store.write(b"\x55" * size)
-        self.start()
-        self.assertEqual(self.call("GET", "/v1/tokens")[0], 503)
-        self.wait("/v1/health", lambda body: body["status"] == "store")
-        status, answer = self.call("GET", "/v1/ready")
-        self.assertEqual(status, 503, answer)
-        self.assertIn("is damaged", json.dumps(answer))
-        status, answer = self.call("POST", "/v1/quota/grants", {
-            "team": "alpha", "track": TRACK, "budget": "official", "amount": 1, "reason": "r"})
-        self.assertEqual(status, 503, answer)
-        self.assertIn("is damaged", answer["error"]["message"])
+        with self.assertRaisesRegex(DaemonError, "is damaged .*restore it from a backup"):
+            self.start()
 
 
 if __name__ == "__main__":

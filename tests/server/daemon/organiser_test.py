@@ -298,10 +298,10 @@ class Files(OrganiserCase):
         folder = self.folder / "csv"
         self.ask("export", folder, "--format", "csv", schema="export")
         subprocess.run(["sha256sum", "-c", "--quiet", "SHA256SUMS"], cwd=folder, check=True)
-        marks = (folder / "mark.csv").read_text()
-        self.assertIn('"a ""test"", with commas"', marks)
+        acts = (folder / "journal.csv").read_text()
+        self.assertIn('"{""why"":""a \\""test\\"", with commas""}"', acts)
         self.ask("export", self.folder / "marked", "--format", "csv", "--bom", schema="export")
-        for table in ("mark", "episode"):
+        for table in ("journal", "episode"):
             self.assertEqual((self.folder / f"marked/{table}.csv").read_bytes(),
                              b"\xef\xbb\xbf" + (folder / f"{table}.csv").read_bytes())
         self.assertEqual((folder / "episode.csv").read_bytes().count(b"\r\n"), 19)
@@ -309,12 +309,13 @@ class Files(OrganiserCase):
     def test_no_cell_of_a_csv_is_a_formula(self):
         self.fill()
         for text in ("=HYPERLINK(1)", "+1", "-1", "@SUM(1)"):
-            self.ask("baseline", 1, "--reason", text)
+            self.call("POST", "/v1/quota/grants", {"team": "alpha", "track": TRACK, "amount": 1,
+                                                   "budget": "official", "reason": text})
         folder = self.folder / "csv"
         self.ask("export", folder, "--format", "csv", schema="export")
-        marks = (folder / "mark.csv").read_text()
+        ledger = (folder / "ledger.csv").read_text()
         for text in ("'=HYPERLINK(1)", "'+1", "'-1", "'@SUM(1)"):
-            self.assertIn(f",{text}", marks)
+            self.assertIn(f",{text}", ledger)
 
     def test_a_backup_is_a_store(self):
         self.fill()
