@@ -134,8 +134,8 @@ TEST_F(TransferTest, OtherSchemasFilledStoresAndRowsThatDoNotFitAreRefused) {
   const std::string schema = ",\"schema\":" + std::to_string(SchemaMigrations().size());
   EXPECT_THAT(refusal(Sealed(text, schema, ",\"schema\":99"), "a.db"), HasSubstr("schema 99"));
   EXPECT_THAT(refusal(Sealed(text, "\"removal\":[", "\"stain\":["), "b.db"), HasSubstr("stain"));
-  EXPECT_THAT(refusal(Sealed(text, "\"set_to\":1", "\"set\":1"), "c.db"), HasSubstr("columns"));
-  EXPECT_THAT(refusal(Sealed(text, "\"set_to\":1", "\"set_to\":2"), "d.db"), HasSubstr("CHECK"));
+  EXPECT_THAT(refusal(Sealed(text, "\"ranked\":1", "\"rank\":1"), "c.db"), HasSubstr("columns"));
+  EXPECT_THAT(refusal(Sealed(text, "\"ranked\":1", "\"ranked\":2"), "d.db"), HasSubstr("CHECK"));
   EXPECT_THAT(refusal(Sealed(text, "\"evaluation\":1,\"facts", "\"evaluation\":9,\"facts"), "e.db"),
               HasSubstr("lease"));
   EXPECT_THAT(refusal(Sealed(text, "\"idx\":1", "\"idx\":0"), "f.db"), HasSubstr("UNIQUE"));
