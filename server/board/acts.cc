@@ -1,13 +1,13 @@
 #include "server/board/acts.h"
 
-#include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
 #include "protocol/base/sha256.h"
+#include "server/base/enum_names.h"
+#include "server/base/json_value.h"
 
 namespace myograde::server {
 namespace {
@@ -17,13 +17,6 @@ using Json = nlohmann::json;
 constexpr std::string_view kPurposes[] = {"rules", "seeds"};
 constexpr std::string_view kMethods[] = {"auto", "facts", "play"};
 constexpr std::string_view kEvents[] = {"created", "applied", "dropped"};
-
-template <typename Value, typename Names>
-std::optional<Value> Parse(const Names& names, std::string_view name) {
-  const auto found = std::find(std::begin(names), std::end(names), name);
-  if (found == std::end(names)) return std::nullopt;
-  return static_cast<Value>(found - std::begin(names));
-}
 
 std::string TextOrEmpty(const Json& value) {
   return value.is_null() ? "" : value.get<std::string>();
@@ -48,37 +41,27 @@ absl::StatusOr<Act> ActOfEntry(int64_t index, Json entry) {
              .content = std::move(entry)};
 }
 
-std::string TimeText(int64_t ms) {
-  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
-}
-
 std::string ArtefactCommitment(int64_t submission, const std::string& artefact) {
   return Sha256Hex(absl::StrCat("myograde artefact/", submission, "/", artefact));
 }
 
-std::string_view RejudgePurposeName(RejudgePurpose purpose) {
-  return kPurposes[static_cast<size_t>(purpose)];
-}
+std::string_view RejudgePurposeName(RejudgePurpose purpose) { return NameIn(kPurposes, purpose); }
 std::optional<RejudgePurpose> ParseRejudgePurpose(std::string_view name) {
-  return Parse<RejudgePurpose>(kPurposes, name);
+  return ParseIn<RejudgePurpose>(kPurposes, name);
 }
-std::string_view RejudgeMethodName(RejudgeMethod method) {
-  return kMethods[static_cast<size_t>(method)];
-}
+std::string_view RejudgeMethodName(RejudgeMethod method) { return NameIn(kMethods, method); }
 std::optional<RejudgeMethod> ParseRejudgeMethod(std::string_view name) {
-  return Parse<RejudgeMethod>(kMethods, name);
+  return ParseIn<RejudgeMethod>(kMethods, name);
 }
-std::string_view RejudgeEventName(RejudgeEvent event) {
-  return kEvents[static_cast<size_t>(event)];
-}
+std::string_view RejudgeEventName(RejudgeEvent event) { return NameIn(kEvents, event); }
 std::optional<RejudgeEvent> ParseRejudgeEvent(std::string_view name) {
-  return Parse<RejudgeEvent>(kEvents, name);
+  return ParseIn<RejudgeEvent>(kEvents, name);
 }
 
 Json RejudgeKeys(const RejudgeRow& rejudge) {
   return {{"rejudge", rejudge.id},
           {"purpose", RejudgePurposeName(rejudge.purpose)},
-          {"phase", rejudge.phase.empty() ? Json() : Json(rejudge.phase)},
+          {"phase", TextOrNull(rejudge.phase)},
           {"track", rejudge.track},
           {"profile", rejudge.profile},
           {"from_config", rejudge.from_config},

@@ -71,9 +71,6 @@ struct Act {
 // time.
 absl::StatusOr<Act> ActOfEntry(int64_t index, nlohmann::json entry);
 
-// "2026-11-22T19:20:38.000Z".
-std::string TimeText(int64_t ms);
-
 // What an entry has of an artefact: SHA-256 over "myograde artefact/SUBMISSION/HASH".
 std::string ArtefactCommitment(int64_t submission, const std::string& artefact);
 
@@ -111,10 +108,13 @@ struct BoardConfigRow {
 };
 
 // One change of a mark. The newest of a submission and mark is in force.
+inline constexpr char kHidden[] = "hidden";
+inline constexpr char kDisqualified[] = "disqualified";
+inline constexpr char kBaseline[] = "baseline";
 struct MarkRow {
   int64_t at = 0;
   int64_t submission = 0;
-  std::string mark;  // "hidden", "disqualified", "baseline"
+  std::string mark;
   bool set = false;
   std::string who;
   std::string why;

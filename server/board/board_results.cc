@@ -39,21 +39,23 @@ std::vector<int64_t> BoardState::AppliedTo(const std::string& config,
   return rejudges;
 }
 
-std::vector<const BoardResult*> BoardState::Originals(const std::string& config,
-                                                      int64_t before_ms) const {
+std::vector<const BoardResult*> BoardState::Ended(const std::vector<int64_t>& evaluations,
+                                                  int64_t before_ms) const {
   std::vector<const BoardResult*> found;
-  for (const int64_t evaluation : FindOrNone(originals_, config)) {
+  for (const int64_t evaluation : evaluations) {
     const BoardResult& result = results_.at(evaluation);
     if (result.at < before_ms && submissions_.contains(result.submission)) found.push_back(&result);
   }
   return found;
 }
 
-std::vector<const BoardResult*> BoardState::OfRejudge(int64_t rejudge, int64_t before_ms) const {
-  std::vector<const BoardResult*> found;
-  for (const int64_t evaluation : FindOrNone(rejudged_, rejudge)) {
-    const BoardResult& result = results_.at(evaluation);
-    if (result.at < before_ms && submissions_.contains(result.submission)) found.push_back(&result);
+std::vector<const BoardResult*> BoardState::Deciding(const std::string& config,
+                                                     const BoardMoment& moment,
+                                                     int64_t before_ms) const {
+  std::vector<const BoardResult*> found = Ended(FindOrNone(originals_, config), before_ms);
+  for (const int64_t rejudge : AppliedTo(config, moment)) {
+    const auto results = Ended(FindOrNone(rejudged_, rejudge), before_ms);
+    found.insert(found.end(), results.begin(), results.end());
   }
   return found;
 }
@@ -61,14 +63,8 @@ std::vector<const BoardResult*> BoardState::OfRejudge(int64_t rejudge, int64_t b
 std::map<int64_t, const BoardResult*> BoardState::InForce(const std::string& config,
                                                           const BoardMoment& moment) const {
   std::map<int64_t, const BoardResult*> in_force;
-  const int64_t before = moment.results_before_ms();
-  for (const BoardResult* result : Originals(config, before)) {
+  for (const BoardResult* result : Deciding(config, moment, moment.results_before_ms())) {
     in_force[result->submission] = result;
-  }
-  for (const int64_t rejudge : AppliedTo(config, moment)) {
-    for (const BoardResult* result : OfRejudge(rejudge, before)) {
-      in_force[result->submission] = result;
-    }
   }
   std::erase_if(in_force, [](const auto& entry) { return !entry.second->graded; });
   return in_force;
@@ -76,27 +72,19 @@ std::map<int64_t, const BoardResult*> BoardState::InForce(const std::string& con
 
 bool BoardState::Withholds(const std::string& config, const BoardMoment& moment) const {
   if (moment.freeze_ms >= moment.before_ms) return false;
-  const auto late = [&](const BoardResult* result) {
+  const auto results = Deciding(config, moment, moment.before_ms);
+  return std::any_of(results.begin(), results.end(), [&](const BoardResult* result) {
     const TeamState* team = TeamOf(result->submission);
-    return result->at >= moment.freeze_ms && team != nullptr && !team->banned;
-  };
-  const auto own = Originals(config, moment.before_ms);
-  if (std::any_of(own.begin(), own.end(), [&](const BoardResult* result) {
-        return result->graded && !result->failed && late(result);
-      })) {
-    return true;
-  }
-  for (const int64_t rejudge : AppliedTo(config, moment)) {
-    const auto results = OfRejudge(rejudge, moment.before_ms);
-    if (std::any_of(results.begin(), results.end(), late)) return true;
-  }
-  return false;
+    return result->at >= moment.freeze_ms && (result->rejudge != 0 || result->stands()) &&
+           team != nullptr && !team->banned;
+  });
 }
 
 std::set<int64_t> BoardState::Rejudged(const std::string& config, const BoardMoment& moment) const {
   std::set<int64_t> submissions;
   for (const int64_t rejudge : AppliedTo(config, moment)) {
-    for (const BoardResult* result : OfRejudge(rejudge, moment.results_before_ms())) {
+    for (const BoardResult* result :
+         Ended(FindOrNone(rejudged_, rejudge), moment.results_before_ms())) {
       submissions.insert(result->submission);
     }
   }
@@ -172,11 +160,13 @@ int64_t BoardState::ChangedAt(const std::string& config, const std::string& phas
       }
     }
     if (rejudge.to_config != config) continue;
-    for (const BoardResult* result : OfRejudge(id, INT64_MAX)) own.insert(result->submission);
+    for (const BoardResult* result : Ended(FindOrNone(rejudged_, id), INT64_MAX)) {
+      own.insert(result->submission);
+    }
   }
   for (const int64_t id : own) teams.insert(submissions_.at(id).team);
   for (const auto& [evaluation, result] : results_) {
-    if (result.graded && !result.failed && own.contains(result.submission)) note(result.at, before);
+    if (result.stands() && own.contains(result.submission)) note(result.at, before);
   }
   for (const auto& [submission, history] : marks_) {
     if (!own.contains(submission)) continue;
@@ -248,20 +238,15 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const 
     OtherConfig other{.config = hash};
     std::set<int64_t> teams;
     std::set<int64_t> counted;
-    const auto count = [&](const BoardResult* result) {
+    const BoardMoment then{.before_ms = moment.results_before_ms()};
+    for (const BoardResult* result : Deciding(hash, then, then.before_ms)) {
       const AcceptedSubmission& submission = submissions_.at(result->submission);
-      if (submission.board != board || !result->graded || result->failed) return;
-      if (!counted.insert(submission.id).second) return;
+      if (submission.board != board || !result->stands()) continue;
+      if (!counted.insert(submission.id).second) continue;
       teams.insert(TeamInForce(submission.team));
       other.first_at =
           counted.size() == 1 ? submission.at : std::min(other.first_at, submission.at);
       other.last_at = std::max(other.last_at, submission.at);
-    };
-    for (const BoardResult* result : Originals(hash, moment.results_before_ms())) count(result);
-    for (const int64_t rejudge : AppliedTo(hash, {.before_ms = moment.results_before_ms()})) {
-      for (const BoardResult* result : OfRejudge(rejudge, moment.results_before_ms())) {
-        count(result);
-      }
     }
     other.submissions = std::ssize(counted);
     other.teams = std::ssize(teams);
@@ -279,9 +264,9 @@ int64_t BoardState::RankedElsewhere(const BoardName& board, const std::string& c
   int64_t count = 0;
   for (const auto& [hash, evaluations] : originals_) {
     if (hash == config) continue;
-    for (const BoardResult* result : Originals(hash, moment.results_before_ms())) {
-      count += submissions_.at(result->submission).board == board && result->graded &&
-               !result->failed && !rejudged.contains(result->submission);
+    for (const BoardResult* result : Ended(evaluations, moment.results_before_ms())) {
+      count += submissions_.at(result->submission).board == board && result->stands() &&
+               !rejudged.contains(result->submission);
     }
   }
   return count;

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include <absl/status/status.h>
-#include <nlohmann/json.hpp>
 
 #include "server/board/acts.h"
 
@@ -41,6 +40,8 @@ struct BoardResult {
   int64_t repetition = 1;
   bool graded = false;  // it has a result
   bool failed = false;  // a result that stands on no board; false where that is private
+
+  bool stands() const { return graded && !failed; }
 };
 
 struct TeamState {
@@ -191,9 +192,12 @@ class BoardState {
   int64_t TeamInForce(int64_t team) const;
   // Ids of the rejudges that count under a config, in the order in which they were applied.
   std::vector<int64_t> AppliedTo(const std::string& config, const BoardMoment& moment) const;
-  // The ended evaluations of a rejudge that may decide a board, or the originals under a config.
-  std::vector<const BoardResult*> OfRejudge(int64_t rejudge, int64_t before_ms) const;
-  std::vector<const BoardResult*> Originals(const std::string& config, int64_t before_ms) const;
+  // The evaluations of a list that ended before a moment.
+  std::vector<const BoardResult*> Ended(const std::vector<int64_t>& evaluations,
+                                        int64_t before_ms) const;
+  // Those that may decide a config's board: its originals, then those of each applied rejudge.
+  std::vector<const BoardResult*> Deciding(const std::string& config, const BoardMoment& moment,
+                                           int64_t before_ms) const;
   // Submissions that a rejudge to the config has ended for.
   std::set<int64_t> Rejudged(const std::string& config, const BoardMoment& moment) const;
 

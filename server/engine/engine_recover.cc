@@ -182,7 +182,8 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
                         .submission = context.submission.id,
                         .team = context.submission.team});
   spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
-               std::string(EvaluationStateName(result.state)), result.successes, result.episodes);
+               std::string(EvaluationStateName(result.state)), result.standing.ranked.successes,
+               result.standing.ranked.episodes);
   return absl::OkStatus();
 }
 

@@ -22,8 +22,8 @@ absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(const Transaction& reader,
   ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(json, "the new config"));
   for (const RejudgeCandidate& candidate : reader.rejudges.CandidatesFor(rejudge)) {
     ASSIGN_OR_RETURN(NewRejudgeItem item,
-                     ItemToPlay(reader, candidate, /*rejudge=*/0, rejudge.grader_json,
-                                rejudge.seed_count, config.episodes_per_lease, data_dir));
+                     ItemToPlay(reader, candidate, rejudge.grader_json, rejudge.seed_count,
+                                config.episodes_per_lease, data_dir));
     items.push_back(std::move(item));
   }
   return items;

@@ -8,6 +8,7 @@
 
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/json_value.h"
 #include "server/engine/stored.h"
 
 namespace myograde::server {
@@ -19,11 +20,6 @@ constexpr char kScoring[] = "scoring";
 
 bool HaveSameFacts(const std::string& from_json, const std::string& to_json) {
   return SameFacts(ParsedText(from_json), ParsedText(to_json));
-}
-
-// A file's hash in a build; null if it is unknown.
-Json HashIn(const Json& build, const char* key) {
-  return build.is_object() ? build.value(key, Json()) : Json();
 }
 
 // Of those listed, the ones that have a result; an error names one that has none.
@@ -54,16 +50,16 @@ bool SameFacts(const Json& from, const Json& to) {
 
 bool SameSimulation(const Json& a, const Json& b) {
   for (const char* key : {"simulator", "mujoco"}) {
-    if (!HashIn(a, key).is_string() || HashIn(a, key) != HashIn(b, key)) return false;
+    if (!At(a, key).is_string() || At(a, key) != At(b, key)) return false;
   }
-  const Json adapters_a = HashIn(a, "adapters");
-  const Json adapters_b = HashIn(b, "adapters");
+  const Json& adapters_a = At(a, "adapters");
+  const Json& adapters_b = At(b, "adapters");
   for (const auto& [name, hash] : adapters_a.items()) {
-    if (HashIn(adapters_b, name.c_str()) != hash) return false;
+    if (At(adapters_b, name) != hash) return false;
   }
   // A model is compiled when it is first needed, so one of the builds may know fewer.
-  const Json models_a = HashIn(a, "models");
-  const Json models_b = HashIn(b, "models");
+  const Json& models_a = At(a, "models");
+  const Json& models_b = At(b, "models");
   if (!models_a.is_object() || !models_b.is_object()) return false;
   return std::all_of(models_a.items().begin(), models_a.items().end(), [&](const auto& model) {
     const auto other = models_b.find(model.key());
@@ -149,16 +145,11 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
 }
 
 absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader,
-                                          const RejudgeCandidate& candidate, int64_t rejudge,
+                                          const RejudgeCandidate& candidate,
                                           const std::string& grader_json, int64_t count,
                                           int64_t per_lease, const std::string& data_dir) {
   ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(candidate.submission));
-  NewRejudgeItem item = {.rejudge = rejudge,
-                         .submission = candidate.submission,
-                         .repetition = candidate.repetition,
-                         .source = candidate.source,
-                         .grader_json = grader_json,
-                         .blocks = BlocksOf(count, per_lease)};
+  NewRejudgeItem item = {candidate, RejudgeMethod::kPlay, grader_json, BlocksOf(count, per_lease)};
   if (!HasArtefactFiles(data_dir, submission.artefact).ok()) {
     item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
                                    submission.artefact, " are not on this host any more");

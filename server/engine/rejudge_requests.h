@@ -52,7 +52,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
 // The item of a submission to play, of `count` episodes in leases of `per_lease`; impossible if the
 // files of its artefact are not in `data_dir`.
 absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader,
-                                          const RejudgeCandidate& candidate, int64_t rejudge,
+                                          const RejudgeCandidate& candidate,
                                           const std::string& grader_json, int64_t count,
                                           int64_t per_lease, const std::string& data_dir);
 

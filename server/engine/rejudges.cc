@@ -26,9 +26,8 @@ absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
 
 // Computes an item from the facts of its source: pure but for reading. InternalError if the facts
 // can't be judged; a damaged row (store/damage.h).
-absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeRow& rejudge,
-                                     const RejudgeCandidate& candidate, const Track& track,
-                                     const std::vector<uint64_t>& seeds) {
+absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeCandidate& candidate,
+                                     const Track& track, const std::vector<uint64_t>& seeds) {
   ASSIGN_OR_RETURN(const EvaluationRow source, reader.evaluations.Find(candidate.source));
   if (source.last >= std::ssize(seeds)) {
     return absl::InternalError(absl::StrCat("evaluation ", source.id,
@@ -39,11 +38,6 @@ absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeRow
   ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(source.submission));
   ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, ConfigOf(source, submission)));
   RETURN_IF_ERROR(CheckResults(reader, source, rows, before.seed_salt));
-  JudgedItem item;
-  item.rejudge = rejudge.id;
-  item.submission = candidate.submission;
-  item.repetition = candidate.repetition;
-  item.source = candidate.source;
   for (EpisodeRow& row : rows) {
     const absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(ParsedText(row.facts_json));
     if (!facts.ok()) return CantBeJudged(row, facts.status());
@@ -54,12 +48,7 @@ absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeRow
     row.metrics_json = std::move(judged->metrics_json);
   }
   ASSIGN_OR_RETURN(EvaluationResult result, ResultOf(track, rows));
-  item.state = result.state;
-  item.reason = std::move(result.reason);
-  item.results_hash = std::move(result.results_hash);
-  item.standing = std::move(result.standing);
-  item.episodes = std::move(rows);
-  return item;
+  return JudgedItem{candidate, std::move(result), std::move(rows)};
 }
 
 }  // namespace
@@ -147,7 +136,7 @@ absl::Status Rejudger::Add(const Transaction& reader, const Work& work,
   }
   if (source.ok() && method == RejudgeMethod::kFacts) {
     absl::StatusOr<JudgedItem> judged =
-        JudgeAnew(reader, work.rejudge, candidate, *work.track, *work.seeds);
+        JudgeAnew(reader, candidate, *work.track, *work.seeds);
     if (judged.ok()) {
       batch.rows += std::ssize(judged->episodes);
       batch.judged.push_back(*std::move(judged));
@@ -157,17 +146,13 @@ absl::Status Rejudger::Add(const Transaction& reader, const Work& work,
   }
   const int64_t per_lease = work.track->config.episodes_per_lease;
   absl::StatusOr<NewRejudgeItem> item =
-      ItemToPlay(reader, candidate, work.rejudge.id, CanonicalJson(today),
-                 std::ssize(*work.seeds), per_lease, options_.data_dir);
+      ItemToPlay(reader, candidate, CanonicalJson(today), std::ssize(*work.seeds), per_lease,
+                 options_.data_dir);
   why_not.Update(item.status());
   if (MayPass(why_not) || IsBrokenStore(why_not)) return why_not;
   if (!item.ok()) {
-    item = NewRejudgeItem{.rejudge = work.rejudge.id,
-                          .submission = candidate.submission,
-                          .repetition = candidate.repetition,
-                          .source = candidate.source,
-                          .grader_json = CanonicalJson(today),
-                          .blocks = BlocksOf(std::ssize(*work.seeds), per_lease)};
+    item = NewRejudgeItem{candidate, RejudgeMethod::kPlay, CanonicalJson(today),
+                          BlocksOf(std::ssize(*work.seeds), per_lease)};
   }
   item->method = method;
   // One that can't be read is without a result, and holds up no other.

@@ -5,7 +5,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,10 +20,6 @@
 #include "server/store/rows.h"
 
 namespace myograde::server {
-
-inline constexpr char kHidden[] = "hidden";
-inline constexpr char kDisqualified[] = "disqualified";
-inline constexpr char kBaseline[] = "baseline";
 
 struct LeaderboardRow {
   scoring::RankedEntry ranked;  // rank 0: a baseline, which is not ranked

@@ -184,8 +184,6 @@ absl::StatusOr<EvaluationResult> ResultOf(const Track& track,
   }
   result.results_hash = ResultsHash(rows, track.config.seed_salt);
   result.standing = StandingOf(scored, aggregate);
-  result.episodes = aggregate.episodes;
-  result.successes = aggregate.successes;
   return result;
 }
 

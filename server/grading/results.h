@@ -36,16 +36,8 @@ nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
 // The standing that follows from an evaluation's aggregate.
 Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate);
 
-// What an evaluation with these episodes ends as, once all of them are there.
-struct EvaluationResult {
-  EvaluationState state = EvaluationState::kDone;  // or kFailed
-  std::string reason;
-  std::string results_hash;
-  Standing standing;
-  int64_t episodes = 0;
-  int64_t successes = 0;
-};
-// Errors of AggregateRows.
+// What an evaluation with these episodes ends as, once all of them are there. Errors of
+// AggregateRows.
 absl::StatusOr<EvaluationResult> ResultOf(const Track& track, const std::vector<EpisodeRow>& rows);
 
 // A metric's description, for those who print its values: name, title, unit, better, digits.

@@ -6,6 +6,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/json_value.h"
 
 namespace myograde::server {
 namespace {
@@ -19,11 +20,6 @@ Json HeadToJson(const RecordHead& head) {
   return {{"size", head.size}, {"root", HexOf(head.root)}, {"chain", head.chain}};
 }
 
-const Json& At(const Json& json, const char* key) {
-  static const Json kNone;
-  return json.is_object() && json.contains(key) ? json[key] : kNone;
-}
-
 // -1: it is no such number.
 int64_t CountIn(const Json& json, const char* key) {
   const Json& value = At(json, key);
@@ -31,16 +27,11 @@ int64_t CountIn(const Json& json, const char* key) {
   return value.get<int64_t>();
 }
 
-std::string StringIn(const Json& json, const char* key) {
-  const Json& value = At(json, key);
-  return value.is_string() ? value.get<std::string>() : "";
-}
-
 absl::StatusOr<RecordHead> HeadOfJson(const Json& json) {
   RecordHead head;
   head.size = CountIn(json, "size");
-  head.chain = StringIn(json, "chain");
-  const absl::StatusOr<Sha256Digest> root = DigestOfHex(StringIn(json, "root"));
+  head.chain = TextAt(json, "chain");
+  const absl::StatusOr<Sha256Digest> root = DigestOfHex(TextAt(json, "root"));
   const bool chain = head.size == 0 ? head.chain.empty() : DigestOfHex(head.chain).ok();
   if (!json.is_object() || json.size() != 3 || head.size < 0 || !chain || !root.ok()) {
     return absl::DataLossError("this is no head of a record");
@@ -90,7 +81,7 @@ absl::StatusOr<WithheldReceipt> CheckWithheld(const Json& json, const PublicKey&
         "a reason why a receipt is missing was not signed with this key, or was altered "
         "since; export the record again");
   }
-  WithheldReceipt read{CountIn(content, "evaluation"), StringIn(content, "reason"), {}};
+  WithheldReceipt read{CountIn(content, "evaluation"), TextAt(content, "reason"), {}};
   absl::StatusOr<RecordHead> head = HeadOfJson(At(content, "head"));
   if (!head.ok() || content.size() != 3 || read.evaluation < 0) {
     return absl::DataLossError("this is no reason why a receipt is missing");
@@ -112,7 +103,7 @@ absl::StatusOr<EntryProof> CheckEntryProof(const Json& json) {
   read.index = CountIn(json, "entry");
   read.size = CountIn(json, "size");
   read.content = At(json, "content");
-  const absl::StatusOr<Sha256Digest> root = DigestOfHex(StringIn(json, "root"));
+  const absl::StatusOr<Sha256Digest> root = DigestOfHex(TextAt(json, "root"));
   if (!json.is_object() || json.size() != 5 || read.index < 0 || !read.content.is_object() ||
       !root.ok()) {
     return absl::InvalidArgumentError("it is no proof of an entry");

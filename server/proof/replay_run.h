@@ -2,14 +2,12 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/lease.h"
-#include "server/runner/runner_process.h"
 
 namespace myograde::server {
 

@@ -90,17 +90,6 @@ absl::StatusOr<std::string> StoredText(SQLite::Database& db, const char* table, 
   return text;
 }
 
-// Of a config or a seed list that was added: a damaged row if another text is there under its hash.
-absl::Status CheckContent(SQLite::Database& db, const char* table, const char* column,
-                          const std::string& hash, const std::string& text) {
-  Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
-  if (select.executeStep() && select.getColumn(0).isText() &&
-      select.getColumn(0).getString() == text) {
-    return absl::OkStatus();
-  }
-  return DamagedRow({table, hash, "its content has another hash"});
-}
-
 }  // namespace
 
 absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
@@ -157,14 +146,15 @@ absl::StatusOr<ArtefactRow> Content::Artefact(const std::string& hash) const {
       runtimes_json, bytes, files, environment_json, options_json FROM artefact WHERE hash = ?)",
                    hash);
   if (!select.executeStep()) return UnknownArtefact(hash);
+  constexpr char kStrings[] = "array of strings";
   StoredRow row(select, "artefact", hash);
   ArtefactRow artefact{.hash = hash,
                        .name = row.Text(0),
-                       .command = row.Strings(1),
-                       .runtimes = row.Strings(2),
+                       .command = row.Parsed<std::vector<std::string>>(1, kStrings),
+                       .runtimes = row.Parsed<std::vector<std::string>>(2, kStrings),
                        .bytes = row.Number(3, 0, INT64_MAX),
                        .files = row.Number(4, 0, INT64_MAX),
-                       .environment = row.Texts(5)};
+                       .environment = row.Parsed<std::map<std::string, std::string>>(5, "object of strings")};
   ReadOptions(row, 6, artefact);
   if (artefact.command.empty()) row.Fail(1, "a program belongs there");
   if (!row.ok()) return row.status();
@@ -327,12 +317,12 @@ absl::Status Content::AddConfig(const std::string& hash, const std::string& trac
                                 const std::string& profile, const std::string& json) {
   Run(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", hash, track, profile,
       json, now_ms_);
-  return CheckContent(db_, "config", "effective_json", hash, json);
+  return ConfigJson(hash).status();
 }
 
 absl::Status Content::AddSeedList(const std::string& hash, int64_t count, const std::string& json) {
   Run(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING", hash, count, json);
-  return CheckContent(db_, "seed_list", "seeds_json", hash, json);
+  return SeedsJson(hash).status();
 }
 
 }  // namespace myograde::server

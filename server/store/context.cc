@@ -1,9 +1,5 @@
 #include "server/store/context.h"
 
-#include <utility>
-
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/config_reader.h"
 #include "server/store/connection.h"
 #include "server/store/journal.h"

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/mutex.h"
+#include "server/base/json_value.h"
 #include "server/board/board_state.h"
 
 namespace SQLite {
@@ -29,11 +30,6 @@ struct NewAct {
   bool is_public = true;   // false: the record has no entry of it
   int64_t evaluation = 0;  // that it is the end of; 0: none
 };
-
-inline nlohmann::json OrNull(const std::string& text) {
-  return text.empty() ? nlohmann::json() : nlohmann::json(text);
-}
-inline nlohmann::json OrNull(int64_t id) { return id == 0 ? nlohmann::json() : nlohmann::json(id); }
 
 // Adds an act at the end. A disk's fault or a stranger's edit of the last row does not keep what
 // follows out: the chain goes on from what is there, and a check of the chain tells where it broke.

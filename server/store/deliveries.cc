@@ -69,7 +69,7 @@ Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationSt
   about.update({{"team", team},
                 {"track", track},
                 {"profile", profile},
-                {"phase", phase.empty() ? Json() : Json(phase)},
+                {"phase", TextOrNull(phase)},
                 {"ranked", ranked}});
   return about;
 }
@@ -86,8 +86,7 @@ absl::Status Deliveries::Tell(const std::string& event, const std::string& about
     Json body = Json::parse(about_json);
     body["id"] = absl::BytesToHexString(id);
     body["event"] = event;
-    body["at"] = absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(now_ms_),
-                                  absl::UTCTimeZone());
+    body["at"] = TimeText(now_ms_);
     Run(db_, R"(INSERT INTO delivery (at, webhook, event, body_json, state, due_at)
         VALUES (?, ?, ?, ?, 'waiting', ?))",
         now_ms_, hook.webhook, event, CanonicalJson(body), now_ms_);

@@ -1,7 +1,5 @@
 #include "server/store/differences.h"
 
-#include <initializer_list>
-
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"

@@ -73,7 +73,7 @@ absl::StatusOr<std::vector<RepeatRow>> Episodes::Repeats(int64_t evaluation) con
     StoredRow row(select, "replay");
     replay.index = row.Number(1, 0, kMaxEpisodes - 1);
     replay.attempt = row.Number(2, 1, kMany);
-    replay.differs = row.Strings(3);
+    replay.differs = row.Parsed<std::vector<std::string>>(3, "array of strings");
     return row;
   };
   return AllOf<RepeatRow>(Statement(db_, R"(SELECT id, idx, attempt, differs_json

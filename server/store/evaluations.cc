@@ -1,9 +1,8 @@
-// The operations of a change on evaluations, leases and episodes. SQLite exceptions propagate to
-// Store::Write.
+#include "server/store/evaluations.h"
+
+#include <algorithm>
 #include <utility>
 
-#include <SQLiteCpp/SQLiteCpp.h>
-#include <SQLiteCpp/VariadicBind.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <nlohmann/json.hpp>
@@ -12,8 +11,6 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
-#include "protocol/tracks/registry.h"
-#include "server/store/differences.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
 
@@ -217,7 +214,6 @@ absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const s
                who, reason);
 }
 
-// Practice and re-runs have no act.
 void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
   Statement select(db_, R"(SELECT e.submission, e.state, e.results_hash, ifnull(e.config, s.config),
       ifnull(e.seeds, s.seeds), e.grader_json, e.rejudge, e.repetition FROM evaluation AS e
@@ -241,8 +237,8 @@ void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
                    {"config", select.getColumn(3).getString()},
                    {"seeds", select.getColumn(4).getString()},
                    {"grader", grader},
-                   {"rejudge", OrNull(select.getColumn(6).getInt64())},
-                   {"repetition", OrNull(select.getColumn(7).getInt64())}},
+                   {"rejudge", IdOrNull(select.getColumn(6).getInt64())},
+                   {"repetition", IdOrNull(select.getColumn(7).getInt64())}},
        .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
        .evaluation = evaluation});
 }
@@ -324,11 +320,9 @@ std::vector<std::string> Evaluations::GradersOf(const std::vector<int64_t>& eval
 }
 
 absl::StatusOr<std::string> Evaluations::TeamOf(int64_t id) const {
-  const std::string name = FirstText(db_, R"(SELECT t.name
-      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
-      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE e.id = ?)",
-                                     id);
-  if (!name.empty()) return Teams(context_).NameOf(name);
+  const int64_t submission =
+      FirstNumber(db_, "SELECT submission FROM evaluation WHERE id = ?", id);
+  if (submission != 0) return Submissions(context_).TeamOf(submission);
   return absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
 }
 

@@ -27,8 +27,6 @@ StoredRow RecordRowOf(SQLite::Statement& select, RecordRow& record) {
   return row;
 }
 
-constexpr char kDisqualifiedMark[] = "disqualified";
-
 }  // namespace
 
 std::string ChainOf(std::string_view before, std::string_view entry_json) {
@@ -61,7 +59,7 @@ absl::StatusOr<bool> Journal::Mark(int64_t submission, const std::string& mark, 
   if (is_set == set && (!set || same_reason)) return false;
   nlohmann::json content = {{"submission", submission}, {"mark", mark}, {"set", set}};
   // Boards tell why somebody was disqualified, and nothing of the others.
-  if (mark == kDisqualifiedMark) content["reason"] = why;
+  if (mark == kDisqualified) content["reason"] = why;
   Append({.kind = kMarkedAct,
           .who = who,
           .content = std::move(content),
@@ -94,12 +92,9 @@ absl::StatusOr<bool> Journal::SetBoardConfig(const NewBoardConfig& change, const
   const BoardName& board = change.board;
   const std::vector<BoardConfigRow>& rows = Board().ConfigsOf(board);
   if (change.rejudge == 0 && !rows.empty() && rows.back().config == change.config) return false;
-  if (!change.config_json.empty() && Sha256Hex(change.config_json) != change.config) {
-    return absl::InternalError("a board's config has another hash than is said");
-  }
   if (!change.config_json.empty()) {
-    Run(db_, "INSERT OR IGNORE INTO config VALUES (?, ?, ?, ?, ?)", change.config, board.track,
-        board.profile, change.config_json, now_ms_);
+    RETURN_IF_ERROR(Content(context_).AddConfig(change.config, board.track, board.profile,
+                                                change.config_json));
   }
   if (!AnyRow(db_, "SELECT 1 FROM config WHERE hash = ?", change.config)) {
     return absl::FailedPreconditionError(
@@ -107,11 +102,11 @@ absl::StatusOr<bool> Journal::SetBoardConfig(const NewBoardConfig& change, const
   }
   Append({.kind = kConfigAct,
           .who = who,
-          .content = {{"phase", OrNull(board.phase)},
+          .content = {{"phase", TextOrNull(board.phase)},
                       {"track", board.track},
                       {"profile", board.profile},
                       {"config", change.config},
-                      {"rejudge", OrNull(change.rejudge)}}});
+                      {"rejudge", IdOrNull(change.rejudge)}}});
   return true;
 }
 

@@ -3,6 +3,11 @@
 #include <cmath>
 #include <utility>
 
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/status_macros.h"
+#include "protocol/lease/track_config.h"
+#include "server/base/enum_names.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
 
@@ -51,6 +56,10 @@ std::pair<std::string, std::string> LatestEvent(SQLite::Database& db, const std:
   return {select.getColumn(0).getString(), select.getColumn(1).getString()};
 }
 
+constexpr char kLeaseColumns[] =
+    "SELECT id, first, last, state, attempt, faults, detail, slot, started_at, deadline_at, "
+    "finished_at, output_json, evaluation FROM lease ";
+
 StoredRow LeaseOf(SQLite::Statement& select, LeaseRow& lease) {
   StoredRow row(select, "lease");
   lease.id = row.Id(0);
@@ -81,30 +90,15 @@ absl::Status Leases::Refused(const char* what, const LeaseRow& lease, std::strin
 }
 
 absl::StatusOr<std::vector<LeaseRow>> Leases::Of(int64_t evaluation) const {
-  return AllOf<LeaseRow>(Statement(db_, R"(SELECT id, first, last, state,
-      attempt, faults, detail, slot, started_at, deadline_at, finished_at, output_json, evaluation
-      FROM lease WHERE evaluation = ? ORDER BY first)",
-                                   evaluation),
-                         LeaseOf);
+  return AllOf<LeaseRow>(
+      Statement(db_, absl::StrCat(kLeaseColumns, "WHERE evaluation = ? ORDER BY first"),
+                evaluation),
+      LeaseOf);
 }
 
 absl::StatusOr<LeaseRow> Leases::Find(int64_t lease) {
-  Statement select(
-      db_, "SELECT id, evaluation, first, last, state, attempt, faults FROM lease WHERE id = ?",
-      lease);
-  const auto parse = [](SQLite::Statement& read, LeaseRow& found) {
-    StoredRow row(read, "lease");
-    found.id = row.Id(0);
-    found.evaluation = row.Id(1);
-    found.first = row.Number(2, 0, kMaxEpisodes - 1);
-    found.last = row.Number(3, found.first, kMaxEpisodes - 1);
-    found.state = row.Named(4, ParseLeaseState);
-    found.attempt = row.Number(5, 0, INT64_MAX - 1);
-    found.faults = row.Number(6, 0, found.attempt);
-    return row;
-  };
-  return FirstOf<LeaseRow>(std::move(select), parse,
-                           absl::NotFoundError(absl::StrCat("there is no lease ", lease)));
+  return FirstOf<LeaseRow>(Statement(db_, absl::StrCat(kLeaseColumns, "WHERE id = ?"), lease),
+                           LeaseOf, absl::NotFoundError(absl::StrCat("there is no lease ", lease)));
 }
 
 absl::Status Leases::RunEvaluation(int64_t evaluation, const std::string& who) {

@@ -89,7 +89,7 @@ absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::st
   const bool same = event != kPausedEvent || (there && newest->why == why);
   if (there && same) return false;
   if (event == kResumedEvent && newest == nullptr) return false;
-  nlohmann::json content = {{"phase", OrNull(phase)}, {"event", event}};
+  nlohmann::json content = {{"phase", TextOrNull(phase)}, {"event", event}};
   if (event == kRevealedEvent) {
     // It opens the phase's seeds and is published with them. An import never had it: whoever
     // reveals the phase publishes it elsewhere.
@@ -101,7 +101,7 @@ absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::st
   if (!pauses) return true;
   RETURN_IF_ERROR(
       Deliveries(context_).Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
-                                CanonicalJson({{"phase", OrNull(phase)}, {"reason", why}})));
+                                CanonicalJson({{"phase", TextOrNull(phase)}, {"reason", why}})));
   return true;
 }
 

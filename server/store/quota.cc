@@ -3,12 +3,12 @@
 #include <algorithm>
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <SQLiteCpp/VariadicBind.h>
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
+#include "server/base/enum_names.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
 #include "server/store/transaction.h"
@@ -148,7 +148,7 @@ StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
   entry.budget = BudgetName(row.Named(4, ParseBudget));
   entry.entry = row.OneOf(5, {"charge", "refund", "grant"});
   entry.amount = row.Number(6, 1, kMostUnits);
-  entry.submission = row.IdOr0(7);
+  entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
   row.TextsInto(8, {&entry.who, &entry.why, &entry.phase, &entry.team});
   return row;
 }

@@ -1,14 +1,7 @@
 #include "server/store/reader_pool.h"
 
-#include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
-
 #include "protocol/base/clock.h"
-#include "protocol/base/config_reader.h"
-#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "protocol/lease/track_config.h"
-#include "protocol/tracks/registry.h"
 #include "server/store/connection.h"
 #include "server/store/damage.h"
 #include "server/store/stored_row.h"

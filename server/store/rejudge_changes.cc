@@ -79,7 +79,7 @@ nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
     results.push_back({{"submission", row.submission},
                        {"evaluation", row.id},
                        {"state", EvaluationStateName(row.state)},
-                       {"results", OrNull(row.results_hash)}});
+                       {"results", TextOrNull(row.results_hash)}});
   }
   return results;
 }
@@ -139,38 +139,26 @@ absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDo
   RETURN_IF_ERROR(
       Content(context_).AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
   const auto& earlier = Board().rejudges();
-  const RejudgeRow row{.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1,
-                       .at = now_ms_,
-                       .purpose = rejudge.purpose,
-                       .phase = rejudge.phase,
-                       .track = rejudge.track,
-                       .profile = rejudge.profile,
-                       .from_config = rejudge.from_config,
-                       .to_config = rejudge.to_config,
-                       .seeds = rejudge.seeds,
-                       .method = rejudge.method,
-                       .repeats = rejudge.repeats,
-                       .who = who,
-                       .why = rejudge.why,
-                       .events = {}};
+  RejudgeRow row = rejudge;
+  row.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1;
   RETURN_IF_ERROR(AddEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
   return *Board().Rejudge(row.id);
 }
 
-absl::StatusOr<std::optional<RejudgeRow>> Rejudges::RejudgeWithout(int64_t id, int64_t submission,
-                                                                   int64_t repetition) {
-  ASSIGN_OR_RETURN(RejudgeRow rejudge, Find(id));
+absl::StatusOr<std::optional<RejudgeRow>> Rejudges::RejudgeWithout(
+    const RejudgeCandidate& item) {
+  ASSIGN_OR_RETURN(RejudgeRow rejudge, Find(item.rejudge));
   if (AnyRow(db_, R"(SELECT 1
       FROM evaluation WHERE rejudge = ? AND submission = ? AND repetition = ?)",
-             id, submission, repetition))
+             item.rejudge, item.submission, item.repetition)) {
     return std::optional<RejudgeRow>();
+  }
   if (rejudge.last() == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
   return std::optional(std::move(rejudge));
 }
 
 absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std::string& who) {
-  ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge,
-                   RejudgeWithout(item.rejudge, item.submission, item.repetition));
+  ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge, RejudgeWithout(item));
   if (!rejudge.has_value()) return Accepted{.submission = item.submission, .repeated = true};
   ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add({.submission = item.submission,
                                                               .kind = EvaluationKind::kRejudge,
@@ -190,16 +178,16 @@ absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std
 }
 
 absl::StatusOr<bool> Rejudges::AddJudgedItem(const JudgedItem& item, const std::string& who) {
-  ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge,
-                   RejudgeWithout(item.rejudge, item.submission, item.repetition));
+  ASSIGN_OR_RETURN(const std::optional<RejudgeRow> rejudge, RejudgeWithout(item));
   if (!rejudge.has_value()) return false;
-  const std::string state(EvaluationStateName(item.state));
+  const EvaluationResult& result = item.result;
+  const std::string state(EvaluationStateName(result.state));
   if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json,
       results_hash, created_at, started_at, finished_at, config, seeds, rejudge, repetition, source,
       method) SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6,
       ?10, ?11, id, 'facts'
       FROM evaluation WHERE id = ?7 AND submission = ?8 AND last - first + 1 = ?9)",
-          state, item.reason, item.results_hash, now_ms_, rejudge->to_config, rejudge->seeds,
+          state, result.reason, result.results_hash, now_ms_, rejudge->to_config, rejudge->seeds,
           item.source, item.submission, std::ssize(item.episodes), item.rejudge,
           item.repetition) != 1) {
     return absl::InternalError(absl::StrCat("evaluation ", item.source, " is not of submission ",
@@ -231,8 +219,8 @@ absl::StatusOr<bool> Rejudges::AddJudgedItem(const JudgedItem& item, const std::
   Run(db_, R"(INSERT INTO episode_details (evaluation, idx, details_json)
       SELECT ?, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx)",
       evaluation, item.source);
-  if (item.state == EvaluationState::kDone) {
-    RETURN_IF_ERROR(Episodes(context_).SetStanding(evaluation, item.standing));
+  if (result.state == EvaluationState::kDone) {
+    RETURN_IF_ERROR(Episodes(context_).SetStanding(evaluation, result.standing));
   }
   Evaluations(context_).AppendGraded(evaluation, who);
   return true;

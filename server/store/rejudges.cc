@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/base/enum_names.h"
 #include "server/store/differences.h"
 #include "server/store/reader_pool.h"
 #include "server/store/stored_row.h"
@@ -17,25 +18,23 @@ namespace {
 constexpr std::string_view kStates[] = {"computing", "ready", "applied", "dropped"};
 
 // What a board's submissions have as their results under from_config, and which of them a rejudge
-// has no evaluation of; first repetitions first. Of a RejudgeRow or a NewRejudge, whose `id` is 0.
-// `latest`: the latest acceptance that counts.
-template <typename Rejudge>
+// has no evaluation of; first repetitions first. `latest`: the latest acceptance that counts.
 std::vector<RejudgeCandidate> Candidates(SQLite::Database& db, const BoardState& board,
-                                         const Rejudge& rejudge, int64_t id, int64_t latest) {
+                                         const RejudgeRow& rejudge, int64_t latest) {
   std::set<std::pair<int64_t, int64_t>> there;
-  Statement select(db, "SELECT submission, repetition FROM evaluation WHERE rejudge = ?", id);
+  Statement select(db, "SELECT submission, repetition FROM evaluation WHERE rejudge = ?",
+                   rejudge.id);
   while (select.executeStep()) {
     there.emplace(select.getColumn(0).getInt64(), select.getColumn(1).getInt64());
   }
-  const BoardName name = {rejudge.phase, rejudge.track, rejudge.profile};
-  const auto in_force = board.InForce(rejudge.from_config, {.ignored_rejudge = id});
+  const auto in_force = board.InForce(rejudge.from_config, {.ignored_rejudge = rejudge.id});
   std::vector<RejudgeCandidate> candidates;
   for (int64_t repetition = 1; repetition <= rejudge.repeats; ++repetition) {
     for (const auto& [submission, result] : in_force) {
       const AcceptedSubmission& accepted = board.submissions().at(submission);
-      if (accepted.board != name || accepted.at > latest) continue;
+      if (accepted.board != rejudge.board() || accepted.at > latest) continue;
       if (there.contains({submission, repetition})) continue;
-      candidates.push_back({submission, result->evaluation, repetition});
+      candidates.push_back({rejudge.id, submission, result->evaluation, repetition});
     }
   }
   return candidates;
@@ -59,8 +58,6 @@ absl::StatusOr<RejudgeProgress> Rejudges::ProgressOf(const RejudgeRow& rejudge) 
     submissions.insert(item.submission);
     ++progress.items;
     ++(item.method == RejudgeMethod::kFacts ? progress.facts : progress.play);
-    progress.waiting += item.state == EvaluationState::kQueued;
-    progress.running += item.state == EvaluationState::kRunning;
     progress.ended += IsFinal(item.state);
     progress.cancelled += item.state == EvaluationState::kCancelled;
     const bool has_result = item.state != EvaluationState::kGraderError &&
@@ -99,11 +96,11 @@ std::vector<RejudgeCandidate> Rejudges::MissingItems(const RejudgeRow& rejudge) 
     const bool applied = event.event == RejudgeEvent::kApplied;
     if (applied && rejudge.from_config == rejudge.to_config) latest = std::min(latest, event.at);
   }
-  return Candidates(db_, Board(), rejudge, rejudge.id, latest);
+  return Candidates(db_, Board(), rejudge, latest);
 }
 
 std::vector<RejudgeCandidate> Rejudges::CandidatesFor(const NewRejudge& rejudge) const {
-  std::vector<RejudgeCandidate> candidates = Candidates(db_, Board(), rejudge, /*id=*/0, INT64_MAX);
+  std::vector<RejudgeCandidate> candidates = Candidates(db_, Board(), rejudge, INT64_MAX);
   if (rejudge.purpose == RejudgePurpose::kSeeds) {
     const std::set<int64_t> listed(rejudge.submissions.begin(), rejudge.submissions.end());
     std::erase_if(candidates, [&](const RejudgeCandidate& candidate) {

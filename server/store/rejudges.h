@@ -24,6 +24,7 @@ namespace myograde::server {
 
 // What a rejudge has to do next for a submission.
 struct RejudgeCandidate {
+  int64_t rejudge = 0;  // 0: it is not created yet
   int64_t submission = 0;
   int64_t source = 0;      // its evaluation in force under from_config; done or failed
   int64_t repetition = 1;  // that it has no evaluation of yet
@@ -39,11 +40,9 @@ struct RejudgeProgress {
   int64_t missing = 0;      // items still to be added
   int64_t facts = 0;        // items computed from facts
   int64_t play = 0;         // items to play, or played
-  int64_t waiting = 0;      // items queued
-  int64_t running = 0;
-  int64_t ended = 0;      // in any way
-  int64_t cancelled = 0;  // of those
-  int64_t episodes = 0;   // of all items
+  int64_t ended = 0;        // in any way
+  int64_t cancelled = 0;    // of those
+  int64_t episodes = 0;     // of all items
   int64_t episodes_done = 0;
   std::vector<int64_t> without_result;  // sorted
   // Nothing is missing and everything has ended, not by being dropped. Only then it may be applied.
@@ -51,22 +50,13 @@ struct RejudgeProgress {
 };
 std::string_view RejudgeStateName(RejudgeProgress::State state);  // "computing", "ready", ...
 
-// A rejudge to create. Content that the store already has is shared.
-struct NewRejudge {
-  RejudgePurpose purpose = RejudgePurpose::kRules;
-  std::string phase = "";  // "": the track's own board
-  std::string track;
-  std::string profile;
-  std::string from_config;       // hash of from_config_json
+// A rejudge to create, with the contents of its hashes; its id, time and events are given to it.
+// Content that the store already has is shared.
+struct NewRejudge : RejudgeRow {
   std::string from_config_json;  // effective, canonical
-  std::string to_config;
   std::string to_config_json;
-  std::string seeds;       // hash of seeds_json: those of to_config
   std::string seeds_json;  // array of numbers, canonical
   int64_t seed_count = 0;
-  RejudgeMethod method = RejudgeMethod::kAuto;
-  int64_t repeats = 1;  // 1 to kMostRepeats
-  std::string why;
   // The build that plays its items; "": this host's, as the engine finds it.
   std::string grader_json = "";
   // Purpose kSeeds: exactly these get items, all in the change that creates it. Otherwise empty.
@@ -78,11 +68,7 @@ struct NewRejudge {
 using SignDocument = std::function<absl::StatusOr<std::string>(const std::string& document_json)>;
 
 // An item to play: its evaluation is queued.
-struct NewRejudgeItem {
-  int64_t rejudge = 0;
-  int64_t submission = 0;
-  int64_t repetition = 1;
-  int64_t source = 0;
+struct NewRejudgeItem : RejudgeCandidate {
   RejudgeMethod method = RejudgeMethod::kPlay;
   std::string grader_json;                               // of the build that plays it
   std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each lease
@@ -93,17 +79,10 @@ struct NewRejudgeItem {
 
 // An item that was computed from facts: its evaluation is added as one that has ended. The facts,
 // leases and their outputs are copied from the source.
-struct JudgedItem {
-  int64_t rejudge = 0;
-  int64_t submission = 0;
-  int64_t repetition = 1;
-  int64_t source = 0;
-  EvaluationState state = EvaluationState::kDone;  // or kFailed
-  std::string reason = "";
-  std::string results_hash = "";
+struct JudgedItem : RejudgeCandidate {
+  EvaluationResult result = {};
   // By index, one for each of the source; only index, outcome, reason and metrics_json are used.
   std::vector<EpisodeRow> episodes = {};
-  Standing standing = {};  // of kDone
 };
 
 // An act on a rejudge.
@@ -144,7 +123,6 @@ class Rejudges : StorePart {
  public:
   using StorePart::StorePart;
 
-  // Rejudges (rejudges.h).
   absl::StatusOr<RejudgeRow> Find(int64_t id) const;
   absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge) const;
   // The items that it lacks, first repetitions first; none for purpose kSeeds.
@@ -154,7 +132,7 @@ class Rejudges : StorePart {
   // The submissions whose repetitions that have ended as done or failed differ, with every episode
   // that does.
   absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge) const;
-  // Rejudges (rejudges.h). Adds one with its event 'created'.
+  // Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
                                  const std::string& who);
   // An item to play. The answer's `evaluation` is to be queued unless the item is impossible.
@@ -175,8 +153,7 @@ class Rejudges : StorePart {
 
  private:
   // The rejudge that an item is to be added to; nullopt if the item is there.
-  absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(int64_t rejudge, int64_t submission,
-                                                           int64_t repetition);
+  absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(const RejudgeCandidate& item);
   absl::StatusOr<RejudgeEventRow> AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                            const std::string& why, const SignDocument& sign,
                                            const std::string& who);

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include <absl/status/statusor.h>
+#include <absl/status/status.h>
 
 #include "protocol/base/outcome.h"
 #include "protocol/lease/policy_image.h"
@@ -192,6 +192,14 @@ struct RankedNumbers {
 struct Standing {
   RankedNumbers ranked;
   std::string aggregate_json;  // canonical; it holds the same numbers
+};
+
+// What an evaluation ends as.
+struct EvaluationResult {
+  EvaluationState state = EvaluationState::kDone;  // or kFailed
+  std::string reason = "";
+  std::string results_hash = "";
+  Standing standing = {};  // of kDone
 };
 
 // A candidate row of a board.

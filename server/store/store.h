@@ -13,18 +13,15 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
-#include "server/store/damage.h"
 #include "server/store/migration.h"
 #include "server/store/transaction.h"
 

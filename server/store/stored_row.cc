@@ -1,7 +1,6 @@
 #include "server/store/stored_row.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
@@ -120,24 +119,6 @@ std::string StoredRow::Object(int column) {
     Fail(column, "a JSON object belongs there");
   }
   return text;
-}
-
-std::vector<std::string> StoredRow::Strings(int column) {
-  try {
-    return nlohmann::json::parse(Text(column)).get<std::vector<std::string>>();
-  } catch (const nlohmann::json::exception&) {
-    Fail(column, "a JSON array of strings belongs there");
-    return {};
-  }
-}
-
-std::map<std::string, std::string> StoredRow::Texts(int column) {
-  try {
-    return nlohmann::json::parse(Text(column)).get<std::map<std::string, std::string>>();
-  } catch (const nlohmann::json::exception&) {
-    Fail(column, "a JSON object of strings belongs there");
-    return {};
-  }
 }
 
 }  // namespace myograde::server

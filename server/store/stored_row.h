@@ -7,11 +7,8 @@
 //   if (!row.ok()) return row.status();
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <initializer_list>
-#include <iterator>
-#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -20,6 +17,8 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 
 #include "server/store/damage.h"
 #include "server/store/statement.h"
@@ -39,13 +38,10 @@ class StoredRow {
   // The following columns belong to another, joined row. NULL in `key_column`: it is missing.
   void Joined(std::string table, int key_column);
 
-  bool IsNull(int column) const { return select_.isColumnNull(column); }
-
   // Values; after the first error, harmless values of the same type.
   int64_t Number(int column, int64_t min, int64_t max);
   int64_t NumberOr(int column, int64_t min, int64_t max, int64_t if_null);
   int64_t Id(int column) { return Number(column, 1, INT64_MAX); }
-  int64_t IdOr0(int column) { return NumberOr(column, 1, INT64_MAX, 0); }  // 0 if it is NULL
   int64_t Time(int column);     // ms since 1970, up to the year 9999
   int64_t TimeOr0(int column);  // 0 if it is NULL
   std::string Blob(int column);  // bytes
@@ -56,8 +52,16 @@ class StoredRow {
   void TextsInto(int first_column, std::initializer_list<std::string*> texts);
   std::string Hash(int column);    // 64 lower-case hexadecimal digits
   std::string Object(int column);  // the text of a JSON object
-  std::vector<std::string> Strings(int column);  // of a JSON array of strings
-  std::map<std::string, std::string> Texts(int column);  // of a JSON object of strings
+  // The value that the text of a JSON has; `what` it must be is said in the error.
+  template <typename Value>
+  Value Parsed(int column, const char* what) {
+    try {
+      return nlohmann::json::parse(Text(column)).template get<Value>();
+    } catch (const nlohmann::json::exception&) {
+      Fail(column, absl::StrCat("a JSON ", what, " belongs there"));
+      return {};
+    }
+  }
 
   // One of a few names.
   std::string OneOf(int column, std::initializer_list<std::string_view> names);
@@ -131,17 +135,5 @@ absl::StatusOr<Row> FirstOf(SQLite::Statement select, Parse parse, const absl::S
 
 // A column's value for people, for keys and errors.
 std::string Shown(const SQLite::Column& column);
-
-// Enumerations as the names that the store has for them: arrays of the names of 0, 1 and so on.
-template <typename Names, typename Value>
-std::string_view NameIn(const Names& names, Value value) {
-  return names[static_cast<size_t>(value)];
-}
-template <typename Value, typename Names>
-std::optional<Value> ParseIn(const Names& names, std::string_view name) {
-  const auto found = std::find(std::begin(names), std::end(names), name);
-  if (found == std::end(names)) return std::nullopt;
-  return static_cast<Value>(found - std::begin(names));
-}
 
 }  // namespace myograde::server

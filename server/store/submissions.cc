@@ -260,7 +260,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
                       {"artefact", ArtefactCommitment(id, submission.artefact)},
                       {"track", submission.track},
                       {"profile", submission.profile},
-                      {"phase", OrNull(submission.phase)},
+                      {"phase", TextOrNull(submission.phase)},
                       {"config", submission.config},
                       {"evaluation", accepted.evaluation}}});
   return accepted;

@@ -9,7 +9,6 @@
 
 #include "server/board/board_state.h"
 #include "server/store/connection.h"
-#include "server/store/rows.h"
 
 namespace myograde::server {
 

@@ -1,5 +1,4 @@
 // Teams and who belongs to them.
-#include <algorithm>
 #include <map>
 #include <utility>
 

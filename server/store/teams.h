@@ -25,7 +25,7 @@ class Teams : StorePart {
  public:
   using StorePart::StorePart;
 
-  // errors as of Submissions::Accept.
+  // Errors as of Submissions::Accept.
   absl::Status Check(const std::string& team) const;
   // The stored name of the team called `name`, now or formerly; `name` itself if there is none.
   std::string NameOf(const std::string& name) const;
@@ -41,10 +41,6 @@ class Teams : StorePart {
   std::vector<TeamEventRow> Events(const std::string& team) const;
   // Whether they can be merged; errors as of Teams::Merge.
   absl::Status CheckMerge(const std::string& team, const std::string& into) const;
-  // Teams and their members. Every name may also be a former one, or that of a team that was merged
-  // into the one meant. NotFoundError: there is no such team. "True" means that it changed
-  // anything.
-  //
   // The stored name. FailedPreconditionError if there is such a team; otherwise the name errors of
   // Accept.
   absl::StatusOr<std::string> Create(const std::string& team, const std::string& who,

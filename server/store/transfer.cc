@@ -1,8 +1,6 @@
 #include "server/store/transfer.h"
 
-#include <algorithm>
 #include <fstream>
-#include <set>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>

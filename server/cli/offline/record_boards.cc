@@ -9,6 +9,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/json_value.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/cli/terminal/text.h"
@@ -22,18 +23,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-std::string StringAt(const Json& json, const char* key) {
-  const auto it = json.find(key);
-  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
-}
-
 // The row that a receipt's entry was made of, as far as numbers follow from it.
 absl::StatusOr<EpisodeRow> RowOfEntry(const Json& entry, int64_t evaluation) {
   EpisodeRow row;
   row.evaluation = evaluation;
   row.index = entry.at("index").get<int64_t>();
-  const std::optional<Outcome> outcome = ParseOutcome(StringAt(entry, "outcome"));
-  const std::optional<FailureReason> reason = ParseFailureReason(StringAt(entry, "reason"));
+  const std::optional<Outcome> outcome = ParseOutcome(TextAt(entry, "outcome"));
+  const std::optional<FailureReason> reason = ParseFailureReason(TextAt(entry, "reason"));
   if (!outcome.has_value() || !reason.has_value()) {
     return absl::InvalidArgumentError(
         absl::StrCat("the outcome of its episode ", row.index, " is not known here"));
@@ -149,19 +145,19 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
   }
   // Without its seeds it is of today's form, and its scoring is all that boards need.
   const scoring::ScoredTrack* track =
-      config.is_object() ? scoring::FindScoredTrack(StringAt(config, "track")) : nullptr;
+      config.is_object() ? scoring::FindScoredTrack(TextAt(config, "track")) : nullptr;
   if (track == nullptr || !config.value("scoring", Json()).is_object()) {
     return absl::InvalidArgumentError("it is no track's config");
   }
   absl::StatusOr<scoring::TrackScoring> scoring = track->parse(config["scoring"], "scoring");
   if (!scoring.ok()) return absl::InvalidArgumentError(scoring.status().message());
-  return RecordedConfig{StringAt(config, "id"), StringAt(config, "profile"),
-                        StringAt(config, "phase"), *std::move(scoring),
+  return RecordedConfig{TextAt(config, "id"), TextAt(config, "profile"),
+                        TextAt(config, "phase"), *std::move(scoring),
                         config["scoring"].value("boards", Json::object())};
 }
 
 absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
-  const scoring::ScoredTrack* track = scoring::FindScoredTrack(StringAt(receipt, "track_kind"));
+  const scoring::ScoredTrack* track = scoring::FindScoredTrack(TextAt(receipt, "track_kind"));
   if (track == nullptr) return absl::InvalidArgumentError("its track is not known here");
   std::vector<EpisodeRow> rows;
   for (const Json& entry : receipt["episodes"]) {
@@ -175,14 +171,14 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   Json numbers = AggregateToJson(*track, *aggregate);
   const Json said = receipt.value("aggregate", Json());
   TakeNumbersOfFacts(*track, said, numbers);
-  const bool done = StringAt(receipt, "state") == "done";
+  const bool done = TextAt(receipt, "state") == "done";
   if (numbers != said || done == aggregate->failed) {
     return absl::InvalidArgumentError(
         "the numbers that it names do not follow from its episodes");
   }
   ReceivedResult result = {.done = done,
                            .hides_seeds = HidesSeeds(receipt),
-                           .name = StringAt(receipt, "name"),
+                           .name = TextAt(receipt, "name"),
                            .standing = StandingOf(*track, *aggregate)};
   result.standing.aggregate_json = CanonicalJson(numbers);
   return result;
@@ -221,7 +217,7 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
   }
   return CanonicalJson({{"board", board},
                         {"config", hash},
-                        {"phase", config.phase.empty() ? Json() : Json(config.phase)},
+                        {"phase", TextOrNull(config.phase)},
                         {"track", config.track},
                         {"profile", config.profile},
                         {"rules", config.rules.value(board, Json())},

@@ -123,20 +123,19 @@ class Board {
   }
   void CreateRejudge(const TrackPtr& to) {
     const TrackConfig& from = live_->config;
+    NewRejudge rejudge;
+    rejudge.track = from.id;
+    rejudge.profile = from.profile;
+    rejudge.from_config = from.hash;
+    rejudge.from_config_json = CanonicalJson(from.effective);
+    rejudge.to_config = to->config.hash;
+    rejudge.to_config_json = CanonicalJson(to->config.effective);
+    rejudge.seeds = Sha256Hex("[7]");
+    rejudge.seeds_json = "[7]";
+    rejudge.seed_count = 1;
+    rejudge.why = "the rules change";
     Write([&](Transaction& writer) {
-      return writer
-          .rejudges.Add({.track = from.id,
-                       .profile = from.profile,
-                       .from_config = from.hash,
-                       .from_config_json = CanonicalJson(from.effective),
-                       .to_config = to->config.hash,
-                       .to_config_json = CanonicalJson(to->config.effective),
-                       .seeds = Sha256Hex("[7]"),
-                       .seeds_json = "[7]",
-                       .seed_count = 1,
-                       .why = "the rules change"},
-                      Sign, "uid 0")
-          .status();
+      return writer.rejudges.Add(rejudge, Sign, "uid 0").status();
     });
     ++rejudges_;
   }
@@ -158,17 +157,15 @@ class Board {
       (void)store_->Write([&](Transaction& writer) -> absl::Status {
         if (play) {
           const absl::StatusOr<Accepted> added = writer.rejudges.AddItem(
-              {id, item.submission, 1, item.source, RejudgeMethod::kPlay, "{}", {{0, 0}}}, "daemon");
+              {item, RejudgeMethod::kPlay, "{}", {{0, 0}}}, "daemon");
           if (added.ok()) open_.push_back(*added);
           return added.status();
         }
         return writer
-            .rejudges.AddJudgedItem({.rejudge = id,
-                            .submission = item.submission,
-                            .source = item.source,
-                            .results_hash = "y",
-                            .episodes = {judged},
-                            .standing = StandingWith(number)},
+            .rejudges
+            .AddJudgedItem({item,
+                            {.results_hash = "y", .standing = StandingWith(number)},
+                            {judged}},
                            "daemon")
             .status();
       });

@@ -95,20 +95,20 @@ class BoardConfigsTest : public testing::Test {
   }
   // A rejudge that is applied, of a board that has nothing to judge yet.
   void Rejudge(const TrackPtr& from, const TrackPtr& to) {
+    NewRejudge rejudge;
+    rejudge.phase = from->config.phase;
+    rejudge.track = from->config.id;
+    rejudge.profile = from->config.profile;
+    rejudge.from_config = from->config.hash;
+    rejudge.from_config_json = CanonicalJson(from->config.effective);
+    rejudge.to_config = to->config.hash;
+    rejudge.to_config_json = CanonicalJson(to->config.effective);
+    rejudge.seeds = Sha256Hex("[1]");
+    rejudge.seeds_json = "[1]";
+    rejudge.seed_count = 1;
+    rejudge.why = "the rules change";
     Write([&](Transaction& writer) -> absl::Status {
-      const absl::StatusOr<RejudgeRow> made =
-          writer.rejudges.Add({.phase = from->config.phase,
-                             .track = from->config.id,
-                             .profile = from->config.profile,
-                             .from_config = from->config.hash,
-                             .from_config_json = CanonicalJson(from->config.effective),
-                             .to_config = to->config.hash,
-                             .to_config_json = CanonicalJson(to->config.effective),
-                             .seeds = Sha256Hex("[1]"),
-                             .seeds_json = "[1]",
-                             .seed_count = 1,
-                             .why = "the rules change"},
-                            Sign, "uid 0");
+      const absl::StatusOr<RejudgeRow> made = writer.rejudges.Add(rejudge, Sign, "uid 0");
       if (!made.ok()) return made.status();
       return writer.rejudges
           .Apply({.rejudge = made->id, .why = "a vote", .in_force = from->config.hash}, Sign,
