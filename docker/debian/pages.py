@@ -209,7 +209,7 @@ def values_of(source):
                        ' | sed -n "s/[.]json$//p"',
             "--profile": f'printf "%s\\n" {" ".join(profiles)}',
             # The daemon knows; one that does not answer keeps nobody waiting.
-            "--phase": 'timeout 2 myograde challenge status --json 2>/dev/null | grep -Eo '
+            "--phase": 'timeout 2 myograde phase status --json 2>/dev/null | grep -Eo '
                        '"\\"phase\\": *\\"[^\\"]+" | sed "s/.*\\"//"'}
 
 

@@ -96,7 +96,7 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(const Transaction& reader, const ApiCo
   if (absl::IsNotFound(secret.status())) {
     return absl::FailedPreconditionError(absl::StrCat(
         "this store does not have the secret of phase \"", name,
-        "\", as exports do not hold it; reveal it where it was held, with \"myograde seeds reveal "
+        "\", as exports do not hold it; reveal it where it was held, with \"myograde phase seeds reveal "
         "--secret\""));
   }
   if (!secret.ok()) return secret.status();

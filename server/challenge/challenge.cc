@@ -205,7 +205,7 @@ absl::Status MistakesToStatus(const std::vector<std::string>& mistakes) {
   if (mistakes.size() == 1) return absl::InvalidArgumentError(mistakes.front());
   return absl::InvalidArgumentError(absl::StrCat(
       mistakes.front(), " (the first of ", mistakes.size(),
-      " mistakes; \"myograde challenge check\" lists them all)"));
+      " mistakes; \"myograde phase check\" lists them all)"));
 }
 
 namespace {

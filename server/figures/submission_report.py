@@ -173,7 +173,7 @@ def receipt_part(receipt):
         return h("p", f"There is no receipt: {plain(receipt['error'], 500)}")
     text = json.dumps(receipt["receipt"], ensure_ascii=False, sort_keys=True, indent=1)
     return [h("p", "The grader signed these results. \"myograde verify\" checks the receipt as "
-              "\"myograde receipt\" writes it, with the organiser's public key."),
+              "\"myograde proof receipt\" writes it, with the organiser's public key."),
             h("details", h("summary", "The receipt"), h("pre", lines(text)))]
 
 

@@ -151,7 +151,7 @@ absl::StatusOr<PublicKey> PublicKey::Parse(const std::string& pem, const std::st
   KeyPtr key(PEM_read_bio_PUBKEY(bio.get(), nullptr, nullptr, nullptr));
   if (key == nullptr || EVP_PKEY_get_id(key.get()) != EVP_PKEY_ED25519) {
     return absl::InvalidArgumentError(absl::StrCat(
-        where, ": holds no Ed25519 public key in PEM; \"myograde key\" prints the organiser's"));
+        where, ": holds no Ed25519 public key in PEM; \"myograde proof key\" prints the organiser's"));
   }
   return PublicKey(std::move(key));
 }

@@ -59,7 +59,7 @@ absl::Status CheckNeverUsed(SQLite::Database& db, const PhaseHistory& history,
           " phase \"", phase,
           "\" and not its secret, as after an import, and another secret would be another "
           "phase; ",
-          committed ? "bring it over with \"myograde seeds export\" and \"myograde seeds import\""
+          committed ? "bring it over with \"myograde phase seeds export\" and \"myograde phase seeds import\""
                     : "give a phase with hidden seeds a name that no phase of this server had"));
 }
 
@@ -174,7 +174,7 @@ absl::StatusOr<bool> PhaseActs::ImportSecret(const std::string& phase, const std
     return absl::FailedPreconditionError(
         absl::StrCat("this is not the secret of phase \"", phase, "\": its commitment is ",
                      commitment, ", and the record has ", commitments.front().commitment,
-                     "; give the file that \"myograde seeds "
+                     "; give the file that \"myograde phase seeds "
                      "export\" wrote where the phase was held"));
   }
   if (there.has_value() && there->secret == secret) return false;

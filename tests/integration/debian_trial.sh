@@ -59,7 +59,7 @@ su nobody -s /bin/sh -c 'myograde status' 2>stranger.log; [ $? = 3 ]; step stran
 cat stranger.log; grep -q "adduser nobody myograde" stranger.log; step stranger_is_told
 adduser --quiet --disabled-password --gecos "" eve; step other_user
 # Whoever belongs to nothing plays and draws for herself.
-su - eve -c 'timeout 900 myograde local /usr/lib/myograde/policies/scripted-elbow --track short --episodes 1 --logs logs && timeout 600 myograde replay logs/* && { timeout 600 myograde render logs/* -o end.png 2>render.log || grep libosmesa6 render.log; }' >eve.log 2>&1 || { tail -n 5 eve.log; false; }; step ordinary_user_plays_and_looks
+su - eve -c 'timeout 900 myograde local /usr/lib/myograde/policies/scripted-elbow --track short --episodes 1 --logs logs && timeout 600 myograde episode replay logs/* && { timeout 600 myograde episode render logs/* -o end.png 2>render.log || grep libosmesa6 render.log; }' >eve.log 2>&1 || { tail -n 5 eve.log; false; }; step ordinary_user_plays_and_looks
 
 # Watched: a daemon that hangs is killed and started again.
 mkdir -p $unit && printf '[Service]\nWatchdogSec=15\n' >$unit/watchdog.conf && systemctl daemon-reload && systemctl restart myograded.service; step watchdog_set

@@ -28,8 +28,8 @@ class HiddenSeeds(SystemTest):
         submission = self.ask("submit", POLICIES / "zero", "--track", "short", "--phase", "final",
                               "--team", "alpha", "--wait")["submission"]
         key, receipt = self.root / "key.pem", self.root / "receipt.json"
-        self.run_cli("key", "-o", key)
-        self.run_cli("receipt", submission, "-o", receipt)
+        self.run_cli("proof", "key", "-o", key)
+        self.run_cli("proof", "receipt", submission, "-o", receipt)
         before = self.ask("verify", receipt, "--key", key)
         self.assertEqual([check["name"] for check in before["checks"]],
                          ["signature", "merkle_root", "results", "record", "hidden"])
@@ -40,7 +40,7 @@ class HiddenSeeds(SystemTest):
                          (COUNT, COUNT))
         self.stop_daemon()
         self.hold("2021-01-01T00:00:00Z")
-        seeds = self.ask("seeds", "reveal", "--phase", "final")["seeds"]
+        seeds = self.ask("phase", "seeds", "reveal", "--phase", "final")["seeds"]
         self.assertEqual(len(set(seeds)), COUNT)
         after = self.ask("verify", receipt, "--key", key, "--resimulate", COUNT)
         self.assertTrue(after["valid"], after)

@@ -68,7 +68,7 @@ class Install(unittest.TestCase):
         home.mkdir()
         shutil.chown(home, "nobody")
         script = (f"{self.prefix}/bin/myograde local {self.share}/policies/scripted-elbow --track elbow "
-                  f"--episodes 1 --logs logs && {self.prefix}/bin/myograde render logs/* -o end.png")
+                  f"--episodes 1 --logs logs && {self.prefix}/bin/myograde episode render logs/* -o end.png")
         done = subprocess.run(
             ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups", "sh", "-c", script], cwd=home,
             env={"HOME": str(home), "PATH": "/usr/bin:/bin"}, capture_output=True, text=True,

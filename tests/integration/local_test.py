@@ -17,17 +17,17 @@ class LocalEpisodes(SystemTest):
         self.assertEqual(graded["episodes"], graded["episode_rows"])
         self.assertEqual(sorted(file.name for file in logs.iterdir()), names)
         last = logs / names[2]
-        replayed = self.ask("replay", last)
+        replayed = self.ask("episode", "replay", last)
         self.assertEqual((replayed["equal"], [one["index"] for one in replayed["episodes"]]), (True, [2]))
         for words in ((), ("--strip",)):
-            shown = self.ask("render", last, "-o", self.root / "shown.png", "--size", "64x48", *words)
+            shown = self.ask("episode", "render", last, "-o", self.root / "shown.png", "--size", "64x48", *words)
             self.assertEqual([one["index"] for one in shown["episodes"]], [2])
         # Under other names of the same form, too.
         other = self.root / "other"
         other.mkdir()
         for number, name in enumerate(names):
             (other / f"run7-{number}.lcmlog.zst").write_bytes((logs / name).read_bytes())
-        self.assertTrue(self.ask("replay", other / "run7-2.lcmlog.zst")["equal"])
+        self.assertTrue(self.ask("episode", "replay", other / "run7-2.lcmlog.zst")["equal"])
         (other / "run7-1.lcmlog.zst").write_bytes((logs / names[0]).read_bytes())
         (logs / names[1]).unlink()
         (other / "log.lcmlog.zst").write_bytes(last.read_bytes())
@@ -39,7 +39,7 @@ class LocalEpisodes(SystemTest):
                 self.assertEqual(refused.returncode, 2, refused.stdout)
                 self.assertIn(sentence, refused.stderr)
         # The first of its lease needs no other.
-        self.assertTrue(self.ask("replay", logs / names[0])["equal"])
+        self.assertTrue(self.ask("episode", "replay", logs / names[0])["equal"])
 
     def test_a_policy_is_tried_with_one_command(self):
         folder = self.root / "tried"

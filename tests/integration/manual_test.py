@@ -225,7 +225,7 @@ class Manual(SystemTest):
                       f"disqualify {theirs} --reason envy", "backup stolen.db", "events"):
             with self.subTest(words=words):
                 self.refused(self.on_laptop("alpha", f"myograde {words}"))
-        self.refused(self.on_server("myograde seeds reveal --phase final --reason early"), "close")
+        self.refused(self.on_server("myograde phase seeds reveal --phase final --reason early"), "close")
         self.refused(self.on_laptop("alpha", "MYOGRADE_TOKEN=myo_" + "0" * 64 + " myograde whoami"))
         self.assertEqual(self.ask_laptop("beta", f"show {theirs}")["state"], "done")
         self.look_for_seeds("alpha", mine)
@@ -236,7 +236,7 @@ class Manual(SystemTest):
         said = self.follow(0, SERVER, 0)
         self.assertIn("2 of 2 results; from facts 2, played 0", said)
         self.assertEqual(self.ask_server("leaderboard --phase final"), before)
-        self.refused(self.on_laptop("alpha", "myograde rejudge show 1"), "organisers")
+        self.refused(self.on_laptop("alpha", "myograde board rejudge show 1"), "organisers")
         self.follow(0, SERVER, 1)
         after = self.ask_laptop("alpha", "leaderboard --phase final")
         self.assertNotEqual(after["config"], before["config"])
@@ -254,7 +254,7 @@ class Manual(SystemTest):
         rows = self.ask_server("leaderboard --phase final --statistics")["rows"]
         self.assertEqual([row["further_episodes"] for row in rows], [2, 2])
         self.assertEqual(self.ask_server("leaderboard --phase final"), before)
-        self.refused(self.on_laptop("alpha", "myograde evaluate --phase final --more-seeds 9"),
+        self.refused(self.on_laptop("alpha", "myograde board evaluate --phase final --more-seeds 9"),
                      "organisers")
 
     def look_for_seeds(self, team, submission):

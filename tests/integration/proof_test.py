@@ -34,7 +34,7 @@ class Proof(SystemTest):
                              "--team", "Proof", "--wait")
             cls.submissions[track] = result["submission"]
         cls.key = cls.root / "key.pem"
-        cls.run_cli("key", "-o", cls.key)
+        cls.run_cli("proof", "key", "-o", cls.key)
 
     def verify(self, receipt, *words):
         result = self.run_cli("verify", receipt, "--key", self.key, *words, "--json", check=False)
@@ -48,7 +48,7 @@ class Proof(SystemTest):
             with self.subTest(track=track):
                 submission = self.submissions[track]
                 file = self.root / f"{track}.lcmlog"
-                told = self.ask("log", submission, "--episode", 1, "-o", file)
+                told = self.ask("episode", "log", submission, "--episode", 1, "-o", file)
                 row = self.ask("show", submission, "--episodes")["episode_rows"][1]
                 self.assertEqual(told["sha256"], row["log"]["sha256"])
                 found = subprocess.run(["sha256sum", file], capture_output=True, text=True,
@@ -85,19 +85,19 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
     def test_replays_are_equal_with_and_without_the_daemon(self):
         for track, submission in self.submissions.items():
             with self.subTest(track=track):
-                whole = self.ask("replay", submission)
+                whole = self.ask("episode", "replay", submission)
                 self.assertTrue(whole["equal"], whole)
                 self.assertEqual([entry["index"] for entry in whole["episodes"]], [0, 1, 2])
                 file = self.root / f"replay-{track}.lcmlog"
-                self.run_cli("log", submission, "--episode", 2, "-o", file)
-                self.assertTrue(self.ask("replay", file)["equal"])
+                self.run_cli("episode", "log", submission, "--episode", 2, "-o", file)
+                self.assertTrue(self.ask("episode", "replay", file)["equal"])
 
     def test_episodes_can_be_drawn_from_their_logs(self):
         for track in ("locomotion", "elbow"):  # boards of two kinds
             submission = self.submissions[track]
             with self.subTest(track=track):
                 file = self.root / f"{track}.png"
-                told = self.ask("render", submission, "--strip", "--size", "64x48", "-o", file)
+                told = self.ask("episode", "render", submission, "--strip", "--size", "64x48", "-o", file)
                 rows = self.ask("show", submission, "--episodes")["episode_rows"]
                 self.assertEqual([entry["place"] for entry in told["episodes"]],
                                  ["best", "median", "worst"])
@@ -112,15 +112,15 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
     def test_episodes_of_carried_over_state_are_drawn_together(self):
         graded = self.ask("submit", POLICIES / "zero", "--track", "short-manipulation", "--profile", "as-graded",
                           "--team", "Carried", "--wait")
-        told = self.ask("render", graded["submission"], "--strip", "--size", "64x48", "-o", self.root / "carried.png")
+        told = self.ask("episode", "render", graded["submission"], "--strip", "--size", "64x48", "-o", self.root / "carried.png")
         self.assertEqual(sorted(entry["index"] for entry in told["episodes"]), [0, 1, 2])
 
     def test_an_altered_log_is_found_and_named(self):
         submission = self.submissions["locomotion"]
         file = self.root / "altered.lcmlog"
-        self.run_cli("log", submission, "--episode", 0, "-o", file)
+        self.run_cli("episode", "log", submission, "--episode", 0, "-o", file)
         flip(file, file.stat().st_size // 2)
-        result = self.run_cli("replay", file, "--json", check=False)
+        result = self.run_cli("episode", "replay", file, "--json", check=False)
         self.assertEqual(result.returncode, 1)
         episode = json.loads(result.stdout)["episodes"][0]
         self.assertEqual(episode["differs"], ["log"])
@@ -130,11 +130,11 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
         good = stored.read_bytes()
         try:
             flip(stored, len(good) // 2)
-            result = self.run_cli("replay", submission, "--json", check=False)
+            result = self.run_cli("episode", "replay", submission, "--json", check=False)
             self.assertEqual(result.returncode, 1)
             entries = json.loads(result.stdout)["episodes"]
             self.assertEqual([entry["equal"] for entry in entries], [False, True, True])
-            refused = self.run_cli("log", submission, "--episode", 0, "-o", self.root / "x",
+            refused = self.run_cli("episode", "log", submission, "--episode", 0, "-o", self.root / "x",
                                    check=False)
             self.assertEqual(refused.returncode, 1)
             self.assertIn("altered", refused.stderr)
@@ -175,12 +175,12 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
         verify = json.loads(result.stdout)["verify"]
         self.assertEqual(verify["verdict"], "policy")
         self.assertEqual({entry["step"] for entry in verify["episodes"]}, {0})
-        self.assertTrue(self.ask("replay", submission)["equal"], "the simulator is repeatable")
+        self.assertTrue(self.ask("episode", "replay", submission)["equal"], "the simulator is repeatable")
 
     def test_receipts_hold_and_forgeries_are_named(self):
         submission = self.submissions["manipulation"]
         receipt = self.root / "receipt.json"
-        self.run_cli("receipt", submission, "-o", receipt)
+        self.run_cli("proof", "receipt", submission, "-o", receipt)
         shown = self.ask("show", submission)
         status, report = self.verify(receipt, "--resimulate", 2)
         self.assertEqual((status, report["valid"]), (0, True), report)
@@ -206,7 +206,7 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
     def test_another_key_and_another_log_are_named(self):
         submission = self.submissions["locomotion"]
         receipt = self.root / "receipt-2.json"
-        self.run_cli("receipt", submission, "-o", receipt)
+        self.run_cli("proof", "receipt", submission, "-o", receipt)
         subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out",
                         self.root / "other.key"], check=True, capture_output=True)
         subprocess.run(["openssl", "pkey", "-in", self.root / "other.key", "-pubout", "-out",
@@ -215,7 +215,7 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
                               check=False)
         self.assertEqual(self.wrong(json.loads(result.stdout)), ["signature"])
         file = self.root / "receipt-log.lcmlog"
-        self.run_cli("log", submission, "--episode", 0, "-o", file)
+        self.run_cli("episode", "log", submission, "--episode", 0, "-o", file)
         self.assertEqual(self.verify(receipt, "--logs", file)[0], 0)
         flip(file, file.stat().st_size - 200)
         status, report = self.verify(receipt, "--logs", file)
@@ -224,7 +224,7 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
 
     def test_a_swapped_model_is_named(self):
         receipt = self.root / "receipt-3.json"
-        self.run_cli("receipt", self.submissions["locomotion"], "-o", receipt)
+        self.run_cli("proof", "receipt", self.submissions["locomotion"], "-o", receipt)
         cache = self.root / "cache"
         cache.mkdir()
         for part in pathlib.Path(CACHE).iterdir():
@@ -285,14 +285,14 @@ class Reference(SystemTest):
 class Seeds(SystemTest):
     def test_seeds_are_fixed_ahead_and_checked_afterwards(self):
         secret, listed = self.root / "phase.secret", self.root / "seeds.json"
-        committed = self.ask("seeds", "commit", "--phase", "final", "--count", 20, "--secret",
+        committed = self.ask("phase", "seeds", "commit", "--phase", "final", "--count", 20, "--secret",
                              secret, "-o", listed)
         self.assertEqual(os.stat(secret).st_mode & 0o777, 0o600)
         self.assertNotIn("secret", committed)
         self.assertNotIn("seeds", committed)
-        again = self.ask("seeds", "commit", "--phase", "final", "--count", 20, "--secret", secret)
+        again = self.ask("phase", "seeds", "commit", "--phase", "final", "--count", 20, "--secret", secret)
         self.assertEqual(again["commitment"], committed["commitment"])
-        shown = self.ask("seeds", "reveal", "--phase", "final", "--count", 20, "--secret", secret)
+        shown = self.ask("phase", "seeds", "reveal", "--phase", "final", "--count", 20, "--secret", secret)
         self.assertEqual(shown["seeds"], json.loads(listed.read_text()))
         self.assertEqual(len(set(shown["seeds"])), 20)
         digits = subprocess.run(["sha256sum"], input=shown["secret"], capture_output=True,
@@ -307,7 +307,7 @@ class Seeds(SystemTest):
         self.assertEqual(result.returncode, 1)
         self.assertEqual(len(json.loads(result.stdout)["wrong"]), 3)
         self.assertNotEqual(
-            self.ask("seeds", "reveal", "--phase", "other", "--count", 20, "--secret",
+            self.ask("phase", "seeds", "reveal", "--phase", "other", "--count", 20, "--secret",
                      secret)["seeds"], shown["seeds"], "a phase has a list of its own")
 
 

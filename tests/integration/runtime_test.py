@@ -140,7 +140,7 @@ class Runtimes(SystemTest):
         words = [line for entry in shown["output"] for line in entry["stdout_tail"].split()]
         self.assertEqual(set(words), {"one"})
         receipt = self.root / "receipt.json"
-        self.run_cli("receipt", str(submission), "-o", receipt)
+        self.run_cli("proof", "receipt", str(submission), "-o", receipt)
         self.assertIn(made["digest"], receipt.read_text(encoding="utf-8"))
 
         former = [entry for entry in self.ask("runtime", "list")["runtimes"] if entry["former"]]

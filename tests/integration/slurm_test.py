@@ -123,7 +123,7 @@ class Cluster(OnSlurm):
         policy = POLICIES / "random"
         submission = self.submit(policy)
         self.check_done(submission, policy)
-        self.assertTrue(self.ask("replay", submission)["equal"], "its logs came back too")
+        self.assertTrue(self.ask("episode", "replay", submission)["equal"], "its logs came back too")
         self.check_empty()
 
     def test_a_copy_of_the_data_folder_touches_nothing_until_it_is_adopted(self):

@@ -80,7 +80,7 @@ class DamagedStore(OrganiserCase):
                     f"{first} AND entry = 'charge'")
         self.refused("GET", f"/v1/submissions/{first}/result", table="episode")
         self.assertEqual(len(self.places()), 2, "its place rests on the view")
-        rebuilt = self.ask("leaderboard", "--rebuild", schema="leaderboard")
+        rebuilt = self.ask("board", "rebuild", schema="leaderboard")
         self.assertEqual(rebuilt["rebuilt"], 1)
         self.assertEqual([(row["table"], row["key"]) for row in rebuilt["unreadable"]],
                          [("episode", f"{evaluation}/3")])
@@ -100,8 +100,8 @@ class DamagedStore(OrganiserCase):
         self.refused("GET", f"/v1/submissions/{first}", table="evaluation")
 
         # Whole stores as files, including the damage.
-        self.ask("export", self.folder / "export.json", schema="export")
-        self.ask("backup", self.folder / "backup.db", schema="backup")
+        self.ask("store", "export", self.folder / "export.json", schema="export")
+        self.ask("store", "backup", self.folder / "backup.db", schema="backup")
         self.assertEqual(self.stop(signal.SIGTERM), 0)
         self.start()
         # The engine finds it once it has started.
@@ -122,11 +122,11 @@ class DamagedStore(OrganiserCase):
             self.assertIn("hash", message)
         self.assertEqual(self.call("GET", f"/v1/submissions/{second}/receipt")[0], 200)
         self.assertEqual(self.places(), [(1, first), (2, second)], "the boards rest on the view")
-        rebuilt = self.ask("leaderboard", "--rebuild")
+        rebuilt = self.ask("board", "rebuild")
         self.assertEqual([row["key"] for row in rebuilt["unreadable"]], [str(evaluation)])
         out = self.folder / "export.json"
-        self.ask("export", out)
-        refused = self.cli("import", out, data=self.folder / "new", check=False)
+        self.ask("store", "export", out)
+        refused = self.cli("store", "import", out, data=self.folder / "new", check=False)
         self.assertNotEqual(refused.returncode, 0)
         self.assertIn(f"evaluation {evaluation} ", refused.stderr)
         # Not even if the row's own hash follows: the record has it, too.
@@ -175,7 +175,7 @@ class DamagedStore(OrganiserCase):
 
     def test_an_older_store_in_its_file_is_said_at_once(self):
         self.played("ok")
-        self.ask("backup", self.folder / "backup.db")
+        self.ask("store", "backup", self.folder / "backup.db")
         self.played("ok", team="beta")
         # What stays in the log, as a request was being answered or something was written since, would
         # be read in place of what the file says.

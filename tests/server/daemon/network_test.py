@@ -115,7 +115,7 @@ class TlsTest(NetworkCase):
                                           "alpha", "--wait", "--json"))
         self.assertEqual((answer["state"], answer["team"]), ("done", "alpha"))
         receipt = self.folder / "receipt.json"
-        self.myograde("receipt", answer["submission"], "-o", receipt)
+        self.myograde("proof", "receipt", answer["submission"], "-o", receipt)
         self.assertEqual(json.loads(receipt.read_text())["receipt"]["submission"],
                          answer["submission"])
         with contextlib.closing(sqlite3.connect(self.data / "store.db")) as store:

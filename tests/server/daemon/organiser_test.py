@@ -98,9 +98,9 @@ class Quotas(OrganiserCase):
         self.assertEqual((status, answer["error"]["code"]), (409, "quota"), answer)
         self.assertIn("used up its 1 ranked evaluation of", answer["error"]["message"])
         self.assertIn("the next day begins at", answer["error"]["message"])
-        self.assertEqual(self.cli("quota", "--team", "alpha", "--grant", 1,
+        self.assertEqual(self.cli("team", "grant", "alpha", "--units", 1,
                                   check=False).returncode, 2)
-        granted = self.ask("quota", "--team", "alpha", "--track", TRACK, "--grant", 1,
+        granted = self.ask("team", "grant", "alpha", "--track", TRACK, "--units", 1,
                            "--reason", "a broken host", schema="quota")
         self.assertEqual(granted["ledger"][0]["why"], "a broken host")
         self.assertEqual(self.call("POST", "/v1/submissions", body)[0], 201)
@@ -172,7 +172,7 @@ class Boards(OrganiserCase):
         self.assertEqual(updated(), before)
         self.played("ok", "gamma", episodes=2)
         self.assertEqual(updated(), before, "practice is on no board")
-        self.ask("hide", first)
+        self.ask("submission", "hide", first)
         after = updated()
         self.assertGreater(min(after), before[0])
         self.assertEqual(len(after), 2, "of the feed, and of beta's row that moved up")
@@ -181,48 +181,47 @@ class Boards(OrganiserCase):
         first, second, third = (self.played("ok", team) for team in ("alpha", "beta", "gamma"))
         everything = self.board()
         self.assertEqual(self.places(), [(1, first), (2, second), (3, third)])
-        marked = self.ask("hide", first, "--reason", "wrong file", schema="mark")
+        marked = self.ask("submission", "hide", first, "--reason", "wrong file", schema="mark")
         self.assertTrue(marked["changed"])
-        self.assertFalse(self.ask("hide", first)["changed"])
+        self.assertFalse(self.ask("submission", "hide", first)["changed"])
         self.assertEqual(self.places(), [(1, second), (2, third)])
-        self.assertEqual(self.cli("disqualify", second, check=False).returncode, 2)
-        self.ask("disqualify", second, "--reason", "reads the seeds", schema="mark")
+        self.assertEqual(self.cli("submission", "disqualify", second, check=False).returncode, 2)
+        self.ask("submission", "disqualify", second, "--reason", "reads the seeds", schema="mark")
         board = self.board()
         self.assertEqual([row["submission"] for row in board["rows"]], [third])
         self.assertEqual([(row["submission"], row["reason"]) for row in board["disqualified"]],
                          [(second, "reads the seeds")])
-        self.ask("baseline", third, schema="mark")
-        self.ask("unhide", first, schema="mark")
+        self.ask("submission", "baseline", third, schema="mark")
+        self.ask("submission", "unhide", first, schema="mark")
         self.assertEqual(self.places(), [(1, first), (None, third)])
         self.assertIn("baseline", self.cli("leaderboard", "--track", TRACK).stdout)
-        self.ask("disqualify", second, "--undo", schema="mark")
-        self.ask("baseline", third, "--undo", schema="mark")
+        self.ask("submission", "reinstate", second, schema="mark")
+        self.ask("submission", "baseline", third, "--undo", schema="mark")
         self.assertEqual(self.board(), everything)
         history = self.get(f"/v1/submissions/{second}")["marks"]
         self.assertEqual([(m["mark"], m["set"], m["reason"]) for m in history],
                          [("disqualified", True, "reads the seeds"),
                           ("disqualified", False, None)])
-        self.assertEqual(self.cli("hide", 99, check=False).returncode, 2)
+        self.assertEqual(self.cli("submission", "hide", 99, check=False).returncode, 2)
 
     def test_the_order_is_explained(self):
         first, second = (self.played("ok", team) for team in ("alpha", "beta"))
         for pair in ((first, second), (second, first), ("alpha", "beta")):
-            answer = self.ask("leaderboard", "--track", TRACK, "--explain", *pair,
-                              schema="leaderboard")
+            answer = self.ask("board", "explain", *pair, "--track", TRACK, schema="leaderboard")
             self.assertEqual((answer["above"]["submission"], answer["below"]["submission"]),
                              (first, second))
             self.assertIn(f"{first} (alpha) stands above {second} (beta)", answer["why"])
             self.assertIn("accepted first", answer["why"])
-        self.assertIn("stands above", self.cli("leaderboard", "--explain", first, second).stdout)
+        self.assertIn("stands above", self.cli("board", "explain", first, second).stdout)
         for pair in ((first, 99), (first, first), ("alpha", "nobody")):
-            result = self.cli("leaderboard", "--track", TRACK, "--explain", *pair, check=False)
+            result = self.cli("board", "explain", *pair, "--track", TRACK, check=False)
             self.assertEqual(result.returncode, 2, result.stdout)
 
     def test_a_board_that_is_made_anew_is_the_same(self):
         for team in ("alpha", "beta"):
             self.played("ok", team)
         before = self.call("GET", f"/v1/leaderboard?track={TRACK}")
-        self.assertEqual(self.ask("leaderboard", "--rebuild", schema="leaderboard"),
+        self.assertEqual(self.ask("board", "rebuild", schema="leaderboard"),
                          {"rebuilt": 2, "unreadable": []})
         self.assertEqual(self.call("GET", f"/v1/leaderboard?track={TRACK}"), before)
         self.stop(signal.SIGTERM)
@@ -237,22 +236,22 @@ class Files(OrganiserCase):
         self.played("ok", "alpha")
         self.played("ok", "beta")
         self.played("crash", "gamma")
-        self.cli("baseline", 1)
-        self.cli("disqualify", 2, "--reason", "a \"test\", with commas")
+        self.cli("submission", "baseline", 1)
+        self.cli("submission", "disqualify", 2, "--reason", "a \"test\", with commas")
 
     def test_an_import_on_another_host_gives_the_same_board(self):
         self.fill()
         out = self.folder / "export.json"
-        summary = self.ask("export", out, schema="export")
+        summary = self.ask("store", "export", out, schema="export")
         json.loads(out.read_text())
         subprocess.run(["sha256sum", "-c", "--quiet", "export.json.sha256"], cwd=self.folder,
                        check=True)
-        self.assertEqual(self.cli("export").stdout, out.read_text())
+        self.assertEqual(self.cli("store", "export").stdout, out.read_text())
         board, quota = self.board(), self.quota()
         other = self.folder / "other"
-        imported = self.ask("import", out, schema="import", data=other)
+        imported = self.ask("store", "import", out, schema="import", data=other)
         self.assertEqual(imported["sha256"], summary["sha256"])
-        again = self.cli("import", out, data=other, check=False)
+        again = self.cli("store", "import", out, data=other, check=False)
         self.assertEqual(again.returncode, 2, again.stderr)
         self.assertIn("has rows already", again.stderr)
         self.stop(signal.SIGTERM)
@@ -261,10 +260,10 @@ class Files(OrganiserCase):
             self.daemon.data = data
             self.start()
             if with_daemon:
-                self.ask("import", out, schema="import")
+                self.ask("store", "import", out, schema="import")
             self.assertEqual(self.board(), board)
             self.assertEqual(self.quota(), quota)
-            self.check_copy(json.loads(self.cli("export").stdout), json.loads(out.read_text()))
+            self.check_copy(json.loads(self.cli("store", "export").stdout), json.loads(out.read_text()))
             self.stop(signal.SIGTERM)
         self.start()
 
@@ -282,13 +281,13 @@ class Files(OrganiserCase):
     def test_what_is_not_a_whole_export_is_refused(self):
         self.fill()
         out = self.folder / "export.json"
-        self.cli("export", out)
+        self.cli("store", "export", out)
         text = out.read_text()
         bad = self.folder / "bad.json"
         for content in (text[:-1], text[: len(text) // 2], text.replace("alpha", "omega"), "",
                         "{}"):
             bad.write_text(content)
-            result = self.cli("import", bad, data=self.folder / "new", check=False)
+            result = self.cli("store", "import", bad, data=self.folder / "new", check=False)
             self.assertEqual(result.returncode, 2, result.stderr)
             self.assertIn("bad.json", result.stderr)
         self.assertFalse((self.folder / "new").exists())
@@ -296,11 +295,11 @@ class Files(OrganiserCase):
     def test_csv_has_a_file_for_each_table(self):
         self.fill()
         folder = self.folder / "csv"
-        self.ask("export", folder, "--format", "csv", schema="export")
+        self.ask("store", "export", folder, "--format", "csv", schema="export")
         subprocess.run(["sha256sum", "-c", "--quiet", "SHA256SUMS"], cwd=folder, check=True)
         acts = (folder / "journal.csv").read_text()
         self.assertIn('"{""why"":""a \\""test\\"", with commas""}"', acts)
-        self.ask("export", self.folder / "marked", "--format", "csv", "--bom", schema="export")
+        self.ask("store", "export", self.folder / "marked", "--format", "csv", "--bom", schema="export")
         for table in ("journal", "episode"):
             self.assertEqual((self.folder / f"marked/{table}.csv").read_bytes(),
                              b"\xef\xbb\xbf" + (folder / f"{table}.csv").read_bytes())
@@ -312,7 +311,7 @@ class Files(OrganiserCase):
             self.call("POST", "/v1/quota/grants", {"team": "alpha", "track": TRACK, "amount": 1,
                                                    "budget": "official", "reason": text})
         folder = self.folder / "csv"
-        self.ask("export", folder, "--format", "csv", schema="export")
+        self.ask("store", "export", folder, "--format", "csv", schema="export")
         ledger = (folder / "ledger.csv").read_text()
         for text in ("'=HYPERLINK(1)", "'+1", "'-1", "'@SUM(1)"):
             self.assertIn(f",{text}", ledger)
@@ -320,7 +319,7 @@ class Files(OrganiserCase):
     def test_a_backup_is_a_store(self):
         self.fill()
         file = self.folder / "backup.db"
-        self.ask("backup", file, schema="backup")
+        self.ask("store", "backup", file, schema="backup")
         self.assertEqual(os.stat(file).st_mode & 0o777, 0o600)
         board = self.board()
         self.stop(signal.SIGKILL)
@@ -329,7 +328,7 @@ class Files(OrganiserCase):
         shutil.copy(file, self.data / "store.db")
         self.start()
         self.assertEqual(self.board(), board)
-        result = self.cli("backup", self.folder / "nowhere" / "file", check=False)
+        result = self.cli("store", "backup", self.folder / "nowhere" / "file", check=False)
         self.assertEqual(result.returncode, 2, result.stderr)
         self.assertEqual(list(self.data.glob("spool/*")), [])
 

@@ -97,7 +97,7 @@ class Teams(PeopleCase):
             for number in range(submissions):
                 self.played("ok", team, **({"seeds": [101, 102]} if number else {}))
         self.call("POST", "/v1/tokens", {"role": "participant", "team": "beta", "label": "x"})
-        self.ask("quota", "--team", "beta", "--track", TRACK, "--grant", 3, "--reason", "r")
+        self.ask("team", "grant", "beta", "--track", TRACK, "--units", 3, "--reason", "r")
         before = self.rows_of_the_past()
         plan = self.ask("team", "merge", "beta", "--into", "alpha", "--dry-run",
                         schema="team_merge")
@@ -231,13 +231,13 @@ class Teams(PeopleCase):
         self.team("add-member", "alpha", "uid 4001")
         token = self.ask("token", "create", "--team", "beta", "--label", "x")["token"]
         export, copy = str(self.folder / "export.json"), str(self.folder / "copy")
-        self.cli("export", export)
+        self.cli("store", "export", export)
         with open(export, encoding="utf-8") as file:
             text = file.read()
         self.assertNotIn(token, text)
         board = self.board()
         self.stop(signal.SIGTERM)
-        self.cli("import", export, data=copy)
+        self.cli("store", "import", export, data=copy)
         self.daemon.data = copy
         self.start()
         self.assertIn("uid 4001", self.team("show", "alpha")["members"])

@@ -19,7 +19,7 @@ class Secrets(PhasesCase):
         self.hold(**self.phases)
         self.assertEqual(self.phase("final")["seeds"], told)
         self.assertEqual(self.submissions_on(self.board_of("final")), [submission])
-        text = self.cli("challenge", "status").stdout
+        text = self.cli("phase", "status").stdout
         self.assertIn(told["commitment"], text.replace("\n", ""))
 
     def test_a_damaged_secret_stops_its_phase_and_nothing_else(self):
@@ -41,7 +41,7 @@ class Secrets(PhasesCase):
 
     def check(self, *words):
         """Exit status and mistakes of `challenge check`, which looks at the store too."""
-        done = self.daemon.run_verb("challenge", "check", *words, "--configs", self.configs, "--data",
+        done = self.daemon.run_verb("phase", "check", *words, "--configs", self.configs, "--data",
                                     self.data, "--json", timeout_s=60, text=True)
         return done.returncode, json.loads(done.stdout)["mistakes"]
 
@@ -49,7 +49,7 @@ class Secrets(PhasesCase):
         submission = self.played("ok")
         self.hold(final={**self.phases["final"], "closes_at": moment()})
         self.assertEqual(self.check(), (0, []))
-        self.ask("seeds", "reveal", "--phase", "final", "--count", 6)
+        self.ask("phase", "seeds", "reveal", "--phase", "final", "--count", 6)
         self.assertEqual(self.check(), (0, []))
         self.hold(**self.phases)
         self.refused("phase_revealed", "were revealed", phase="final", team="beta")
@@ -84,20 +84,20 @@ class Secrets(PhasesCase):
         submission = self.played("ok")
         told = self.phase("final")["seeds"]["commitment"]
         here = self.folder / "here.secret"
-        moved = self.daemon.run_verb("seeds", "export", "--phase", "final", "-o", here, "--data",
+        moved = self.daemon.run_verb("phase", "seeds", "export", "--phase", "final", "-o", here, "--data",
                                      self.data, "--json", timeout_s=60, text=True)
         self.assertEqual(moved.returncode, 0, moved.stderr)
         self.assertEqual(json.loads(moved.stdout)["commitment"], told)
         self.assertEqual(here.stat().st_mode & 0o777, 0o600)
-        self.cli("export", self.folder / "all.json")
+        self.cli("store", "export", self.folder / "all.json")
         self.stop(signal.SIGTERM)
         old = self.data.rename(self.folder / "old")
-        verb = self.daemon.run_verb("import", self.folder / "all.json", "--data", self.data,
+        verb = self.daemon.run_verb("store", "import", self.folder / "all.json", "--data", self.data,
                                     timeout_s=60, text=True)
         self.assertEqual(verb.returncode, 0, verb.stderr)
         self.assertIn("not its secret", self.check()[1][0])
         self.start()
-        self.refused("no_secret", "myograde seeds import", phase="final", team="beta")
+        self.refused("no_secret", "myograde phase seeds import", phase="final", team="beta")
         self.assertIn("not its secret", self.daemon.log())
         self.assertEqual([p["phase"] for p in self.challenges()["unusable"]], ["final"])
         self.stop(signal.SIGTERM)
@@ -105,7 +105,7 @@ class Secrets(PhasesCase):
         wrong.write_text("0" * 64 + "\n")
 
         def bring(file, phase="final"):
-            return self.daemon.run_verb("seeds", "import", "--phase", phase, "--secret", file, "--data",
+            return self.daemon.run_verb("phase", "seeds", "import", "--phase", phase, "--secret", file, "--data",
                                         self.data, "--json", timeout_s=60, text=True)
 
         for refused, words in ((bring(wrong), "is not the secret"),

@@ -69,7 +69,7 @@ class PhasesCase(OrganiserCase):
         self.start()
 
     def challenges(self):
-        return self.ask("challenge", "status", schema="challenge-status")
+        return self.ask("phase", "status", schema="challenge-status")
 
     def phase(self, name):
         for challenge in self.challenges()["challenges"]:
@@ -144,7 +144,7 @@ class Admission(PhasesCase):
         used = {entry["phase"]: entry["official"]["total"]["used"] +
                 entry["official"]["total"]["open"] for entry in quota["phases"]}
         self.assertEqual(used, {"small": 1, "large": 1})
-        self.ask("quota", "--team", "alpha", "--track", TRACK, "--phase", "small", "--grant", 1,
+        self.ask("team", "grant", "alpha", "--track", TRACK, "--phase", "small", "--units", 1,
                  "--reason", "a broken host", schema="quota")
         self.assertEqual(self.try_submit("slow", phase="small")[0], 201)
 
@@ -180,7 +180,7 @@ class Pauses(PhasesCase):
         self.assertEqual((resumed["changed"], resumed["state"]), (True, "paused"))
         self.hold(**self.phases)  # a restart keeps it
         self.refused("paused", "the host moves")
-        self.assertIn("All submissions are paused", self.cli("challenge", "status").stdout)
+        self.assertIn("All submissions are paused", self.cli("phase", "status").stdout)
         self.ask("phase", "resume", "--all", "--reason", "here we are", schema="phase")
         self.assertEqual(self.ended(running)["state"], "done")
         self.assertEqual(self.try_submit("ok")[0], 201)
@@ -334,7 +334,7 @@ class Boards(PhasesCase):
         self.assertEqual(self.board_of("final"), board)
         former = self.challenges()["former_phases"]
         self.assertEqual([(p["phase"], p["submissions"]) for p in former], [("final", 1)])
-        self.assertIn("Former phase final", self.cli("challenge", "status").stdout)
+        self.assertIn("Former phase final", self.cli("phase", "status").stdout)
         self.refused("unknown_phase", phase="final", status=400)
         self.hold()
         self.assertEqual(self.board_of("final"), board)
@@ -384,7 +384,7 @@ class Files(PhasesCase):
         # A changed file is checked in place of the one that is there.
         own = self.folder / "cup.json"
         own.write_text((self.configs / "challenges/cup.json").read_text())
-        result = self.daemon.run_verb("challenge", "check", own, "--configs", self.configs,
+        result = self.daemon.run_verb("phase", "check", own, "--configs", self.configs,
                                       timeout_s=60, text=True)
         self.assertEqual(result.returncode, 0, result.stdout)
         self.assertIn("1 challenge, 0 mistakes", result.stdout)
@@ -399,7 +399,7 @@ class Files(PhasesCase):
         self.assertNotIn("elbow is for practice", said)
         self.refused("not_official", "no reference episode", status=503, phase="final")
         self.assertEqual(self.try_submit("ok", episodes=1)[0], 201)
-        result = self.daemon.run_verb("challenge", "check", "--configs", self.configs, timeout_s=60,
+        result = self.daemon.run_verb("phase", "check", "--configs", self.configs, timeout_s=60,
                                       text=True)
         self.assertEqual(result.returncode, 2)
         self.assertIn(f"nothing of the track {TRACK} can be ranked: no reference episode", result.stdout)

@@ -72,10 +72,10 @@ class PolicySeeds(OrganiserCase):
 
     def test_an_imported_submission_is_played_the_same_again(self):
         submission = self.played("ok")
-        self.cli("export", self.folder / "export.json")
+        self.cli("store", "export", self.folder / "export.json")
         artefacts = self.data / "artefacts"
         self.elsewhere()
-        self.cli("import", self.folder / "export.json")
+        self.cli("store", "import", self.folder / "export.json")
         shutil.copytree(artefacts, self.data / "artefacts", dirs_exist_ok=True)
         again = self.ask("rerun", submission)
         self.assertEqual((again["comparison"]["compared"], again["comparison"]["equal"]), (6, 6))
@@ -87,8 +87,8 @@ class PolicySeeds(OrganiserCase):
         self.assertEqual(told["track_config"]["policy_seed_secret"],
                          "MyoGrade's public policy seeds")
         key, receipt = self.folder / "key.pem", self.folder / "receipt.json"
-        self.cli("key", "-o", key)
-        self.cli("receipt", 1, "-o", receipt)
+        self.cli("proof", "key", "-o", key)
+        self.cli("proof", "receipt", 1, "-o", receipt)
         verified = self.ask("verify", receipt, "--key", key, schema="verify")
         self.assertIn("policy_seeds", [check["name"] for check in verified["checks"]])
 

@@ -29,7 +29,7 @@ class HiddenPhases(RecordCase, SecretsCase):
         self.assertEqual((self.said["receipts"], self.said["withheld"]), (0, 2))
         self.incomplete(folder, "is withheld: phase")
         self.hold(closes_in_hours=-1, show=hidden_phase)
-        self.cli("seeds", "reveal", "--phase", "final", "--reason", "it is over")
+        self.cli("phase", "seeds", "reveal", "--phase", "final", "--reason", "it is over")
         folder = self.exported("open")
         self.assertEqual((self.said["receipts"], self.said["withheld"]), (2, 0))
         self.assertEqual((folder / "secrets/final.txt").read_text(), secret.hex() + "\n")
@@ -46,7 +46,7 @@ class HiddenPhases(RecordCase, SecretsCase):
         self.organise("alpha")
         self.enter("ok")
         self.incomplete(self.exported(), "phase final had committed to hidden seeds, and submission 1")
-        done = self.daemon.run_verb("challenge", "check", "--configs", self.configs, "--data", self.data,
+        done = self.daemon.run_verb("phase", "check", "--configs", self.configs, "--data", self.data,
                                     timeout_s=60, text=True)
         self.assertEqual(done.returncode, 2, done)
         self.assertIn("has committed to hidden seeds", done.stdout + done.stderr)
@@ -56,8 +56,8 @@ class HiddenPhases(RecordCase, SecretsCase):
         self.organise("alpha")
         self.enter("ok")
         other = self.folder / "other"
-        self.cli("export", self.folder / "all.json")
-        self.cli("import", self.folder / "all.json", data=other)
+        self.cli("store", "export", self.folder / "all.json")
+        self.cli("store", "import", self.folder / "all.json", data=other)
         self.stop(signal.SIGTERM)
         for path in self.data.glob("store.db*"):
             path.unlink()

@@ -14,13 +14,13 @@ from organiser_test import OrganiserCase
 class RecordCase(OrganiserCase):
     def exported(self, name="record"):
         folder = self.folder / name
-        self.said = self.ask("record", "export", folder, schema="record-export")
+        self.said = self.ask("proof", "record", "export", folder, schema="record-export")
         return folder
 
     def key(self):
         path = self.folder / "organiser.pem"
         if not path.exists():
-            self.cli("key", "-o", path)
+            self.cli("proof", "key", "-o", path)
         return path
 
     def verify(self, folder, *words):
@@ -121,7 +121,7 @@ class Records(RecordCase):
         return files[0]
 
     def test_every_alteration_is_found(self):
-        self.cli("disqualify", self.second, "--reason", "reads the seeds")
+        self.cli("submission", "disqualify", self.second, "--reason", "reads the seeds")
         whole = self.exported()
         self.assertEqual((self.said["receipts"], self.said["withheld"]), (3, 0))
         self.assertEqual(self.holds(whole)["boards"], self.said["boards"])
@@ -240,7 +240,7 @@ class Records(RecordCase):
             self.refuted(copy, check, "")
 
     def test_damage_beside_the_results_is_not_accused(self):
-        self.cli("baseline", self.second)
+        self.cli("submission", "baseline", self.second)
         self.holds(self.exported("sound"))
         # What counts follows from the journal, and from no other row.
         self.damaged("UPDATE team SET banned = 4 WHERE name = 'alpha'")
@@ -276,16 +276,16 @@ class Records(RecordCase):
         missing = self.daemon.run_verb("verify", "--all", self.folder / "none", "--key", self.key(),
                                        timeout_s=60, text=True)
         self.assertEqual(missing.returncode, 2, missing)
-        again = self.cli("record", "export", whole, check=False)
+        again = self.cli("proof", "record", "export", whole, check=False)
         self.assertEqual((again.returncode, "has files already" in again.stderr), (2, True), again)
 
     def test_a_record_that_was_written_anew_is_found_by_an_earlier_head(self):
         head = self.folder / "head.json"
-        self.ask("record", "head", "-o", head, schema="record-head")
-        self.cli("hide", self.first, "--reason", "private")
-        proved = self.ask("record", "prove", "--since", head, schema="record-prove")
+        self.ask("proof", "record", "head", "-o", head, schema="record-head")
+        self.cli("submission", "hide", self.first, "--reason", "private")
+        proved = self.ask("proof", "record", "prove", "--since", head, schema="record-prove")
         self.assertTrue(proved["valid"])
-        self.assertTrue(self.ask("record", "prove", 2, schema="record-prove")["valid"])
+        self.assertTrue(self.ask("proof", "record", "prove", 2, schema="record-prove")["valid"])
         self.holds(self.exported("before"), "--head", head)
         # The whole chain anew behind the daemon's back, with another key of a submission.
         self.stop(signal.SIGTERM)
@@ -302,7 +302,7 @@ class Records(RecordCase):
         self.assertEqual([check["state"] for check in found], ["degraded"])
         forged = self.exported("forged")
         self.refuted(forged, "entries", "the chain of record.jsonl does not end")
-        refused = self.cli("record", "prove", "--since", head, check=False)
+        refused = self.cli("proof", "record", "prove", "--since", head, check=False)
         self.assertEqual(refused.returncode, 1, refused)
         # Somebody with the key signs a head of the altered record, chain and all: only whoever kept
         # an earlier head can tell.
@@ -335,7 +335,7 @@ class Records(RecordCase):
         self.assertEqual(self.get(path), before)
         self.assertNotIn("record", self.get("/v1/submissions/4/receipt")["receipt"], "practice")
         receipt = self.folder / "receipt.json"
-        self.cli("receipt", self.first, "-o", receipt, "--evaluation", 1)
+        self.cli("proof", "receipt", self.first, "-o", receipt, "--evaluation", 1)
         checks = self.ask("verify", receipt, "--key", self.key(), schema="verify")["checks"]
         self.assertIn({"name": "record", "valid": True, "detail": f"entry {record['entry']}"}, checks)
         status, answer = self.call("GET", f"{path}?evaluation=2")
@@ -361,14 +361,14 @@ class Records(RecordCase):
                      "head?x=1", "proof?entry=0&size=x"):
             status, answer = self.call("GET", f"/v1/record/{path}")
             self.assertEqual((status, answer["error"]["code"]), (400, "bad_request"), path)
-        self.ask("record", "show", "--from", 1, "--limit", 3, schema="record-show")
-        self.assertIn("accepted, submission 1", self.cli("record", "show").stdout)
+        self.ask("proof", "record", "show", "--from", 1, "--limit", 3, schema="record-show")
+        self.assertIn("accepted, submission 1", self.cli("proof", "record", "show").stdout)
 
     def test_an_imports_record_goes_on(self):
         before = self.entries()
-        self.cli("export", self.folder / "all.json")
+        self.cli("store", "export", self.folder / "all.json")
         other = self.folder / "other"
-        self.cli("import", self.folder / "all.json", data=other)
+        self.cli("store", "import", self.folder / "all.json", data=other)
         with sqlite3.connect(other / "store.db") as store:
             after = [json.loads(row[0]) for row in
                      store.execute(

@@ -116,19 +116,19 @@ class RejudgeCase(PhasesCase):
 
     def create(self, config=None, *more, board=("--track", TRACK), wait=True):
         words = [*board, *(("--config", config) if config else ()), *more]
-        return self.ask("rejudge", "create", *words, "--reason", "new rules",
+        return self.ask("board", "rejudge", "create", *words, "--reason", "new rules",
                         *(("--wait",) if wait else ()), schema="rejudge")
 
     def act(self, verb, rejudge, *more):
-        return self.ask("rejudge", verb, rejudge, "--reason", f"{verb} it", *more,
+        return self.ask("board", "rejudge", verb, rejudge, "--reason", f"{verb} it", *more,
                         schema="rejudge")
 
     def show(self, rejudge):
-        return self.ask("rejudge", "show", rejudge, schema="rejudge")
+        return self.ask("board", "rejudge", "show", rejudge, schema="rejudge")
 
     def fails(self, *words, status=2):
         """The sentence of a verb that is refused."""
-        done = self.cli("rejudge", *words, check=False)
+        done = self.cli("board", "rejudge", *words, check=False)
         self.assertEqual(done.returncode, status, f"{words}\n{done.stdout}{done.stderr}")
         lines = done.stderr.strip().splitlines()
         self.assertEqual(len(lines), 1, done.stderr)

@@ -100,17 +100,17 @@ class FromFacts(Graded):
                          sorted(self.submissions.values()))
 
     def test_what_people_read(self):
-        created = self.cli("rejudge", "create", "--track", TRACK, "--config", self.force_rule(),
+        created = self.cli("board", "rejudge", "create", "--track", TRACK, "--config", self.force_rule(),
                            "--reason", "softer", "--wait").stdout
         for words in ("Rejudge 1 of track demo-manipulation, profile paper is ready",
                       "3 of 3 results; from facts 3, played 0", "Board main: 3 changes",
                       "1 → 3", "down 2", "The live board is as it was."):
             self.assertIn(words, created)
         self.assertIn("now has the results of rejudge 1",
-                      self.cli("rejudge", "apply", 1, "--reason", "as announced").stdout)
-        listed = self.cli("rejudge", "list").stdout
+                      self.cli("board", "rejudge", "apply", 1, "--reason", "as announced").stdout)
+        listed = self.cli("board", "rejudge", "list").stdout
         self.assertIn("applied", listed)
-        listed = self.ask("rejudge", "list", schema="rejudges")["rejudges"]
+        listed = self.ask("board", "rejudge", "list", schema="rejudges")["rejudges"]
         self.assertEqual([(one["rejudge"], one["state"]) for one in listed], [(1, "applied")])
 
     def test_new_submissions_are_graded_by_the_new_rules(self):
@@ -201,7 +201,7 @@ class PlayedAgain(Graded):
         self.assertEqual(rejudge["plan"]["without_files"], [gone])
         number = rejudge["rejudge"]
         self.computed(number)
-        self.assertEqual(self.cli("rejudge", "show", number, "--wait", check=False).returncode, 1)
+        self.assertEqual(self.cli("board", "rejudge", "show", number, "--wait", check=False).returncode, 1)
         shown = self.show(number)
         self.assertEqual([(one["submission"], one["state"]) for one in shown["without_result"]],
                          [(gone, "grader_error")])
@@ -282,8 +282,8 @@ class OfAPhaseWhereTeamsChoose(Graded):
         self.computed(rejudge)
         self.act("apply", rejudge, "--without", chosen)
         self.assertEqual(self.order(), ["gamma", "alpha"], "beta chose one that has no result")
-        self.cli("key", "-o", self.folder / "organiser.pem")
-        self.cli("record", "export", self.folder / "record")
+        self.cli("proof", "key", "-o", self.folder / "organiser.pem")
+        self.cli("proof", "record", "export", self.folder / "record")
         done = self.daemon.run_verb("verify", "--all", self.folder / "record", "--key",
                                     self.folder / "organiser.pem", timeout_s=60, text=True)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)

@@ -337,7 +337,7 @@ class Events(AccessCase):
         for _ in range(3):
             self.ask_as(self.tokens["beta"], "GET", f"/v1/submissions/{self.submission}")
             self.ask_as(self.tokens["beta"], "GET", "/v1/events")
-        self.ask("disqualify", self.submission, "--reason", "reads the seeds")
+        self.ask("submission", "disqualify", self.submission, "--reason", "reads the seeds")
         denied = self.events(kind="denied", action="read submission", detail="another team's")
         self.assertEqual((denied[0]["who"], denied[0]["role"], denied[0]["subject"]),
                          ("token 2", "participant", None))

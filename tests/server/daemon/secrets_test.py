@@ -188,7 +188,7 @@ class Hidden(SecretsCase):
         key, receipt = self.folder / "key.pem", self.folder / "receipt.json"
         receipt.write_bytes(self.as_team("alpha", "GET",
                                          f"/v1/submissions/{submission}/receipt")[1])
-        self.cli("key", "-o", key)
+        self.cli("proof", "key", "-o", key)
         before = self.ask("verify", receipt, "--key", key, schema="verify")
         self.assertTrue(before["valid"])
         self.assertEqual([check["name"] for check in before["checks"]],
@@ -198,13 +198,13 @@ class Hidden(SecretsCase):
         self.assertEqual((refused.returncode, "not revealed" in refused.stderr), (2, True),
                          refused.stderr)
 
-        early = self.cli("seeds", "reveal", "--phase", "final", check=False)
+        early = self.cli("phase", "seeds", "reveal", "--phase", "final", check=False)
         self.assertEqual(early.returncode, 2)
         self.assertIn("it closes at", early.stderr)
         self.assertEqual(self.refused("alpha", "POST", "/v1/phases/final/reveal",
                                       {"reason": "curious"})[:2], (403, "forbidden"))
         self.hold(closes_in_hours=-1)
-        revealed = self.ask("seeds", "reveal", "--phase", "final", "--reason", "it is over",
+        revealed = self.ask("phase", "seeds", "reveal", "--phase", "final", "--reason", "it is over",
                             schema="seeds")
         self.assertEqual((revealed["seeds"], revealed["secret"]), (seeds, secret.hex()))
         for hours in (1, -1):  # whatever became of its times
@@ -235,18 +235,18 @@ class Hidden(SecretsCase):
         self.assertEqual(json.loads(same), json.loads(receipt.read_text()),
                          "a receipt stays what it was")
         checked = self.daemon.run_verb(
-            "seeds", "check", "--phase", "final", "--count", COUNT, "--secret", secret.hex(),
+            "phase", "seeds", "check", "--phase", "final", "--count", COUNT, "--secret", secret.hex(),
             "--commitment", told["commitment"], "--json")
         self.assertTrue(json.loads(checked.stdout)["valid"], checked)
 
     def test_an_export_warns_of_what_it_holds(self):
         self.enter("ok")
-        done = self.cli("export", self.folder / "export.json")
+        done = self.cli("store", "export", self.folder / "export.json")
         self.assertIn("final", done.stderr)
         self.assertIn("not revealed", done.stderr)
         self.hold(closes_in_hours=-1)
-        self.cli("seeds", "reveal", "--phase", "final")
-        self.assertEqual(self.cli("export", self.folder / "again.json").stderr, "")
+        self.cli("phase", "seeds", "reveal", "--phase", "final")
+        self.assertEqual(self.cli("store", "export", self.folder / "again.json").stderr, "")
 
     def test_a_secret_stays_the_same_over_restarts(self):
         before = self.get("/v1/challenges")["challenges"][0]["phases"][0]["seeds"]["commitment"]

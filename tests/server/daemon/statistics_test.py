@@ -56,12 +56,12 @@ class CloseCase(PhasesCase):
         return [row["group"] for row in self.get(STATISTICS)["rows"]]
 
     def evaluate(self, more_seeds, *more):
-        return self.ask("evaluate", "--phase", "final", "--more-seeds", more_seeds, *more,
+        return self.ask("board", "evaluate", "--phase", "final", "--more-seeds", more_seeds, *more,
                         schema="evaluate")
 
     def refusal(self, *words):
         """The sentence of a request for further episodes that is refused."""
-        done = self.cli("evaluate", *words, check=False)
+        done = self.cli("board", "evaluate", *words, check=False)
         self.assertEqual(done.returncode, 2, f"{words}\n{done.stdout}{done.stderr}")
         self.assertEqual(len(done.stderr.strip().splitlines()), 1, done.stderr)
         return done.stderr
@@ -258,9 +258,9 @@ class Further(CloseCase):
         answer = self.evaluate(60)
         self.all_ended(answer)
         number = answer["rejudges"][0]["rejudge"]
-        done = self.cli("rejudge", "apply", number, "--reason", "r", check=False)
+        done = self.cli("board", "rejudge", "apply", number, "--reason", "r", check=False)
         self.assertEqual(done.returncode, 2)
-        self.cli("rejudge", "drop", number, "--reason", "played under a wrong name")
+        self.cli("board", "rejudge", "drop", number, "--reason", "played under a wrong name")
         self.assertEqual(self.groups(), [1, 1, 2])
 
     @AS_OTHERS

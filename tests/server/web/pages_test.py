@@ -322,7 +322,7 @@ class HostileTexts(unittest.TestCase):
 
     def test_no_cell_of_an_export_is_a_formula(self):
         folder = self.world.root / "csv"
-        subprocess.run([self.world.programs / "myograde", "export", folder, "--format", "csv"],
+        subprocess.run([self.world.programs / "myograde", "store", "export", folder, "--format", "csv"],
                        env=self.world.environment, check=True, timeout=60, capture_output=True)
         cells = set()
         for file in folder.glob("*.csv"):

@@ -83,7 +83,7 @@ class UsageTest(CliCase):
         # Bytes that are no UTF-8.
         self.assertIn(b"bad?name", shown("local", os.fsencode(self.path("")) + b"/bad\xffname", "--track", "elbow").stderr)
         # On standard output, of a verb that succeeds.
-        key = shown("release", "key", "--secret", self.path("k\x1b[31m"), "-o", self.path("p\u202e"))
+        key = shown("proof", "release", "key", "--secret", self.path("k\x1b[31m"), "-o", self.path("p\u202e"))
         self.assertIn(key.returncode, (0, 2))
 
     def test_output_that_cannot_be_written_is_an_error(self):
@@ -136,7 +136,7 @@ class UsageTest(CliCase):
         seeds, secret = self.path("seeds", "an old list\n"), self.path("secret")
         self.path("seeds.part", "somebody waits here\n", 0o666)
         with open(f"{seeds}.part", encoding="utf-8") as waiting:
-            done = myograde("seeds", "commit", "--phase", "p", "--secret", secret, "-o", seeds,
+            done = myograde("phase", "seeds", "commit", "--phase", "p", "--secret", secret, "-o", seeds,
                             "--count", "3")
             self.assertEqual(done.returncode, 0, done.stderr)
             waiting.seek(0)

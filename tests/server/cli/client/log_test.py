@@ -55,7 +55,7 @@ class LogTest(CliCase):
         return path
 
     def get(self, socket, file):
-        return myograde("log", "7", "--episode", "0", "-o", file, "--socket", socket)
+        return myograde("episode", "log", "7", "--episode", "0", "-o", file, "--socket", socket)
 
     def test_a_log_is_unpacked_however_it_comes(self):
         packed = frame(CONTENT)
@@ -128,7 +128,7 @@ class LogTest(CliCase):
     def peak_of(socket, file):
         """The tool's peak memory in KiB."""
         child = os.posix_spawn(f"{BIN_DIR}/myograde", [
-            "myograde", "log", "7", "--episode", "0", "-o", file, "--socket", socket], os.environ)
+            "myograde", "episode", "log", "7", "--episode", "0", "-o", file, "--socket", socket], os.environ)
         _, status, used = os.wait4(child, 0)
         assert status == 0, status
         return used.ru_maxrss

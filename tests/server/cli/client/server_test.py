@@ -332,7 +332,7 @@ class ServerTest(CliCase):
             self.done("submit", program, "--track", "t", "--team", "alpha", *at)
             self.assertGreater(len([b for _, p, b in Handler.heard if "artefacts" in p][-1]), 2_000_000)
             copy = self.path(f"copy-{tls}")
-            self.done("backup", copy, *at)
+            self.done("store", "backup", copy, *at)
             self.assertEqual(os.path.getsize(copy), 3_000_000)
 
     def test_words_of_a_server_do_not_command_the_terminal(self):

@@ -102,7 +102,7 @@ class Bounded(unittest.TestCase):
                 ("long header", self.path("long.lcmlog", header[:24] + b"\xff\xff\xff\xff", size=GIB),
                  "too long for the header of a log")):
             with self.subTest(name):
-                self.refused("replay", log, sentence=sentence, status=2 if name == "endless" else 1)
+                self.refused("episode", "replay", log, sentence=sentence, status=2 if name == "endless" else 1)
                 self.refused("verify", receipt, "--key", key, "--logs", log, sentence=sentence,
                              status=1)
 
@@ -110,7 +110,7 @@ class Bounded(unittest.TestCase):
         pipe, cup = f"{self.folder}/pipe", f"{self.folder}/cup.json"
         os.mkfifo(pipe)
         os.mkfifo(cup)
-        status, text, _ = run("challenge", "check", cup)
+        status, text, _ = run("phase", "check", cup)
         self.assertNotEqual(status, 0)
         self.assertIn("a named pipe", text)
         receipt = self.path("some-receipt.json", RECEIPT.encode())
@@ -129,7 +129,7 @@ class Bounded(unittest.TestCase):
         with open(path, "wb") as file:
             subprocess.run(["zstd", "-c", "--ultra", "-22", "--zstd=wlog=31", "--long=31"],
                            input=self.log, stdout=file, stderr=subprocess.DEVNULL, check=True)
-        self.assertLess(run("replay", path)[2] - self.base, MOST_MIB)
+        self.assertLess(run("episode", "replay", path)[2] - self.base, MOST_MIB)
 
     def test_imports(self):
         for name, content, sentence in (
@@ -137,18 +137,18 @@ class Bounded(unittest.TestCase):
                 ("second", b'{"data":{\n"team":[\n', "line 3: is too long"),
                 ("deep", b'{"data":{\n"team":[\n' + b"[" * 8_000_000 + b"\n", "is not what stands")):
             file = self.path(f"{name}.json", content, size=None if name == "deep" else GIB)
-            self.refused("import", file, "--data", f"{self.folder}/data", sentence=sentence,
+            self.refused("store", "import", file, "--data", f"{self.folder}/data", sentence=sentence,
                          status=2)
         tables = self.path("tables.json", b'{"data":{\n' + b"".join(
             b'"%d":[\n],\n' % i for i in range(200_000)))
-        self.refused("import", tables, "--data", f"{self.folder}/data",
+        self.refused("store", "import", tables, "--data", f"{self.folder}/data",
                      sentence="is one table too many", status=2)
 
     def test_an_honest_log_is_read_as_before(self):
-        status, text, _ = run("log", "--help")
+        status, text, _ = run("episode", "log", "--help")
         self.assertEqual(status, 0, text)
         cut = self.path("cut.lcmlog", self.log[:-10])
-        self.refused("replay", cut, sentence="the file is cut or altered", status=1)
+        self.refused("episode", "replay", cut, sentence="the file is cut or altered", status=1)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ class OfflineTest(CliCase):
         self.refused(2, "is no regular file", *sign)
         unsigned = ["SHA256SUMS was not signed with this key"]
         self.checked("release-key", "release", "key", self.path("other.key"), "-o", other)
-        self.assertEqual(wrong("release", "verify", folder, "--key", other), unsigned)
+        self.assertEqual(wrong("proof", "release", "verify", folder, "--key", other), unsigned)
         with open(self.path("release/SHA256SUMS"), "a", encoding="utf-8") as sums:
             sums.write("0" * 64 + "  more\n")
         self.assertEqual(wrong(*verify), unsigned)

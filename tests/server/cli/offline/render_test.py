@@ -50,7 +50,7 @@ class Render(CliCase):
         return os.path.dirname(self.path(f"programs/{name}", text, mode=0o755))
 
     def drawn(self, *words, **env):
-        done = myograde("render", *words, "--json", **env)
+        done = myograde("episode", "render", *words, "--json", **env)
         self.assertEqual(done.returncode, 0, done.stderr)
         value = json.loads(done.stdout)
         validate(value, "render")
@@ -136,7 +136,7 @@ class Render(CliCase):
         temp = self.path("tmp")
         os.mkdir(temp)
         process = subprocess.Popen(
-            [f"{BIN_DIR}/myograde", "render", LOG, "-o", file], stderr=subprocess.PIPE, text=True,
+            [f"{BIN_DIR}/myograde", "episode", "render", LOG, "-o", file], stderr=subprocess.PIPE, text=True,
             env={**os.environ, "MYOGRADE_BIN_DIR": folder, "TMPDIR": temp})
         for _ in range(1000):
             if os.path.exists(pid) and os.path.getsize(pid) > 1:
