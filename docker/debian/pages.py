@@ -32,10 +32,13 @@ class Help:
         self.summary = head.strip()
         self.sections, name = {}, None
         for line in rest.splitlines():
-            heading = re.fullmatch(r"([A-Z][a-z]+(?: status)?):(.*)", line)
-            if heading and heading[1] in HEADINGS:
-                name = heading[1]
-                self.sections[name] = [heading[2].strip()] if heading[2].strip() else []
+            heading = re.fullmatch(r"([A-Z][a-z ]+):(.*)", line)
+            if heading and (heading[1] in HEADINGS or not heading[2]):
+                # Verbs stand in groups, each with a heading of its own.
+                name = heading[1] if heading[1] in HEADINGS else "Subcommands"
+                self.sections.setdefault(name, [])
+                if heading[2].strip():
+                    self.sections[name].append(heading[2].strip())
             elif name == "Exit status" or (name and line.strip()):
                 self.sections[name].append(line)
 
@@ -58,6 +61,14 @@ class Help:
 
     def verbs(self):
         return [name for name, _ in self.entries("Subcommands")]
+
+
+def helps_below(command):
+    """The words of each verb below a program or verb, and what it prints for --help."""
+    for verb in Help(command).verbs():
+        yield [verb], Help([*command, verb])
+        for words, inner in helps_below([*command, verb]):
+            yield [verb, *words], inner
 
 
 def parts_of(helps):
@@ -101,13 +112,12 @@ def program_page(command, name, section, day, see):
     helps = Help(command)
     text = roff(helps.summary)
     parts = [("SYNOPSIS", ".B " + roff(helps.usage)), ("DESCRIPTION", text), *parts_of(helps)]
-    for verb in helps.verbs() if len(command) > 1 else []:
-        inner = Help([*command, verb])
+    for words, inner in helps_below(command) if len(command) > 1 else []:
         body = f".B {roff(inner.usage)}\n.PP\n{roff(inner.summary)}\n"
         for section_of, entries in ((x, inner.entries(x)) for x in ("Positionals", "Options")):
             if entries:
                 body += items(entries) + "\n"
-        parts.insert(-1, (f'"{roff(" ".join(command[1:] + [verb])).upper()}"', body))
+        parts.insert(-1, (f'"{roff(" ".join(command[1:2] + words)).upper()}"', body))
     parts.append(("SEE ALSO", ",\n".join(f".BR {roff(x)} ({y})" for x, y in see)))
     parts[-1] = ("SEE ALSO", "\n".join(f".BR {roff(x)} ({y}){',' if i + 1 < len(see) else ''}"
                                        for i, (x, y) in enumerate(see)))
@@ -214,19 +224,21 @@ def values_of(source):
 
 
 def completions(tree, verbs, values):
-    """tree: {verb or "verb sub": Help}; values: of values_of. Returns what each shell reads."""
+    """tree: {the words of a verb: Help}; values: of values_of. Returns what each shell reads."""
     def words(helps):
         return [name for names, _, _ in helps.options() for name in names] + helps.verbs()
 
     quote = lambda text: "'" + text.replace("'", "'\\''") + "'"
+    deepest = max(name.count(" ") for name in tree)
+    pattern_of = lambda name: quote(name) + ("" if name.count(" ") == deepest else "\\ *")
     bash = ["# Completion of myograde for bash.", "_myograde() {",
-            "  local word=${COMP_WORDS[COMP_CWORD]} verb=${COMP_WORDS[1]:-} both words",
-            "  both=\"$verb ${COMP_WORDS[2]:-}\"", "  if [ \"$COMP_CWORD\" = 1 ]; then",
+            "  local word=${COMP_WORDS[COMP_CWORD]} verb words",
+            "  verb=\"" + " ".join(f"${{COMP_WORDS[{i + 1}]:-}}" for i in range(deepest + 1)) + "\"",
+            "  if [ \"$COMP_CWORD\" = 1 ]; then",
             f"    words={quote(' '.join(verbs + ['--help', '--version']))}", "  else",
-            "    case $both in"]
+            "    case $verb in"]
     for name, helps in sorted(tree.items(), key=lambda item: -item[0].count(" ")):
-        pattern = quote(name) + ("" if " " in name else "\\ *")
-        bash.append(f"      {pattern}) words={quote(' '.join(words(helps)))} ;;")
+        bash.append(f"      {pattern_of(name)}) words={quote(' '.join(words(helps)))} ;;")
     bash += ["    esac", "  fi", "  case ${COMP_WORDS[COMP_CWORD-1]} in"]
     bash += [f"    {option}) words=$(sh -c {quote(command)}) ;;" for option, command in values.items()]
     bash += ["  esac", "  COMPREPLY=($(compgen -W \"$words\" -- \"$word\"))",
@@ -234,10 +246,10 @@ def completions(tree, verbs, values):
              "    compopt -o default 2>/dev/null", "  fi", "}", "complete -F _myograde myograde"]
     zsh = ["#compdef myograde", "local -a names", "if (( CURRENT == 2 )); then", "  names=("]
     zsh += [f"    {quote(verb + ':' + one_line(tree[verb].summary).replace(':', ' -'))}" for verb in verbs]
-    zsh += ["  )", "  _describe verb names", "  return", "fi", "case \"$words[2] $words[3]\" in"]
+    zsh += ["  )", "  _describe verb names", "  return", "fi",
+            "case \"" + " ".join(f"$words[{i + 2}]" for i in range(deepest + 1)) + "\" in"]
     for name, helps in sorted(tree.items(), key=lambda item: -item[0].count(" ")):
-        pattern = quote(name) + ("" if " " in name else "\\ *")
-        zsh.append(f"  {pattern}) names=({' '.join(map(quote, words(helps)))}) ;;")
+        zsh.append(f"  {pattern_of(name)}) names=({' '.join(map(quote, words(helps)))}) ;;")
     zsh += ["esac", "case \"$words[CURRENT-1]\" in"]
     zsh += [f"  {option}) names=(${{(f)\"$(sh -c {quote(command)})\"}}); compadd -a names; return ;;"
             for option, command in values.items()]
@@ -269,11 +281,7 @@ def main():
     stamp = date_of(source)
     program = str(programs / "myograde")
     top = Help([program])
-    tree = {}
-    for verb in top.verbs():
-        tree[verb] = Help([program, verb])
-        for sub in tree[verb].verbs():
-            tree[f"{verb} {sub}"] = Help([program, verb, sub])
+    tree = {" ".join(words): helps for words, helps in helps_below([program])}
     verbs = top.verbs()
     pages = {f"man1/myograde-{verb}.1": program_page([program, verb], f"myograde-{verb}", 1, stamp,
                                                      [("myograde", 1), ("myograded", 8)])

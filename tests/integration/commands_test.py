@@ -71,9 +71,11 @@ class Commands(unittest.TestCase):
                 with self.subTest(page=page, words=words):
                     verbs = [words[0]]
                     self.assertIsNotNone(self.help_of(*verbs), "no such verb")
-                    if len(words) > 1 and re.fullmatch(r"[a-z][a-z-]*", words[1]) and re.search(
-                            rf"^  {words[1]}\b", self.help_of(*verbs), re.MULTILINE):
-                        verbs.append(words[1])
+                    for word in words[1:3]:
+                        if not (re.fullmatch(r"[a-z][a-z-]*", word) and re.search(
+                                rf"^  {word}\b", self.help_of(*verbs), re.MULTILINE)):
+                            break
+                        verbs.append(word)
                     text_of_help = self.help_of(*verbs)
                     for option in words:
                         if re.match(r"--[a-z]", option):

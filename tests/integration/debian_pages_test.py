@@ -39,8 +39,8 @@ class Pages(unittest.TestCase):
                    env={**os.environ, "SOURCE_DATE_EPOCH": "1700000000"})
         if made.returncode != 0:
             raise AssertionError(made.stderr)
-        told = run(BIN / "myograde", "--help").stdout.split("Subcommands:")[1].split("\n\n")[0]
-        cls.verbs = [line.split()[0] for line in told.splitlines() if line.startswith("  ") and line[2] != " "]
+        told = run(BIN / "myograde", "--help").stdout
+        cls.verbs = re.findall(r"^  ([a-z]+)", told, re.MULTILINE)
 
     def served(self):
         """Variables under which a daemon has two phases, and the tracks are the source's."""
@@ -121,6 +121,8 @@ class Pages(unittest.TestCase):
         self.assertEqual(complete("myograde", "submit", "--tr"), ["--track"])
         self.assertEqual(complete("myograde", "team", "cr"), ["create"])
         self.assertEqual(complete("myograde", "team", "create", "--rea"), ["--reason"])
+        self.assertEqual(complete("myograde", "board", "rejudge", "cr"), ["create"])
+        self.assertEqual(complete("myograde", "board", "rejudge", "create", "--rep"), ["--repeat"])
         with unittest.mock.patch.dict(os.environ, self.served()):
             self.assertIn("elbow", complete("myograde", "submit", "--track", ""))
             self.assertEqual(complete("myograde", "submit", "--profile", "as"), ["as-graded"])

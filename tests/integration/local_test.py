@@ -34,7 +34,7 @@ class LocalEpisodes(SystemTest):
         for file, sentence in ((last, f"{names[1]} is missing"),
                                (other / "run7-2.lcmlog.zst", "is not the log of episode 1"),
                                (other / "log.lcmlog.zst", "name each after its episode")):
-            for words in (("replay", file), ("render", file, "-o", self.root / "none.png")):
+            for words in (("episode", "replay", file), ("episode", "render", file, "-o", self.root / "none.png")):
                 refused = self.run_cli(*words, check=False)
                 self.assertEqual(refused.returncode, 2, refused.stdout)
                 self.assertIn(sentence, refused.stderr)

@@ -298,7 +298,7 @@ class Seeds(SystemTest):
         digits = subprocess.run(["sha256sum"], input=shown["secret"], capture_output=True,
                                 text=True, check=True).stdout.split()[0]
         self.assertEqual(digits, committed["commitment"], "anybody can check the commitment")
-        check = ["seeds", "check", "--phase", "final", "--count", 20, "--commitment",
+        check = ["phase", "seeds", "check", "--phase", "final", "--count", 20, "--commitment",
                  committed["commitment"], "--seeds-sha256", committed["seeds_sha256"],
                  "--seeds", listed]
         self.assertTrue(self.ask(*check, "--secret", shown["secret"])["valid"])

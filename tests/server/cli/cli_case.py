@@ -66,11 +66,12 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
 
 VERBS = ("serve", "submit", "status", "cancel", "choose", "leaderboard", "show", "rerun", "quota",
-         "team", "token", "hide",
-         "unhide", "disqualify", "baseline", "challenge", "phase", "export", "import", "backup",
-         "log", "replay", "render", "plot", "report",
-         "receipt", "verify", "key", "seeds", "release", "login", "logout", "whoami", "new", "local", "try", "spec",
-         "doctor")
+         "team", "team grant", "token", "board", "board explain", "board rebuild", "board rejudge", "submission",
+         "submission hide", "submission unhide", "submission disqualify", "submission reinstate",
+         "submission baseline", "phase", "phase check", "phase seeds", "store", "store export", "store import",
+         "store backup", "episode", "episode log", "episode replay", "episode render", "plot", "report", "proof",
+         "proof receipt", "proof key", "proof release", "verify", "login", "logout", "whoami", "new", "local", "try",
+         "spec", "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}
 STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "phase": None,
           "artefact": "a" * 64,

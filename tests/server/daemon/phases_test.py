@@ -368,7 +368,7 @@ class Files(PhasesCase):
         phase = {"name": "final", "title": "t", "track": TRACK, "profile": PROFILE}
         mine.write_text(json.dumps({"form": 1, "title": "t", "phases": [
             phase, {**phase, "name": "a", "track": "flying"}, {**phase, "name": "b", "x": 1}]}))
-        words = ("challenge", "check", mine, "--configs", self.configs)
+        words = ("phase", "check", mine, "--configs", self.configs)
         result = self.daemon.run_verb(*words, "--json", timeout_s=60, text=True)
         self.assertEqual(result.returncode, 2, result.stderr)
         found = json.loads(result.stdout)

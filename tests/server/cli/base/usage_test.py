@@ -17,7 +17,7 @@ from cli_case import (  # pylint: disable=wrong-import-position
 class UsageTest(CliCase):
     def test_every_verb_has_help_with_an_example(self):
         for verb in VERBS:
-            done = myograde(verb, "--help")
+            done = myograde(*verb.split(), "--help")
             self.assertEqual(done.returncode, 0)
             self.assertIn(f"myograde {verb}", done.stdout)
             self.assertIn("Exit status", done.stdout)
@@ -60,12 +60,13 @@ class UsageTest(CliCase):
 
         for trick in tricks:
             missing = self.path(trick)
-            for words in (("local", missing, "--track", "elbow"), ("replay", missing), ("verify", missing),
-                          ("render", missing, "-o", self.path("x.png")), ("render", missing, "-o", trick),
-                          ("challenge", "check", missing), ("import", missing, "--data", self.path("d")),
+            for words in (("local", missing, "--track", "elbow"), ("episode", "replay", missing), ("verify", missing),
+                          ("episode", "render", missing, "-o", self.path("x.png")),
+                          ("episode", "render", missing, "-o", trick),
+                          ("phase", "check", missing), ("store", "import", missing, "--data", self.path("d")),
                           ("spec", "--track", trick), ("submit", missing, "--track", "elbow", "--team", trick),
                           ("status", "--socket", missing), (trick,), ("status", f"--{trick}"), ("new", missing),
-                          ("release", "verify", missing, "--key", missing), ("record", "verify", missing)):
+                          ("proof", "release", "verify", missing, "--key", missing), ("proof", "record", "verify", missing)):
                 self.assertNotEqual(shown(*words).returncode, 0, words)
             # As the policy.json of somebody else: raw where JSON allows it, and escaped.
             for ascii_only in (True, False):
@@ -110,15 +111,16 @@ class UsageTest(CliCase):
         self.assertEqual(done.stderr, "")
 
     def test_numbers_that_are_none(self):
-        for verb in ("show", "status", "cancel", "rerun", "hide", "unhide", "baseline"):
+        for verb in ("show", "status", "cancel", "rerun", "submission hide", "submission unhide",
+                     "submission baseline"):
             for bad in ("abc", "0", "1.5", "9" * 30):
-                self.refused(2, f'"{bad}" is no submission\'s number', verb, bad)
-        self.refused(2, "no episode's number", "log", "7", "--episode", "abc", "-o", "x")
+                self.refused(2, f'"{bad}" is no submission\'s number', *verb.split(), bad)
+        self.refused(2, "no episode's number", "episode", "log", "7", "--episode", "abc", "-o", "x")
         self.assertLess(len(myograde("show", "x" * 5000).stderr), 200)
 
     def test_mistyped_words(self):
         self.refused(2, 'did you mean "submit"?', "sbmit", "x", "--track", "t")
-        self.refused(2, 'did you mean "seeds commit"?', "seeds", "comit")
+        self.refused(2, 'did you mean "phase seeds commit"?', "phase", "seeds", "comit")
         self.refused(2, 'did you mean "--episodes"?', "show", "7", "--epsodes")
         self.refused(2, 'there is no verb "paint"; "myograde --help" lists them', "paint")
         self.refused(2, "no verb is given")

@@ -116,12 +116,12 @@ class Bounded(unittest.TestCase):
         receipt = self.path("some-receipt.json", RECEIPT.encode())
         key = self.path("some-key.pem", KEY.encode())
         for what, path in (("a named pipe", pipe), ("a folder", self.folder), ("a device", "/dev/zero")):
-            for words in (("replay", path), ("import", path), ("verify", path, "--key", key),
-                          ("verify", receipt, "--key", path), ("render", path, "-o", f"{pipe}.png"),
+            for words in (("episode", "replay", path), ("store", "import", path), ("verify", path, "--key", key),
+                          ("verify", receipt, "--key", path), ("episode", "render", path, "-o", f"{pipe}.png"),
                           ("local", "/bin/true", "--track", "elbow", "--seeds", path)):
                 with self.subTest(what, words=words):
                     status, text, _ = run(*words)
-                    (self.assertEqual if words[0] == "replay" else self.assertGreaterEqual)(status, 2, text)
+                    (self.assertEqual if words[1] == "replay" else self.assertGreaterEqual)(status, 2, text)
                     self.assertIn(what, text)
 
     def test_a_window_larger_than_a_log_is_not_set_up(self):

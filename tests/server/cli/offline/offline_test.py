@@ -65,13 +65,13 @@ class OfflineTest(CliCase):
         folder = self.path("release")
         self.path("release/server.deb", "the server")
         self.path("release/python/kit.whl", "the kit")
-        key = self.checked("release-key", "release", "key", private, "-o", public)
+        key = self.checked("release-key", "proof", "release", "key", private, "-o", public)
         self.assertIn("PUBLIC KEY", key["key"])
         self.assertEqual(os.stat(private).st_mode & 0o777, 0o600)
-        self.assertEqual(self.checked("release-key", "release", "key", private, "-o", public), key)
-        sign = ("release", "sign", folder, "--key", private, "--name", "7.0")
+        self.assertEqual(self.checked("release-key", "proof", "release", "key", private, "-o", public), key)
+        sign = ("proof", "release", "sign", folder, "--key", private, "--name", "7.0")
         self.assertEqual(self.checked("release-sign", *sign)["files"], 2)
-        verify = ("release", "verify", folder, "--key", public)
+        verify = ("proof", "release", "verify", folder, "--key", public)
         whole = self.checked("release-verify", *verify)
         self.assertEqual((whole["valid"], whole["name"], whole["files"]), (True, "7.0", 2))
         self.assertEqual(self.checked("release-sign", *sign)["files"], 2)  # signing again signs the same
@@ -97,7 +97,7 @@ class OfflineTest(CliCase):
         self.assertIn("python/kit.whl can't be read or is no regular file", wrong(*verify))
         self.refused(2, "is no regular file", *sign)
         unsigned = ["SHA256SUMS was not signed with this key"]
-        self.checked("release-key", "release", "key", self.path("other.key"), "-o", other)
+        self.checked("release-key", "proof", "release", "key", self.path("other.key"), "-o", other)
         self.assertEqual(wrong("proof", "release", "verify", folder, "--key", other), unsigned)
         with open(self.path("release/SHA256SUMS"), "a", encoding="utf-8") as sums:
             sums.write("0" * 64 + "  more\n")

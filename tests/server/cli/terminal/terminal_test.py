@@ -98,7 +98,7 @@ class TerminalTest(CliCase):
                          ("show", "7", "--episodes", "--full-hashes", *at),
                          ("spec", "--track", "locomotion"), ("spec", "--track", "manipulation"),
                          ("spec",), ("show", "abc"), ("sbmit",), ("--help",),
-                         *((verb, "--help") for verb in VERBS)):
+                         *((*verb.split(), "--help") for verb in VERBS)):
                 with self.subTest(columns=columns, args=args):
                     _, _, screen = on_terminal(columns, *args)
                     self.assertEqual(screen.too_long, [])
@@ -127,7 +127,7 @@ class TerminalTest(CliCase):
             os.remove(socket)
 
     def test_an_export_is_not_printed(self):
-        status, text, _ = on_terminal(200, "export", "--socket", self.path("none", ""))
+        status, text, _ = on_terminal(200, "store", "export", "--socket", self.path("none", ""))
         self.assertEqual(status, 2, text)
         self.assertIn("name a FILE, or redirect standard output", text)
 
