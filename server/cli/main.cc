@@ -12,10 +12,7 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/tracks/registry.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/offline/verbs.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/screen.h"
 
 namespace myograde::server {

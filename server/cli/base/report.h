@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {

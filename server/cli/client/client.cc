@@ -25,8 +25,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
 #include "server/base/secret.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/terminal/progress.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 

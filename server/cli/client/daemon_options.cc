@@ -1,4 +1,4 @@
-#include "server/cli/client/daemon_options.h"
+#include "server/cli/client/client.h"
 
 #include <absl/strings/str_cat.h>
 

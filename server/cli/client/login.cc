@@ -13,13 +13,9 @@
 #include <optional>
 
 #include "protocol/base/status_macros.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
 #include "server/cli/client/server_choice.h"
-#include "server/cli/client/verbs.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 

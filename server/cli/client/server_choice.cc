@@ -22,8 +22,7 @@
 #include "server/base/ip_address.h"
 #include "server/base/paths.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 

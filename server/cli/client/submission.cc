@@ -11,14 +11,9 @@
 
 #include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/evaluation_logs.h"
-#include "server/cli/client/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/logs.h"
 

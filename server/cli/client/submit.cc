@@ -13,13 +13,11 @@
 #include "server/base/http_client.h"
 #include "server/base/names.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/progress.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/cli/base/report.h"
-#include "server/cli/client/daemon_options.h"
+#include "server/cli/client/client.h"
 
 namespace myograde::server {
 

@@ -12,7 +12,6 @@
 
 #include "protocol/lease/render_order.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {

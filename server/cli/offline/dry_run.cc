@@ -15,13 +15,11 @@
 #include "protocol/lease/practice_seeds.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/submit.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/progress.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {

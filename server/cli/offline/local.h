@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "server/artefact/artefact.h"
-#include "server/cli/base/options.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"

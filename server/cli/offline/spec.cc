@@ -22,11 +22,7 @@
 #include "protocol/tracks/registry.h"
 #include "server/base/counted.h"
 #include "server/base/paths.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/table.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/grading/tracks.h"
 

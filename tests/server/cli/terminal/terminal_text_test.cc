@@ -7,9 +7,8 @@
 #include <rapidcheck.h>
 
 #include "server/base/plain_text.h"
-#include "server/cli/base/print_json.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {

@@ -1,4 +1,4 @@
-#include "server/cli/client/evaluation_logs.h"
+#include "server/cli/client/client.h"
 
 #include <absl/strings/str_cat.h>
 
@@ -7,13 +7,8 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/log/packed_log.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/verbs.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/logs.h"
 
