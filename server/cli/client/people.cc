@@ -13,7 +13,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/screen.h"

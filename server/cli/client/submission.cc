@@ -214,6 +214,32 @@ absl::StatusOr<Json> RangeOf(const std::string& text) {
                    "\" is no range; write A..B with 0 <= A <= B, both included, as 10..19"));
 }
 
+// What a re-run found, episode by episode.
+void PrintComparison(const Json& comparison) {
+  if (!comparison.is_object()) return;
+  for (const Json& episode : comparison.value("episodes", Json::array())) {
+    std::cout << Filled(episode, "  episode {index}: ");
+    if (episode.value("equal", false)) {
+      std::cout << "equal\n";
+      continue;
+    }
+    std::cout << "differs in " << ListCell(episode, "differs")
+              << Filled(episode, " (was {original.outcome} after {original.steps:step}, now "
+                                 "{rerun.outcome} after {rerun.steps:step})\n");
+  }
+  if (!comparison.value("equal", Json(0)).is_number()) {
+    std::cout << "  the phase withholds the comparison" << std::endl;
+    return;
+  }
+  const auto equal = comparison.value("equal", int64_t{0});
+  std::cout << "  " << equal << " of " << CountCell(comparison, "compared", "episode")
+            << (equal == 1 ? " is equal" : " are equal");
+  if (comparison.value("missing", 0) > 0) {
+    std::cout << Filled(comparison, "; {missing} can't be compared");
+  }
+  std::cout << std::endl;
+}
+
 absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& client, Json result) {
   const std::string state = result.value("state", "");
   const Json comparison = result.value("comparison", Json());

@@ -380,34 +380,33 @@ absl::StatusOr<int> Submit(SubmitOptions options) {
   });
 }
 
-Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan) {
+bool AskAcceptance(const Client& client, const SubmissionPlan& plan,
+                   std::vector<Finding>& findings) {
   const absl::StatusOr<Json> whoami = client.Get("/v1/whoami");
   if (!whoami.ok()) {
     // A refusal is an answer: the token is bad.
     const bool refused = whoami.status().code() == absl::StatusCode::kInvalidArgument;
-    return {refused,
-            {{"server", refused ? FindingState::kFails : FindingState::kUnknown,
-              std::string(whoami.status().message()),
-              refused ? "log in again with \"myograde login URL\""
-                      : "team, phase, rules, runtimes and quota are not checked"}}};
+    findings.push_back({"server", refused ? FindingState::kFails : FindingState::kUnknown,
+                        std::string(whoami.status().message()),
+                        refused ? "log in again with \"myograde login URL\""
+                                : "team, phase, rules, runtimes and quota are not checked"});
+    return refused;
   }
-  Acceptance acceptance = {true, {ServerFinding(client, *whoami)}};
-  std::vector<Finding>& findings = acceptance.findings;
+  findings.push_back(ServerFinding(client, *whoami));
+  const bool known = findings.back().state == FindingState::kOk;
   const absl::StatusOr<Json> challenges = client.Get("/v1/challenges");
   if (!challenges.ok()) {
     findings.push_back(NotAnswered("phase", challenges.status()));
-    return acceptance;
+    return true;
   }
   const Place place = PlaceOf(plan, *challenges);
-  if (findings[0].state == FindingState::kOk) {
-    findings.push_back(TeamFinding(client, plan, !(*challenges)["challenges"].empty()));
-  }
+  if (known) findings.push_back(TeamFinding(client, plan, !(*challenges)["challenges"].empty()));
   findings.push_back(place.finding);
   findings.push_back(RulesFinding(client, plan));
   findings.push_back(RuntimesFinding(client, plan));
   if (auto quota = QuotaFinding(client, plan, place.phase)) findings.push_back(*std::move(quota));
   if (auto twin = TwinFinding(client, plan, place.phase)) findings.push_back(*std::move(twin));
-  return acceptance;
+  return true;
 }
 
 CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {

@@ -219,12 +219,7 @@ absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   const absl::Duration start = SystemClock().Monotonic();
   ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("local"));
   ASSIGN_OR_RETURN(LocalOrder order, Prepare(options, temp.path()));
-  ASSIGN_OR_RETURN(LocalResult result,
-                   PlayLocally(order, {.progress = Progress(options.track).Listener(),
-                                       .stopped = StopRequested,
-                                       .again = [](const std::string& why) {
-                                         std::cerr << "myograde: " << why << std::endl;
-                                       }}));
+  ASSIGN_OR_RETURN(LocalResult result, PlayLocally(order, options.track, /*tell_replays=*/true));
   ASSIGN_OR_RETURN(Json json, ResultJson(order, result, SystemClock().Monotonic() - start));
   RETURN_IF_ERROR(NameLogs(order.log_dir, json["episode_rows"]));
   json["episodes"] = json["episode_rows"];  // as it was called at first

@@ -7,7 +7,6 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -42,18 +41,12 @@ struct LocalResult {
   bool interrupted = false;
 };
 
-// The first two are called several times a second, by the thread that calls PlayLocally.
-struct LocalHooks {
-  std::function<void(int64_t done, int64_t total)> progress;  // episodes
-  std::function<bool()> stopped;                              // true ends the run
-  // Unless null: a sentence about episodes that a fault of the grader has played again.
-  std::function<void(const std::string&)> again = nullptr;
-};
-
-// Plays every lease, up to `slots` at once. InternalError if a lease failed by the grader's fault
-// more often than the config allows replays; each replay waits as a daemon's does. When stopped,
-// what is running is killed within a second and the rows so far are returned.
-absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const LocalHooks& hooks);
+// Plays every lease, up to `slots` at once, and shows progress named `what`. InternalError if a lease
+// failed by the grader's fault more often than the config allows replays; each replay waits as a
+// daemon's does, and `tell_replays` says it on standard error. After a stop signal what is running is
+// killed within a second and the rows so far are returned.
+absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const std::string& what,
+                                        bool tell_replays);
 
 struct LocalOptions {
   HostOptions host;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 #include <map>
 #include <memory>
 #include <set>
@@ -14,6 +15,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
+#include "server/cli/terminal/screen.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
 #include "server/runner/lease_report.h"
@@ -43,7 +45,8 @@ Json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
 
 class LocalRun {
  public:
-  LocalRun(const LocalOrder& order, const LocalHooks& hooks) : order_(order), hooks_(hooks) {}
+  LocalRun(const LocalOrder& order, const std::string& what, bool tell_replays)
+      : order_(order), tell_replays_(tell_replays), progress_(what) {}
 
   absl::StatusOr<LocalResult> Run() {
     const int64_t total = std::ssize(order_.seeds);
@@ -54,7 +57,7 @@ class LocalRun {
       lease.last = std::min(first + block, total) - 1;
     }
     for (;;) {
-      if (hooks_.stopped()) {
+      if (StopRequested()) {
         KillAll();
         return Collect(/*interrupted=*/true);
       }
@@ -71,7 +74,7 @@ class LocalRun {
         done += std::ssize(lease.rows);
         all_done = all_done && lease.done;
       }
-      hooks_.progress(done, total);
+      progress_.Show(done, total, "");
       if (!status.ok()) {
         KillAll();
         return status;
@@ -200,9 +203,9 @@ class LocalRun {
     // What disturbed it may take a while to go.
     const auto doubled = static_cast<double>(int64_t{1} << std::min<int64_t>(lease.faults - 1, 20));
     lease.not_before = SystemClock().Monotonic() + order_.config.scheduler.retry_delay * doubled;
-    if (hooks_.again) {
-      hooks_.again(absl::StrCat(episodes, " are played again after a fault of the grader: ",
-                                lease.report.fault()));
+    if (tell_replays_) {
+      std::cerr << "myograde: " << episodes << " are played again after a fault of the grader: "
+                << lease.report.fault() << std::endl;
     }
     return absl::OkStatus();
   }
@@ -230,14 +233,16 @@ class LocalRun {
   }
 
   const LocalOrder& order_;
-  const LocalHooks& hooks_;
+  const bool tell_replays_;
+  Progress progress_;
   std::vector<Lease> leases_;
 };
 
 }  // namespace
 
-absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const LocalHooks& hooks) {
-  return LocalRun(order, hooks).Run();
+absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const std::string& what,
+                                        bool tell_replays) {
+  return LocalRun(order, what, tell_replays).Run();
 }
 
 }  // namespace myograde::server
