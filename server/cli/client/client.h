@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -42,10 +43,10 @@ class Client {
                               const std::function<void(int64_t done, int64_t total)>& progress,
                               const std::string& type = "application/x-tar") const;
 
-  // Gives the answer's bytes to `sink` piece by piece (false: stop) and says how many they were.
-  // Whatever its size, little of it is in memory at a time.
+  // Gives the answer's bytes to `sink` piece by piece, whose error ends it, and says how many they
+  // were. Whatever its size, little of it is in memory at a time.
   absl::StatusOr<int64_t> Download(
-      const std::string& path, const std::function<bool(const char*, size_t)>& sink,
+      const std::string& path, const std::function<absl::Status(std::string_view)>& sink,
       const std::function<void(int64_t done, int64_t total)>& progress) const;
 
  private:

@@ -323,10 +323,10 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   }
   // Opened before the work: a place that can't be written to is told at once.
   NewFile file(options.file, /*mode=*/0666);
-  if (!file.opened()) return CantWrite(options.file);
+  RETURN_IF_ERROR(file.status());
   const absl::StatusOr<std::string> bytes = Draw(drawing, temp.path());
   if (!bytes.ok()) return ExitOfLogError(bytes.status());
-  if (!file.Write(*bytes)) return CantWrite(options.file);
+  RETURN_IF_ERROR(file.Write(*bytes));
   ASSIGN_OR_RETURN(const std::string sha256, file.Keep());
   return PrintAnswer(ToJson(options, drawing, *bytes, sha256), options.json, PrintDrawn);
 }
