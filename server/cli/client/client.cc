@@ -14,20 +14,16 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <limits>
-#include <utility>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
 #include "server/base/secret.h"
-#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {

@@ -1,5 +1,5 @@
-// The daemon: its HTTP API (server/api/README.md) over its Unix socket or the network, what several
-// verbs ask of it, and the options that say where it is.
+// The daemon: which one a verb speaks to and what it shows there, its HTTP API (server/api/README.md)
+// over its Unix socket or the network, what several verbs ask of it, and their options.
 #pragma once
 
 #include <absl/status/status.h>
@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -15,10 +16,72 @@
 
 #include "protocol/log/episode_log.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/client/server_choice.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
+
+struct ServerAddress {
+  enum class Kind { kSocket, kHttp, kHttps };
+  Kind kind = Kind::kSocket;
+  std::string socket;  // its path; of kSocket alone
+  std::string host;    // a name in lower case, or a numeric address without brackets
+  int port = 0;
+
+  bool network() const { return kind != Kind::kSocket; }
+  // The path, or the URL in the one form that all spellings of it have: two addresses are of one
+  // server if they have one text.
+  std::string Text() const;
+};
+
+// "https://host:8443", "http://127.0.0.1:8080", "unix:PATH", or a path with a slash in it. Plain
+// HTTP is for this host alone. InvalidArgumentError: one sentence that begins with `what`, which
+// gave the text; the text is left out if it may hold a password.
+absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::string& what);
+
+// The values of the options, "" if not given.
+struct ServerOptions {
+  std::string server;
+  std::string ca_file;
+  std::string data;
+  std::string socket;
+};
+
+struct ServerChoice {
+  ServerAddress address;
+  std::string token;      // "": none
+  std::string ca_file;    // "": those that this host trusts
+  bool by_login = false;  // nothing but the login chose it
+};
+
+// README.md has the order: --server, --socket and --data; MYOGRADE_SERVER; MYOGRADE_DATA; the
+// login; the default data folder. A token goes to the server that it belongs to and to no other.
+// InvalidArgumentError: an address, the login or a token can't be used.
+absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options);
+
+// The value of --ca-file, else of MYOGRADE_CA_FILE.
+std::string CaFile(const std::string& option);
+
+struct Login {
+  std::string server;  // ServerAddress::Text
+  std::string token;
+  std::string ca_file;  // "": those that this host trusts
+};
+
+// $XDG_CONFIG_HOME/myograde/login.json, or the same below ~/.config.
+std::string LoginFile();
+
+// nullopt: there is none. InvalidArgumentError: it can't be read, is no login, or others than this
+// user may read or change it.
+absl::StatusOr<std::optional<Login>> ReadLogin();
+
+// Keeps `login` in a new file that only this user can read, in place of any other.
+absl::Status WriteLogin(const Login& login);
+
+// False: there was none.
+absl::StatusOr<bool> RemoveLogin();
+
+// OkStatus() if `token` can be sent as one. The error tells nothing of it.
+absl::Status CheckToken(const std::string& token, const std::string& what);
 
 // One connection for each request. Errors: UnavailableError if no daemon
 // answers in time, InvalidArgumentError with the daemon's sentence if it

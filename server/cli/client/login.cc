@@ -15,7 +15,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/server_choice.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 

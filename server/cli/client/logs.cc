@@ -8,8 +8,6 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/log/packed_log.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/verbs.h"
-#include "server/cli/terminal/text.h"
 #include "server/proof/logs.h"
 
 namespace myograde::server {

@@ -25,9 +25,7 @@
 #include "server/base/paths.h"
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/client/client.h"
 #include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {

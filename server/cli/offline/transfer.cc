@@ -17,7 +17,6 @@
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/server_choice.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 #include "server/engine/stored.h"
