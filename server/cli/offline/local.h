@@ -61,10 +61,6 @@ struct LocalOptions {
   bool json = false;
 };
 
-// Adds the path, --profile, --full-hashes, --json, --configs and --cache. `schema` as for AddJson.
-void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& path_name,
-                     const std::string& schema);
-
 // An order with track, seeds, this host's configuration and nothing of the submission.
 // InvalidArgumentError or NotFoundError: an option or a config file.
 absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options);
@@ -80,23 +76,6 @@ absl::Status TakeRuntimes(LocalOrder& order);
 
 // Whether the submission's command can start here. InvalidArgumentError: it can't.
 absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order);
-
-// What came of a local run.
-struct LocalGrade {
-  Json json;                     // as `local --json` prints it
-  std::vector<EpisodeRow> rows;  // by index
-  TrackPtr track;
-  bool interrupted = false;
-};
-
-// Plays what the options ask for. Errors as of the steps above and of PlayLocally.
-absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options);
-
-// Prints it as text.
-void PrintLocalGrade(const Json& json, bool full_hashes);
-
-// The exit status; says on standard error if the run was interrupted.
-int ExitOfLocalGrade(const LocalGrade& grade);
 
 // An episode as `local` prints it.
 Json LocalRowJson(const EpisodeRow& row);
