@@ -1,4 +1,4 @@
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 
 #include <algorithm>
 #include <iostream>

@@ -160,9 +160,10 @@ void PrintJson(const Json& json) { PlainOutput() << ShownJson(json) << std::endl
 
 Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
-AnswerPrinter Sentence(std::string text) {
-  return [text = std::move(text)](const Json& answer) {
-    std::cout << Filled(answer, text) << std::endl;
+AnswerPrinter Sentence(std::string text, std::string unchanged) {
+  return [text = std::move(text), unchanged = std::move(unchanged)](const Json& answer) {
+    const bool same = !unchanged.empty() && !answer.value("changed", true);
+    std::cout << Filled(answer, same ? unchanged : text) << std::endl;
   };
 }
 

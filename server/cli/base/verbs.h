@@ -1,5 +1,5 @@
-// The verbs, and what all of them share: how a verb ends, the options that several have, and what is
-// wrong with a command line.
+// The verbs, and what all of them share: how a verb ends, results as text, the options that several
+// have, and what is wrong with a command line.
 #pragma once
 
 #include <absl/status/status.h>
@@ -73,13 +73,44 @@ Json TextOrNull(const std::string& text);
 
 using AnswerPrinter = std::function<void(const Json& answer)>;
 
-// Prints `text` as Filled (text.h) makes it of an answer, on a line of its own.
-AnswerPrinter Sentence(std::string text);
+// Prints `text` as Filled (text.h) makes it of an answer, on a line of its own; or `unchanged`, if
+// there is one and the answer's "changed" is false.
+AnswerPrinter Sentence(std::string text, std::string unchanged = "");
 
 // How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns
 // `exit`, or the error in place of an answer.
 absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
                                 const AnswerPrinter& print, int exit = kDone);
+
+// Aggregate, outcomes, what the policy printed last, and hashes, their first digits unless
+// `full_hashes`. `result` has the keys of an evaluation in server/api/README.md.
+void PrintResult(const Json& result, bool full_hashes);
+
+// A column for each of the API's `metrics` (name, title, unit, digits), of objects with their
+// values.
+std::vector<RowColumn> MetricColumns(const Json& metrics);
+
+// One line for each episode of the array `rows`, then the faults in words. `metrics` are those of
+// the result.
+void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes);
+
+// Why episodes of the array `rows` ended by a fault, in words.
+void PrintFaults(const Json& rows);
+
+// What the API could not show (`unreadable` of `answer`), one line each.
+void PrintUnreadable(const Json& answer);
+
+// The rows of `answer` at `key` as a table, or the sentence `none` if there are none.
+void PrintList(const Json& answer, const std::string& key, const std::string& none,
+               const std::vector<RowColumn>& columns);
+
+// Checks with "name", "state", "found" and "todo" as a table; then, state by state of `states`, those
+// that have something to do: `before`, name and state, and `advice` as Filled (text.h) makes it.
+void PrintChecks(const Json& checks, std::initializer_list<const char*> states, const char* before,
+                 const char* advice);
+
+// "31/100 episodes, 4 successes" of the counts in `episodes` of a submission.
+std::string CountsText(const Json& submission);
 
 // A check of options that are whole numbers from `least` on; `what` says in the error what the
 // text is not: "no episode".

@@ -13,7 +13,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/text.h"
@@ -167,8 +166,7 @@ void PrintRanking(const Json& board, const Json& rows) {
                         row.value("other_build", false) ? kOtherBuild : "");
   };
   std::vector<RowColumn> columns = {RowColumn("rank", RankText), "team", "policy=name",
-                                    RowColumn("id", id)};
-  columns.push_back(ColumnOfPart("aggregate", "success=successes"));
+                                    RowColumn("id", id), "success={aggregate.successes}"};
   for (const RowColumn& metric : MetricColumns(board.value("columns", Json::array()))) {
     columns.push_back(ColumnOfPart("aggregate", metric));
   }

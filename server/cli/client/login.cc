@@ -183,13 +183,6 @@ void PrintCreated(const Json& token) {
             << std::endl;
 }
 
-void PrintRevoked(const Json& token) {
-  std::cout << Filled(token, token.value("changed", true)
-                                 ? "Token {id} is revoked."
-                                 : "Token {id} was revoked already; nothing changed.")
-            << std::endl;
-}
-
 absl::StatusOr<int> CreateToken(const TokenOptions& options) {
   Json body = {{"role", options.role}, {"label", options.label}};
   SetIfGiven(body, "team", options.team);
@@ -262,7 +255,8 @@ Action AddToken(CLI::App& verb) {
       .Add("revoke", "Revoke a token at once", "revoke 7", "token",
            [](const TokenOptions& of) {
              return of.PostAndPrint(absl::StrCat("/v1/tokens/", of.id, "/revoke"), Json::object(),
-                                    PrintRevoked);
+                                    Sentence("Token {id} is revoked.",
+                                             "Token {id} was revoked already; nothing changed."));
            })
       ->add_option("ID", options.id, "The token")
       ->required()

@@ -21,7 +21,7 @@
 #include "server/base/ip_address.h"
 #include "server/base/paths.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/screen.h"
 

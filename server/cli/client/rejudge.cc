@@ -12,7 +12,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/text.h"

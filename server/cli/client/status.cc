@@ -12,7 +12,6 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/text.h"
@@ -54,10 +53,7 @@ void PrintLeases(const Json& leases) {
   const auto state = [](const Json& lease) {
     return Waits(lease) ? "waits for a node" : Cell(lease, "state");
   };
-  const auto episodes = [](const Json& lease) {
-    return Cell(lease, "first") + ".." + Cell(lease, "last");
-  };
-  PrintRows(leases, {"block=lease", RowColumn("episodes", episodes), RowColumn("state", state),
+  PrintRows(leases, {"block=lease", "episodes={first}..{last}", RowColumn("state", state),
                      "host", OnCluster(leases) ? "job" : "slot", "attempt",
                      RowColumn("running", RunningFor), "at episode=episode", "step"});
 }
@@ -161,26 +157,16 @@ void PrintHealth(const Json& health) {
   PrintUnreadable(health);
 }
 
-void PrintSubmissions(const Json& submissions) {
-  if (submissions.empty()) {
-    std::cout << "There are no submissions yet." << std::endl;
-    return;
-  }
-  PrintRows(submissions,
-            {"id=submission", "team", "track", "profile", "state", ColumnOfPart("episodes", "done"),
-             ColumnOfPart("episodes", "of=total"), ColumnOfPart("episodes", "successes=success"),
-             ColumnOfPart("episodes", "faults=fault")});
-}
-
 absl::StatusOr<int> StatusOfAll(const Client& client, bool json) {
   ASSIGN_OR_RETURN(const Json health, client.Get("/v1/health"));
   ASSIGN_OR_RETURN(const Json list, client.Get("/v1/submissions"));
-  const Json submissions = list.value("submissions", Json::array());
-  return PrintAnswer(Json{{"daemon", health}, {"submissions", submissions}}, json,
-                     [&](const Json&) {
-                       PrintHealth(health);
-                       PrintSubmissions(submissions);
-                     });
+  const Json both = {{"daemon", health}, {"submissions", list.value("submissions", Json::array())}};
+  return PrintAnswer(both, json, [&](const Json&) {
+    PrintHealth(health);
+    PrintList(both, "submissions", "There are no submissions yet.",
+              {"id=submission", "team", "track", "profile", "state", "done={episodes.done}",
+               "of={episodes.total}", "successes={episodes.success}", "faults={episodes.fault}"});
+  });
 }
 
 struct StatusOptions : SubmissionOptions {

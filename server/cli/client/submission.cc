@@ -11,7 +11,6 @@
 
 #include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/text.h"
@@ -67,14 +66,6 @@ void PrintCancelled(const Json& status) {
   std::cout << Filled(status, "Submission {submission} is {state}; ")
             << KillText(status.value("cancel", Json::object())) << "; it keeps "
             << CountsText(status) << "." << QuotaText(status) << std::endl;
-}
-
-void PrintChoice(const Json& answer) {
-  const bool changed = answer.value("changed", false);
-  std::cout << Filled(answer, changed
-                                  ? "Team {team} now stands with submission {submission}"
-                                  : "Team {team} stood with it already: submission {submission}")
-            << Filled(answer, "[ in phase {phase}].") << std::endl;
 }
 
 struct MarkOptions : SubmissionOptions {
@@ -312,7 +303,11 @@ Action AddChoose(CLI::App& verb) {
                   "A ranked submission of your team that is done");
   AddDaemonOptions(verb, "choose", *options);
   return [options] {
-    return options->PostAndPrint(options->Resource("/choose"), Json::object(), PrintChoice);
+    return options->PostAndPrint(
+        options->Resource("/choose"), Json::object(),
+        Sentence(
+            "Team {team} now stands with submission {submission}[ in phase {phase}].",
+            "Team {team} stood with it already: submission {submission}[ in phase {phase}]."));
   };
 }
 

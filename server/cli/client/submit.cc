@@ -14,7 +14,6 @@
 #include "server/base/names.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"

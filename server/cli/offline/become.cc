@@ -18,7 +18,6 @@
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/offline/local.h"
 #include "server/cli/terminal/text.h"

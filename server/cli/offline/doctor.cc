@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "server/base/paths.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/offline/cluster_checks.h"

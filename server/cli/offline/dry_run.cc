@@ -15,7 +15,6 @@
 #include "protocol/lease/practice_seeds.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/report.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/submit.h"
 #include "server/cli/offline/local.h"

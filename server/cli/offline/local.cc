@@ -21,7 +21,7 @@
 #include "server/base/child_process.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/offline/draw.h"
 #include "server/cli/terminal/screen.h"
 #include "server/grading/leaderboard.h"

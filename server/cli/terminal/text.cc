@@ -235,6 +235,8 @@ void Table::Print() const {
 RowColumn::RowColumn(const char* column) {
   const std::pair<std::string, std::string> parts = absl::StrSplit(column, absl::MaxSplits('=', 1));
   *this = RowColumn(parts.first, parts.second.empty() ? parts.first : parts.second, 4);
+  if (parts.second.find('{') == std::string::npos) return;
+  cell = [text = parts.second](const Json& row) { return Filled(row, text); };
 }
 
 RowColumn::RowColumn(std::string head_text, std::string key, int digits)

@@ -78,7 +78,8 @@ class Table {
 
 // A column of a table of JSON objects: what it says of each.
 struct RowColumn {
-  // "HEAD=KEY", or a key that is the head, too: its cells are Cell (text.h) of the key.
+  // "HEAD=KEY", or a key that is the head, too: its cells are Cell of the key. "HEAD=TEXT" with a
+  // "{" in the text: they are Filled.
   RowColumn(const char* column);  // NOLINT: tables are lists of them
   RowColumn(std::string head_text, std::string key, int digits);
   RowColumn(std::string head_text, std::function<std::string(const Json& row)> cell_of)
