@@ -106,7 +106,7 @@ std::string CountsText(const Json& submission) {
 
 void PrintResult(const Json& result, bool full_hashes) {
   const Json aggregate = result.value("aggregate", Json());
-  const std::string withheld = ListCell(result, "withheld");
+  const std::string withheld = Cell(result, "withheld");
   if (!aggregate.is_object()) {
     std::cout << (withheld == "-" ? "  no episode has a result yet\n" : "  no result to see yet\n");
   } else {

@@ -87,9 +87,8 @@ struct LoginOptions {
 std::string RoleText(const Json& who) {
   const std::string role = Cell(who, "role");
   if (role == "public") return "one of the public, who may read public boards";
-  const std::string teams = ListCell(who, "teams");
   return absl::StrCat(role.find_first_of("aeiou") == 0 ? "an " : "a ", role,
-                      teams == "-" ? "" : " of " + teams);
+                      Filled(who, "[ of {teams}]"));
 }
 
 // A login is kept in a "file".

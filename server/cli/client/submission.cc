@@ -214,9 +214,9 @@ void PrintComparison(const Json& comparison) {
       std::cout << "equal\n";
       continue;
     }
-    std::cout << "differs in " << ListCell(episode, "differs")
-              << Filled(episode, " (was {original.outcome} after {original.steps:step}, now "
-                                 "{rerun.outcome} after {rerun.steps:step})\n");
+    std::cout << Filled(episode,
+                        "differs in {differs} (was {original.outcome} after {original.steps:step}, "
+                        "now {rerun.outcome} after {rerun.steps:step})\n");
   }
   if (!comparison.value("equal", Json(0)).is_number()) {
     std::cout << "  the phase withholds the comparison" << std::endl;

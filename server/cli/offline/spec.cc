@@ -222,10 +222,8 @@ absl::StatusOr<int> ListTracksOnOffer(const Tracks& tracks, bool json) {
                     {"profiles", profiles}});
   }
   return PrintAnswer(Json{{"tracks", list}}, json, [](const Json& answer) {
-    PrintRows(answer["tracks"],
-              {"track", "kind", "episodes",
-               RowColumn("profiles (the first is the default)",
-                         [](const Json& track) { return ListCell(track, "profiles"); })});
+    PrintRows(answer["tracks"], {"track", "kind", "episodes",
+                                 "profiles (the first is the default)=profiles"});
   });
 }
 

@@ -37,12 +37,6 @@
 namespace myograde::server {
 namespace {
 
-bool Names(const Json& receipt, const std::string& hash) {
-  const Json& episodes = receipt["episodes"];
-  return std::any_of(episodes.begin(), episodes.end(),
-                     [&](const Json& entry) { return entry.value("log", Json()) == Json(hash); });
-}
-
 // Why the file at `path`, with that hash, is not one of the receipt's.
 std::string UnknownText(const std::string& path, const std::string& hash) {
   const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(path));
@@ -82,7 +76,7 @@ class LogSource {
   std::vector<ReceiptCheck> Check(const Json& receipt) const {
     std::vector<ReceiptCheck> checks = unreadable_;
     for (const auto& [hash, path] : files_) {
-      const bool named = Names(receipt, hash);
+      const bool named = RowWith(receipt["episodes"], "log", hash).is_object();
       checks.push_back({absl::StrCat("log ", hash), named, named ? "" : UnknownText(path, hash)});
     }
     return checks;

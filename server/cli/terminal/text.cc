@@ -104,24 +104,16 @@ Json RowWith(const Json& rows, const char* key, const std::string& value) {
 }
 
 std::string Cell(const Json& object, const std::string& key, int digits) {
-  const auto it = object.is_object() ? object.find(key) : object.end();
-  if (!object.is_object() || it == object.end() || it->is_null()) return "-";
-  if (it->is_string()) {
-    const std::string text = Harmless(it->get<std::string>());
-    return text.empty() ? "-" : text;
-  }
-  if (it->is_number_float()) return absl::StrFormat("%.*f", digits, it->get<double>());
-  return it->dump();
-}
-
-std::string ListCell(const Json& object, const std::string& key) {
-  std::string list;
   const auto it = object.find(key);
-  for (const Json& entry : it == object.end() ? Json() : *it) {
-    if (!entry.is_string()) continue;
-    absl::StrAppend(&list, list.empty() ? "" : ", ", Harmless(entry.get<std::string>()));
+  if (it == object.end() || it->is_null()) return "-";
+  if (it->is_number_float()) return absl::StrFormat("%.*f", digits, it->get<double>());
+  if (!it->is_string() && !it->is_array()) return it->dump();
+  std::string text;
+  for (const Json& part : it->is_array() ? *it : Json::array({*it})) {
+    if (!part.is_string()) continue;
+    absl::StrAppend(&text, text.empty() ? "" : ", ", Harmless(part.get<std::string>()));
   }
-  return list.empty() ? "-" : list;
+  return text.empty() ? "-" : text;
 }
 
 std::string DurationText(double seconds) {
@@ -132,8 +124,8 @@ std::string DurationText(double seconds) {
 }
 
 std::string CountCell(const Json& object, const std::string& key, const char* one) {
-  const auto it = object.is_object() ? object.find(key) : object.end();
-  if (!object.is_object() || it == object.end() || !it->is_number_integer()) {
+  const auto it = object.find(key);
+  if (it == object.end() || !it->is_number_integer()) {
     return absl::StrCat(Cell(object, key), " ", one, "s");
   }
   return Counted(it->get<int64_t>(), one);

@@ -32,11 +32,9 @@ std::string TextAt(const Json& object, const char* key);
 // The first of `rows`, an array of objects, with that string at `key`; null if there is none.
 Json RowWith(const Json& rows, const char* key, const std::string& value);
 
-// A JSON number or string as a table cell; "-" for null or a missing key.
+// A JSON number, a string, or an array of strings ("a, b") as a table cell; "-" for an empty one, null
+// or a missing key.
 std::string Cell(const Json& object, const std::string& key, int digits = 4);
-
-// An array of strings as a table cell: "a, b"; "-" for an empty one, null or a missing key.
-std::string ListCell(const Json& object, const std::string& key);
 
 // A JSON count with its word (counted.h): "1 episode"; "- episodes" for null or a missing key.
 std::string CountCell(const Json& object, const std::string& key, const char* one);
