@@ -13,7 +13,7 @@
 
 #include "protocol/tracks/registry.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -13,7 +13,7 @@
 
 #include "server/base/paths.h"
 #include "server/base/plain_text.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 
@@ -73,7 +73,7 @@ Json TextOrNull(const std::string& text);
 
 using AnswerPrinter = std::function<void(const Json& answer)>;
 
-// Prints `text` as Filled (text.h) makes it of an answer, on a line of its own; or `unchanged`, if
+// Prints `text` as Filled (terminal.h) makes it of an answer, on a line of its own; or `unchanged`, if
 // there is one and the answer's "changed" is false.
 AnswerPrinter Sentence(std::string text, std::string unchanged = "");
 
@@ -105,7 +105,7 @@ void PrintList(const Json& answer, const std::string& key, const std::string& no
                const std::vector<RowColumn>& columns);
 
 // Checks with "name", "state", "found" and "todo" as a table; then, state by state of `states`, those
-// that have something to do: `before`, name and state, and `advice` as Filled (text.h) makes it.
+// that have something to do: `before`, name and state, and `advice` as Filled (terminal.h) makes it.
 void PrintChecks(const Json& checks, std::initializer_list<const char*> states, const char* before,
                  const char* advice);
 

@@ -23,7 +23,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
 #include "server/base/secret.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -16,7 +16,7 @@
 
 #include "protocol/log/episode_log.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 

@@ -23,7 +23,7 @@
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

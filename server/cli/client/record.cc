@@ -13,8 +13,7 @@
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/record_export.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/merkle_tree.h"
 #include "server/proof/record_head.h"
 

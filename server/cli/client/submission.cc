@@ -13,7 +13,7 @@
 #include "protocol/log/episode_log.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/logs.h"
 
 namespace myograde::server {

@@ -15,8 +15,7 @@
 #include "server/base/temp_folder.h"
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -20,7 +20,7 @@
 #include "server/base/paths.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/runtime/runtimes.h"
 

@@ -17,7 +17,7 @@
 #include "server/challenge/phases.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/tracks.h"
 #include "server/proof/reference_check.h"
 

@@ -15,7 +15,7 @@
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/offline/cluster_checks.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 #include "server/proof/reference_check.h"

@@ -25,7 +25,7 @@
 #include "server/base/paths.h"
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -18,7 +18,7 @@
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/submit.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -23,7 +23,7 @@
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/offline/draw.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"

@@ -12,7 +12,7 @@
 
 #include "server/artefact/artefact.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"

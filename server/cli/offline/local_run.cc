@@ -18,7 +18,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/cli/base/files.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
 #include "server/runner/lease_report.h"

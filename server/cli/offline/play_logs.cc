@@ -17,7 +17,7 @@
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/proof/logs.h"
 #include "server/sandbox/slot_processes.h"

@@ -14,7 +14,7 @@
 #include "protocol/log/episode_log.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/replay_run.h"
 
 namespace myograde::server {

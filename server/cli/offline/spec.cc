@@ -23,7 +23,7 @@
 #include "server/base/counted.h"
 #include "server/base/paths.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/tracks.h"
 
 namespace myograde::server {

@@ -1,4 +1,4 @@
-#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/terminal.h"
 
 #include <sys/ioctl.h>
 #include <unistd.h>
@@ -14,8 +14,6 @@
 #include <absl/strings/str_format.h>
 
 #include "protocol/base/clock.h"
-#include "server/base/plain_text.h"
-#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
@@ -85,7 +83,7 @@ std::string HeadOf(std::string_view line, size_t columns) {
   return std::string(IndentOf(line, columns), ' ');
 }
 
-// A line to show: harmless but for what Bold (text.h) adds.
+// A line to show: harmless but for what Bold (terminal.h) adds.
 std::string Shown(std::string_view line) {
   std::string shown;
   for (;;) {

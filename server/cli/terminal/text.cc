@@ -1,4 +1,4 @@
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 #include <unistd.h>
 
@@ -13,7 +13,6 @@
 #include <absl/strings/str_split.h>
 
 #include "server/base/counted.h"
-#include "server/cli/terminal/screen.h"
 
 namespace myograde::server {
 namespace {

@@ -8,8 +8,7 @@
 
 #include "server/base/plain_text.h"
 #include "server/cli/base/verbs.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
