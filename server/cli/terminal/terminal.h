@@ -118,7 +118,7 @@ std::string CutText(std::string_view text, size_t columns);
 // Standard output while a verb runs: what std::cout prints is written to descriptor 1, and the first
 // failure is remembered. Lines are made harmless (server/base/plain_text.h). On a terminal, those that
 // are longer than it are broken at spaces and go on below the second column of their text, or behind
-// kForeignMark (terminal.h). At most one at a time.
+// kForeignMark. At most one at a time.
 class StandardOutput {
  public:
   StandardOutput();
