@@ -41,29 +41,29 @@ NewFile::NewFile(std::string path, mode_t mode)
     : path_(std::move(path)), in_place_(IsNoFile(path_)), part_(path_ + ".part") {
   if (in_place_) {
     fd_ = Fd(open(path_.c_str(), O_WRONLY | O_CLOEXEC));
-    return;
+  } else {
+    // One that an earlier run left, or that another user has put there to read along.
+    unlink(part_.c_str());
+    fd_ = Fd(open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, mode));
   }
-  // One that an earlier run left, or that another user has put there to read along.
-  unlink(part_.c_str());
-  fd_ = Fd(open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, mode));
+  if (!fd_.valid()) status_ = CantWrite(path_);
 }
 
 NewFile::~NewFile() {
   if (fd_.valid() && !in_place_) unlink(part_.c_str());
 }
 
-bool NewFile::Write(std::string_view text) {
+absl::Status NewFile::Write(std::string_view text) {
   hash_.Update(text);
-  while (!text.empty()) {
+  while (status_.ok() && !text.empty()) {
     const ssize_t n = write(fd_.get(), text.data(), text.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) {
-      error_ = errno;
-      return false;
+    if (n >= 0) {
+      text.remove_prefix(static_cast<size_t>(n));
+    } else if (errno != EINTR) {
+      status_ = CantWrite(path_);
     }
-    text.remove_prefix(static_cast<size_t>(n));
   }
-  return true;
+  return status_;
 }
 
 absl::StatusOr<std::string> NewFile::Keep() {
@@ -77,7 +77,7 @@ absl::StatusOr<std::string> NewFile::Keep() {
 absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_view content,
                                          mode_t mode) {
   NewFile file(path, mode);
-  if (!file.opened() || !file.Write(content)) return CantWrite(path);
+  RETURN_IF_ERROR(file.Write(content));
   return file.Keep();
 }
 

@@ -23,18 +23,15 @@ absl::Status CantWrite(const std::string& path);
 // another file has its name already. A device or a pipe of that name is written to as it is.
 class NewFile {
  public:
-  // Nobody but its owner can read it at any time, if `mode` does not say otherwise. Sets errno if
-  // the file can't be opened.
+  // Nobody but its owner can read it at any time, if `mode` does not say otherwise.
   explicit NewFile(std::string path, mode_t mode = 0600);
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
   ~NewFile();  // takes away what was not kept
 
-  bool opened() const { return fd_.valid(); }
-  // False: errno and error() say why.
-  bool Write(std::string_view text);
-  // 0, or why a Write failed.
-  int error() const { return error_; }
+  // CantWrite, if it can't be opened or a Write failed.
+  const absl::Status& status() const { return status_; }
+  absl::Status Write(std::string_view text);
   // Gives the file its name, in place of what had it; the digest of what was written.
   absl::StatusOr<std::string> Keep();
 
@@ -44,7 +41,7 @@ class NewFile {
   const std::string part_;
   Fd fd_;
   Sha256 hash_;
-  int error_ = 0;
+  absl::Status status_;
 };
 
 // Writes a whole NewFile; the digest of `content`. InvalidArgumentError if it can't be written.

@@ -1,4 +1,4 @@
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 
 #include <algorithm>
 #include <iostream>
@@ -106,7 +106,7 @@ std::string CountsText(const Json& submission) {
 
 void PrintResult(const Json& result, bool full_hashes) {
   const Json aggregate = result.value("aggregate", Json());
-  const std::string withheld = ListCell(result, "withheld");
+  const std::string withheld = Cell(result, "withheld");
   if (!aggregate.is_object()) {
     std::cout << (withheld == "-" ? "  no episode has a result yet\n" : "  no result to see yet\n");
   } else {
@@ -162,31 +162,6 @@ void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes) {
   PrintFaults(rows);
 }
 
-void PrintComparison(const Json& comparison) {
-  if (!comparison.is_object()) return;
-  for (const Json& episode : comparison.value("episodes", Json::array())) {
-    std::cout << Filled(episode, "  episode {index}: ");
-    if (episode.value("equal", false)) {
-      std::cout << "equal\n";
-      continue;
-    }
-    std::cout << "differs in " << ListCell(episode, "differs")
-              << Filled(episode, " (was {original.outcome} after {original.steps:step}, now "
-                                 "{rerun.outcome} after {rerun.steps:step})\n");
-  }
-  if (!comparison.value("equal", Json(0)).is_number()) {
-    std::cout << "  the phase withholds the comparison" << std::endl;
-    return;
-  }
-  const auto equal = comparison.value("equal", int64_t{0});
-  std::cout << "  " << equal << " of " << CountCell(comparison, "compared", "episode")
-            << (equal == 1 ? " is equal" : " are equal");
-  if (comparison.value("missing", 0) > 0) {
-    std::cout << Filled(comparison, "; {missing} can't be compared");
-  }
-  std::cout << std::endl;
-}
-
 void PrintUnreadable(const Json& answer) {
   for (const Json& entry : answer.value("unreadable", Json::array())) {
     std::cout << Filled(entry, "  Left out: [evaluation {evaluation}: ]{message}\n");
@@ -204,41 +179,13 @@ void PrintList(const Json& answer, const std::string& key, const std::string& no
   }
 }
 
-bool HasFinding(const std::vector<Finding>& findings, FindingState state) {
-  return std::any_of(findings.begin(), findings.end(),
-                     [&](const Finding& finding) { return finding.state == state; });
-}
-
-FindingState WorstOf(const std::vector<Finding>& findings) {
-  FindingState worst = FindingState::kOk;
-  for (const Finding& finding : findings) worst = std::max(worst, finding.state);
-  return worst;
-}
-
-const char* FindingStateName(FindingState state) {
-  constexpr const char* kNames[] = {"ok", "warning", "unknown", "fails"};
-  return kNames[static_cast<size_t>(state)];
-}
-
-Json FindingsJson(const std::vector<Finding>& findings) {
-  Json list = Json::array();
-  for (const Finding& finding : findings) {
-    list.push_back({{"name", finding.check},
-                    {"state", FindingStateName(finding.state)},
-                    {"found", finding.found},
-                    {"todo", finding.todo}});
-  }
-  return list;
-}
-
-void PrintFindings(const std::vector<Finding>& findings) {
-  PrintRows(FindingsJson(findings), {"check=name", "state", "found"});
-  for (const FindingState state :
-       {FindingState::kFails, FindingState::kUnknown, FindingState::kWarning}) {
-    for (const Finding& finding : findings) {
-      if (finding.state != state || finding.todo.empty()) continue;
-      std::cout << Bold(absl::StrCat(finding.check, ": ", FindingStateName(state))) << ": "
-                << Harmless(finding.todo) << '\n';
+void PrintChecks(const Json& checks, std::initializer_list<const char*> states, const char* before,
+                 const char* advice) {
+  PrintRows(checks, {"check=name", "state", "found"});
+  for (const char* state : states) {
+    for (const Json& check : checks) {
+      if (check["state"] != state || check["todo"] == "") continue;
+      std::cout << before << Bold(Filled(check, "{name}: {state}")) << Filled(check, advice);
     }
   }
 }

@@ -14,21 +14,16 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <limits>
-#include <utility>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
 #include "server/base/secret.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -346,21 +341,20 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
 }
 
 absl::StatusOr<int64_t> Client::Download(
-    const std::string& path, const std::function<bool(const char*, size_t)>& sink,
+    const std::string& path, const std::function<absl::Status(std::string_view)>& sink,
     const std::function<void(int64_t, int64_t)>& progress) const {
   ASSIGN_OR_RETURN(HttpRequest request, RequestTo(choice_, path, kUpload));
   int64_t done = 0;
+  absl::Status taken;
   request.progress = progress;
   request.sink = [&](std::string_view piece) {
     done += std::ssize(piece);
-    return sink(piece.data(), piece.size());
+    taken = sink(piece);
+    return taken.ok();
   };
   const HttpAnswer answer = HttpClient().Ask(request);
-  const bool whole = answer.failure == HttpAnswer::Failure::kNone;
-  if (whole && answer.status == 200) return done;
-  if (answer.failure == HttpAnswer::Failure::kNotTaken) {
-    return absl::InternalError("what the daemon sends can't be written");
-  }
+  RETURN_IF_ERROR(taken);
+  if (answer.failure == HttpAnswer::Failure::kNone && answer.status == 200) return done;
   RETURN_IF_ERROR(JsonOf(answer, *choice_).status());
   return absl::InternalError("the daemon's answer is not what was asked for");
 }

@@ -1,4 +1,5 @@
-// myograde leaderboard
+// Boards: myograde leaderboard; phase: pause, resume, publish; evaluate: further episodes for places
+// that are close
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
@@ -10,15 +11,11 @@
 #include <vector>
 
 #include "protocol/base/status_macros.h"
+#include "server/base/counted.h"
 #include "server/base/http_client.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -169,8 +166,7 @@ void PrintRanking(const Json& board, const Json& rows) {
                         row.value("other_build", false) ? kOtherBuild : "");
   };
   std::vector<RowColumn> columns = {RowColumn("rank", RankText), "team", "policy=name",
-                                    RowColumn("id", id)};
-  columns.push_back(ColumnOfPart("aggregate", "success=successes"));
+                                    RowColumn("id", id), "success={aggregate.successes}"};
   for (const RowColumn& metric : MetricColumns(board.value("columns", Json::array()))) {
     columns.push_back(ColumnOfPart("aggregate", metric));
   }
@@ -271,6 +267,94 @@ absl::StatusOr<int> Leaderboard(const BoardOptions& options) {
   return options.GetAndPrint("/v1/leaderboard" + options.board.Query(), PrintBoard);
 }
 
+struct PhaseOptions : DaemonOptions {
+  std::string name;
+  std::string reason;
+  bool all = false;
+};
+
+void PrintAct(const Json& answer) {
+  const bool all = answer.value("phase", Json()).is_null();
+  const std::string event = Cell(answer, "event");
+  const bool changed = answer.value("changed", false);
+  std::cout << Filled(answer, all ? "Submissions are " : "Phase {phase} is ")
+            << (event == "resumed" ? (changed ? "no longer paused" : "not paused")
+                                   : (changed ? "now " : "already ") + event)
+            << (changed ? "." : "; nothing changed.");
+  if (event == "resumed" && Cell(answer, "state") == "paused") {
+    std::cout << " It stays paused, as all submissions are.";
+  }
+  std::cout << std::endl;
+}
+
+// `act`: "pause", "resume" or "publish".
+absl::StatusOr<int> ActOnPhase(const PhaseOptions& options, const std::string& act) {
+  RETURN_IF_ERROR(RefuseIf({{options.all == !options.name.empty(),
+                             "name one phase, or give --all for all submissions"}}));
+  const std::string of = options.all ? "" : absl::StrCat("phases/", QueryValue(options.name), "/");
+  return options.PostAndPrint(absl::StrCat("/v1/", of, act), {{"reason", options.reason}},
+                              PrintAct);
+}
+
+struct EvaluateOptions : DaemonOptions {
+  std::string phase;
+  std::string board = "main";
+  int64_t more_seeds = 0;
+  std::string places;  // "A..B", or "" for all that are undecided
+  std::string reason = "close places";
+  bool wait = false;
+};
+
+absl::StatusOr<Json> PlacesOf(const std::string& text) {
+  const auto range = ParseRange(text);
+  if (range.has_value() && range->first >= 1 && range->second > range->first) {
+    return Json{range->first, range->second};
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("--places: \"", Harmless(text), "\" is not two ranks as in 2..4"));
+}
+
+void PrintFurther(const Json& answer) {
+  for (const Json& rejudge : answer.value("rejudges", Json::array())) {
+    const Json submissions = rejudge.value("submissions", Json::array());
+    std::cout << Filled(rejudge, "Rejudge {rejudge} plays {episodes:further episode} of ")
+              << Counted(std::ssize(submissions), "submission") << ":";
+    for (const Json& submission : submissions) std::cout << ' ' << submission;
+    std::cout << "\n";
+    const Json lost = rejudge.value("without_files", Json::array());
+    if (!lost.empty()) {
+      std::cout << "  The files of " << Counted(std::ssize(lost), "submission")
+                << " are not on this host any more, so it gets none.\n";
+    }
+  }
+  std::cout << Filled(answer, "No rank by the rules changes. Once they have ended, \"myograde "
+                              "leaderboard --phase {phase} --statistics\" takes them in.")
+            << std::endl;
+}
+
+absl::StatusOr<int> Evaluate(const EvaluateOptions& options) {
+  Json body = {
+      {"episodes", options.more_seeds}, {"board", options.board}, {"reason", options.reason}};
+  if (!options.places.empty()) {
+    ASSIGN_OR_RETURN(body["places"], PlacesOf(options.places));
+  }
+  const Client client = options.client();
+  ASSIGN_OR_RETURN(
+      const Json asked,
+      client.Post(absl::StrCat("/v1/phases/", QueryValue(options.phase), "/more-seeds"), body));
+  // Until all of them have been played, or were dropped.
+  for (const Json& rejudge : options.wait ? asked.value("rejudges", Json()) : Json()) {
+    RETURN_IF_ERROR(FollowUntil(client, Filled(rejudge, "/v1/rejudges/{rejudge}"),
+                                Filled(rejudge, "rejudge {rejudge}"),
+                                [](const Json& now) {
+                                  return now.value("complete", false) ||
+                                         now.value("state", "") == "dropped";
+                                })
+                        .status());
+  }
+  return PrintAnswer(asked, options.json, PrintFurther);
+}
+
 }  // namespace
 
 Action AddLeaderboard(CLI::App& verb) {
@@ -289,6 +373,48 @@ Action AddLeaderboard(CLI::App& verb) {
                 "Organiser: rebuild the boards from the episodes' rows, which changes no result");
   AddDaemonOptions(verb, "leaderboard", *options);
   return [options] { return Leaderboard(*options); };
+}
+
+Action AddPhase(CLI::App& verb) {
+  DaemonParts<PhaseOptions> parts(verb);
+  const auto add = [&](const std::string& name, const char* does, const char* example, bool all) {
+    CLI::App* part = parts.Add(name, does, example, "phase", [name](const PhaseOptions& options) {
+      return ActOnPhase(options, name);
+    });
+    part->add_option("NAME", parts.options().name,
+                     "The phase, as \"myograde challenge status\" lists it");
+    part->add_option("--reason", parts.options().reason,
+                     "Why, for those who submit and for the record; up to 200 bytes")
+        ->required();
+    if (!all) return;
+    part->add_flag("--all", parts.options().all, "All submissions, of every track and phase");
+  };
+  add("pause", "Refuse submissions for now; those that were accepted are played",
+      "pause final --reason \"a slot is broken\"", /*all=*/true);
+  add("resume", "Accept submissions again", "resume final --reason \"it is repaired\"",
+      /*all=*/true);
+  add("publish", "Show everybody a frozen board, and what the phase withheld; can't be undone",
+      "publish final --reason \"closing ceremony\"", /*all=*/false);
+  return parts.Chosen();
+}
+
+Action AddEvaluate(CLI::App& verb) {
+  auto options = std::make_shared<EvaluateOptions>();
+  verb.add_option("--phase", options->phase, "The phase whose places are close")->required();
+  verb.add_option("--more-seeds", options->more_seeds,
+                  "Further episodes of each submission in total, on seeds that follow the "
+                  "phase's own")
+      ->required()
+      ->type_name("N");
+  verb.add_option("--places", options->places,
+                  "First and last rank (default: all that share a group)")
+      ->type_name("A..B");
+  verb.add_option("--board", options->board, "Name of the board (default: main)");
+  verb.add_option("--reason", options->reason,
+                  "Why, for the record; up to 200 bytes (default: \"close places\")");
+  verb.add_flag("--wait", options->wait, "Wait until they have been played");
+  AddDaemonOptions(verb, "evaluate", *options);
+  return [options] { return Evaluate(*options); };
 }
 
 }  // namespace myograde::server

@@ -13,15 +13,9 @@
 #include <optional>
 
 #include "protocol/base/status_macros.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/server_choice.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -92,9 +86,8 @@ struct LoginOptions {
 std::string RoleText(const Json& who) {
   const std::string role = Cell(who, "role");
   if (role == "public") return "one of the public, who may read public boards";
-  const std::string teams = ListCell(who, "teams");
   return absl::StrCat(role.find_first_of("aeiou") == 0 ? "an " : "a ", role,
-                      teams == "-" ? "" : " of " + teams);
+                      Filled(who, "[ of {teams}]"));
 }
 
 // A login is kept in a "file".
@@ -188,13 +181,6 @@ void PrintCreated(const Json& token) {
             << std::endl;
 }
 
-void PrintRevoked(const Json& token) {
-  std::cout << Filled(token, token.value("changed", true)
-                                 ? "Token {id} is revoked."
-                                 : "Token {id} was revoked already; nothing changed.")
-            << std::endl;
-}
-
 absl::StatusOr<int> CreateToken(const TokenOptions& options) {
   Json body = {{"role", options.role}, {"label", options.label}};
   SetIfGiven(body, "team", options.team);
@@ -267,7 +253,8 @@ Action AddToken(CLI::App& verb) {
       .Add("revoke", "Revoke a token at once", "revoke 7", "token",
            [](const TokenOptions& of) {
              return of.PostAndPrint(absl::StrCat("/v1/tokens/", of.id, "/revoke"), Json::object(),
-                                    PrintRevoked);
+                                    Sentence("Token {id} is revoked.",
+                                             "Token {id} was revoked already; nothing changed."));
            })
       ->add_option("ID", options.id, "The token")
       ->required()

@@ -13,16 +13,9 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/http_client.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -48,15 +41,11 @@ struct TeamOptions : DaemonOptions {
   }
 };
 
-RowColumn ListColumn(const char* head, const char* key) {
-  return {head, [key](const Json& row) { return ListCell(row, key); }};
-}
-
 void PrintTeam(const Json& team) {
   std::cout << Bold(Filled(team, "Team {team}")) << '\n'
             << "state        " << (team.value("banned", false) ? "banned" : "active") << '\n'
-            << Filled(team, "created      {created_at}\nother names  ")
-            << ListCell(team, "other_names") << Filled(team, "\nsubmissions  {submissions}\n");
+            << Filled(team, "created      {created_at}\nother names  {other_names}\n"
+                            "submissions  {submissions}\n");
   const Json memberships = team.value("memberships", Json::array());
   if (memberships.empty()) {
     std::cout << "members      none\n";
@@ -93,10 +82,8 @@ void PrintConsequences(const Json& merge) {
   std::cout << Bold(Filled(merge, "Merging {team} into {into}"))
             << Filled(merge,
                       "\nsubmissions  {submissions}, {submissions_of_team} of them of {team}; the "
-                      "boards rank them as one team's\nmembers      ")
-            << ListCell(merge, "members")
-            << Filled(merge,
-                      "\ntokens       {tokens_of_team:token} of {team} will act for {into}\n"
+                      "boards rank them as one team's\nmembers      {members}\n"
+                      "tokens       {tokens_of_team:token} of {team} will act for {into}\n"
                       "names        {team} will find {into}; a merge can't be undone\n"
                       "quota        units that both have used add up, and so do grants; the limits "
                       "stay those of one team\n");
@@ -307,8 +294,7 @@ Action AddTeam(CLI::App& verb) {
               return options.ListAndPrint(
                   "/v1/teams", "teams",
                   "There are no teams yet; \"myograde team create NAME\" makes one.",
-                  {"team", ListColumn("members", "members"),
-                   ListColumn("other names", "other_names"), RowColumn("state", state)});
+                  {"team", "members", "other names=other_names", RowColumn("state", state)});
             });
   parts.AddOfTeam("show", "Show a team with its members and all that was done to it",
                   "show \"Team Blue\"", [](const TeamOptions& options) {

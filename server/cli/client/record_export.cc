@@ -14,7 +14,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/record_head.h"
 
 namespace myograde::server {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 

@@ -12,14 +12,9 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -1,4 +1,4 @@
-// myograde status
+// What the daemon does: myograde status; events; webhook: list, test; cluster: nodes, drain, admit
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 #include <absl/time/time.h>
@@ -12,14 +12,9 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -58,10 +53,7 @@ void PrintLeases(const Json& leases) {
   const auto state = [](const Json& lease) {
     return Waits(lease) ? "waits for a node" : Cell(lease, "state");
   };
-  const auto episodes = [](const Json& lease) {
-    return Cell(lease, "first") + ".." + Cell(lease, "last");
-  };
-  PrintRows(leases, {"block=lease", RowColumn("episodes", episodes), RowColumn("state", state),
+  PrintRows(leases, {"block=lease", "episodes={first}..{last}", RowColumn("state", state),
                      "host", OnCluster(leases) ? "job" : "slot", "attempt",
                      RowColumn("running", RunningFor), "at episode=episode", "step"});
 }
@@ -165,26 +157,16 @@ void PrintHealth(const Json& health) {
   PrintUnreadable(health);
 }
 
-void PrintSubmissions(const Json& submissions) {
-  if (submissions.empty()) {
-    std::cout << "There are no submissions yet." << std::endl;
-    return;
-  }
-  PrintRows(submissions,
-            {"id=submission", "team", "track", "profile", "state", ColumnOfPart("episodes", "done"),
-             ColumnOfPart("episodes", "of=total"), ColumnOfPart("episodes", "successes=success"),
-             ColumnOfPart("episodes", "faults=fault")});
-}
-
 absl::StatusOr<int> StatusOfAll(const Client& client, bool json) {
   ASSIGN_OR_RETURN(const Json health, client.Get("/v1/health"));
   ASSIGN_OR_RETURN(const Json list, client.Get("/v1/submissions"));
-  const Json submissions = list.value("submissions", Json::array());
-  return PrintAnswer(Json{{"daemon", health}, {"submissions", submissions}}, json,
-                     [&](const Json&) {
-                       PrintHealth(health);
-                       PrintSubmissions(submissions);
-                     });
+  const Json both = {{"daemon", health}, {"submissions", list.value("submissions", Json::array())}};
+  return PrintAnswer(both, json, [&](const Json&) {
+    PrintHealth(health);
+    PrintList(both, "submissions", "There are no submissions yet.",
+              {"id=submission", "team", "track", "profile", "state", "done={episodes.done}",
+               "of={episodes.total}", "successes={episodes.success}", "faults={episodes.fault}"});
+  });
 }
 
 struct StatusOptions : SubmissionOptions {
@@ -217,6 +199,85 @@ absl::StatusOr<int> Status(const StatusOptions& options) {
   return PrintAnswer(ended, options.json, PrintStatus, ExitOfState(ended.value("state", "")));
 }
 
+struct EventsOptions : DaemonOptions {
+  std::string kind;
+  int64_t limit = 100;
+  int64_t before = 0;  // 0: not given
+};
+
+void PrintEvents(const Json& answer) {
+  PrintList(answer, "events", "Nothing was denied, and no organiser did anything.",
+            {"id", "at", "kind", "who", "role", "action", "subject", "detail", "times=count"});
+  std::cout << Filled(answer, "[Older ones: --before {next_before}\n]");
+}
+
+absl::StatusOr<int> Events(const EventsOptions& options) {
+  const std::string before = options.before == 0 ? "" : absl::StrCat(options.before);
+  return options.GetAndPrint("/v1/events" + QueryOf({{"limit", absl::StrCat(options.limit)},
+                                                     {"before", before},
+                                                     {"kind", options.kind}}),
+                             PrintEvents);
+}
+
+// A check by IsSimpleName; `what` says in the error what the text is not.
+CLI::Validator NameOf(size_t most, bool any_first, const std::string& what) {
+  return CLI::Validator(
+      [=](const std::string& text) {
+        return IsSimpleName(text, most, any_first) ? ""
+                                                  : absl::StrCat("\"", text, "\" is no ", what);
+      },
+      "");
+}
+
+struct WebhookOptions : DaemonOptions {
+  std::string name;
+};
+
+void PrintWebhooks(const Json& answer) {
+  const Json webhooks = answer.value("webhooks", Json::array());
+  if (webhooks.empty()) {
+    std::cout << "There are no webhooks; \"webhooks\" of server.json names them.\n";
+  }
+  for (const Json& webhook : webhooks) {
+    std::cout << Filled(webhook, "{webhook} at {url}: {waiting} waiting, {delivered} delivered, "
+                                 "{given_up} given up\n");
+    const Json deliveries = webhook.value("deliveries", Json::array());
+    if (deliveries.empty()) continue;
+    PrintRows(deliveries, {"delivery", "event", "at", "state", "attempts",
+                           "next attempt=next_attempt_at", "problem"});
+  }
+}
+
+absl::StatusOr<int> TestWebhook(const WebhookOptions& options) {
+  ASSIGN_OR_RETURN(
+      const Json answer,
+      options.client().Post(absl::StrCat("/v1/webhooks/", options.name, "/test"), Json::object()));
+  const bool delivered = answer.value("delivered", false);
+  return PrintAnswer(
+      answer, options.json,
+      Sentence(absl::StrCat("Webhook ", options.name,
+                            delivered ? " took the event \"test\" (status {status})."
+                                      : " did not take the event \"test\": {problem}.")),
+      delivered ? kDone : kNoScore);
+}
+
+struct ClusterOptions : DaemonOptions {
+  std::string node;
+  std::string reason;
+};
+
+void PrintNodes(const Json& answer) {
+  if (!answer.value("cluster", false)) {
+    std::cout << "Leases run on the daemon's host, not on a cluster; \"executor\" of server.json "
+                 "says where.\n";
+    return;
+  }
+  if (!TextAt(answer, "message").empty()) std::cout << Bold(Cell(answer, "message")) << '\n';
+  PrintList(answer, "nodes",
+            "No node has had a lease since the daemon started, and none is drained.",
+            {"node", "state", "running", "done", "faults", "processor", "reason", "by=drained_by"});
+}
+
 }  // namespace
 
 Action AddStatus(CLI::App& verb) {
@@ -228,6 +289,71 @@ Action AddStatus(CLI::App& verb) {
                 "that submission has ended");
   AddDaemonOptions(verb, "status", *options);
   return [options] { return Status(*options); };
+}
+
+Action AddEvents(CLI::App& verb) {
+  auto options = std::make_shared<EventsOptions>();
+  verb.add_option("--kind", options->kind,
+                  "Only requests that were denied, or only acts of organisers: denied or act "
+                  "(default: both)")
+      ->check(CLI::IsMember({"denied", "act"}));
+  verb.add_option("--limit", options->limit, "Rows to show, 1 to 1000 (default: 100)")
+      ->check(CLI::Range(1, 1000));
+  verb.add_option("--before", options->before, "Only rows with a lower id")
+      ->check(CLI::Range(int64_t{1}, INT64_MAX));
+  AddDaemonOptions(verb, "events", *options);
+  return [options] { return Events(*options); };
+}
+
+Action AddWebhook(CLI::App& verb) {
+  DaemonParts<WebhookOptions> parts(verb);
+  parts.Add("list", "List the webhooks and their latest deliveries", "list", "webhooks",
+            [](const WebhookOptions& options) {
+              return options.GetAndPrint("/v1/webhooks", PrintWebhooks);
+            });
+  parts
+      .Add("test", "Send an event \"test\" to a webhook, once", "test chat", "webhook-test",
+           TestWebhook)
+      ->add_option("NAME", parts.options().name, "The webhook, as server.json names it")
+      ->required()
+      ->type_name("TEXT")
+      ->check(NameOf(64, /*any_first=*/true,
+                     "webhook's name, as \"myograde webhook list\" lists them"));
+  return parts.Chosen();
+}
+
+Action AddCluster(CLI::App& verb) {
+  DaemonParts<ClusterOptions> parts(verb);
+  const auto add_node = [&](CLI::App* part) {
+    part->add_option("NODE", parts.options().node, "The node, as the cluster names it")
+        ->required()
+        ->type_name("TEXT")
+        ->check(NameOf(255, /*any_first=*/false,
+                       "node's name, as \"myograde cluster nodes\" lists them"));
+  };
+  parts.Add("nodes", "List the nodes that had leases, and those that are drained", "nodes",
+            "cluster-nodes", [](const ClusterOptions& options) {
+              return options.GetAndPrint("/v1/nodes", PrintNodes);
+            });
+  CLI::App* drain =
+      parts.Add("drain", "Start no more leases on a node; those that run there go on",
+                "drain node17 --reason \"a fan is broken\"", "cluster-node",
+                [](const ClusterOptions& options) {
+                  return options.PostAndPrint(
+                      "/v1/nodes/" + options.node,
+                      {{"state", "drained"}, {"reason", options.reason}},
+                      Sentence("Node {node} gets no more leases; those that run there go on."));
+                });
+  add_node(drain);
+  drain->add_option("--reason", parts.options().reason, "Why, for those who list the nodes")
+      ->required();
+  add_node(parts.Add("admit", "Let a node have leases again, once it has proved itself",
+                     "admit node17", "cluster-node", [](const ClusterOptions& options) {
+                       return options.PostAndPrint(
+                           "/v1/nodes/" + options.node, {{"state", "admitted"}},
+                           Sentence("Node {node} gets leases again, once it has proved itself."));
+                     }));
+  return parts.Chosen();
 }
 
 }  // namespace myograde::server

@@ -11,15 +11,9 @@
 
 #include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/evaluation_logs.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/logs.h"
 
 namespace myograde::server {
@@ -72,14 +66,6 @@ void PrintCancelled(const Json& status) {
   std::cout << Filled(status, "Submission {submission} is {state}; ")
             << KillText(status.value("cancel", Json::object())) << "; it keeps "
             << CountsText(status) << "." << QuotaText(status) << std::endl;
-}
-
-void PrintChoice(const Json& answer) {
-  const bool changed = answer.value("changed", false);
-  std::cout << Filled(answer, changed
-                                  ? "Team {team} now stands with submission {submission}"
-                                  : "Team {team} stood with it already: submission {submission}")
-            << Filled(answer, "[ in phase {phase}].") << std::endl;
 }
 
 struct MarkOptions : SubmissionOptions {
@@ -219,6 +205,32 @@ absl::StatusOr<Json> RangeOf(const std::string& text) {
                    "\" is no range; write A..B with 0 <= A <= B, both included, as 10..19"));
 }
 
+// What a re-run found, episode by episode.
+void PrintComparison(const Json& comparison) {
+  if (!comparison.is_object()) return;
+  for (const Json& episode : comparison.value("episodes", Json::array())) {
+    std::cout << Filled(episode, "  episode {index}: ");
+    if (episode.value("equal", false)) {
+      std::cout << "equal\n";
+      continue;
+    }
+    std::cout << Filled(episode,
+                        "differs in {differs} (was {original.outcome} after {original.steps:step}, "
+                        "now {rerun.outcome} after {rerun.steps:step})\n");
+  }
+  if (!comparison.value("equal", Json(0)).is_number()) {
+    std::cout << "  the phase withholds the comparison" << std::endl;
+    return;
+  }
+  const auto equal = comparison.value("equal", int64_t{0});
+  std::cout << "  " << equal << " of " << CountCell(comparison, "compared", "episode")
+            << (equal == 1 ? " is equal" : " are equal");
+  if (comparison.value("missing", 0) > 0) {
+    std::cout << Filled(comparison, "; {missing} can't be compared");
+  }
+  std::cout << std::endl;
+}
+
 absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& client, Json result) {
   const std::string state = result.value("state", "");
   const Json comparison = result.value("comparison", Json());
@@ -291,7 +303,11 @@ Action AddChoose(CLI::App& verb) {
                   "A ranked submission of your team that is done");
   AddDaemonOptions(verb, "choose", *options);
   return [options] {
-    return options->PostAndPrint(options->Resource("/choose"), Json::object(), PrintChoice);
+    return options->PostAndPrint(
+        options->Resource("/choose"), Json::object(),
+        Sentence(
+            "Team {team} now stands with submission {submission}[ in phase {phase}].",
+            "Team {team} stood with it already: submission {submission}[ in phase {phase}]."));
   };
 }
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <iostream>
-#include <optional>
 #include <utility>
 
 #include "protocol/base/status_macros.h"
@@ -13,14 +12,9 @@
 #include "server/base/http_client.h"
 #include "server/base/names.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
-#include "server/cli/client/client.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -117,9 +111,6 @@ void PrintAccepted(const Json& submission) {
             << std::endl;
 }
 
-// Submissions of a team that are looked through for this policy.
-constexpr char kSubmissionsAsked[] = "1000";
-
 Finding Good(const char* check, std::string found) {
   return {check, FindingState::kOk, std::move(found)};
 }
@@ -203,12 +194,8 @@ Finding PhaseFinding(const SubmissionPlan& plan, const Json& phase) {
               Filled(phase, "phase \"{phase}\" of track \"{track}\" is open[ until {closes_at}]"));
 }
 
-struct Place {
-  std::string phase;  // "": the track itself
-  Finding finding;
-};
-
-Place PlaceOf(const SubmissionPlan& plan, const Json& challenges) {
+// The phase, "" for the track itself, and whether it takes this.
+std::pair<std::string, Finding> PlaceOf(const SubmissionPlan& plan, const Json& challenges) {
   if (challenges.value("paused", Json()).is_object()) {
     return {plan.phase, Paused(challenges, "all submissions")};
   }
@@ -316,42 +303,41 @@ Finding QuotaAt(const Json& quota, const Json& place, const std::string& budget)
                                   " submissions are left today, {total.left} in all")));
 }
 
-// nullopt: the server knows no such team, which then has used nothing.
-std::optional<Finding> QuotaFinding(const Client& client, const SubmissionPlan& plan,
-                                    const std::string& phase) {
+// Nothing if the server knows no such team, which then has used nothing.
+void AddQuotaFinding(const Client& client, const SubmissionPlan& plan, const std::string& phase,
+                     std::vector<Finding>& findings) {
   const absl::StatusOr<Json> quota = client.Get(
       "/v1/quota" + QueryOf({{"team", plan.team}, {"track", plan.track}, {"limit", "1"}}));
   const std::string code = AnsweredCode(quota.status());
-  if (code == "not_found" || code == "unknown_track") return std::nullopt;
-  if (!quota.ok()) return NotAnswered("quota", quota.status());
+  if (code == "not_found" || code == "unknown_track") return;
+  if (!quota.ok()) return findings.push_back(NotAnswered("quota", quota.status()));
   const Json place =
       phase.empty() ? RowWith(quota->value("tracks", Json::array()), "track", plan.track)
                     : RowWith(quota->value("phases", Json::array()), "phase", phase);
-  if (place.is_null()) return std::nullopt;
-  return QuotaAt(*quota, place, plan.practice() ? "practice" : "official");
+  if (place.is_null()) return;
+  findings.push_back(QuotaAt(*quota, place, plan.practice() ? "practice" : "official"));
 }
 
 // Whether this policy is ranked there already: nothing would be played again.
-std::optional<Finding> TwinFinding(const Client& client, const SubmissionPlan& plan,
-                                   const std::string& phase) {
-  if (plan.practice() || plan.artefact.empty()) return std::nullopt;
+void AddTwinFinding(const Client& client, const SubmissionPlan& plan, const std::string& phase,
+                    std::vector<Finding>& findings) {
+  if (plan.practice() || plan.artefact.empty()) return;
   const absl::StatusOr<Json> answer =
       client.Get("/v1/submissions" + QueryOf({{"team", plan.team},
                                               {"track", plan.track},
-                                              {"limit", kSubmissionsAsked},
+                                              {"limit", "1000"},
                                               {"phase", phase}}));
-  if (!answer.ok()) return std::nullopt;  // the team's finding says why
+  if (!answer.ok()) return;  // the team's finding says why
   for (const Json& submission : answer->value("submissions", Json::array())) {
     const bool same_rules = plan.profile.empty() || TextAt(submission, "profile") == plan.profile;
     const bool twin = TextAt(submission, "artefact") == plan.artefact && same_rules;
     if (!twin || !submission.value("ranked", false)) continue;
-    return Finding{"novelty", FindingState::kWarning,
-                   Filled(submission,
-                          "this very policy is submission {submission} of the team, which "
-                          "is {state}; a ranked policy is played once"),
-                   "see \"myograde show ID\"; change the policy, or rerun that submission"};
+    return findings.push_back(
+        {"novelty", FindingState::kWarning,
+         Filled(submission, "this very policy is submission {submission} of the team, which is "
+                            "{state}; a ranked policy is played once"),
+         "see \"myograde show ID\"; change the policy, or rerun that submission"});
   }
-  return std::nullopt;
 }
 
 }  // namespace
@@ -382,34 +368,33 @@ absl::StatusOr<int> Submit(SubmitOptions options) {
   });
 }
 
-Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan) {
+bool AskAcceptance(const Client& client, const SubmissionPlan& plan,
+                   std::vector<Finding>& findings) {
   const absl::StatusOr<Json> whoami = client.Get("/v1/whoami");
   if (!whoami.ok()) {
     // A refusal is an answer: the token is bad.
     const bool refused = whoami.status().code() == absl::StatusCode::kInvalidArgument;
-    return {refused,
-            {{"server", refused ? FindingState::kFails : FindingState::kUnknown,
-              std::string(whoami.status().message()),
-              refused ? "log in again with \"myograde login URL\""
-                      : "team, phase, rules, runtimes and quota are not checked"}}};
+    findings.push_back({"server", refused ? FindingState::kFails : FindingState::kUnknown,
+                        std::string(whoami.status().message()),
+                        refused ? "log in again with \"myograde login URL\""
+                                : "team, phase, rules, runtimes and quota are not checked"});
+    return refused;
   }
-  Acceptance acceptance = {true, {ServerFinding(client, *whoami)}};
-  std::vector<Finding>& findings = acceptance.findings;
+  findings.push_back(ServerFinding(client, *whoami));
+  const bool known = findings.back().state == FindingState::kOk;
   const absl::StatusOr<Json> challenges = client.Get("/v1/challenges");
   if (!challenges.ok()) {
     findings.push_back(NotAnswered("phase", challenges.status()));
-    return acceptance;
+    return true;
   }
-  const Place place = PlaceOf(plan, *challenges);
-  if (findings[0].state == FindingState::kOk) {
-    findings.push_back(TeamFinding(client, plan, !(*challenges)["challenges"].empty()));
-  }
-  findings.push_back(place.finding);
+  const auto [phase, open] = PlaceOf(plan, *challenges);
+  if (known) findings.push_back(TeamFinding(client, plan, !(*challenges)["challenges"].empty()));
+  findings.push_back(open);
   findings.push_back(RulesFinding(client, plan));
   findings.push_back(RuntimesFinding(client, plan));
-  if (auto quota = QuotaFinding(client, plan, place.phase)) findings.push_back(*std::move(quota));
-  if (auto twin = TwinFinding(client, plan, place.phase)) findings.push_back(*std::move(twin));
-  return acceptance;
+  AddQuotaFinding(client, plan, phase, findings);
+  AddTwinFinding(client, plan, phase, findings);
+  return true;
 }
 
 CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {

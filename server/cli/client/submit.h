@@ -8,8 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "server/cli/base/report.h"
-#include "server/cli/client/daemon_options.h"
+#include "server/cli/client/client.h"
 
 namespace myograde::server {
 
@@ -45,15 +44,27 @@ struct SubmissionPlan : SubmitOptions {
   bool practice() const { return !seeds.empty() || episodes > 0; }
 };
 
-struct Acceptance {
-  bool answered = false;  // false: the server can't be reached, and nothing else is known
-  std::vector<Finding> findings;
+enum class FindingState {
+  kOk,
+  kWarning,  // it would be accepted, and is worth a look
+  kUnknown,  // it could not be checked here
+  kFails,
+};
+
+// What a check found, in words, so that everything is reported at once and not the first mistake.
+struct Finding {
+  std::string check;  // one word
+  FindingState state = FindingState::kOk;
+  std::string found;      // a sentence without a full stop
+  std::string todo = {};  // what to do about it; "" if nothing
 };
 
 // What the server would answer to a submission, asked before anything is sent: who the caller is
 // and whether the team may submit, whether track and phase are open, whether the server's rules are
 // those of this host, which runtimes it has, and what is left of the quota. Nothing is changed
-// there, except that a denied request is counted like any other.
-Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan);
+// there, except that a denied request is counted like any other. False: the server can't be reached,
+// and nothing else is known.
+bool AskAcceptance(const Client& client, const SubmissionPlan& plan,
+                   std::vector<Finding>& findings);
 
 }  // namespace myograde::server

@@ -18,14 +18,9 @@
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/runtime/runtimes.h"
 
@@ -163,32 +158,6 @@ absl::StatusOr<int> List(const RuntimeOptions& options) {
                      PrintRuntimes);
 }
 
-void AddMaking(CLI::App& part, RuntimeOptions& options) {
-  part.add_option("NAME", options.name, "Its name in policy.json: a-z, 0-9, \".\", \"_\", \"-\"")
-      ->required();
-  part.add_option("REQUIREMENTS", options.requirements,
-                  "Requirements file of pip in which each package has a version and a SHA-256, or a "
-                  "folder with a requirements.txt and a debian.txt (default: the shipped recipe of "
-                  "that name)");
-  part.add_option("--debian", options.debian,
-                  "Python package of Debian to add, with what it needs; may be repeated");
-  part.add_flag("--lock", options.lock,
-                "Find versions and hashes first, and write them beside the requirements file");
-  part.add_flag("--replace", options.replace,
-                "Replace the runtime of that name; evaluations that began with it keep it");
-  part.add_option("--python", options.python,
-                  "Python that policies will run it with; below /usr (others: in images only)")
-      ->capture_default_str();
-  part.add_option("--wheels", options.wheels,
-                  "Folder to take the packages from instead of the network");
-  part.add_option("--most-bytes", options.most_bytes, "Largest unpacked size in bytes")
-      ->check(WholeNumber(1, "no size"))
-      ->capture_default_str();
-  part.add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")
-      ->check(WholeNumber(1, "no time"))
-      ->capture_default_str();
-}
-
 }  // namespace
 
 Action AddServe(CLI::App& verb) {
@@ -214,8 +183,31 @@ Action AddRuntime(CLI::App& verb) {
     AddHostOptions(*part, options.host);
     return part;
   };
-  AddMaking(*add("add", "Make a runtime from a requirements file", "add torch-cpu", "runtime", Add),
-            options);
+  CLI::App* making =
+      add("add", "Make a runtime from a requirements file", "add torch-cpu", "runtime", Add);
+  making->add_option("NAME", options.name, "Its name in policy.json: a-z, 0-9, \".\", \"_\", \"-\"")
+      ->required();
+  making->add_option("REQUIREMENTS", options.requirements,
+                  "Requirements file of pip in which each package has a version and a SHA-256, or a "
+                  "folder with a requirements.txt and a debian.txt (default: the shipped recipe of "
+                  "that name)");
+  making->add_option("--debian", options.debian,
+                  "Python package of Debian to add, with what it needs; may be repeated");
+  making->add_flag("--lock", options.lock,
+                "Find versions and hashes first, and write them beside the requirements file");
+  making->add_flag("--replace", options.replace,
+                "Replace the runtime of that name; evaluations that began with it keep it");
+  making->add_option("--python", options.python,
+                  "Python that policies will run it with; below /usr (others: in images only)")
+      ->capture_default_str();
+  making->add_option("--wheels", options.wheels,
+                  "Folder to take the packages from instead of the network");
+  making->add_option("--most-bytes", options.most_bytes, "Largest unpacked size in bytes")
+      ->check(WholeNumber(1, "no size"))
+      ->capture_default_str();
+  making->add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")
+      ->check(WholeNumber(1, "no time"))
+      ->capture_default_str();
   add("list", "List the runtimes of this host", "list", "runtimes", List);
   CLI::App* remove = add("remove", "Remove a runtime and its former versions", "remove torch",
                          "runtime-remove", [](const RuntimeOptions& of) {

@@ -10,10 +10,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
-#include <string>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"

@@ -11,16 +11,11 @@
 #include <optional>
 #include <vector>
 
-#include "protocol/base/status_macros.h"
 #include "server/base/paths.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/offline/cluster_checks.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 #include "server/proof/reference_check.h"
@@ -163,19 +158,6 @@ Json ChecksJson(const std::vector<Check>& checks, CheckState worst) {
   return {{"version", MYOGRADE_VERSION}, {"state", CheckStateName(worst)}, {"checks", list}};
 }
 
-// `checks` as JSON has them.
-void PrintChecks(const Json& checks) {
-  PrintRows(checks, {"check=name", "state", "found"});
-  for (const CheckState state : {CheckState::kMissing, CheckState::kDegraded}) {
-    for (const Json& check : checks) {
-      if (Cell(check, "state") != CheckStateName(state)) continue;
-      std::cout << '\n'
-                << Bold(Filled(check, "{name}: {state}"))
-                << Filled(check, "\n  costs: {costs}\n  to do: {todo}\n");
-    }
-  }
-}
-
 // "a, b" of a list, "name=value, ..." of an object.
 std::string Words(const Json& json) {
   std::string text;
@@ -246,7 +228,8 @@ absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
   return PrintAnswer(
       ChecksJson(checks, worst), verb.json,
       [&](const Json& answer) {
-        PrintChecks(answer["checks"]);
+        PrintChecks(answer["checks"], {"missing", "degraded"}, "\n",
+                    "\n  costs: {costs}\n  to do: {todo}\n");
         std::cout << (verb.cluster ? "\nThe cluster" : "\nThis host")
                   << (worst == CheckState::kOk         ? " has all that MyoGrade needs."
                       : worst == CheckState::kDegraded ? " can grade, at the cost named above."

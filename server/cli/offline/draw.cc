@@ -23,13 +23,9 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/base/paths.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/client/evaluation_logs.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

@@ -15,14 +15,10 @@
 #include "protocol/lease/practice_seeds.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/submit.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -120,8 +116,7 @@ struct DryReport {
 void PlayDryEpisode(const LocalOrder& order, int64_t episodes, DryReport& report) {
   std::vector<Finding>& findings = report.findings;
   const absl::StatusOr<LocalResult> result =
-      PlayLocally(order, {.progress = Progress("practice episode").Listener(),
-                          .stopped = StopRequested});
+      PlayLocally(order, "practice episode", /*tell_replays=*/false);
   if (!result.ok()) {
     findings.push_back({"episode", FindingState::kUnknown,
                         absl::StrCat("this host could not play: ", result.status().message()),
@@ -167,14 +162,9 @@ absl::Status TakePhase(const Client& client, DryRunOptions& options) {
   return absl::OkStatus();
 }
 
-// What would be played, of which one episode is.
-struct DryOrder {
-  LocalOrder local;
-  int64_t episodes = 0;
-};
-
-// What `local` would need to play one episode of practice.
-absl::StatusOr<DryOrder> OrderOf(const DryRunOptions& options) {
+// What `local` would need to play one episode of practice. Sets how many `episodes` would be played
+// of the submission.
+absl::StatusOr<LocalOrder> OrderOf(const DryRunOptions& options, int64_t& episodes) {
   ASSIGN_OR_RETURN(LocalOrder order, MakeLocalOrder({.host = options.host,
                                                      .path = options.path,
                                                      .track = options.track,
@@ -182,7 +172,7 @@ absl::StatusOr<DryOrder> OrderOf(const DryRunOptions& options) {
                                                      .seeds = options.seeds,
                                                      .logs = "",
                                                      .slots = 1}));
-  int64_t episodes = std::ssize(order.seeds);  // of the option, or of the track
+  episodes = std::ssize(order.seeds);  // of the option, or of the track
   if (options.seeds.empty() && options.phase_episodes > 0) episodes = options.phase_episodes;
   if (options.episodes > 0) episodes = options.episodes;
   if (options.seeds.empty()) {
@@ -193,7 +183,7 @@ absl::StatusOr<DryOrder> OrderOf(const DryRunOptions& options) {
     }
   }
   order.seeds.resize(1);
-  return DryOrder{std::move(order), episodes};
+  return order;
 }
 
 Finding SubmissionFinding(const absl::Status& status, const LocalOrder& order) {
@@ -223,25 +213,28 @@ Finding ProgramFinding(const std::string& path, LocalOrder& order) {
   return {"program", FindingState::kOk, "the command can start in the sandbox"};
 }
 
+FindingState WorstOf(const std::vector<Finding>& findings) {
+  FindingState worst = FindingState::kOk;
+  for (const Finding& finding : findings) worst = std::max(worst, finding.state);
+  return worst;
+}
+
 // A problem of this host, rather than of the submission, is the error.
 absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& client,
-                                  const std::string& temp, DryOrder& dry) {
-  LocalOrder& order = dry.local;
+                                  const std::string& temp, int64_t episodes, LocalOrder& order) {
   DryReport report;
+  std::vector<Finding>& findings = report.findings;
   const absl::Status taken = TakeSubmission(options.path, options.name, temp, order);
   if (!taken.ok() && ExitOf(taken) == kTrouble) return taken;
-  report.findings.push_back(SubmissionFinding(taken, order));
-  if (taken.ok()) report.findings.push_back(ProgramFinding(options.path, order));
-  const bool playable = WorstOf(report.findings) == FindingState::kOk;
+  findings.push_back(SubmissionFinding(taken, order));
+  if (taken.ok()) findings.push_back(ProgramFinding(options.path, order));
+  const bool playable = WorstOf(findings) == FindingState::kOk;
   const Artefact& artefact = order.artefact;
-  const Acceptance acceptance =
-      AskAcceptance(client, {options, artefact.digest, artefact.manifest.runtimes,
-                             order.track->config.hash});
-  report.answered = acceptance.answered;
-  std::vector<Finding>& findings = report.findings;
-  findings.insert(findings.end(), acceptance.findings.begin(), acceptance.findings.end());
+  report.answered = AskAcceptance(
+      client,
+      {options, artefact.digest, artefact.manifest.runtimes, order.track->config.hash}, findings);
   if (playable) {
-    PlayDryEpisode(order, dry.episodes, report);
+    PlayDryEpisode(order, episodes, report);
   } else {
     findings.push_back({"episode", FindingState::kUnknown,
                         "no practice episode was played, as the policy can't start here"});
@@ -250,15 +243,25 @@ absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& cl
 }
 
 int ExitOfReport(const DryReport& report) {
-  if (HasFinding(report.findings, FindingState::kFails) || report.interrupted) {
-    return kNoScore;
-  }
+  if (WorstOf(report.findings) == FindingState::kFails || report.interrupted) return kNoScore;
   if (!report.answered) return kUnreachable;
   return report.row.is_null() ? kTrouble : kDone;
 }
 
+const char* StateName(FindingState state) {
+  constexpr const char* kNames[] = {"ok", "warning", "unknown", "fails"};
+  return kNames[static_cast<size_t>(state)];
+}
+
 Json ReportJson(const DryRunOptions& options, const LocalOrder& order, const Client& client,
                 const DryReport& report) {
+  Json checks = Json::array();
+  for (const Finding& finding : report.findings) {
+    checks.push_back({{"name", finding.check},
+                      {"state", StateName(finding.state)},
+                      {"found", finding.found},
+                      {"todo", finding.todo}});
+  }
   return {{"team", options.team},
           {"track", options.track},
           {"profile", order.track->config.profile},
@@ -267,8 +270,8 @@ Json ReportJson(const DryRunOptions& options, const LocalOrder& order, const Cli
           {"artefact", TextOrNull(order.artefact.digest)},
           {"server", TextOrNull(client.where())},
           {"answered", report.answered},
-          {"state", FindingStateName(WorstOf(report.findings))},
-          {"checks", FindingsJson(report.findings)},
+          {"state", StateName(WorstOf(report.findings))},
+          {"checks", std::move(checks)},
           {"episode", report.row},
           {"output", report.output}};
 }
@@ -286,14 +289,14 @@ void PrintTails(const Json& output) {
   }
 }
 
-void PrintReport(const DryRunOptions& options, const LocalOrder& order, const DryReport& report) {
-  std::cout << Bold(absl::StrCat("Dry run of ", Harmless(options.path), " on ", options.track,
-                                 ", profile ", order.track->config.profile))
+void PrintReport(const DryRunOptions& options, const DryReport& report, const Json& json) {
+  std::cout << Bold(absl::StrCat("Dry run of ", Harmless(options.path),
+                                 Filled(json, " on {track}, profile {profile}")))
             << '\n';
-  PrintFindings(report.findings);
+  PrintChecks(json["checks"], {"fails", "unknown", "warning"}, "", ": {todo}\n");
   const int status = ExitOfReport(report);
   if (status == kNoScore) PrintTails(report.output);
-  const bool warned = HasFinding(report.findings, FindingState::kWarning);
+  const bool warned = RowWith(json["checks"], "state", "warning").is_object();
   std::cout << (status == kNoScore && report.interrupted ? "It was interrupted."
                 : status == kNoScore     ? "The submission would fail: see above."
                 : status == kUnreachable ? "Nothing would fail as far as can be known without the server."
@@ -312,12 +315,13 @@ absl::StatusOr<int> DryRun(DryRunOptions options) {
   RETURN_IF_ERROR(CheckPlaceGiven(options));
   const Client client = options.client();
   RETURN_IF_ERROR(TakePhase(client, options));
-  ASSIGN_OR_RETURN(DryOrder order, OrderOf(options));
+  int64_t episodes = 0;
+  ASSIGN_OR_RETURN(LocalOrder order, OrderOf(options, episodes));
   ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("dry-run"));
-  ASSIGN_OR_RETURN(const DryReport report, Examine(options, client, temp.path(), order));
+  ASSIGN_OR_RETURN(const DryReport report, Examine(options, client, temp.path(), episodes, order));
   return PrintAnswer(
-      ReportJson(options, order.local, client, report), options.json,
-      [&](const Json&) { PrintReport(options, order.local, report); }, ExitOfReport(report));
+      ReportJson(options, order, client, report), options.json,
+      [&](const Json& json) { PrintReport(options, report, json); }, ExitOfReport(report));
 }
 
 }  // namespace

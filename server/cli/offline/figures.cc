@@ -19,11 +19,9 @@
 #include "scoring/paired_test.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/client/daemon_options.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/client/client.h"
 #include "server/cli/offline/draw.h"
-#include "server/cli/offline/verbs.h"
 #include "server/grading/leaderboard.h"
 
 namespace myograde::server {

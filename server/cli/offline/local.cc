@@ -1,54 +1,47 @@
+// A policy graded on this host without a daemon: myograde local; try, which also writes a folder with a
+// report and films to look at
 #include "server/cli/offline/local.h"
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
-#include <absl/strings/str_join.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/outcome.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/adapters.h"
+#include "protocol/tracks/registry.h"
+#include "server/base/child_process.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/base/report.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
-#include "server/config/server_config.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/offline/draw.h"
+#include "server/cli/terminal/terminal.h"
+#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
 #include "server/runner/log_keeper.h"
 #include "server/runtime/runtimes.h"
-#include "server/sandbox/program.h"
-#include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {
 namespace {
 
-absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
-                                              const TrackConfig& config) {
-  std::vector<uint64_t> seeds = config.seeds;
-  if (!options.seeds.empty()) {
-    ASSIGN_OR_RETURN(seeds, ReadSeeds(options.seeds));
-  }
-  RETURN_IF_ERROR(RefuseIf(
-      {{options.episodes > std::ssize(seeds),
-        absl::StrCat("--episodes: ", options.episodes,
-                     " are asked for, but the seed list has only ", seeds.size())}}));
-  if (options.episodes > 0) seeds.resize(static_cast<size_t>(options.episodes));
-  return seeds;
-}
+namespace fs = std::filesystem;
+
+// What came of a local run.
+struct LocalGrade {
+  Json json;                     // as `local --json` prints it
+  std::vector<EpisodeRow> rows;  // by index
+  TrackPtr track;
+  bool interrupted = false;
+};
 
 // Everything that can be wrong with what the user gave is found here, before
 // anything runs. `temp` keeps the unpacked submission.
@@ -72,7 +65,6 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
 // Names the logs in `folder` after their episodes, and says so in `rows`. The runner names them by
 // their hashes.
 absl::Status NameLogs(const std::string& folder, Json& rows) {
-  namespace fs = std::filesystem;
   if (folder.empty() || rows.empty()) return absl::OkStatus();
   const auto width = static_cast<int>(std::to_string(rows.back()["index"].get<int64_t>()).size());
   for (Json& row : rows) {
@@ -133,101 +125,12 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
               {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};
 }
 
-}  // namespace
-
-absl::StatusOr<ServerConfig> ServerConfigOf(const HostOptions& host) {
-  return HostStatus("", LoadServerConfig(host.configs_dir() + "/server.json", host.cache_dir()));
-}
-
-absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
-  LocalOrder order;
-  const std::string configs = options.host.configs_dir();
-  ASSIGN_OR_RETURN(
-      TrackConfig config,
-      HostStatus("", LoadTrackConfig(configs + "/tracks", options.track, options.profile)));
-  ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, config));
-  ASSIGN_OR_RETURN(order.track, HostStatus("", MakeTrack(std::move(config))));
-  order.cache_dir = options.host.cache_dir();
-  ASSIGN_OR_RETURN(order.config, ServerConfigOf(options.host));
-  RETURN_IF_ERROR(HostStatus("", LoadSandboxConfig(configs).status()));
-  order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
-  return order;
-}
-
-absl::Status TakeSubmission(const std::string& path, const std::string& name,
-                            const std::string& temp, LocalOrder& order) {
-  const TrackConfig& track = order.track->config;
-  const ArtefactLimits limits = {.bytes = track.budgets.submission_bytes,
-                                 .files = track.budgets.submission_files};
-  const std::string archive = temp + "/artefact.tar";
-  RETURN_IF_ERROR(
-      HostStatus(path, PackArtefact(path, archive, limits,
-                                    Progress("packing", Progress::Unit::kBytes).Listener(), name)
-                           .status()));
-  order.artefact_dir = temp + "/artefact";
-  ASSIGN_OR_RETURN(
-      order.artefact,
-      HostStatus(path, UnpackArtefact(archive, order.artefact_dir, limits,
-                                      Progress("unpacking", Progress::Unit::kBytes).Listener())));
-  const ArtefactManifest& manifest = order.artefact.manifest;
-  RETURN_IF_ERROR(HostStatus(path, CheckAdapter(manifest.adapter, *track.kind)));
-  RETURN_IF_ERROR(HostStatus(path, CheckExtraObservations(manifest.extra_observations, track)));
-  order.work_dir = temp;
-  std::filesystem::remove(archive);
-  return absl::OkStatus();
-}
-
-absl::Status TakeRuntimes(LocalOrder& order) {
-  const Runtimes runtimes(order.config.runtimes, order.config.runtimes_dir);
-  for (const std::string& name : order.artefact.manifest.runtimes) {
-    absl::StatusOr<Runtime> runtime = runtimes.Find(name);
-    if (absl::IsNotFound(runtime.status())) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "policy.json asks for the runtime \"", name, "\"; known: ",
-          absl::StrJoin(runtimes.List(), ", ", [](std::string* out, const Runtime& entry) {
-            out->append(entry.name);
-          })));
-    }
-    if (!runtime.ok()) return runtime.status();
-    order.runtimes.push_back(std::move(runtime->folder));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order) {
-  return HostStatus(path,
-                    CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
-}
-
-Json LocalRowJson(const EpisodeRow& row) {
-  const Json facts = Json::parse(row.facts_json);
-  Json json = {{"index", row.index},
-               {"seed", row.seed},
-               {"outcome", OutcomeName(row.outcome)},
-               {"reason", row.reason.name()},
-               {"metrics", Json::parse(row.metrics_json)},
-               {"facts", facts},
-               {"details", row.details_json.empty() ? Json() : Json::parse(row.details_json)}};
-  const std::pair<const char*, const char*> copied[] = {
-      {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
-      {"actions_digest", "actions_digest"},  {"log", "log"},
-      {"end", "end"},     {"fault", "fault"},         {"wall_s", "wall_s"},
-      {"policy_cpu_s", "policy_cpu_s"}};
-  for (const auto& [from, to] : copied) json[to] = facts.value(from, Json());
-  return json;
-}
-
 absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   CatchStopSignals();
   const absl::Duration start = SystemClock().Monotonic();
   ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("local"));
   ASSIGN_OR_RETURN(LocalOrder order, Prepare(options, temp.path()));
-  ASSIGN_OR_RETURN(LocalResult result,
-                   PlayLocally(order, {.progress = Progress(options.track).Listener(),
-                                       .stopped = StopRequested,
-                                       .again = [](const std::string& why) {
-                                         std::cerr << "myograde: " << why << std::endl;
-                                       }}));
+  ASSIGN_OR_RETURN(LocalResult result, PlayLocally(order, options.track, /*tell_replays=*/true));
   ASSIGN_OR_RETURN(Json json, ResultJson(order, result, SystemClock().Monotonic() - start));
   RETURN_IF_ERROR(NameLogs(order.log_dir, json["episode_rows"]));
   json["episodes"] = json["episode_rows"];  // as it was called at first
@@ -255,6 +158,173 @@ void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& p
   AddHostOptions(verb, options.host);
 }
 
+constexpr mode_t kReportMode = 0644;
+constexpr char kFilmSize[] = "640x360";  // drawn in a quarter of the time that "render" takes as a rule
+
+struct TryOptions : LocalOptions {
+  std::string folder;  // "": after the policy
+};
+
+// The folder, made new and empty.
+absl::StatusOr<std::string> MakeFolder(const TryOptions& options) {
+  fs::path folder = options.folder;
+  if (folder.empty()) {
+    const fs::path policy = fs::absolute(options.path).lexically_normal();
+    const fs::path name = policy.has_filename() ? policy.stem() : policy.parent_path().filename();
+    folder = absl::StrCat("try-", name.string());
+  }
+  RETURN_IF_ERROR(MakeFolders(folder.string(), "; name another with -o"));
+  std::error_code error;
+  if (!fs::is_empty(folder, error) || error) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder.string(), ": is not empty; remove it, or name another folder with -o"));
+  }
+  return folder.string();
+}
+
+// The best and the worst of the episodes that can be shown, in the board's order.
+absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade) {
+  const scoring::TrackScoring& scoring = grade.track->scoring;
+  std::vector<EpisodeRow> shown;
+  for (const EpisodeRow& row : grade.rows) {
+    const Json log = Json::parse(row.facts_json).value("log", Json());
+    if (log.is_object() && log.value("steps", int64_t{0}) > 0) shown.push_back(row);
+  }
+  ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, shown));
+  ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(scoring, judged));
+  std::vector<PickedEpisode> picked = BestMedianWorst(order);
+  std::erase_if(picked, [](const PickedEpisode& one) { return one.place == "median"; });
+  return picked;
+}
+
+// The folder's relative name of the log of an episode.
+std::string LogOf(const LocalGrade& grade, int64_t episode) {
+  for (const Json& row : grade.json["episode_rows"]) {
+    if (row["index"] == episode) return absl::StrCat("logs/", row["log"].value("file", ""));
+  }
+  return "";
+}
+
+// What the folder holds beside the logs, and what it lacks, each in a sentence.
+struct Contents {
+  std::string report;  // "": none
+  Json films = Json::array();
+  std::vector<std::string> missing;
+};
+
+absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const std::string& folder,
+                      Contents& contents) {
+  ASSIGN_OR_RETURN(const std::vector<PickedEpisode> picked, BestAndWorst(grade));
+  if (picked.empty()) contents.missing.push_back("No episode has a step to show.");
+  const bool film = FindProgram("ffmpeg").ok();
+  if (!film && !picked.empty()) {
+    contents.missing.push_back(
+        "There are pictures in place of films, as ffmpeg is not installed (Debian: apt-get install "
+        "ffmpeg).");
+  }
+  for (const PickedEpisode& one : picked) {
+    if (StopRequested()) return absl::CancelledError("interrupted");
+    const std::string file = absl::StrCat(std::string(one.place), film ? ".mp4" : ".png");
+    std::vector<std::string> words = {absl::StrCat(folder, "/", LogOf(grade, one.index)), "-o",
+                                      absl::StrCat(folder, "/", file), "--cache",
+                                      options.host.cache_dir()};
+    words.push_back(film ? absl::StrCat("--size=", kFilmSize) : "--strip");
+    const absl::Status drawn = RunRender(std::move(words));
+    if (absl::IsCancelled(drawn)) return drawn;
+    if (!drawn.ok()) {
+      contents.missing.push_back(
+          absl::StrCat("Episode ", one.index, " is not shown: ", drawn.message()));
+      continue;
+    }
+    contents.films.push_back(
+        {{"place", std::string(one.place)}, {"episode", one.index}, {"file", file}});
+  }
+  return absl::OkStatus();
+}
+
+// The report's order wants an evaluation as the API tells of one.
+Json EvaluationOf(const LocalGrade& grade) {
+  Json result = grade.json;
+  result.erase("episodes");
+  for (Json& row : result["episode_rows"]) {
+    if (row["fault"].is_object()) row["fault"].erase("stderr_tail");
+  }
+  result["submission"] = nullptr;
+  result["team"] = "";
+  result["ranked"] = false;
+  return result;
+}
+
+absl::Status AddReportFile(const LocalGrade& grade, const std::string& folder, Contents& contents) {
+  const Json order = {{"make", "report"},
+                      {"format", "html"},
+                      {"version", MYOGRADE_VERSION},
+                      {"result", EvaluationOf(grade)}};
+  const absl::StatusOr<Drawn> drawn = DrawFigure(order);
+  if (absl::IsCancelled(drawn.status())) return drawn.status();
+  if (!drawn.ok()) {
+    contents.missing.push_back(absl::StrCat("There is no report: ", drawn.status().message()));
+    return absl::OkStatus();
+  }
+  const std::string path = folder + "/report.html";
+  RETURN_IF_ERROR(WriteNewFile(path, drawn->file, kReportMode).status());
+  contents.report = "report.html";
+  return absl::OkStatus();
+}
+
+// What to open first.
+std::string FirstToOpen(const std::string& folder, const Contents& contents) {
+  if (!contents.report.empty()) return absl::StrCat(folder, "/", contents.report);
+  if (contents.films.empty()) return "";
+  return absl::StrCat(folder, "/", contents.films.front().value("file", ""));
+}
+
+void PrintContents(const std::string& folder, const Contents& contents) {
+  std::cout << '\n' << Bold(absl::StrCat("In ", Harmless(folder))) << '\n';
+  if (!contents.report.empty()) std::cout << "  " << contents.report << "  the report\n";
+  for (const Json& film : contents.films) {
+    std::cout << Filled(film, film["place"] == "only"
+                                  ? "  {file}  episode {episode}\n"
+                                  : "  {file}  the {place}, episode {episode}\n");
+  }
+  std::cout << "  logs  of all episodes, for \"myograde replay\" and \"myograde render\"\n";
+  for (const std::string& sentence : contents.missing) std::cout << Harmless(sentence) << '\n';
+  if (const std::string first = FirstToOpen(folder, contents); !first.empty()) {
+    std::cout << "Open " << Harmless(first) << std::endl;
+  }
+}
+
+absl::StatusOr<int> Try(TryOptions options) {
+  ASSIGN_OR_RETURN(const std::string folder, MakeFolder(options));
+  options.logs = folder + "/logs";
+  const absl::StatusOr<LocalGrade> grade = GradeLocally(options);
+  if (!grade.ok()) {
+    std::error_code ignored;
+    fs::remove_all(options.logs, ignored);
+    fs::remove(folder, ignored);
+    return grade.status();
+  }
+  if (!options.json) PrintLocalGrade(grade->json, options.full_hashes);
+  Contents contents;
+  absl::Status added = grade->interrupted ? absl::CancelledError("interrupted")
+                                          : AddFilms(options, *grade, folder, contents);
+  if (added.ok()) added = AddReportFile(*grade, folder, contents);
+  if (!added.ok() && !absl::IsCancelled(added)) return added;
+  if (!added.ok()) contents.missing.push_back("It was interrupted.");
+  const int exit = ExitOfLocalGrade(*grade);
+  return PrintAnswer(
+      Json{{"folder", folder},
+           {"report", TextOrNull(contents.report)},
+           {"films", contents.films},
+           {"missing", contents.missing},
+           {"open", TextOrNull(FirstToOpen(folder, contents))},
+           {"result", grade->json}},
+      options.json, [&](const Json&) { PrintContents(folder, contents); },
+      absl::IsCancelled(added) ? kNoScore : exit);
+}
+
+}  // namespace
+
 Action AddLocal(CLI::App& verb) {
   auto options = std::make_shared<LocalOptions>();
   AddLocalOptions(verb, *options, "PATH", "local");
@@ -276,6 +346,21 @@ Action AddLocal(CLI::App& verb) {
     const auto print = [&](const Json& json) { PrintLocalGrade(json, options->full_hashes); };
     return PrintAnswer(grade.json, options->json, print, ExitOfLocalGrade(grade));
   };
+}
+
+Action AddTry(CLI::App& verb) {
+  auto options = std::make_shared<TryOptions>();
+  options->track = TrackNames().back();  // the quickest, and the one that newcomers begin with
+  options->episodes = 5;
+  AddLocalOptions(verb, *options, "POLICY", "try");
+  verb.add_option(
+      "--track", options->track,
+      "Name of the track, as \"myograde spec\" lists them (default: " + options->track + ")");
+  verb.add_option("--episodes", options->episodes, "Play the first N seeds of the track (default: 5)")
+      ->check(CLI::Range(1, 10'000));
+  verb.add_option("-o,--output", options->folder,
+                  "The folder to write, new or empty (default: try-NAME after the policy's file)");
+  return [options] { return Try(*options); };
 }
 
 }  // namespace myograde::server

@@ -7,13 +7,12 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "server/artefact/artefact.h"
-#include "server/cli/base/options.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
@@ -42,18 +41,12 @@ struct LocalResult {
   bool interrupted = false;
 };
 
-// The first two are called several times a second, by the thread that calls PlayLocally.
-struct LocalHooks {
-  std::function<void(int64_t done, int64_t total)> progress;  // episodes
-  std::function<bool()> stopped;                              // true ends the run
-  // Unless null: a sentence about episodes that a fault of the grader has played again.
-  std::function<void(const std::string&)> again = nullptr;
-};
-
-// Plays every lease, up to `slots` at once. InternalError if a lease failed by the grader's fault
-// more often than the config allows replays; each replay waits as a daemon's does. When stopped,
-// what is running is killed within a second and the rows so far are returned.
-absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const LocalHooks& hooks);
+// Plays every lease, up to `slots` at once, and shows progress named `what`. InternalError if a lease
+// failed by the grader's fault more often than the config allows replays; each replay waits as a
+// daemon's does, and `tell_replays` says it on standard error. After a stop signal what is running is
+// killed within a second and the rows so far are returned.
+absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const std::string& what,
+                                        bool tell_replays);
 
 struct LocalOptions {
   HostOptions host;
@@ -67,10 +60,6 @@ struct LocalOptions {
   bool full_hashes = false;
   bool json = false;
 };
-
-// Adds the path, --profile, --full-hashes, --json, --configs and --cache. `schema` as for AddJson.
-void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& path_name,
-                     const std::string& schema);
 
 // An order with track, seeds, this host's configuration and nothing of the submission.
 // InvalidArgumentError or NotFoundError: an option or a config file.
@@ -87,23 +76,6 @@ absl::Status TakeRuntimes(LocalOrder& order);
 
 // Whether the submission's command can start here. InvalidArgumentError: it can't.
 absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order);
-
-// What came of a local run.
-struct LocalGrade {
-  Json json;                     // as `local --json` prints it
-  std::vector<EpisodeRow> rows;  // by index
-  TrackPtr track;
-  bool interrupted = false;
-};
-
-// Plays what the options ask for. Errors as of the steps above and of PlayLocally.
-absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options);
-
-// Prints it as text.
-void PrintLocalGrade(const Json& json, bool full_hashes);
-
-// The exit status; says on standard error if the run was interrupted.
-int ExitOfLocalGrade(const LocalGrade& grade);
 
 // An episode as `local` prints it.
 Json LocalRowJson(const EpisodeRow& row);

@@ -5,23 +5,45 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 #include <map>
 #include <memory>
 #include <set>
 #include <thread>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
+#include "server/artefact/adapters.h"
+#include "server/cli/base/files.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/results.h"
 #include "server/runner/lease_order.h"
 #include "server/runner/lease_report.h"
 #include "server/runner/runner_process.h"
+#include "server/runtime/runtimes.h"
+#include "server/sandbox/program.h"
+#include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 namespace {
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
+                                              const TrackConfig& config) {
+  std::vector<uint64_t> seeds = config.seeds;
+  if (!options.seeds.empty()) {
+    ASSIGN_OR_RETURN(seeds, ReadSeeds(options.seeds));
+  }
+  RETURN_IF_ERROR(RefuseIf(
+      {{options.episodes > std::ssize(seeds),
+        absl::StrCat("--episodes: ", options.episodes,
+                     " are asked for, but the seed list has only ", seeds.size())}}));
+  if (options.episodes > 0) seeds.resize(static_cast<size_t>(options.episodes));
+  return seeds;
+}
 
 constexpr int kPollMilliseconds = 100;
 
@@ -43,7 +65,8 @@ Json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
 
 class LocalRun {
  public:
-  LocalRun(const LocalOrder& order, const LocalHooks& hooks) : order_(order), hooks_(hooks) {}
+  LocalRun(const LocalOrder& order, const std::string& what, bool tell_replays)
+      : order_(order), tell_replays_(tell_replays), progress_(what) {}
 
   absl::StatusOr<LocalResult> Run() {
     const int64_t total = std::ssize(order_.seeds);
@@ -54,7 +77,7 @@ class LocalRun {
       lease.last = std::min(first + block, total) - 1;
     }
     for (;;) {
-      if (hooks_.stopped()) {
+      if (StopRequested()) {
         KillAll();
         return Collect(/*interrupted=*/true);
       }
@@ -71,7 +94,7 @@ class LocalRun {
         done += std::ssize(lease.rows);
         all_done = all_done && lease.done;
       }
-      hooks_.progress(done, total);
+      progress_.Show(done, total, "");
       if (!status.ok()) {
         KillAll();
         return status;
@@ -200,9 +223,9 @@ class LocalRun {
     // What disturbed it may take a while to go.
     const auto doubled = static_cast<double>(int64_t{1} << std::min<int64_t>(lease.faults - 1, 20));
     lease.not_before = SystemClock().Monotonic() + order_.config.scheduler.retry_delay * doubled;
-    if (hooks_.again) {
-      hooks_.again(absl::StrCat(episodes, " are played again after a fault of the grader: ",
-                                lease.report.fault()));
+    if (tell_replays_) {
+      std::cerr << "myograde: " << episodes << " are played again after a fault of the grader: "
+                << lease.report.fault() << std::endl;
     }
     return absl::OkStatus();
   }
@@ -230,14 +253,98 @@ class LocalRun {
   }
 
   const LocalOrder& order_;
-  const LocalHooks& hooks_;
+  const bool tell_replays_;
+  Progress progress_;
   std::vector<Lease> leases_;
 };
 
 }  // namespace
 
-absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const LocalHooks& hooks) {
-  return LocalRun(order, hooks).Run();
+absl::StatusOr<ServerConfig> ServerConfigOf(const HostOptions& host) {
+  return HostStatus("", LoadServerConfig(host.configs_dir() + "/server.json", host.cache_dir()));
+}
+
+absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
+  LocalOrder order;
+  const std::string configs = options.host.configs_dir();
+  ASSIGN_OR_RETURN(
+      TrackConfig config,
+      HostStatus("", LoadTrackConfig(configs + "/tracks", options.track, options.profile)));
+  ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, config));
+  ASSIGN_OR_RETURN(order.track, HostStatus("", MakeTrack(std::move(config))));
+  order.cache_dir = options.host.cache_dir();
+  ASSIGN_OR_RETURN(order.config, ServerConfigOf(options.host));
+  RETURN_IF_ERROR(HostStatus("", LoadSandboxConfig(configs).status()));
+  order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
+  return order;
+}
+
+absl::Status TakeSubmission(const std::string& path, const std::string& name,
+                            const std::string& temp, LocalOrder& order) {
+  const TrackConfig& track = order.track->config;
+  const ArtefactLimits limits = {.bytes = track.budgets.submission_bytes,
+                                 .files = track.budgets.submission_files};
+  const std::string archive = temp + "/artefact.tar";
+  RETURN_IF_ERROR(
+      HostStatus(path, PackArtefact(path, archive, limits,
+                                    Progress("packing", Progress::Unit::kBytes).Listener(), name)
+                           .status()));
+  order.artefact_dir = temp + "/artefact";
+  ASSIGN_OR_RETURN(
+      order.artefact,
+      HostStatus(path, UnpackArtefact(archive, order.artefact_dir, limits,
+                                      Progress("unpacking", Progress::Unit::kBytes).Listener())));
+  const ArtefactManifest& manifest = order.artefact.manifest;
+  RETURN_IF_ERROR(HostStatus(path, CheckAdapter(manifest.adapter, *track.kind)));
+  RETURN_IF_ERROR(HostStatus(path, CheckExtraObservations(manifest.extra_observations, track)));
+  order.work_dir = temp;
+  std::filesystem::remove(archive);
+  return absl::OkStatus();
+}
+
+absl::Status TakeRuntimes(LocalOrder& order) {
+  const Runtimes runtimes(order.config.runtimes, order.config.runtimes_dir);
+  for (const std::string& name : order.artefact.manifest.runtimes) {
+    absl::StatusOr<Runtime> runtime = runtimes.Find(name);
+    if (absl::IsNotFound(runtime.status())) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "policy.json asks for the runtime \"", name, "\"; known: ",
+          absl::StrJoin(runtimes.List(), ", ", [](std::string* out, const Runtime& entry) {
+            out->append(entry.name);
+          })));
+    }
+    if (!runtime.ok()) return runtime.status();
+    order.runtimes.push_back(std::move(runtime->folder));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order) {
+  return HostStatus(path,
+                    CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
+}
+
+Json LocalRowJson(const EpisodeRow& row) {
+  const Json facts = Json::parse(row.facts_json);
+  Json json = {{"index", row.index},
+               {"seed", row.seed},
+               {"outcome", OutcomeName(row.outcome)},
+               {"reason", row.reason.name()},
+               {"metrics", Json::parse(row.metrics_json)},
+               {"facts", facts},
+               {"details", row.details_json.empty() ? Json() : Json::parse(row.details_json)}};
+  const std::pair<const char*, const char*> copied[] = {
+      {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
+      {"actions_digest", "actions_digest"},  {"log", "log"},
+      {"end", "end"},     {"fault", "fault"},         {"wall_s", "wall_s"},
+      {"policy_cpu_s", "policy_cpu_s"}};
+  for (const auto& [from, to] : copied) json[to] = facts.value(from, Json());
+  return json;
+}
+
+absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const std::string& what,
+                                        bool tell_replays) {
+  return LocalRun(order, what, tell_replays).Run();
 }
 
 }  // namespace myograde::server

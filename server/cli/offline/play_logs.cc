@@ -14,13 +14,10 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/evaluation_logs.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/client/client.h"
 #include "server/cli/offline/local.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/progress.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
 #include "server/proof/logs.h"
 #include "server/sandbox/slot_processes.h"
@@ -175,34 +172,30 @@ struct Collected {
   std::map<int64_t, ReplayRecord> records;
 };
 
-absl::Status Collect(const Client& client, const Json& evaluation, int64_t episode,
-                     const std::string& folder, Collected& collected) {
-  absl::StatusOr<FetchedLog> fetched = FetchLog(client, evaluation, episode, folder);
-  if (absl::IsDataLoss(fetched.status())) {
-    collected.records[episode] = Unplayable(episode, fetched.status());
-    return absl::OkStatus();
-  }
-  if (!fetched.ok()) return fetched.status();
-  collected.files[episode] = std::move(fetched->file);
-  return absl::OkStatus();
-}
-
 // The logs that are needed to play `episode`: of all (-1), or its own and those before it.
 absl::StatusOr<Collected> CollectOfSubmission(int64_t episode, const Client& client,
                                               const Json& evaluation, const std::string& folder) {
   Collected collected;
+  std::vector<int64_t> needed = {episode};
   if (episode < 0) {
+    needed.clear();
     for (const Json& row : evaluation["episode_rows"]) {
-      RETURN_IF_ERROR(
-          Collect(client, evaluation, row.value("index", int64_t{-1}), folder, collected));
+      needed.push_back(row.value("index", int64_t{-1}));
     }
-    return collected;
   }
-  RETURN_IF_ERROR(Collect(client, evaluation, episode, folder, collected));
-  if (collected.files.empty()) return collected;
-  const TrackConfig& track = collected.files.begin()->second.header.track;
-  for (int64_t before = FirstNeeded(track, episode); before < episode; ++before) {
-    RETURN_IF_ERROR(Collect(client, evaluation, before, folder, collected));
+  for (size_t i = 0; i < needed.size(); ++i) {
+    absl::StatusOr<FetchedLog> fetched = FetchLog(client, evaluation, needed[i], folder);
+    if (absl::IsDataLoss(fetched.status())) {
+      collected.records[needed[i]] = Unplayable(needed[i], fetched.status());
+      continue;
+    }
+    if (!fetched.ok()) return fetched.status();
+    // Its own log tells which come before.
+    const int64_t first = FirstNeeded(fetched->log.header.track, needed[i]);
+    if (needed[i] == episode) {
+      for (int64_t before = first; before < episode; ++before) needed.push_back(before);
+    }
+    collected.files[needed[i]] = std::move(fetched->file);
   }
   return collected;
 }

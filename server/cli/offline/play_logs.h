@@ -12,9 +12,9 @@
 
 #include "protocol/lease/track_config.h"
 #include "protocol/log/episode_log.h"
-#include "server/cli/base/options.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/replay_run.h"
 
 namespace myograde::server {
@@ -42,7 +42,7 @@ struct FetchedLog {
 };
 
 // Gets the log of an episode of an evaluation with rows into `folder`. Errors of RowOf and
-// LogBytesOf (evaluation_logs.h); DataLossError also if it is of another episode or config.
+// LogBytesOf; DataLossError also if it is of another episode or config.
 absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t episode,
                                     const std::string& folder);
 

@@ -12,7 +12,7 @@
 #include "server/base/json_value.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"

@@ -16,7 +16,7 @@
 
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

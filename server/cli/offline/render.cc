@@ -22,17 +22,12 @@
 #include "protocol/log/episode_log.h"
 #include "protocol/tracks/registry.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/evaluation_logs.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/client/client.h"
 #include "server/cli/offline/draw.h"
 #include "server/cli/offline/play_logs.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"
@@ -327,10 +322,10 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   }
   // Opened before the work: a place that can't be written to is told at once.
   NewFile file(options.file, /*mode=*/0666);
-  if (!file.opened()) return CantWrite(options.file);
+  RETURN_IF_ERROR(file.status());
   const absl::StatusOr<std::string> bytes = Draw(drawing, temp.path());
   if (!bytes.ok()) return ExitOfLogError(bytes.status());
-  if (!file.Write(*bytes)) return CantWrite(options.file);
+  RETURN_IF_ERROR(file.Write(*bytes));
   ASSIGN_OR_RETURN(const std::string sha256, file.Keep());
   return PrintAnswer(ToJson(options, drawing, *bytes, sha256), options.json, PrintDrawn);
 }

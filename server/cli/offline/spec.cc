@@ -22,12 +22,8 @@
 #include "protocol/tracks/registry.h"
 #include "server/base/counted.h"
 #include "server/base/paths.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/grading/tracks.h"
 
 namespace myograde::server {
@@ -226,10 +222,8 @@ absl::StatusOr<int> ListTracksOnOffer(const Tracks& tracks, bool json) {
                     {"profiles", profiles}});
   }
   return PrintAnswer(Json{{"tracks", list}}, json, [](const Json& answer) {
-    PrintRows(answer["tracks"],
-              {"track", "kind", "episodes",
-               RowColumn("profiles (the first is the default)",
-                         [](const Json& track) { return ListCell(track, "profiles"); })});
+    PrintRows(answer["tracks"], {"track", "kind", "episodes",
+                                 "profiles (the first is the default)=profiles"});
   });
 }
 

@@ -14,17 +14,10 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/peer_key.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/server_choice.h"
-#include "server/cli/offline/verbs.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/engine/stored.h"
 #include "server/store/data_folder.h"
 #include "server/store/transfer.h"
@@ -74,12 +67,11 @@ absl::Status WriteCsv(const std::string& from, const std::string& folder, bool m
     };
     if (file == nullptr) {
       file = std::make_unique<NewFile>(absl::StrCat(folder, "/", table, ".csv"));
-      if (!file->opened()) return CantWrite(folder);
       if (mark) text += "\xef\xbb\xbf";
       line([](const std::string& key, const Json&) { return key; });
     }
     line([](const std::string&, const Json& value) { return CsvCell(value); });
-    return file->Write(text) ? absl::OkStatus() : CantWrite(folder);
+    return file->Write(text).ok() ? absl::OkStatus() : CantWrite(folder);
   }));
   std::string sums;
   for (const auto& [table, file] : files) {
@@ -132,15 +124,10 @@ absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
                                   const std::string& path, const std::string& what,
                                   int64_t& bytes) {
   NewFile file(path);
-  if (!file.opened()) return CantWrite(path);
-  const absl::StatusOr<int64_t> got = client.Download(
-      from, [&](const char* data, size_t size) { return file.Write({data, size}); },
-      Progress(what, Progress::Unit::kBytes).Listener());
-  if (file.error() != 0) {
-    errno = file.error();
-    return CantWrite(path);
-  }
-  ASSIGN_OR_RETURN(bytes, got);
+  RETURN_IF_ERROR(file.status());
+  ASSIGN_OR_RETURN(bytes,
+                   client.Download(from, [&](std::string_view piece) { return file.Write(piece); },
+                                   Progress(what, Progress::Unit::kBytes).Listener()));
   return file.Keep();
 }
 

@@ -21,17 +21,12 @@
 #include "server/artefact/adapters.h"
 #include "server/base/counted.h"
 #include "server/base/temp_folder.h"
-#include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/evaluation_logs.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/client/client.h"
 #include "server/cli/offline/play_logs.h"
 #include "server/cli/offline/seeds.h"
-#include "server/cli/offline/verbs.h"
 #include "server/cli/offline/verify_record.h"
-#include "server/cli/terminal/progress.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/logs.h"
 #include "server/proof/receipt.h"
@@ -40,12 +35,6 @@
 
 namespace myograde::server {
 namespace {
-
-bool Names(const Json& receipt, const std::string& hash) {
-  const Json& episodes = receipt["episodes"];
-  return std::any_of(episodes.begin(), episodes.end(),
-                     [&](const Json& entry) { return entry.value("log", Json()) == Json(hash); });
-}
 
 // Why the file at `path`, with that hash, is not one of the receipt's.
 std::string UnknownText(const std::string& path, const std::string& hash) {
@@ -86,7 +75,7 @@ class LogSource {
   std::vector<ReceiptCheck> Check(const Json& receipt) const {
     std::vector<ReceiptCheck> checks = unreadable_;
     for (const auto& [hash, path] : files_) {
-      const bool named = Names(receipt, hash);
+      const bool named = RowWith(receipt["episodes"], "log", hash).is_object();
       checks.push_back({absl::StrCat("log ", hash), named, named ? "" : UnknownText(path, hash)});
     }
     return checks;

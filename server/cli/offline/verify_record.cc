@@ -12,7 +12,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/terminal/terminal.h"
 #include "server/proof/seed_list.h"
 #include "server/store/journal.h"
 

@@ -1,7 +1,7 @@
 // Suggestions for mistyped words.
 #include <gtest/gtest.h>
 
-#include "server/cli/base/options.h"
+#include "server/cli/base/verbs.h"
 
 namespace myograde::server {
 namespace {

@@ -7,10 +7,8 @@
 #include <rapidcheck.h>
 
 #include "server/base/plain_text.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/table.h"
-#include "server/cli/terminal/text.h"
+#include "server/cli/base/verbs.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {

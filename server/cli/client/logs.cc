@@ -1,4 +1,4 @@
-#include "server/cli/client/evaluation_logs.h"
+#include "server/cli/client/client.h"
 
 #include <absl/strings/str_cat.h>
 
@@ -7,14 +7,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/log/packed_log.h"
-#include "server/cli/base/exit_status.h"
 #include "server/cli/base/files.h"
-#include "server/cli/base/options.h"
-#include "server/cli/base/print_json.h"
-#include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
-#include "server/cli/client/verbs.h"
-#include "server/cli/terminal/text.h"
 #include "server/proof/logs.h"
 
 namespace myograde::server {
@@ -30,15 +23,8 @@ absl::Status ReadLogOf(const Client& client, const std::string& sha256,
     hash.Update(piece);
     return sink(piece);
   });
-  absl::Status taken;
-  const auto take = [&](const char* data, size_t size) {
-    taken = unpacker.Take({data, size});
-    return taken.ok();
-  };
-  const absl::Status got =
-      client.Download("/v1/logs/" + sha256, take, /*progress=*/nullptr).status();
-  RETURN_IF_ERROR(taken);
-  RETURN_IF_ERROR(got);
+  const auto take = [&](std::string_view piece) { return unpacker.Take(piece); };
+  RETURN_IF_ERROR(client.Download("/v1/logs/" + sha256, take, /*progress=*/nullptr).status());
   RETURN_IF_ERROR(unpacker.End());
   return CheckLogHash(sha256, hash.FinishHex());
 }
@@ -74,10 +60,9 @@ absl::StatusOr<int> Log(const LogOptions& options) {
   ASSIGN_OR_RETURN(const Json row, RowOf(evaluation, options.episode));
   // The file is there only if the log is, whole and unaltered.
   NewFile file(options.file, /*mode=*/0666);
-  if (!file.opened()) return CantWrite(options.file);
-  const absl::Status status = ReadLogOf(client, row, [&](std::string_view piece) {
-    return file.Write(piece) ? absl::OkStatus() : CantWrite(options.file);
-  });
+  RETURN_IF_ERROR(file.status());
+  const absl::Status status =
+      ReadLogOf(client, row, [&](std::string_view piece) { return file.Write(piece); });
   if (!status.ok()) return ExitOfLogError(status);
   RETURN_IF_ERROR(file.Keep().status());
   const Json& log = row["log"];

@@ -1,19 +1,24 @@
-#include "server/cli/base/options.h"
+#include "server/cli/base/verbs.h"
+
+#include <signal.h>
 
 #include <absl/strings/ascii.h>
 #include <absl/strings/numbers.h>
-#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 #include <absl/strings/str_split.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 
 #include "server/base/paths.h"
-#include "server/cli/terminal/screen.h"
-#include "server/cli/terminal/text.h"
+#include "server/base/plain_text.h"
+#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
+
+volatile sig_atomic_t g_stop_requested = 0;
 
 // Of the daemon that a package's units start.
 constexpr char kSystemSocket[] = "/run/myograde/myograde.sock";
@@ -87,6 +92,91 @@ std::string OptionMeant(const CLI::App& verb, const std::vector<std::string>& wo
 }
 
 }  // namespace
+
+int ExitOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return kDone;
+    case absl::StatusCode::kUnavailable:
+      return kUnreachable;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kFailedPrecondition:
+    case absl::StatusCode::kOutOfRange:
+      return kWrongUse;
+    default:
+      return kTrouble;
+  }
+}
+
+int ReportError(const absl::Status& status) {
+  PrintToErrors(absl::StrCat("myograde: error: ", status.message()));
+  return ExitOf(status);
+}
+
+absl::Status HostStatus(std::string_view what, const absl::Status& status) {
+  if (status.ok()) return status;
+  const int exit = ExitOf(status);
+  const absl::StatusCode code =
+      exit == kWrongUse ? status.code() : absl::StatusCode::kInternal;
+  return absl::Status(code, absl::StrCat(absl::string_view(what.data(), what.size()),
+                                         what.empty() ? "" : ": ", status.message()));
+}
+
+absl::StatusOr<int> ExitOfLogError(const absl::Status& status) {
+  if (!absl::IsDataLoss(status)) return status;
+  ReportError(status);
+  return kNoScore;
+}
+
+void CatchStopSignals() {
+  struct sigaction action = {};
+  action.sa_handler = [](int) { g_stop_requested = 1; };  // no SA_RESTART, so that poll returns
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
+}
+
+bool StopRequested() { return g_stop_requested != 0; }
+
+std::string ShownJson(const Json& json) {
+  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
+  std::string shown;
+  for (size_t at = 0; at < text.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(text, at);
+    if (c == '\n' || !IsHarmful(c)) {
+      shown.append(text, begin, at - begin);
+    } else if (c < 0x10000) {
+      absl::StrAppendFormat(&shown, "\\u%04x", static_cast<uint32_t>(c));
+    } else {  // as UTF-16, which is how JSON escapes
+      const uint32_t above = static_cast<uint32_t>(c) - 0x10000;
+      absl::StrAppendFormat(&shown, "\\u%04x\\u%04x", 0xd800 + (above >> 10),
+                            0xdc00 + (above & 0x3ff));
+    }
+  }
+  return shown;
+}
+
+void PrintJson(const Json& json) { PlainOutput() << ShownJson(json) << std::endl; }
+
+Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
+
+AnswerPrinter Sentence(std::string text, std::string unchanged) {
+  return [text = std::move(text), unchanged = std::move(unchanged)](const Json& answer) {
+    const bool same = !unchanged.empty() && !answer.value("changed", true);
+    std::cout << Filled(answer, same ? unchanged : text) << std::endl;
+  };
+}
+
+absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
+                                const AnswerPrinter& print, int exit) {
+  if (!answer.ok()) return answer.status();
+  if (json) {
+    PrintJson(*answer);
+  } else {
+    print(*answer);
+  }
+  return exit;
+}
 
 CLI::Validator WholeNumber(int64_t least, const std::string& what) {
   return CLI::Validator(

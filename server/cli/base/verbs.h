@@ -1,0 +1,244 @@
+// The verbs, and what all of them share: how a verb ends, results as text, the options that several
+// have, and what is wrong with a command line.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <absl/strings/str_cat.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <initializer_list>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "server/cli/terminal/terminal.h"
+
+namespace myograde::server {
+
+// README.md lists them for users.
+enum Exit : int {
+  kDone = 0,         // a policy that scores 0 of 100 is done
+  kNoScore = 1,      // ended without a score, or a difference was found
+  kWrongUse = 2,     // arguments, files or ids that can't be used
+  kUnreachable = 3,  // no daemon answers
+  kTrouble = 4,      // the grader or its host
+  kIncomplete = 5,   // nothing wrong was found, and not everything could be checked
+};
+
+// What a verb does once its arguments are parsed; returns the exit status, or an error to report.
+using Action = std::function<absl::StatusOr<int>()>;
+
+// Statuses of this tool's own functions: kUnavailable means that no daemon answers;
+// InvalidArgument, NotFound, FailedPrecondition and OutOfRange are the user's to correct;
+// everything else is trouble of the grader or its host.
+int ExitOf(const absl::Status& status);
+
+// Prints "myograde: error: ..." on standard error and returns ExitOf(status).
+int ReportError(const absl::Status& status);
+
+// A status of another part on this host: what is not the user's to correct becomes kInternal, as
+// kUnavailable here means a silent daemon only. `what` goes in front.
+absl::Status HostStatus(std::string_view what, const absl::Status& status);
+template <typename T>
+absl::StatusOr<T> HostStatus(std::string_view what, absl::StatusOr<T> result) {
+  if (!result.ok()) return HostStatus(what, result.status());
+  return result;
+}
+
+// Of a verb about a log: one that is damaged is no trouble of the host. That is reported, and
+// kNoScore; any other error is returned.
+absl::StatusOr<int> ExitOfLogError(const absl::Status& status);
+
+// From now on SIGINT, SIGTERM and SIGHUP end no process but make StopRequested true; system calls
+// that wait return early.
+void CatchStopSignals();
+
+bool StopRequested();
+
+// `json` as indented text. Invalid UTF-8 becomes U+FFFD; characters that would do something to a
+// terminal or hide (plain_text.h) are escaped, so the value is the same.
+std::string ShownJson(const Json& json);
+
+// Prints ShownJson on standard output, and a newline.
+void PrintJson(const Json& json);
+
+// `text`, or null if it is "".
+Json TextOrNull(const std::string& text);
+
+using AnswerPrinter = std::function<void(const Json& answer)>;
+
+// Prints `text` as Filled (terminal.h) makes it of an answer, on a line of its own; or `unchanged`, if
+// there is one and the answer's "changed" is false.
+AnswerPrinter Sentence(std::string text, std::string unchanged = "");
+
+// How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns
+// `exit`, or the error in place of an answer.
+absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
+                                const AnswerPrinter& print, int exit = kDone);
+
+// Aggregate, outcomes, what the policy printed last, and hashes, their first digits unless
+// `full_hashes`. `result` has the keys of an evaluation in server/api/README.md.
+void PrintResult(const Json& result, bool full_hashes);
+
+// A column for each of the API's `metrics` (name, title, unit, digits), of objects with their
+// values.
+std::vector<RowColumn> MetricColumns(const Json& metrics);
+
+// One line for each episode of the array `rows`, then the faults in words. `metrics` are those of
+// the result.
+void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes);
+
+// Why episodes of the array `rows` ended by a fault, in words.
+void PrintFaults(const Json& rows);
+
+// What the API could not show (`unreadable` of `answer`), one line each.
+void PrintUnreadable(const Json& answer);
+
+// The rows of `answer` at `key` as a table, or the sentence `none` if there are none.
+void PrintList(const Json& answer, const std::string& key, const std::string& none,
+               const std::vector<RowColumn>& columns);
+
+// Checks with "name", "state", "found" and "todo" as a table; then, state by state of `states`, those
+// that have something to do: `before`, name and state, and `advice` as Filled (terminal.h) makes it.
+void PrintChecks(const Json& checks, std::initializer_list<const char*> states, const char* before,
+                 const char* advice);
+
+// "31/100 episodes, 4 successes" of the counts in `episodes` of a submission.
+std::string CountsText(const Json& submission);
+
+// A check of options that are whole numbers from `least` on; `what` says in the error what the
+// text is not: "no episode".
+CLI::Validator WholeNumber(int64_t least, const std::string& what);
+
+// Whether `text` is 1 to `most` letters, digits, ".", "_" and "-", and begins with a letter or a
+// digit or, if `any_first`, with any of them.
+bool IsSimpleName(const std::string& text, size_t most, bool any_first = false);
+
+// The two numbers of "A..B"; nullopt if it is no such text.
+std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text);
+
+// Options that can't be used together: InvalidArgumentError with the first sentence whose condition
+// is true.
+absl::Status RefuseIf(std::initializer_list<std::pair<bool, std::string>> mistakes);
+
+// Adds --json; the output is described by configs/schema/SCHEMA.json.
+void AddJson(CLI::App& verb, const std::string& schema, bool& json,
+             const std::string& help = "Print JSON");
+
+// Adds --full-hashes.
+void AddFullHashes(CLI::App& verb, bool& full);
+
+// Where the data folder and its socket are. Each takes the value of its option, "" if not given.
+std::string DataDir(const std::string& option);  // --data, MYOGRADE_DATA, or the default
+std::string SocketPath(const std::string& socket_option, const std::string& data_option);
+
+// Where this host's configs and models are.
+struct HostOptions {
+  std::string configs;
+  std::string cache;
+
+  std::string configs_dir() const;
+  std::string cache_dir() const;  // --cache, MYOGRADE_CACHE, or the default
+};
+
+// Adds --configs and --cache.
+void AddHostOptions(CLI::App& verb, HostOptions& options);
+
+// Adds PATH, or whatever it is called, of a submission.
+void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path);
+
+// The parts of a verb, such as "team create" and "team list", which share their options.
+template <typename Options>
+class Parts {
+ public:
+  explicit Parts(CLI::App& verb) : verb_(verb) { verb_.require_subcommand(1); }
+
+  // `example` is what stands behind the verb: "create NAME".
+  CLI::App* Add(const std::string& name, const std::string& does, const std::string& example,
+                std::function<absl::StatusOr<int>(const Options&)> action) {
+    CLI::App* part = verb_.add_subcommand(name, does);
+    part->footer(absl::StrCat("Example:\n  myograde ", verb_.get_name(), " ", example));
+    part->callback([chosen = chosen_, options = options_, action = std::move(action)] {
+      *chosen = [options, action] { return action(*options); };
+    });
+    return part;
+  }
+
+  Options& options() { return *options_; }
+
+  // What the verb does: the part that the command line names.
+  Action Chosen() const {
+    return [chosen = chosen_] { return (*chosen)(); };
+  }
+
+ private:
+  CLI::App& verb_;
+  std::shared_ptr<Options> options_ = std::make_shared<Options>();
+  std::shared_ptr<Action> chosen_ = std::make_shared<Action>();
+};
+
+// The candidate that is nearest to `word` by inserted, left out, changed and swapped letters,
+// one for three letters at most, or of which `word` is the beginning; "" if none or more
+// than one is.
+std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates);
+
+// One sentence on `mistake`, which parsing `words` gave, with the verb or option that was
+// probably meant or the help to read.
+std::string UsageError(const CLI::App& app, const CLI::ParseError& mistake,
+                       const std::vector<std::string>& words);
+
+// Each adds its options to `verb` and returns what it does. Those of ../client:
+Action AddStatus(CLI::App& verb);
+Action AddCancel(CLI::App& verb);
+Action AddChoose(CLI::App& verb);
+Action AddPhase(CLI::App& verb);
+Action AddLeaderboard(CLI::App& verb);
+Action AddShow(CLI::App& verb);
+Action AddRerun(CLI::App& verb);
+Action AddRejudge(CLI::App& verb);
+Action AddEvaluate(CLI::App& verb);
+Action AddQuota(CLI::App& verb);
+Action AddHide(CLI::App& verb);
+Action AddUnhide(CLI::App& verb);
+Action AddDisqualify(CLI::App& verb);
+Action AddBaseline(CLI::App& verb);
+Action AddEvents(CLI::App& verb);
+Action AddLog(CLI::App& verb);
+Action AddReceipt(CLI::App& verb);
+Action AddRecord(CLI::App& verb);
+Action AddKey(CLI::App& verb);
+Action AddTeam(CLI::App& verb);
+Action AddToken(CLI::App& verb);
+Action AddLogin(CLI::App& verb);
+Action AddLogout(CLI::App& verb);
+Action AddCluster(CLI::App& verb);
+Action AddWebhook(CLI::App& verb);
+Action AddWhoami(CLI::App& verb);
+// Those of ../offline:
+Action AddServe(CLI::App& verb);
+Action AddSubmit(CLI::App& verb);
+Action AddExport(CLI::App& verb);
+Action AddBackup(CLI::App& verb);
+Action AddImport(CLI::App& verb);
+Action AddPlot(CLI::App& verb);
+Action AddRender(CLI::App& verb);
+Action AddReplay(CLI::App& verb);
+Action AddReport(CLI::App& verb);
+Action AddVerify(CLI::App& verb);
+Action AddChallenge(CLI::App& verb);
+Action AddSeeds(CLI::App& verb);
+Action AddRelease(CLI::App& verb);
+Action AddLocal(CLI::App& verb);
+Action AddTry(CLI::App& verb);
+Action AddNew(CLI::App& verb);
+Action AddRuntime(CLI::App& verb);
+Action AddSpec(CLI::App& verb);
+Action AddDoctor(CLI::App& verb);
+
+}  // namespace myograde::server
