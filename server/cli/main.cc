@@ -18,117 +18,171 @@
 namespace myograde::server {
 namespace {
 
+// Headings of the help, and what a verb without one stands under: the row's noun.
+constexpr char kWrite[] = "Write a policy";
+constexpr char kSubmit[] = "Submit";
+constexpr char kLook[] = "Look closer";
+constexpr char kRun[] = "Run a challenge";
+constexpr char kProve[] = "Prove";
+constexpr char kServe[] = "Run a server";
+constexpr char kHidden[] = "";  // a short form, which the help leaves out
+
 struct Verb {
-  const char* name;
+  const char* name;     // "submit", or with the noun that it belongs to, "episode log"
+  const char* heading;  // nullptr: it stands in the help of its noun
   const char* does;
   const char* example;  // what stands behind the verb; TRACK stands for the name of a track
-  Action (*add)(CLI::App& verb);
+  Action (*add)(CLI::App& verb);  // nullptr: a noun, whose verbs follow
 };
 
 constexpr Verb kVerbs[] = {
-    {"serve", "Run the daemon in the foreground; SIGTERM stops it without losing anything",
-     "--data /srv/myograde", AddServe},
-    {"submit", "Hand in a policy to be graded",
+    {"new", kWrite, "Write a folder with a policy that plays as it is",
+     "my_policy --lang python --track TRACK", AddNew},
+    {"spec", kWrite, "Print a track's observations, actions, budgets, rules and scoring",
+     "--track TRACK --json", AddSpec},
+    {"try", kWrite, "Grade some episodes on this host, and write a report and films",
+     "./my_policy --track TRACK -o ./try1", AddTry},
+    {"local", kWrite, "Grade a policy on this host, without a daemon",
+     "./my_policy --track TRACK --episodes 5", AddLocal},
+    {"runtime", kWrite, "Make, list and remove the runtimes that policies may ask for",
+     "add torch-cpu", AddRuntime},
+
+    {"login", kSubmit, "Log in to a server with a token", "https://grader.example.org:8443",
+     AddLogin},
+    {"logout", kSubmit, "Remove the login", "", AddLogout},
+    {"whoami", kSubmit, "Show your name, role and team on the server", "", AddWhoami},
+    {"submit", kSubmit, "Submit a policy for grading",
      "./my_policy --track TRACK --team \"Team Blue\" --wait", AddSubmit},
-    {"status", "Show the daemon and its submissions, or the progress of one", "7", AddStatus},
-    {"cancel", "Cancel a queued or running submission", "7", AddCancel},
-    {"choose", "Choose the submission that your team stands with, where teams choose", "7",
-     AddChoose},
-    {"leaderboard", "Show the ranking of the submissions", "--track TRACK", AddLeaderboard},
-    {"show", "Show the result of a submission", "7 --episodes", AddShow},
-    {"rerun", "Play a submission's episodes again and print what differs",
-     "7 --episodes 10..19 --verify", AddRerun},
-    {"evaluate", "Play further episodes for places that a phase's own episodes do not decide",
-     "--phase final --more-seeds 100", AddEvaluate},
-    {"rejudge", "Compute a board under other rules, see what changes, and apply or drop it",
-     "create --track TRACK --config new_rules.json --reason \"The line is 80.\"", AddRejudge},
-    {"quota", "Show how much a team may still submit, and its ledger",
+    {"status", kSubmit, "Show the daemon and its submissions, or the progress of one", "7",
+     AddStatus},
+    {"show", kSubmit, "Show the result of a submission", "7 --episodes", AddShow},
+    {"cancel", kSubmit, "Cancel a queued or running submission", "7", AddCancel},
+    {"choose", kSubmit, "Select your team's entry for the board", "7", AddChoose},
+    {"quota", kSubmit, "Show how much a team may still submit, and its ledger",
      "--team \"Team Blue\" --track TRACK", AddQuota},
-    {"team", "Manage teams: their names, members, merges and bans", "create \"Team Blue\"",
-     AddTeam},
-    {"token", "Make, list and revoke the tokens that people use over the network",
-     "create --team \"Team Blue\" --label \"Ada's laptop\"", AddToken},
-    {"hide", "Take a submission off the boards", "7 --reason \"wrong file\"", AddHide},
-    {"unhide", "Put a hidden submission back on the boards", "7", AddUnhide},
-    {"disqualify", "List a submission apart, without a rank and with the reason",
-     "7 --reason \"reads the seeds\"", AddDisqualify},
-    {"baseline", "Show a submission on the boards without a rank, for comparison", "7",
-     AddBaseline},
-    {"challenge", "Check challenge files, and show what is open", "check ./cup.json", AddChallenge},
-    {"phase", "Pause and resume submissions, and publish a frozen board",
-     "pause final --reason \"a slot is broken\"", AddPhase},
-    {"export", "Write the teams, results and boards of the store as JSON or CSV", "challenge.json",
-     AddExport},
-    {"import", "Load an export into an empty data folder", "challenge.json --data /srv/copy",
-     AddImport},
-    {"backup", "Copy the store while the daemon runs", "/srv/backup/store.db", AddBackup},
-    {"events", "List the requests that were denied, and what organisers did", "--kind denied",
-     AddEvents},
-    {"webhook", "List the webhooks of server.json and their deliveries, and test one", "test chat",
-     AddWebhook},
-    {"cluster", "List the nodes that leases run on, drain one and admit it again",
-     "drain node17 --reason \"a fan is broken\"", AddCluster},
-    {"log", "Write the log of an episode to a file that LCM's tools can read",
+    {"leaderboard", kSubmit, "Show the ranking of the submissions", "--track TRACK",
+     AddLeaderboard},
+
+    {"episode", kLook, "Logs, replays, films and re-runs of episodes",
+     "render 7 --episode 3 -o episode3.mp4", nullptr},
+    {"episode log", nullptr, "Write the log of an episode to a file that LCM's tools can read",
      "7 --episode 3 -o episode3.lcmlog", AddLog},
-    {"replay", "Simulate episodes again from their logs, without the policy, and compare",
-     "7 --episode 3", AddReplay},
-    {"render",
+    {"episode replay", nullptr,
+     "Simulate episodes again from their logs, without the policy, and compare", "7 --episode 3",
+     AddReplay},
+    {"episode render", nullptr,
      "Draw an episode from its log: a film, a picture, or a strip of the best and the worst",
      "7 --episode 3 -o episode3.mp4", AddRender},
-    {"plot", "Draw figures of a board or of submissions, as SVG or PDF",
-     "survival 7 9 -o survival.svg", AddPlot},
-    {"report", "Write a report of a submission, or of a phase's results, as one HTML file",
+    {"episode rerun", nullptr, "Play a submission's episodes again and print what differs",
+     "7 --episodes 10..19 --verify", AddRerun},
+    {"rerun", kHidden, "Play a submission's episodes again and print what differs",
+     "7 --episodes 10..19 --verify", AddRerun},
+    {"report", kLook, "Write a submission's or a phase's results as one HTML file",
      "7 -o report.html", AddReport},
-    {"receipt", "Write the signed receipt of a submission that has ended", "7 -o receipt.json",
-     AddReceipt},
-    {"verify", "Check a receipt against the organiser's key, without a daemon",
-     "receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
-    {"record", "Read, prove and export the public record of what happened to results",
-     "export ./record", AddRecord},
-    {"key", "Print the public key that receipts are checked against", "-o organiser.pem", AddKey},
-    {"seeds", "Commit to a phase's seeds, reveal them afterwards, and check them",
+    {"plot", kLook, "Draw figures of a board or of submissions, as SVG or PDF",
+     "survival 7 9 -o survival.svg", AddPlot},
+
+    {"board", kRun, "Explain, rejudge and rebuild boards", "explain 7 9", nullptr},
+    {"board explain", nullptr, "Say why one of two submissions (or teams) ranks above the other",
+     "7 9", AddExplain},
+    {"board rejudge", nullptr,
+     "Compute a board under other rules, see what changes, and apply or drop it",
+     "create --track TRACK --config new_rules.json --reason \"The line is 80.\"", AddRejudge},
+    {"board evaluate", nullptr, "Play extra episodes to separate statistically tied ranks",
+     "--phase final --more-seeds 100", AddEvaluate},
+    {"board rebuild", nullptr,
+     "Rebuild the boards from the episodes' rows, which changes no result", "", AddRebuild},
+    {"phase", kRun, "Check, pause and publish phases, and reveal their seeds",
+     "pause final --reason \"a slot is broken\"",
+     [](CLI::App& verb) {
+       AddChallenge(verb);
+       return AddPhase(verb);
+     }},
+    {"phase seeds", nullptr, "Commit to a phase's seeds, reveal them afterwards, and check them",
      "commit --phase final --secret final.secret", AddSeeds},
-    {"release", "Sign the files of a release, and check those of one that you downloaded",
+    {"submission", kRun, "Hide, disqualify and reinstate submissions",
+     "disqualify 7 --reason \"reads the seeds\"", nullptr},
+    {"submission hide", nullptr, "Take a submission off the boards", "7 --reason \"wrong file\"",
+     AddHide},
+    {"submission unhide", nullptr, "Put a hidden submission back on the boards", "7", AddUnhide},
+    {"submission disqualify", nullptr,
+     "List a submission apart, without a rank and with the reason",
+     "7 --reason \"reads the seeds\"", AddDisqualify},
+    {"submission reinstate", nullptr, "Take a disqualification back", "7", AddReinstate},
+    {"submission baseline", nullptr,
+     "Show a submission on the boards without a rank, for comparison", "7", AddBaseline},
+    {"team", kRun, "Teams: their names, members, merges, bans and grants",
+     "create \"Team Blue\"", AddTeam},
+    {"team grant", nullptr, "Let a team submit more, for the present day and in all",
+     "\"Team Blue\" --track TRACK --units 1 --reason \"a broken host\"", AddGrant},
+    {"token", kRun, "Make, list and revoke the tokens that people use over the network",
+     "create --team \"Team Blue\" --label \"Ada's laptop\"", AddToken},
+    {"events", kRun, "List the requests that were denied, and what organisers did",
+     "--kind denied", AddEvents},
+
+    {"proof", kProve, "Receipts, the public record, and signed releases",
+     "receipt 7 -o receipt.json", nullptr},
+    {"proof receipt", nullptr, "Write the signed receipt of a submission that has ended",
+     "7 -o receipt.json", AddReceipt},
+    {"proof verify", nullptr, "Check a receipt or a record against the organiser's key",
+     "receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
+    {"verify", kProve, "Check a receipt or a record against the organiser's key",
+     "receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
+    {"proof record", nullptr,
+     "Read, prove and export the public record of what happened to results", "export ./record",
+     AddRecord},
+    {"proof key", nullptr, "Print the public key that receipts are checked against",
+     "-o organiser.pem", AddKey},
+    {"proof release", nullptr,
+     "Sign the files of a release, and check those of one that you downloaded",
      "verify ./myograde-1.0.0 --key release.pem", AddRelease},
-    {"login",
-     "Log in to a server over the network; asks for the token, or reads it from standard input",
-     "https://grader.example.org:8443", AddLogin},
-    {"logout", "Remove the login", "", AddLogout},
-    {"whoami", "Show your name, role and team on the server", "", AddWhoami},
-    {"new", "Start a policy: write a folder with one that plays as it is",
-     "my_policy --lang python --track TRACK", AddNew},
-    {"local", "Grade a policy on this host, without a daemon",
-     "./my_policy --track TRACK --episodes 5", AddLocal},
-    {"try", "Grade a policy on this host for some episodes, and write a report and films of them",
-     "./my_policy --track TRACK -o ./try1", AddTry},
-    {"runtime", "Make, list and remove the runtimes that policies may ask for", "add torch-cpu",
-     AddRuntime},
-    {"spec", "Print a track's observations, actions, budgets, rules and scoring",
-     "--track TRACK --json", AddSpec},
-    {"doctor", "Check what this host has for grading, what it lacks and what that costs", "",
-     AddDoctor},
+
+    {"serve", kServe, "Run the daemon; SIGTERM stops it without losing anything",
+     "--data /srv/myograde", AddServe},
+    {"doctor", kServe, "Check what this host has for grading, what it lacks and what that costs",
+     "", AddDoctor},
+    {"store", kServe, "Export, import and back up the store", "backup /srv/backup/store.db",
+     nullptr},
+    {"store export", nullptr, "Write the teams, results and boards of the store as JSON or CSV",
+     "challenge.json", AddExport},
+    {"store import", nullptr, "Load an export into an empty data folder",
+     "challenge.json --data /srv/copy", AddImport},
+    {"store backup", nullptr, "Copy the store while the daemon runs", "/srv/backup/store.db",
+     AddBackup},
+    {"webhook", kServe, "List the webhooks of server.json and their deliveries, and test one",
+     "test chat", AddWebhook},
+    {"cluster", kServe, "List the nodes of the cluster, drain one and admit it again",
+     "drain node17 --reason \"a fan is broken\"", AddCluster},
 };
 
 constexpr char kStatuses[] =
     "Exit status: 0 done, 1 ended without a score or a difference was found, 2 wrong use,\n"
     "3 the daemon can't be reached, 4 the grader or its host is in trouble.";
 
+void AddVerb(CLI::App& app, const Verb& verb) {
+  const std::string_view name = verb.name;
+  const size_t space = name.find(' ');
+  CLI::App* noun =
+      space == std::string_view::npos ? &app : app.get_subcommand(std::string(name.substr(0, space)));
+  CLI::App* sub = noun->add_subcommand(std::string(name.substr(space + 1)), verb.does);
+  if (verb.heading != nullptr) sub->group(verb.heading);
+  const std::string example = absl::StrReplaceAll(verb.example, {{"TRACK", TrackNames().front()}});
+  sub->footer(absl::StrCat("Example:\n  ", CommandOf(*sub), example.empty() ? "" : " ", example,
+                           "\n\n", kStatuses));
+  if (verb.add == nullptr) {
+    sub->require_subcommand(1);
+  } else if (Action action = verb.add(*sub); action != nullptr) {
+    sub->callback([action = std::move(action)] { Chosen() = action; });
+  }
+}
+
 int Run(int argc, char** argv) {
   CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
                "myograde");
   app.set_version_flag("--version", MYOGRADE_VERSION);
-  app.footer(std::string("\"myograde VERB --help\" describes each, with an example.\n") +
-             kStatuses);
+  app.footer("\"myograde VERB --help\" describes each, with an example.");
   app.require_subcommand(1);
-  Action chosen;
-  for (const Verb& verb : kVerbs) {
-    CLI::App* sub = app.add_subcommand(verb.name, verb.does);
-    const std::string example =
-        absl::StrReplaceAll(verb.example, {{"TRACK", TrackNames().front()}});
-    sub->footer(absl::StrCat("Example:\n  myograde ", verb.name, example.empty() ? "" : " ", example,
-                             "\n\n", kStatuses));
-    sub->callback([&chosen, action = verb.add(*sub)] { chosen = action; });
-  }
+  for (const Verb& verb : kVerbs) AddVerb(app, verb);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help, --version
@@ -137,7 +191,7 @@ int Run(int argc, char** argv) {
     const std::vector<std::string> words = {argv + 1, argv + argc};
     return ReportError(absl::InvalidArgumentError(UsageError(app, mistake, words)));
   }
-  const absl::StatusOr<int> exit = chosen();
+  const absl::StatusOr<int> exit = Chosen()();
   return exit.ok() ? *exit : ReportError(exit.status());
 }
 

@@ -260,6 +260,17 @@ void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path) {
       ->required();
 }
 
+Action& Chosen() {
+  static Action& chosen = *new Action;
+  return chosen;
+}
+
+std::string CommandOf(const CLI::App& verb) {
+  const CLI::App* parent = verb.get_parent();
+  return parent == nullptr ? verb.get_name()
+                           : absl::StrCat(CommandOf(*parent), " ", verb.get_name());
+}
+
 std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates) {
   if (word.empty() || word.size() > kLongestWord) return "";
   size_t least = std::max<size_t>(1, word.size() / 3) + 1;

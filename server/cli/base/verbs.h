@@ -153,6 +153,12 @@ void AddHostOptions(CLI::App& verb, HostOptions& options);
 // Adds PATH, or whatever it is called, of a submission.
 void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path);
 
+// What the command line asks for, once it is parsed; empty before.
+Action& Chosen();
+
+// "myograde board rejudge", as a verb is typed.
+std::string CommandOf(const CLI::App& verb);
+
 // The parts of a verb, such as "team create" and "team list", which share their options.
 template <typename Options>
 class Parts {
@@ -163,24 +169,18 @@ class Parts {
   CLI::App* Add(const std::string& name, const std::string& does, const std::string& example,
                 std::function<absl::StatusOr<int>(const Options&)> action) {
     CLI::App* part = verb_.add_subcommand(name, does);
-    part->footer(absl::StrCat("Example:\n  myograde ", verb_.get_name(), " ", example));
-    part->callback([chosen = chosen_, options = options_, action = std::move(action)] {
-      *chosen = [options, action] { return action(*options); };
+    part->footer(absl::StrCat("Example:\n  ", CommandOf(verb_), " ", example));
+    part->callback([options = options_, action = std::move(action)] {
+      Chosen() = [options, action] { return action(*options); };
     });
     return part;
   }
 
   Options& options() { return *options_; }
 
-  // What the verb does: the part that the command line names.
-  Action Chosen() const {
-    return [chosen = chosen_] { return (*chosen)(); };
-  }
-
  private:
   CLI::App& verb_;
   std::shared_ptr<Options> options_ = std::make_shared<Options>();
-  std::shared_ptr<Action> chosen_ = std::make_shared<Action>();
 };
 
 // The candidate that is nearest to `word` by inserted, left out, changed and swapped letters,
@@ -193,7 +193,7 @@ std::string NearestOf(std::string_view word, const std::vector<std::string>& can
 std::string UsageError(const CLI::App& app, const CLI::ParseError& mistake,
                        const std::vector<std::string>& words);
 
-// Each adds its options to `verb` and returns what it does. Those of ../client:
+// Each adds its options to `verb` and returns what it does; {}: its parts do. Those of ../client:
 Action AddStatus(CLI::App& verb);
 Action AddCancel(CLI::App& verb);
 Action AddChoose(CLI::App& verb);
@@ -207,7 +207,11 @@ Action AddQuota(CLI::App& verb);
 Action AddHide(CLI::App& verb);
 Action AddUnhide(CLI::App& verb);
 Action AddDisqualify(CLI::App& verb);
+Action AddReinstate(CLI::App& verb);
 Action AddBaseline(CLI::App& verb);
+Action AddGrant(CLI::App& verb);
+Action AddExplain(CLI::App& verb);
+Action AddRebuild(CLI::App& verb);
 Action AddEvents(CLI::App& verb);
 Action AddLog(CLI::App& verb);
 Action AddReceipt(CLI::App& verb);

@@ -394,7 +394,7 @@ absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase)
   if (known.is_object()) return known;
   return absl::InvalidArgumentError(
       absl::StrCat("there is no phase \"", phase,
-                   "\"; \"myograde challenge status\" lists those that there are"));
+                   "\"; \"myograde phase status\" lists those that there are"));
 }
 
 }  // namespace myograde::server

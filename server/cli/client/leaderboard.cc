@@ -121,9 +121,9 @@ std::string ShortHash(const Json& of, const char* key) {
 
 struct BoardOptions : DaemonOptions {
   BoardChoice board;
-  std::vector<std::string> explain;  // two rows, or none
+  std::string above;  // of "board explain": two rows, in any order
+  std::string below;
   bool statistics = false;
-  bool rebuild = false;
 };
 
 // What makes it another board than that of now.
@@ -206,7 +206,7 @@ void PrintBoard(const Json& board) {
 absl::StatusOr<int> Explain(BoardOptions options) {
   BoardChoice& board = options.board;
   int64_t id = 0;
-  if (!board.named() && absl::SimpleAtoi(options.explain.front(), &id)) {
+  if (!board.named() && absl::SimpleAtoi(options.above, &id)) {
     ASSIGN_OR_RETURN(const Json submission,
                      options.client().Get(absl::StrCat("/v1/submissions/", id)));
     board.track = submission.value("track", "");
@@ -217,7 +217,7 @@ absl::StatusOr<int> Explain(BoardOptions options) {
       {{!board.named(), "teams are compared on one board: give --track or --phase"}}));
   return options.GetAndPrint(
       absl::StrCat("/v1/leaderboard/explain", board.Query(), "&a=",
-                   QueryValue(options.explain.front()), "&b=", QueryValue(options.explain.back())),
+                   QueryValue(options.above), "&b=", QueryValue(options.below)),
       [](const Json& answer) { std::cout << Harmless(answer.value("why", "")) << std::endl; });
 }
 
@@ -249,14 +249,6 @@ absl::StatusOr<int> AllBoards(BoardOptions options) {
 }
 
 absl::StatusOr<int> Leaderboard(const BoardOptions& options) {
-  if (options.rebuild) {
-    return options.PostAndPrint("/v1/leaderboard/rebuild", Json::object(), [](const Json& answer) {
-      std::cout << Filled(answer,
-                          "The boards were rebuilt from the episodes of {rebuilt:evaluation}.\n");
-      PrintUnreadable(answer);
-    });
-  }
-  if (!options.explain.empty()) return Explain(options);
   RETURN_IF_ERROR(RefuseIf({{options.statistics && !options.board.named(),
                              "--statistics are of one board: give --track, --phase or --config"}}));
   if (options.statistics) {
@@ -363,16 +355,35 @@ Action AddLeaderboard(CLI::App& verb) {
                  "Phase of a challenge, also of one that is over (default: the track's own board)");
   verb.add_option("--at", options->board.at,
                   "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
-  verb.add_option("--explain", options->explain,
-                  "Say why one of two submissions (or teams) stands above the other")
-      ->expected(2)
-      ->type_name("A B");
   verb.add_flag("--statistics", options->statistics,
                 "Show which places the episodes decide: groups, intervals and faults");
-  verb.add_flag("--rebuild", options->rebuild,
-                "Organiser: rebuild the boards from the episodes' rows, which changes no result");
   AddDaemonOptions(verb, "leaderboard", *options);
   return [options] { return Leaderboard(*options); };
+}
+
+Action AddExplain(CLI::App& verb) {
+  auto options = std::make_shared<BoardOptions>();
+  for (const auto& [name, row] : {std::pair{"A", &options->above}, std::pair{"B", &options->below}}) {
+    verb.add_option(name, *row, "A submission or a team")->required()->type_name("TEXT");
+  }
+  AddBoardChoice(verb, options->board, "Name of the track (default: that of the submissions)",
+                 "Phase of a challenge, also of one that is over (default: the track's own board)");
+  verb.add_option("--at", options->board.at,
+                  "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
+  AddDaemonOptions(verb, "leaderboard", *options);
+  return [options] { return Explain(*options); };
+}
+
+Action AddRebuild(CLI::App& verb) {
+  auto options = std::make_shared<DaemonOptions>();
+  AddDaemonOptions(verb, "leaderboard", *options);
+  return [options] {
+    return options->PostAndPrint("/v1/leaderboard/rebuild", Json::object(), [](const Json& answer) {
+      std::cout << Filled(answer,
+                          "The boards were rebuilt from the episodes of {rebuilt:evaluation}.\n");
+      PrintUnreadable(answer);
+    });
+  };
 }
 
 Action AddPhase(CLI::App& verb) {
@@ -382,7 +393,7 @@ Action AddPhase(CLI::App& verb) {
       return ActOnPhase(options, name);
     });
     part->add_option("NAME", parts.options().name,
-                     "The phase, as \"myograde challenge status\" lists it");
+                     "The phase, as \"myograde phase status\" lists it");
     part->add_option("--reason", parts.options().reason,
                      "Why, for those who submit and for the record; up to 200 bytes")
         ->required();
@@ -395,7 +406,7 @@ Action AddPhase(CLI::App& verb) {
       /*all=*/true);
   add("publish", "Show everybody a frozen board, and what the phase withheld; can't be undone",
       "publish final --reason \"closing ceremony\"", /*all=*/false);
-  return parts.Chosen();
+  return {};
 }
 
 Action AddEvaluate(CLI::App& verb) {

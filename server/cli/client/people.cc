@@ -193,7 +193,7 @@ struct QuotaOptions : DaemonOptions {
   std::string team;
   std::string track;
   std::string phase;
-  int64_t grant = 0;  // 0: not given
+  int64_t units = 0;  // of a grant
   std::string budget = "official";
   std::string reason;
   int64_t limit = 20;
@@ -258,24 +258,6 @@ void PrintQuota(const Json& quota) {
                      "who", "why"});
 }
 
-// With --grant, after that.
-absl::StatusOr<Json> QuotaOf(const QuotaOptions& options) {
-  if (options.grant == 0) {
-    return options.client().Get("/v1/quota" + QueryOf({{"team", options.team},
-                                                       {"limit", absl::StrCat(options.limit)},
-                                                       {"track", options.track}}));
-  }
-  RETURN_IF_ERROR(RefuseIf({{options.track.empty() || options.reason.empty(),
-                             "a grant needs --track and --reason"}}));
-  Json grant = {{"team", options.team},
-                {"track", options.track},
-                {"budget", options.budget},
-                {"amount", options.grant},
-                {"reason", options.reason}};
-  SetIfGiven(grant, "phase", options.phase);
-  return options.client().Post("/v1/quota/grants", grant);
-}
-
 }  // namespace
 
 Action AddTeam(CLI::App& verb) {
@@ -313,7 +295,7 @@ Action AddTeam(CLI::App& verb) {
   merge->add_flag("--yes", parts.options().yes, "Don't ask");
   parts.AddReason(merge);
   AddBanParts(parts);
-  return parts.Chosen();
+  return {};
 }
 
 Action AddQuota(CLI::App& verb) {
@@ -322,22 +304,38 @@ Action AddQuota(CLI::App& verb) {
   verb.add_option("--track", options->track, "Name of the track (default: all)");
   verb.add_option("--limit", options->limit, "Rows of the ledger to show, 1 to 1000 (default: 20)")
       ->check(CLI::Range(1, 1000));
-  CLI::Option* grant =
-      verb.add_option("--grant", options->grant,
-                      "Organiser: give N more, for the present day and in all (needs --track and "
-                      "--reason)")
-          ->check(CLI::Range(1, 1'000'000));
+  AddDaemonOptions(verb, "quota", *options);
+  return [options] {
+    return options->GetAndPrint("/v1/quota" + QueryOf({{"team", options->team},
+                                                       {"limit", absl::StrCat(options->limit)},
+                                                       {"track", options->track}}),
+                                PrintQuota);
+  };
+}
+
+Action AddGrant(CLI::App& verb) {
+  auto options = std::make_shared<QuotaOptions>();
+  verb.add_option("NAME", options->team, "The team")->required()->type_name("TEXT");
+  verb.add_option("--track", options->track, "Name of the track")->required();
+  verb.add_option("--phase", options->phase,
+                  "The phase to grant it for (default: the track itself)");
+  verb.add_option("--units", options->units, "How many more, for the present day and in all")
+      ->required()
+      ->check(CLI::Range(1, 1'000'000));
   verb.add_option("--budget", options->budget,
                   "What to grant: official, practice or failed (default: official)")
-      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kBudgets), std::end(kBudgets))))
-      ->needs(grant);
-  verb.add_option("--phase", options->phase,
-                  "The phase to grant it for (default: the track itself)")
-      ->needs(grant);
-  verb.add_option("--reason", options->reason, "Why it is granted, for the ledger; up to 200 bytes")
-      ->needs(grant);
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kBudgets), std::end(kBudgets))));
+  verb.add_option("--reason", options->reason, "Why, for the ledger; up to 200 bytes")->required();
   AddDaemonOptions(verb, "quota", *options);
-  return [options] { return PrintAnswer(QuotaOf(*options), options->json, PrintQuota); };
+  return [options] {
+    Json grant = {{"team", options->team},
+                  {"track", options->track},
+                  {"budget", options->budget},
+                  {"amount", options->units},
+                  {"reason", options->reason}};
+    SetIfGiven(grant, "phase", options->phase);
+    return options->PostAndPrint("/v1/quota/grants", grant, PrintQuota);
+  };
 }
 
 }  // namespace myograde::server

@@ -1,4 +1,4 @@
-// myograde record: head, show, prove, export; myograde receipt; myograde key
+// myograde record: head, show, prove, export; myograde receipt; myograde proof key
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
@@ -231,7 +231,7 @@ Action AddRecord(CLI::App& verb) {
            "export ./record", "record-export", WriteRecord)
       ->add_option("FOLDER", options.file, "A new folder")
       ->required();
-  return parts.Chosen();
+  return {};
 }
 
 }  // namespace myograde::server

@@ -129,8 +129,8 @@ void PrintNext(const Json& rejudge) {
   if (state == "computing") {
     std::cout << "It is being computed; the live board stays as it is.\n";
   } else if (state == "ready" && Cell(rejudge, "purpose") == "rules") {
-    std::cout << "The live board is as it was. \"myograde rejudge apply " << id
-              << " --reason TEXT\" makes these its results, \"myograde rejudge drop " << id
+    std::cout << "The live board is as it was. \"myograde board rejudge apply " << id
+              << " --reason TEXT\" makes these its results, \"myograde board rejudge drop " << id
               << " --reason TEXT\" leaves it.\n";
   }
 }
@@ -253,7 +253,7 @@ absl::StatusOr<int> ListRejudges(const RejudgeOptions& options) {
   return PrintAnswer(
       GetAllPages(options.client(), kRejudges, "rejudges"), options.json, [](const Json& answer) {
         PrintList(
-            answer, "rejudges", "Nothing was rejudged yet; \"myograde rejudge create\" begins one.",
+            answer, "rejudges", "Nothing was rejudged yet; \"myograde board rejudge create\" begins one.",
             {"id=rejudge", "state", RowColumn("board", RejudgedBoard),
              RowColumn("to config", [](const Json& one) { return HashCell(one, "to_config"); }),
              RowColumn("results", ItemsText), "created=at", "reason"});
@@ -268,7 +268,7 @@ class RejudgeParts : public DaemonParts<RejudgeOptions> {
   CLI::App* AddOfOne(const char* name, const char* does, const char* example,
                      std::function<absl::StatusOr<int>(const RejudgeOptions&)> action) {
     CLI::App* part = Add(name, does, example, "rejudge", std::move(action));
-    part->add_option("ID", options().id, "The rejudge, as \"myograde rejudge list\" numbers it")
+    part->add_option("ID", options().id, "The rejudge, as \"myograde board rejudge list\" numbers it")
         ->required()
         ->check(CLI::PositiveNumber);
     return part;
@@ -325,7 +325,7 @@ Action AddRejudge(CLI::App& verb) {
   parts.AddReason(parts.AddOfOne(
       "drop", "Give up a rejudge; of an applied one, restore the board that it replaced",
       "drop 3 --reason \"The jury decided otherwise.\"", DropRejudge));
-  return parts.Chosen();
+  return {};
 }
 
 }  // namespace myograde::server

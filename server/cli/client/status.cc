@@ -319,7 +319,7 @@ Action AddWebhook(CLI::App& verb) {
       ->type_name("TEXT")
       ->check(NameOf(64, /*any_first=*/true,
                      "webhook's name, as \"myograde webhook list\" lists them"));
-  return parts.Chosen();
+  return {};
 }
 
 Action AddCluster(CLI::App& verb) {
@@ -353,7 +353,7 @@ Action AddCluster(CLI::App& verb) {
                            "/v1/nodes/" + options.node, {{"state", "admitted"}},
                            Sentence("Node {node} gets leases again, once it has proved itself."));
                      }));
-  return parts.Chosen();
+  return {};
 }
 
 }  // namespace myograde::server

@@ -1,5 +1,5 @@
-// The verbs about one submission: myograde show, cancel, choose, hide, unhide, disqualify,
-// baseline, rerun
+// The verbs about one submission: myograde show, cancel, choose, rerun, and submission hide,
+// unhide, disqualify, reinstate, baseline
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
@@ -68,6 +68,8 @@ void PrintCancelled(const Json& status) {
             << CountsText(status) << "." << QuotaText(status) << std::endl;
 }
 
+constexpr char kBaselineMark[] = "baseline";
+
 struct MarkOptions : SubmissionOptions {
   std::string reason;
   std::string mark;  // "" of cancel
@@ -79,20 +81,19 @@ absl::StatusOr<int> Mark(const MarkOptions& options) {
   const bool set = options.set && !options.undo;
   RETURN_IF_ERROR(RefuseIf(
       {{set && options.mark == "disqualified" && options.reason.empty(),
-        "a disqualification needs --reason, which the board shows; --undo takes it back"}}));
+        "a disqualification needs --reason, which the board shows"}}));
   Json body = {{"mark", options.mark}, {"set", set}};
   SetIfGiven(body, "reason", options.reason);
   return options.PostAndPrint(options.Resource("/marks"), body, [&](const Json& answer) {
     const bool changed = answer.value("changed", false);
     std::cout << "Submission " << options.id << Filled(answer, " of {team} is ")
               << (set ? (changed ? "now " : "already ") : (changed ? "no longer " : "not "))
-              << (options.mark == "baseline" ? "a baseline" : options.mark)
+              << (options.mark == kBaselineMark ? "a baseline" : options.mark)
               << (changed ? "." : "; nothing changed.") << std::endl;
   });
 }
 
-// `undo_help`: null without a flag --undo.
-Action AddMark(CLI::App& verb, const std::string& mark, bool set, const char* undo_help = nullptr,
+Action AddMark(CLI::App& verb, const std::string& mark, bool set,
                const char* reason_help = kReasonHelp) {
   auto options = std::make_shared<MarkOptions>();
   options->mark = mark;
@@ -100,7 +101,9 @@ Action AddMark(CLI::App& verb, const std::string& mark, bool set, const char* un
   AddSubmissionId(verb, *options);
   verb.add_option("--reason", options->reason, reason_help);
   AddDaemonOptions(verb, "mark", *options);
-  if (undo_help != nullptr) verb.add_flag("--undo", options->undo, undo_help);
+  if (mark == kBaselineMark) {
+    verb.add_flag("--undo", options->undo, "Make it an ordinary submission again");
+  }
   return [options] { return Mark(*options); };
 }
 
@@ -316,13 +319,13 @@ Action AddHide(CLI::App& verb) { return AddMark(verb, "hidden", true); }
 Action AddUnhide(CLI::App& verb) { return AddMark(verb, "hidden", false); }
 
 Action AddDisqualify(CLI::App& verb) {
-  return AddMark(verb, "disqualified", true, "Bring the submission back",
-                 "Why; the board shows it; up to 200 bytes (required, but not with --undo)");
+  return AddMark(verb, "disqualified", true,
+                 "Why; the board shows it; up to 200 bytes (required)");
 }
 
-Action AddBaseline(CLI::App& verb) {
-  return AddMark(verb, "baseline", true, "Make it an ordinary submission again");
-}
+Action AddReinstate(CLI::App& verb) { return AddMark(verb, "disqualified", false); }
+
+Action AddBaseline(CLI::App& verb) { return AddMark(verb, kBaselineMark, true); }
 
 Action AddRerun(CLI::App& verb) {
   auto options = std::make_shared<RerunOptions>();

@@ -160,7 +160,7 @@ Finding TeamFinding(const Client& client, const SubmissionPlan& plan, bool chall
 Finding Paused(const Json& of, const std::string& what) {
   return Fails("phase",
                Filled(of, absl::StrCat("the organisers have paused ", what, ": {paused.reason}")),
-               "wait until they resume; \"myograde challenge status\" shows it");
+               "wait until they resume; \"myograde phase status\" shows it");
 }
 
 Finding PhaseFinding(const SubmissionPlan& plan, const Json& phase) {
@@ -180,7 +180,7 @@ Finding PhaseFinding(const SubmissionPlan& plan, const Json& phase) {
   }
   if (state != "open") {
     return Fails("phase", Filled(phase, "phase \"{phase}\" closed at {closes_at}"),
-                 "see \"myograde challenge status\"");
+                 "see \"myograde phase status\"");
   }
   const Json teams = phase.value("teams", Json());
   if (teams.is_array() && std::find(teams.begin(), teams.end(), plan.team) == teams.end()) {
@@ -205,7 +205,7 @@ std::pair<std::string, Finding> PlaceOf(const SubmissionPlan& plan, const Json& 
     const Json phase = PhaseIn(challenges, plan.phase);
     if (phase.is_object()) return {plan.phase, PhaseFinding(plan, phase)};
     return {plan.phase, Fails("phase", absl::StrCat("the server has no phase \"", plan.phase, "\""),
-                              "\"myograde challenge status\" lists those that there are")};
+                              "\"myograde phase status\" lists those that there are")};
   }
   Json last;  // The one that opens or closed last tells most.
   std::vector<std::string> open;

@@ -40,7 +40,7 @@ struct Drawn {
 // something, or drawing failed or took too long. Whatever went wrong is said in one sentence.
 absl::StatusOr<Drawn> DrawFigure(const Json& order);
 
-// Runs "myograde render" with these words. CancelledError after a stop signal; else its sentence if
+// Runs "myograde episode render" with these words. CancelledError after a stop signal; else its sentence if
 // it failed.
 absl::Status RunRender(std::vector<std::string> words);
 

@@ -213,7 +213,7 @@ struct ReportOptions : FigureOptions {
 
 Json WhyNot(absl::string_view reason) { return {{"error", std::string(reason)}}; }
 
-// What "myograde render" draws of the submission, as Base64, or why there is nothing.
+// What "myograde episode render" draws of the submission, as Base64, or why there is nothing.
 // CancelledError after a stop signal.
 absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
   const absl::StatusOr<TempFolder> temp = TempFolder::Make("strip");

@@ -287,7 +287,7 @@ void PrintContents(const std::string& folder, const Contents& contents) {
                                   ? "  {file}  episode {episode}\n"
                                   : "  {file}  the {place}, episode {episode}\n");
   }
-  std::cout << "  logs  of all episodes, for \"myograde replay\" and \"myograde render\"\n";
+  std::cout << "  logs  of all episodes, for \"myograde episode replay\" and \"myograde episode render\"\n";
   for (const std::string& sentence : contents.missing) std::cout << Harmless(sentence) << '\n';
   if (const std::string first = FirstToOpen(folder, contents); !first.empty()) {
     std::cout << "Open " << Harmless(first) << std::endl;
@@ -336,7 +336,7 @@ Action AddLocal(CLI::App& verb) {
       ->check(CLI::Range(1, 10'000));
   verb.add_option("--logs", options->logs,
                   "Folder for the log of each episode, episode-000.lcmlog.zst and so on, which \"myograde "
-                  "replay\" plays again and \"myograde render\" shows");
+                  "replay\" plays again and \"myograde episode render\" shows");
   verb.add_option("--slots", options->slots,
                   "Blocks of episodes to play at a time (default: as in server.json, one for each "
                   "processor)")

@@ -1,4 +1,4 @@
-// myograde replay, and what the other verbs that play logs again share
+// myograde episode replay, and what the other verbs that play logs again share
 #include "server/cli/offline/play_logs.h"
 
 #include <absl/strings/numbers.h>
@@ -280,7 +280,7 @@ absl::StatusOr<int> Replay(const ReplayOptions& options) {
 Action AddReplay(CLI::App& verb) {
   auto options = std::make_shared<ReplayOptions>();
   verb.add_option("TARGET", options->target,
-                  "The submission, or the file of a log (\"myograde log\", \"local --logs\")")
+                  "The submission, or the file of a log (\"myograde episode log\", \"local --logs\")")
       ->required();
   verb.add_option("--episode", options->episode, "Only this one, counted from 0 (default: all)")
       ->check(WholeNumber(0, "no episode's number, counted from 0"));

@@ -44,7 +44,7 @@ bool IsPlainName(std::string_view name) {
 
 absl::Status Stray(const std::string& name, const char* what) {
   return absl::InvalidArgumentError(
-      absl::StrCat(Harmless(name), " ", what, "; \"myograde record export\" writes no such thing"));
+      absl::StrCat(Harmless(name), " ", what, "; \"myograde proof record export\" writes no such thing"));
 }
 
 }  // namespace
@@ -54,7 +54,7 @@ absl::StatusOr<RecordFolder> RecordFolder::Open(const std::string& path) {
   if (!fd.valid()) {
     return absl::NotFoundError(
         absl::StrCat(path, ": can't be opened as a folder (", strerror(errno),
-                     "); name the folder that \"myograde record export\" wrote"));
+                     "); name the folder that \"myograde proof record export\" wrote"));
   }
   RecordFolder folder(std::move(fd));
   RETURN_IF_ERROR(folder.List("", 0));

@@ -1,4 +1,4 @@
-// The folder that "myograde record export" writes, as somebody received it: its files may be of any
+// The folder that "myograde proof record export" writes, as somebody received it: its files may be of any
 // size and any kind.
 //
 //   record.jsonl            the entries, one a line

@@ -1,4 +1,4 @@
-// myograde render
+// myograde episode render
 #include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -335,7 +335,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
 Action AddRender(CLI::App& verb) {
   auto options = std::make_shared<RenderOptions>();
   verb.add_option("TARGET", options->target,
-                  "The submission, or the file of a log (\"myograde log\", \"local --logs\")")
+                  "The submission, or the file of a log (\"myograde episode log\", \"local --logs\")")
       ->required();
   verb.add_option("--episode", options->episode, "The episode, counted from 0")
       ->check(WholeNumber(0, "no episode's number, counted from 0"));

@@ -332,7 +332,7 @@ Action AddSeeds(CLI::App& verb) {
                 "import --phase final --secret final.secret --data new", ImportSecret);
   AddMoveOptions(bring, options);
   bring->add_option("--secret", options.secret, "File of the secret")->required();
-  return parts.Chosen();
+  return {};
 }
 
 Action AddRelease(CLI::App& verb) {
@@ -365,7 +365,7 @@ Action AddRelease(CLI::App& verb) {
       ->add_option("--key", options.key,
                    "File of the public key, from a place that its owner controls")
       ->required();
-  return parts.Chosen();
+  return {};
 }
 
 }  // namespace myograde::server

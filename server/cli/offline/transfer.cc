@@ -1,4 +1,4 @@
-// The store as a file: myograde export, backup, import
+// The store as a file: myograde store export, backup, import
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
 #include <unistd.h>

@@ -337,14 +337,14 @@ Action AddVerify(CLI::App& verb) {
   CLI::Option* all =
       verb.add_option("--all", options->folder,
                       "Check a whole record with its receipts and boards: the folder that "
-                      "\"myograde record export\" wrote")
+                      "\"myograde proof record export\" wrote")
           ->excludes(file);
   verb.add_option("--head", options->head,
                   "With --all: a head of the record that you kept earlier; the record must be its "
                   "continuation")
       ->needs(all);
   verb.add_option("--key", options->key,
-                  "File of the organiser's published key (\"myograde key\"); required, as a key "
+                  "File of the organiser's published key (\"myograde proof key\"); required, as a key "
                   "inside a receipt would prove nothing");
   verb.add_option("--secret", options->secret,
                   "For a phase with hidden seeds, once they are revealed: the phase's secret, as "
