@@ -165,7 +165,7 @@ void AddVerb(CLI::App& app, const Verb& verb) {
   CLI::App* noun =
       space == std::string_view::npos ? &app : app.get_subcommand(std::string(name.substr(0, space)));
   CLI::App* sub = noun->add_subcommand(std::string(name.substr(space + 1)), verb.does);
-  if (verb.heading != nullptr) sub->group(verb.heading);
+  sub->group(verb.heading == nullptr ? "Subcommands" : verb.heading);
   const std::string example = absl::StrReplaceAll(verb.example, {{"TRACK", TrackNames().front()}});
   sub->footer(absl::StrCat("Example:\n  ", CommandOf(*sub), example.empty() ? "" : " ", example,
                            "\n\n", kStatuses));

@@ -168,7 +168,7 @@ class Parts {
   // `example` is what stands behind the verb: "create NAME".
   CLI::App* Add(const std::string& name, const std::string& does, const std::string& example,
                 std::function<absl::StatusOr<int>(const Options&)> action) {
-    CLI::App* part = verb_.add_subcommand(name, does);
+    CLI::App* part = verb_.add_subcommand(name, does)->group("Subcommands");
     part->footer(absl::StrCat("Example:\n  ", CommandOf(verb_), " ", example));
     part->callback([options = options_, action = std::move(action)] {
       Chosen() = [options, action] { return action(*options); };
