@@ -4,14 +4,14 @@
 
 namespace myograde::server {
 
-absl::Duration RateLimit::Take(const std::string& key, absl::Duration now) {
+absl::Duration RateLimit::Take(const std::string& key, absl::Duration now, bool count) {
   Bucket& bucket = buckets_.FindOr(key, {burst_, now});
   const double passed = std::max(absl::ToDoubleSeconds(now - bucket.at), 0.0);
   bucket.left = std::min(bucket.left + passed * per_s_, burst_);
   bucket.at = now;
   // A wait that rounds to zero means that the request is served, so it has to be counted.
   const absl::Duration wait = absl::Seconds(std::max(1 - bucket.left, 0.0) / per_s_);
-  if (wait == absl::ZeroDuration()) bucket.left -= 1;
+  if (count && wait == absl::ZeroDuration()) bucket.left -= 1;
   return wait;
 }
 

@@ -7,7 +7,7 @@
 
 #include <absl/status/status.h>
 
-#include "server/http/api_error.h"
+#include "server/http/request.h"
 #include "server/store/quota.h"
 
 namespace myograde::server {

@@ -19,7 +19,7 @@
 #include "server/access/rate_limit.h"
 #include "server/api/access_log.h"
 #include "server/config/server_config.h"
-#include "server/http/api_error.h"
+#include "server/http/request.h"
 #include "server/http/connection.h"
 #include "server/http/router.h"
 #include "server/store/reader_pool.h"

@@ -14,7 +14,6 @@
 #include "server/api/caller.h"
 #include "server/api/error_of.h"
 #include "server/api/guard.h"
-#include "server/http/api_error.h"
 #include "server/http/router.h"
 #include "server/metrics/metrics.h"
 

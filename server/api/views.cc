@@ -1,15 +1,12 @@
 #include "server/api/views.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <map>
-#include <string>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/lease/seed_commitment.h"
+#include "server/base/http_client.h"
 #include "server/store/differences.h"
 
 namespace myograde::server {
@@ -227,7 +224,7 @@ void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& 
   answer.next = absl::StrCat(request.path, "?before=", last_id);
   for (const auto& [key, value] : request.params) {
     if (key == "before") continue;
-    absl::StrAppend(&answer.next, "&", EncodeForQuery(key), "=", EncodeForQuery(value));
+    absl::StrAppend(&answer.next, "&", QueryValue(key), "=", QueryValue(value));
   }
 }
 
