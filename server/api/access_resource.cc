@@ -6,11 +6,7 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
 #include "server/access/identity.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {

@@ -11,9 +11,6 @@
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"
 

@@ -9,12 +9,8 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
 #include "server/api/episode_rows.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"

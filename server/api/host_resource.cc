@@ -8,10 +8,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/api/readiness.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/base/this_host.h"
 #include "server/http/http_server.h"
 #include "server/proof/grader_build.h"

@@ -24,17 +24,7 @@ using Families = std::vector<MetricFamily>;
 
 template <typename Number>
 void AddGauge(Families& families, const char* name, const char* help, Number value) {
-  AddValue(families.emplace_back(GaugeFamily(name, help)), "", "", static_cast<double>(value));
-}
-
-// One value for each of the label's.
-template <typename Number>
-void AddGauges(Families& families, const char* name, const char* help, const char* label,
-               const std::map<std::string, Number>& values) {
-  MetricFamily& family = families.emplace_back(GaugeFamily(name, help));
-  for (const auto& [key, value] : values) {
-    AddValue(family, label, key, static_cast<double>(value));
-  }
+  AddGauges<Number>(families, name, help, "", {{"", value}});
 }
 
 double SecondsOf(const std::optional<absl::Duration>& duration) {

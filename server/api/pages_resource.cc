@@ -9,10 +9,8 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/api/negotiation.h"
 #include "server/api/openapi/document.h"
-#include "server/api/requests.h"
 #include "server/web/files.h"
 
 namespace myograde::server {

@@ -8,15 +8,12 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
-#include "protocol/base/status_macros.h"
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
-#include "server/api/caller.h"
 #include "server/api/negotiation.h"
+#include "server/api/error_of.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
 #include "server/pictures/packing.h"
 #include "server/pictures/pictures.h"
 #include "server/runner/log_keeper.h"

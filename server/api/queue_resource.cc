@@ -15,13 +15,9 @@
 #include <absl/strings/str_join.h>
 #include <absl/time/time.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/mutex.h"
-#include "protocol/base/status_macros.h"
 #include "server/api/readiness.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"
 
@@ -177,10 +173,10 @@ ApiResult Queue::Get(const Request& request) {
 
 std::optional<std::string> Queue::NextEvent(Snapshot& last) {
   // A token may have been revoked, or a member removed, since the event before.
-  const auto admitted = guard_.Admit(HttpServer::RequestConnection(), Action::kReadSubmission);
-  const auto* identity = std::get_if<Identity>(&admitted);
-  if (identity == nullptr) return std::nullopt;
-  const CallerScope scope(*identity, Action::kReadSubmission, guard_.log());
+  Identity who;
+  const auto refusal = guard_.Admit(HttpServer::RequestConnection(), Action::kReadSubmission, who);
+  if (refusal.has_value()) return std::nullopt;
+  const CallerScope scope(who, Action::kReadSubmission, context_.access_log);
   absl::StatusOr<Snapshot> now = Look();
   if (!now.ok()) return std::nullopt;
   if (now->stable == last.stable && now->made - last.made < kTellEvery) return "";

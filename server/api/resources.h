@@ -1,13 +1,16 @@
 // The API's resources, by noun: each function adds the addresses of its own. Handlers check
 // requests, read the store on connections of their own, and hand changes to admission and the
-// engine; they run on any thread. What is passed must outlive the server's last request.
+// engine; they run on any thread. What is passed must outlive the server's last request. The headers
+// are those that nearly all of them need.
 #pragma once
 
 #include <functional>
 
-#include "server/api/context.h"
-#include "server/api/guard.h"
+#include "protocol/base/status_macros.h"
+#include "server/api/caller.h"
+#include "server/api/requests.h"
 #include "server/api/routes.h"
+#include "server/api/views.h"
 
 namespace myograde::server {
 

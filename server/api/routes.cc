@@ -1,8 +1,8 @@
 #include "server/api/routes.h"
 
-#include <string>
 #include <utility>
 
+#include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
 #include <spdlog/spdlog.h>
@@ -10,6 +10,8 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/caller.h"
+#include "server/api/error_of.h"
 #include "server/api/negotiation.h"
 #include "server/http/http_server.h"
 
@@ -67,46 +69,19 @@ void SendResult(const Request& request, Response& response, const ApiResult& res
   response.SetJson(answer.http, std::move(text));
 }
 
-// Counts the request that a response is to, when it ends.
-class RequestTimer {
- public:
-  RequestTimer(Metrics& metrics, std::string_view action, const Response& response)
-      : metrics_(metrics), action_(action), response_(response) {}
-  ~RequestTimer() {
-    metrics_.ObserveRequest(action_, response_.status, SystemClock().Monotonic() - begin_);
-  }
-  RequestTimer(const RequestTimer&) = delete;
-  RequestTimer& operator=(const RequestTimer&) = delete;
-
- private:
-  Metrics& metrics_;
-  const std::string_view action_;
-  const Response& response_;
-  const absl::Duration begin_ = SystemClock().Monotonic();
-};
-
-// Runs `serve`, which fills in the response, if the caller may take the action at all.
-void ServeIfAdmitted(Metrics& metrics, Guard& guard, Action action, const Request& request,
-                     Response& response, const std::function<void()>& serve) {
-  const RequestTimer timer(metrics, ActionName(action), response);
-  const auto admitted = guard.Admit(HttpServer::RequestConnection(), action);
-  if (const auto* error = std::get_if<ApiError>(&admitted)) return SendError(response, *error);
-  CallerScope scope(std::get<Identity>(admitted), action, guard.log());
-  try {
-    serve();
-  } catch (const std::exception& error) {
-    SendError(response, {500, "internal", absl::StrCat(request.method, " ", request.path,
-                                                       " failed in the server: ", error.what())});
-  }
-  scope.Finish(request.method, request.path, response.status);
+// Counts the request that a response is to, when what is returned goes.
+auto CountAtEnd(Metrics& metrics, std::string_view action, const Response& response) {
+  return absl::Cleanup([&metrics, &response, action, begin = SystemClock().Monotonic()] {
+    metrics.ObserveRequest(action, response.status, SystemClock().Monotonic() - begin);
+  });
 }
 
 }  // namespace
 
-Routes::Routes(Router& router, Guard& guard, Metrics& metrics)
-    : router_(router), guard_(guard), metrics_(metrics) {
+Routes::Routes(Router& router, Guard& guard, const ApiContext& context)
+    : router_(router), guard_(guard), context_(context) {
   router.SetUnknown([&](const Request& request, Response& response) {
-    const RequestTimer timer(metrics, "none", response);
+    const auto count = CountAtEnd(context.metrics, "none", response);
     if (auto over = guard.AdmitUnknown(HttpServer::RequestConnection())) {
       return SendError(response, *std::move(over));
     }
@@ -117,11 +92,23 @@ Routes::Routes(Router& router, Guard& guard, Metrics& metrics)
   });
 }
 
-// With what every handler has in common.
+// The address serves those who may take its action at all.
 void Routes::Add(Address address) {
-  address.serve = [&metrics = metrics_, &guard = guard_, action = address.action,
+  address.serve = [&context = context_, &guard = guard_, action = address.action,
                    serve = std::move(address.serve)](const Request& request, Response& response) {
-    ServeIfAdmitted(metrics, guard, action, request, response, [&] { serve(request, response); });
+    const auto count = CountAtEnd(context.metrics, ActionName(action), response);
+    Identity who;
+    if (auto refusal = guard.Admit(HttpServer::RequestConnection(), action, who)) {
+      return SendError(response, *std::move(refusal));
+    }
+    CallerScope scope(who, action, context.access_log);
+    try {
+      serve(request, response);
+    } catch (const std::exception& error) {
+      SendError(response, {500, "internal", absl::StrCat(request.method, " ", request.path,
+                                                         " failed in the server: ", error.what())});
+    }
+    scope.Finish(request.method, request.path, response.status);
   };
   router_.Add(std::move(address));
 }

@@ -5,17 +5,14 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "server/api/caller.h"
-#include "server/api/error_of.h"
+#include "server/api/context.h"
 #include "server/api/guard.h"
 #include "server/http/router.h"
-#include "server/metrics/metrics.h"
 
 namespace myograde::server {
 
@@ -40,7 +37,7 @@ class Routes {
   using FileHandler = std::function<absl::Status(const Request&, Response&)>;
 
   // All must outlive the server's last request.
-  Routes(Router& router, Guard& guard, Metrics& metrics);
+  Routes(Router& router, Guard& guard, const ApiContext& context);
   const Router& router() const { return router_; }
 
   // A handler of GET answers HEAD too.
@@ -58,7 +55,7 @@ class Routes {
 
   Router& router_;
   Guard& guard_;
-  Metrics& metrics_;
+  const ApiContext& context_;
 };
 
 }  // namespace myograde::server

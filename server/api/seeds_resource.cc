@@ -11,14 +11,10 @@
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/rejudge_plan.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"
 #include "server/http/http_server.h"

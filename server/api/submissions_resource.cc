@@ -12,10 +12,8 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
+#include "server/api/error_of.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/base/names.h"
 #include "server/base/this_host.h"
 #include "server/http/http_server.h"

@@ -9,11 +9,8 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
+#include "server/api/error_of.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/base/names.h"
 #include "server/base/peer_key.h"
 #include "server/store/quota.h"

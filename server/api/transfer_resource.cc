@@ -18,7 +18,6 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
-#include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
 #include "server/engine/stored.h"
 #include "server/http/http_server.h"

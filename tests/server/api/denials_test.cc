@@ -1,4 +1,4 @@
-#include "server/access/denials.h"
+#include "server/api/access_log.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
