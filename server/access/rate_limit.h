@@ -63,8 +63,8 @@ class RateLimit {
   RateLimit(double per_s, double burst, size_t most_keys)
       : per_s_(per_s), burst_(burst), buckets_(most_keys) {}
 
-  // Counts one request, unless `count` is false. Zero: it may be served; else it was not counted, and
-  // may be tried again after so long.
+  // Counts one request, unless `count` is false. Zero: it may be served; else it was not counted,
+  // and may be tried again after so long.
   absl::Duration Take(const std::string& key, absl::Duration now, bool count = true);
   size_t keys() const { return buckets_.size(); }
 

@@ -132,10 +132,9 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
   const Identity& caller = Caller();
   Json token;
   if (caller.token != 0) {
-    ASSIGN_OR_RETURN(const TokenRow row,
-                     context.readers.Read<TokenRow>([&](const Transaction& reader) {
-                       return reader.callers.Token(caller.token);
-                     }));
+    ASSIGN_OR_RETURN(const TokenRow row, ReadStore(context, [&](const Transaction& reader) {
+      return reader.callers.Token(caller.token);
+    }));
     token = {{"id", row.id}, {"label", row.label}, {"expires_at", TimeToJson(row.expires_at)}};
   }
   return ApiAnswer{200,
@@ -148,9 +147,9 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
 
 // The token as it is in the store.
 ApiResult ShowToken(const ApiContext& context, int64_t id, int http, Json more) {
-  ASSIGN_OR_RETURN(const TokenRow token,
-                   context.readers.Read<TokenRow>(
-                       [&](const Transaction& reader) { return reader.callers.Token(id); }));
+  ASSIGN_OR_RETURN(const TokenRow token, ReadStore(context, [&](const Transaction& reader) {
+    return reader.callers.Token(id);
+  }));
   Json body = TokenToJson(token, absl::ToUnixMillis(context.clock.Now()));
   body.update(more);
   return ApiAnswer{http, std::move(body)};
@@ -164,8 +163,7 @@ ApiResult CreateToken(const ApiContext& context, const Request&, const Json& bod
   const auto add = [token, who = CallerKey()](Transaction& writer) {
     return writer.callers.AddToken(token, who);
   };
-  ASSIGN_OR_RETURN(const int64_t id,
-                   context.engine.Change<int64_t>(add, context.config.http.request));
+  ASSIGN_OR_RETURN(const int64_t id, ChangeStore(context, add));
   NoteAct(
       absl::StrCat("token ", id),
       absl::StrCat("made for ", token.team.empty() ? token.role : token.team, ": ", token.label));
@@ -193,8 +191,7 @@ ApiResult RevokeToken(const ApiContext& context, const Request& request, const J
   const auto revoke = [id, who = CallerKey()](Transaction& writer) {
     return writer.callers.RevokeToken(id, who);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(revoke, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, revoke));
   NoteAct(absl::StrCat("token ", id), changed ? "revoked" : "was revoked before");
   return ShowToken(context, id, 200, {{"changed", changed}});
 }

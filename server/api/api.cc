@@ -6,10 +6,11 @@
 namespace myograde::server {
 
 Api::Api(const ApiContext& context, HttpServer& server) : context_(context), guard_(context_) {
+  const Router& router = server.router();
   server.SetHooks(
-      {.is_organiser = [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); },
-       .admit = [this, &router = server.router()](
-                    Connection& connection) { return guard_.AdmitBody(connection, router); },
+      {.is_organiser =
+           [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); },
+       .admit = [this, &router](Connection& from) { return guard_.AdmitBody(from, router); },
        .count_refusal = [this](int http) { context_.metrics.CountRefusal(http); }});
   Routes routes(server.router(), guard_, context_);
   AddAccess(routes, context_);

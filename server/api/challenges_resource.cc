@@ -183,8 +183,9 @@ absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row,
 // Whether it has submissions, and no file any more.
 bool IsFormerPhase(const ApiContext& context, const std::string& phase) {
   if (context.phases.ConfigOf(phase) != nullptr) return false;
-  const absl::StatusOr<std::string> config = context.readers.Read<std::string>(
-      [&](const Transaction& reader) { return reader.Board().ConfigOfPhase(phase); });
+  const auto config = ReadStore(context, [&](const Transaction& reader) {
+    return reader.Board().ConfigOfPhase(phase);
+  });
   return config.ok() && !config->empty();
 }
 
@@ -203,14 +204,12 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
   const auto add = [phase, event, reason, who = CallerKey()](Transaction& writer) {
     return writer.phases.AddEvent(phase, event, who, reason);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(add, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, add));
   Json state;
   if (config != nullptr) {
-    ASSIGN_OR_RETURN(const Events events,
-                     context.readers.Read<Events>([&](const Transaction& reader) {
-                       return reader.Board().PhaseEvents(phase);
-                     }));
+    ASSIGN_OR_RETURN(const Events events, ReadStore(context, [&](const Transaction& reader) {
+      return reader.Board().PhaseEvents(phase);
+    }));
     state = PhaseStateName(StatusOfPhase(*config, events, context.clock.Now()).state);
   }
   NoteAct(phase.empty() ? "all submissions" : absl::StrCat("phase ", phase), event);
@@ -225,19 +224,16 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
 ApiResult ChooseSubmission(const ApiContext& context, const Request& request, const Json& body) {
   RETURN_IF_ERROR(ParseNothing(body));
   const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(const SubmissionRow row,
-                   context.readers.Read<SubmissionRow>(
-                       [&](const Transaction& reader) -> absl::StatusOr<SubmissionRow> {
-                         RETURN_IF_ERROR(RequireSubmission(reader, id));
-                         ASSIGN_OR_RETURN(SubmissionRow found, reader.submissions.Find(id));
-                         RETURN_IF_ERROR(CheckChoice(reader, found, context));
-                         return found;
-                       }));
+  SubmissionRow row;
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
+    RETURN_IF_ERROR(RequireSubmission(reader, id));
+    ASSIGN_OR_RETURN(row, reader.submissions.Find(id));
+    return CheckChoice(reader, row, context);
+  }));
   const auto choose = [id, who = CallerKey()](Transaction& writer) {
     return writer.journal.Choose(id, who);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(choose, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, choose));
   return ApiAnswer{200,
                    {{"submission", id},
                     {"team", row.team},

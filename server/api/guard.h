@@ -27,9 +27,9 @@ class Guard {
 
   // Each function returns why the request is refused; nullopt: it is not.
 
-  // Finds out who makes the connection's request, and whether they may take `action` at all; whether
-  // they may do so for a team is the handler's to ask (Require of caller.h). Counts the request once,
-  // however often it is asked about.
+  // Finds out who makes the connection's request, and whether they may take `action` at all;
+  // whether they may do so for a team is the handler's to ask (Require of caller.h). Counts the
+  // request once, however often it is asked about.
   std::optional<ApiError> Admit(Connection& connection, Action action, Identity& who);
   // The same by the address in the request's head, before its body is received. One that is unknown
   // is answered later. Of a team's uploads over the network, however many tokens and addresses it has,

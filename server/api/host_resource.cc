@@ -10,7 +10,6 @@
 
 #include "server/api/readiness.h"
 #include "server/base/this_host.h"
-#include "server/http/http_server.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/migration.h"
@@ -61,8 +60,8 @@ Json HostToJson(const ApiContext& context, const LiveHealth& health) {
   for (const auto& [slot, left] : health.closed_slots) {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
-  const auto held_back = context.readers.Read<std::vector<std::string>>(
-      [](const Transaction& reader) { return reader.submissions.HeldBack(); });
+  const auto held_back = ReadStore(
+      context, [](const Transaction& reader) { return reader.submissions.HeldBack(); });
   std::string trouble;
   for (const std::string* one : {&health.store_trouble, &health.disk_trouble, &health.host_trouble,
                                  &health.executor_trouble, &health.losses}) {
@@ -105,16 +104,15 @@ ApiResult GetHealth(const ApiContext& context, const Request&) {
 ApiResult GetLive(const Request&) { return ApiAnswer{200, {{"live", true}}}; }
 
 ApiResult GetReady(const ApiContext& context, const Request&) {
-  const std::vector<Obstacle> obstacles = ObstaclesOf(context.engine.Health(), context.config,
-                                                      context.data_dir, HttpServer::Stopping());
-  Json body = {{"ready", obstacles.empty()}};
-  if (CallerMay(Action::kReadHost)) {
-    Json& reasons = body["reasons"] = Json::array();
-    for (const Obstacle& obstacle : obstacles) {
-      reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
-    }
+  Json reasons = Json::array();
+  for (const Obstacle& obstacle : ObstaclesOf(context, context.engine.Health())) {
+    if (obstacle.message.empty()) continue;
+    reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
   }
-  return ApiAnswer{obstacles.empty() ? 200 : 503, std::move(body)};
+  const bool ready = reasons.empty();
+  Json body = {{"ready", ready}};
+  if (CallerMay(Action::kReadHost)) body["reasons"] = std::move(reasons);
+  return ApiAnswer{ready ? 200 : 503, std::move(body)};
 }
 
 ApiResult ListTracks(const ApiContext& context, const Request&) {

@@ -10,7 +10,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/readiness.h"
-#include "server/http/http_server.h"
 #include "server/metrics/disk_space.h"
 #include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
@@ -86,13 +85,13 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
   }
   AddGauges(families, "myograde_host_state",
             "1 for the state that this host is in, 0 for the others", "state", states);
-  const std::vector<Obstacle> obstacles =
-      ObstaclesOf(health, context.config, context.data_dir, HttpServer::Stopping());
-  AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0",
-           obstacles.empty() ? 1 : 0);
   std::map<std::string, bool> reasons;
-  for (const std::string& code : ObstacleCodes()) reasons[code] = false;
-  for (const Obstacle& obstacle : obstacles) reasons[obstacle.code] = true;
+  for (const Obstacle& obstacle : ObstaclesOf(context, health)) {
+    reasons[obstacle.code] = !obstacle.message.empty();
+  }
+  const bool ready = std::none_of(reasons.begin(), reasons.end(),
+                                  [](const auto& reason) { return reason.second; });
+  AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0", ready ? 1 : 0);
   AddGauges(families, "myograde_not_ready", "1 for each reason why the daemon is not ready, else 0",
             "reason", reasons);
   AddGauges<int>(families, "myograde_build_info", "1, with the version of the daemon", "version",

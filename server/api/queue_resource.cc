@@ -47,9 +47,8 @@ absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, const Transaction
   return Waiting{std::move(row), *std::move(evaluation)};
 }
 
-absl::StatusOr<Json> EntryOf(const Waiting& waiting, const Transaction& reader,
-                             const ApiContext& context) {
-  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, waiting.row.phase));
+Json EntryOf(const Waiting& waiting, const Transaction& reader, const ApiContext& context) {
+  const Visibility sight = SightOfPhase(reader, context, waiting.row.phase);
   const EpisodeCounts counts = reader.episodes.Counts(waiting.evaluation.id, !sight.progress);
   Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
   RedactListed(entry, sight);
@@ -86,8 +85,7 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
       --total;
       continue;
     }
-    ASSIGN_OR_RETURN(Json entry, EntryOf(**found, reader, context));
-    entries.push_back(std::move(entry));
+    entries.push_back(EntryOf(**found, reader, context));
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();
@@ -144,7 +142,7 @@ class Queue {
 };
 
 absl::StatusOr<Queue::Snapshot> Queue::Make() const {
-  ASSIGN_OR_RETURN(Json view, context_.readers.Read<Json>([&](const Transaction& reader) {
+  ASSIGN_OR_RETURN(Json view, ReadStore(context_, [&](const Transaction& reader) {
     return QueueView(reader, context_);
   }));
   std::string text = CanonicalJson(view);

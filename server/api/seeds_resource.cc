@@ -104,15 +104,13 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(const Transaction& reader, const ApiCo
 ApiResult RevealSeeds(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const std::string phase = request.matches[1];
-  ASSIGN_OR_RETURN(const HiddenSeeds hidden,
-                   context.readers.Read<HiddenSeeds>([&](const Transaction& reader) {
-                     return SeedsToReveal(reader, context, phase);
-                   }));
+  ASSIGN_OR_RETURN(const HiddenSeeds hidden, ReadStore(context, [&](const Transaction& reader) {
+    return SeedsToReveal(reader, context, phase);
+  }));
   const auto reveal = [phase, reason, who = CallerKey()](Transaction& writer) {
     return writer.phases.AddEvent(phase, kRevealedEvent, who, reason);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(reveal, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, reveal));
   NoteAct(absl::StrCat("phase ", phase), kRevealedEvent);
   return ApiAnswer{200,
                    {{"phase", phase},
@@ -302,18 +300,16 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
         "this store does not have the secret of phase \"", phase,
         "\", as exports do not hold it; further seeds follow from it where it was held"));
   }
-  return context.engine.Change<std::string>(
-      [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); },
-      context.config.http.request);
+  return ChangeStore(
+      context, [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); });
 }
 
 ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const MoreSeedsRequest asked, ParseMoreSeeds(body, request.matches[1]));
   ASSIGN_OR_RETURN(const std::string secret, SecretOfPhase(context, asked.phase));
-  ASSIGN_OR_RETURN(const auto rejudges,
-                   context.readers.Read<std::vector<NewRejudge>>([&](const Transaction& reader) {
-                     return MakeFurtherRejudges(reader, context, asked, secret);
-                   }));
+  ASSIGN_OR_RETURN(const auto rejudges, ReadStore(context, [&](const Transaction& reader) {
+    return MakeFurtherRejudges(reader, context, asked, secret);
+  }));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   Json created = Json::array();
   for (const NewRejudge& rejudge : rejudges) {

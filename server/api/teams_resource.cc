@@ -149,8 +149,8 @@ ApiResult ChangeTeam(const ApiContext& context, const std::string& team,
   const absl::StatusOr<bool> changed =
       context.engine.ChangeTeams(std::move(change), context.config.http.request);
   if (!changed.ok()) return TeamErrorOf(changed.status(), team);
-  absl::StatusOr<Json> body = context.readers.Read<Json>(
-      [&](const Transaction& reader) { return WholeTeam(reader, team); });
+  absl::StatusOr<Json> body = ReadStore(
+      context, [&](const Transaction& reader) { return WholeTeam(reader, team); });
   if (!body.ok()) return TeamErrorOf(body.status(), team);
   (*body)["changed"] = *changed;
   return ApiAnswer{http, *std::move(body)};
@@ -250,7 +250,7 @@ ApiResult MergeTeams(const ApiContext& context, const Request& request, const Js
   const std::string team = TeamIn(request);
   RETURN_IF_ERROR(Finish(reader, team));
   RETURN_IF_ERROR(CheckTeam(into));
-  ASSIGN_OR_RETURN(Json answer, context.readers.Read<Json>([&](const Transaction& store) {
+  ASSIGN_OR_RETURN(Json answer, ReadStore(context, [&](const Transaction& store) {
     return ConsequencesOfMerge(store, context, team, into);
   }));
   if (!dry_run) {
@@ -290,15 +290,13 @@ Json LedgerToJson(const LedgerRow& row) {
           {"why", row.why}};
 }
 
-absl::Status AddLedger(const Transaction& reader, const ApiContext& context,
-                       const Listed<LedgerRow>& ledger, Json& body) {
+void AddLedger(const Transaction& reader, const ApiContext& context,
+               const Listed<LedgerRow>& ledger, Json& body) {
   body["ledger"] = Json::array();
   for (const LedgerRow& row : ledger.rows) {
-    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
     body["ledger"].push_back(LedgerToJson(row));
-    RedactLedgerRow(body["ledger"].back(), sight);
+    RedactLedgerRow(body["ledger"].back(), SightOfPhase(reader, context, row.phase));
   }
-  return absl::OkStatus();
 }
 
 // `track` "": on every one.
@@ -353,7 +351,7 @@ ApiResult GetQuota(const ApiContext& context, const Transaction& reader, const R
   ApiAnswer answer{.body = QuotaOf(reader, context, team, track)};
   const Listed<LedgerRow> ledger = reader.quotas.Ledger(team, track, page.before, page.limit);
   AddNextPage(request, page, ledger, answer);
-  RETURN_IF_ERROR(AddLedger(reader, context, ledger, answer.body));
+  AddLedger(reader, context, ledger, answer.body);
   return answer;
 }
 
@@ -369,8 +367,9 @@ ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body
     status = context.readers.Read([&](const Transaction& reader) {
       grant.team = reader.teams.NameOf(grant.team);
       answer.body = QuotaOf(reader, context, grant.team, grant.track);
-      return AddLedger(reader, context, reader.quotas.Ledger(grant.team, grant.track, INT64_MAX, 1),
-                       answer.body);
+      AddLedger(reader, context, reader.quotas.Ledger(grant.team, grant.track, INT64_MAX, 1),
+                answer.body);
+      return absl::OkStatus();
     });
   }
   if (!status.ok()) return TeamErrorOf(status, grant.team);

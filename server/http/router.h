@@ -32,8 +32,8 @@ class Router {
   void SetUnknown(std::function<void(const Request&, Response&)> serve) { unknown_ = std::move(serve); }
 
   const std::vector<Address>& addresses() const { return addresses_; }
-  // What GET asks for, HEAD does too. nullptr: there is no such address. `matches`: is set to those of
-  // its pattern, of which a path has none.
+  // What GET asks for, HEAD does too. nullptr: there is no such address. `matches`: is set to those
+  // of its pattern, of which a path has none.
   const Address* Find(const Request& request, std::vector<std::string>* matches = nullptr) const;
   // Why Find found nothing: 404, or 405 with the methods that the path has, HEAD and OPTIONS too.
   ApiError WhyNone(const Request& request) const;

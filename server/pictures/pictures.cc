@@ -5,7 +5,6 @@
 #include <chrono>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
@@ -43,11 +42,6 @@ void Pictures::Stop() {
     stop_ = true;
   }
   wake_.NotifyAll();
-}
-
-bool Pictures::stopping() const {
-  const MutexLock lock(mutex_);
-  return stop_;
 }
 
 PictureState Pictures::Ask(const PictureKey& key, const std::string& who) {
@@ -93,7 +87,7 @@ bool Pictures::WaitUntilIdle(absl::Duration timeout) {
 
 void Pictures::Loop() {
   files_.RemoveDrafts();
-  while (std::optional<Job> job = Next()) Make(*job, /*asked=*/true);
+  while (std::optional<Job> job = Next()) Make(*job);
 }
 
 std::optional<Pictures::Job> Pictures::Next() {
@@ -110,7 +104,7 @@ std::optional<Pictures::Job> Pictures::Next() {
       }
     }
     if (const std::optional<Job> job = NextSuggested()) {
-      Make(*job, /*asked=*/false);
+      Make(*job);
       continue;
     }
     const auto later = std::chrono::steady_clock::now() + kIdleLook;
@@ -141,13 +135,13 @@ std::optional<Pictures::Job> Pictures::NextSuggested() {
   return std::nullopt;
 }
 
-void Pictures::Make(const Job& job, bool asked) {
+void Pictures::Make(const Job& job) {
   // One that nobody asked for makes room for what people wait for.
-  const auto stopped = [this, asked] {
+  const auto stopped = [this] {
     {
       const MutexLock lock(mutex_);
       if (stop_) return true;
-      if (asked || playing_was_asked_) return false;
+      if (playing_was_asked_) return false;
       if (!waiting_.empty()) return true;
     }
     return options_.grading();
