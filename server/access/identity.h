@@ -16,7 +16,6 @@
 #include <absl/status/statusor.h>
 
 #include "server/access/access.h"
-#include "server/access/access_config.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {

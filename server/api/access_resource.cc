@@ -1,7 +1,6 @@
 #include "server/api/resources.h"
 
 #include <string>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -11,14 +10,6 @@
 
 namespace myograde::server {
 namespace {
-
-Json AddressToJson(const Address& address) {
-  return {{"method", address.method},
-          {"path", PathOf(address.pattern)},
-          {"action", ActionName(address.action)},
-          {"role", RoleName(RoleFor(address.action))},
-          {"own_team", NeedsTeam(address.action)}};
-}
 
 Json EventToJson(const AccessEventRow& event) {
   return {{"id", event.id},
@@ -36,7 +27,12 @@ ApiResult ListAddresses(const Request& request, const Router& router) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   for (const Address& address : router.addresses()) {
-    if (!address.page) list.push_back(AddressToJson(address));
+    if (address.page) continue;
+    list.push_back({{"method", address.method},
+                    {"path", PathOf(address.pattern)},
+                    {"action", ActionName(address.action)},
+                    {"role", RoleName(RoleFor(address.action))},
+                    {"own_team", NeedsTeam(address.action)}});
   }
   return ApiAnswer{200, {{"addresses", std::move(list)}}};
 }

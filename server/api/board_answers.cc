@@ -31,11 +31,6 @@ void KeptBoards::Drop(const Key& key) {
   kept_.Forget(key);
 }
 
-size_t KeptBoards::size() {
-  const MutexLock lock(mutex_);
-  return kept_.size();
-}
-
 absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(const Transaction& reader,
                                                       const BoardQuery& asked) {
   const std::string& config = asked.track->config.hash;

@@ -41,8 +41,6 @@ class KeptBoards {
   // Keeps `text`, unless a newer one is there.
   void Keep(const Key& key, int64_t changes, Text text);
 
-  size_t size();
-
  private:
   struct Kept {
     int64_t changes = -1;

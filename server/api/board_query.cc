@@ -1,7 +1,6 @@
 #include "server/api/board_query.h"
 
 #include <map>
-#include <string>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -10,7 +9,6 @@
 #include "server/api/board_source.h"
 #include "server/api/caller.h"
 #include "server/api/requests.h"
-#include "server/engine/stored.h"
 
 namespace myograde::server {
 namespace {
@@ -26,13 +24,6 @@ absl::StatusOr<TrackPtr> TrackOfPhase(const Transaction& reader, const ApiContex
   const std::string config = reader.Board().ConfigOfPhase(name);
   if (config.empty()) return phase.status();
   return StoredTrack(reader, config);
-}
-
-// What the daemon plays on the board of a config, or played last.
-absl::StatusOr<TrackPtr> LiveTrack(const Transaction& reader, const ApiContext& context,
-                                   const TrackConfig& config) {
-  if (!config.phase.empty()) return TrackOfPhase(reader, context, config.phase);
-  return context.tracks.Find(config.id, config.profile);
 }
 
 // Whether the request says nothing else than the config of a board.
@@ -103,12 +94,15 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, const Transaction
       absl::StrCat("several configs begin with ", digits, ": ", hashes, "; give more digits"));
 }
 
-// The track that a request names by its config, as `asked`, and what its board has now.
+// The track that a request names by its config, as `asked`, and what its board has now, or had last.
 absl::StatusOr<TrackPtr> FindTracks(const Request& request, const Transaction& reader,
                                     const ApiContext& context, TrackPtr& asked) {
   ASSIGN_OR_RETURN(asked, FindConfig(request.Param("config"), reader, context));
-  RETURN_IF_ERROR(CheckNamed(request, asked->config));
-  absl::StatusOr<TrackPtr> live = LiveTrack(reader, context, asked->config);
+  const TrackConfig& config = asked->config;
+  RETURN_IF_ERROR(CheckNamed(request, config));
+  absl::StatusOr<TrackPtr> live = config.phase.empty()
+                                      ? context.tracks.Find(config.id, config.profile)
+                                      : TrackOfPhase(reader, context, config.phase);
   // A track that is not on offer any more has no other config either.
   if (absl::IsNotFound(live.status())) return asked;
   return live;

@@ -3,14 +3,11 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <string>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/engine/stored.h"
-#include "server/grading/tracks.h"
 
 namespace myograde::server {
 namespace {
@@ -112,12 +109,6 @@ absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missi
       },
       context.config.http.upload));
   return made;
-}
-
-absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live,
-                                    const std::string& board, const BoardMoment& moment) {
-  ASSIGN_OR_RETURN(const TrackPtr track, TrackAt(reader, live, moment.results_before_ms()));
-  return BoardUnder(reader, *track, board, moment);
 }
 
 }  // namespace myograde::server

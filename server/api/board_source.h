@@ -44,10 +44,6 @@ absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& t
 absl::StatusOr<TrackPtr> TrackAt(const Transaction& reader, const TrackPtr& live,
                                  int64_t before_ms);
 
-// BoardUnder the config that the board had at that moment.
-absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live,
-                                    const std::string& board, const BoardMoment& moment);
-
 // Computes from the episodes what boards are ranked by, and writes it: anew, or only what the
 // store's view lacks. The result is what was written, and what could not be read.
 absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missing_only);

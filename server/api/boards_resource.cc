@@ -1,10 +1,8 @@
 #include "server/api/resources.h"
 
-#include <functional>
 #include <map>
 #include <memory>
 #include <string>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 

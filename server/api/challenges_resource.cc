@@ -5,14 +5,12 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
 #include "server/challenge/phases.h"
-#include "server/engine/stored.h"
 
 namespace myograde::server {
 namespace {
@@ -38,14 +36,6 @@ Json QuotaToJson(const AdmissionRules& rules) {
           {"failed_total", limits.failed.total},
           {"waiting", limits.waiting},
           {"same_artefact", rules.one_for_everyone ? "everyone" : "team"}};
-}
-
-Json ShownToJson(const Visibility& shown) {
-  return {{"aggregate", shown.aggregate},
-          {"outcomes", shown.outcomes},
-          {"metrics", shown.metrics},
-          {"logs", shown.logs},
-          {"output", shown.output}};
 }
 
 // What of a phase's seeds is public.
@@ -84,7 +74,12 @@ Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Pha
           {"teams", config.teams.empty() ? Json() : Json(config.teams)},
           {"seeds", PublicSeeds(reader, phase, status.revealed)},
           {"quota", QuotaToJson(PhaseRules(config, context.config.quota.of(config.track)))},
-          {"show", ShownToJson(config.shown)},
+          {"show",
+           {{"aggregate", config.shown.aggregate},
+            {"outcomes", config.shown.outcomes},
+            {"metrics", config.shown.metrics},
+            {"logs", config.shown.logs},
+            {"output", config.shown.output}}},
           {"episodes", track.seeds.size()},
           {"waiting", waiting},
           {"config", track.hash}};

@@ -9,7 +9,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
 
-#include "server/api/error_of.h"
+#include "server/api/routes.h"
 #include "server/base/peer_key.h"
 
 namespace myograde::server {
@@ -69,7 +69,7 @@ std::optional<ApiError> Guard::Admit(Connection& connection, Action action, Iden
     }
     connection.admitted = true;
   }
-  if (Decide(who, action, std::nullopt) == Access::kAllowed) return std::nullopt;
+  if (MayTake(who, action, std::nullopt)) return std::nullopt;
   context_.access_log.Deny(who, action, "role");
   return Forbidden(who, action);
 }

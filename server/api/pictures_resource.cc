@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <functional>
 #include <set>
 #include <string>
 
@@ -12,7 +11,6 @@
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
 #include "server/api/negotiation.h"
-#include "server/api/error_of.h"
 #include "server/api/redaction.h"
 #include "server/pictures/packing.h"
 #include "server/pictures/pictures.h"

@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <absl/time/time.h>
@@ -97,11 +94,6 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
               {"submissions", std::move(entries)}};
 }
 
-// What all who see the same queue have in common.
-std::string SightOfCaller() {
-  return CallerIsOrganiser() ? "" : absl::StrCat("of ", absl::StrJoin(Caller().teams, "\n"));
-}
-
 std::string StableText(Json view) {
   for (Json& entry : view["submissions"]) {
     for (const char* key : {"running_wall_s", "remaining_wall_s", "estimated_end_at"}) {
@@ -150,7 +142,9 @@ absl::StatusOr<Queue::Snapshot> Queue::Make() const {
 }
 
 absl::StatusOr<Queue::Snapshot> Queue::Look() {
-  const std::string sight = SightOfCaller();
+  // What all who see the same queue have in common.
+  const std::string sight =
+      CallerIsOrganiser() ? "" : absl::StrCat("of ", absl::StrJoin(Caller().teams, "\n"));
   const absl::Duration now = context_.clock.Monotonic();
   {
     const MutexLock lock(mutex_);

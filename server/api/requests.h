@@ -13,10 +13,8 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/admission/admission.h"
-#include "server/base/plain_text.h"
 #include "server/http/request.h"
-#include "server/store/reader_pool.h"
-#include "server/store/store.h"
+#include "server/store/submissions.h"
 
 namespace myograde::server {
 

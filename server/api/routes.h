@@ -3,10 +3,13 @@
 // address's action.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
@@ -26,6 +29,15 @@ struct ApiAnswer {
 };
 // An error becomes the one that ErrorOf says.
 using ApiResult = absl::StatusOr<ApiAnswer>;
+
+// The entry of README.md's table of errors for a status: by its code (ErrorCodeOf of
+// store/quota.h) if it has one, otherwise by its kind.
+ApiError ErrorOf(const absl::Status& status);
+// 503 `busy`, to be asked again after so many seconds.
+absl::Status Busy(std::string_view message, int64_t retry_after_s);
+// The same for an operation that takes a team's name. Only organisers are told which existing team
+// a refused name looks like. Only inside handlers.
+absl::Status TeamErrorOf(const absl::Status& status, const std::string& team);
 
 // Adds addresses to a router. A pattern's groups are the request's `matches`. Handlers ask about
 // teams with Require (caller.h).

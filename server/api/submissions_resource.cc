@@ -2,17 +2,14 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "server/api/error_of.h"
 #include "server/api/redaction.h"
 #include "server/base/names.h"
 #include "server/base/this_host.h"

@@ -1,17 +1,13 @@
 #include "server/api/resources.h"
 
 #include <algorithm>
-#include <functional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "server/api/error_of.h"
 #include "server/api/redaction.h"
-#include "server/base/names.h"
 #include "server/base/peer_key.h"
 #include "server/store/quota.h"
 
@@ -42,15 +38,17 @@ Json TeamToJson(const TeamRow& team) {
           {"members", team.members}};
 }
 
-void AddHistory(const Transaction& reader, const std::string& team, Json& body) {
-  const Listed<MemberRow> members = reader.teams.Members(team);
+absl::StatusOr<Json> WholeTeam(const Transaction& reader, const std::string& name) {
+  ASSIGN_OR_RETURN(const TeamRow team, reader.teams.Find(name));
+  Json body = TeamToJson(team);
+  body["submissions"] = reader.submissions.CountOf(team.name);
   body["memberships"] = Json::array();
-  for (const MemberRow& member : members.rows) {
+  for (const MemberRow& member : reader.teams.Members(team.name).rows) {
     body["memberships"].push_back(
         {{"person", member.person}, {"since_at", TimeToJson(member.since)}, {"who", member.who}});
   }
   body["events"] = Json::array();
-  for (const TeamEventRow& event : reader.teams.Events(team)) {
+  for (const TeamEventRow& event : reader.teams.Events(team.name)) {
     body["events"].push_back({{"at", TimeToJson(event.at)},
                               {"team", event.team},
                               {"event", event.event},
@@ -58,13 +56,6 @@ void AddHistory(const Transaction& reader, const std::string& team, Json& body) 
                               {"who", event.who},
                               {"reason", TextOrNull(event.why)}});
   }
-}
-
-absl::StatusOr<Json> WholeTeam(const Transaction& reader, const std::string& name) {
-  ASSIGN_OR_RETURN(const TeamRow team, reader.teams.Find(name));
-  Json body = TeamToJson(team);
-  body["submissions"] = reader.submissions.CountOf(team.name);
-  AddHistory(reader, team.name, body);
   return body;
 }
 
@@ -268,14 +259,6 @@ ApiResult MergeTeams(const ApiContext& context, const Request& request, const Js
 
 // --- quota ---
 
-Json UseToJson(const BudgetUse& use, int64_t limit) {
-  return {{"limit", limit},
-          {"granted", use.granted},
-          {"used", use.charged},
-          {"open", use.open},
-          {"left", std::max<int64_t>(use.left(limit), 0)}};
-}
-
 Json LedgerToJson(const LedgerRow& row) {
   return {{"id", row.id},
           {"at", TimeToJson(row.at)},
@@ -312,8 +295,13 @@ Json QuotaOf(const Transaction& reader, const ApiContext& context, const std::st
   for (const BudgetPlace& place : BudgetPlaces(context)) {
     if (!track.empty() && track != place.track) continue;
     const QuotaUse used = reader.quotas.UseOf(team, place.track, now, place.phase);
-    Json entry = BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) {
-      return UseToJson((used.*use_of)(budget), limit);
+    Json entry = BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) -> Json {
+      const BudgetUse& use = (used.*use_of)(budget);
+      return {{"limit", limit},
+              {"granted", use.granted},
+              {"used", use.charged},
+              {"open", use.open},
+              {"left", std::max<int64_t>(use.left(limit), 0)}};
     });
     entry["waiting"] = {{"limit", place.limits.waiting}, {"used", used.waiting}};
     json[place.list()].push_back(std::move(entry));

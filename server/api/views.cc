@@ -150,18 +150,12 @@ Json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
 
 Json NodesToJson(const std::vector<NodeView>& known, const std::vector<DrainedNodeRow>& drained,
                  bool remote) {
-  std::map<std::string, const DrainedNodeRow*> rows;
-  for (const DrainedNodeRow& row : drained) rows[row.node] = &row;
   std::map<std::string, NodeView> nodes;
   for (const NodeView& node : known) nodes[node.name] = node;
-  if (remote) {
-    for (const DrainedNodeRow& row : drained) {
-      NodeView met;
-      met.name = row.node;
-      met.state = "drained";
-      met.why = row.why;
-      nodes.try_emplace(row.node, std::move(met));
-    }
+  std::map<std::string, const DrainedNodeRow*> rows;
+  for (const DrainedNodeRow& row : drained) {
+    rows[row.node] = &row;
+    if (remote) nodes.try_emplace(row.node, NodeView{row.node, "drained", row.why});
   }
   Json list = Json::array();
   for (const auto& [name, node] : nodes) {

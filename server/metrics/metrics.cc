@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <prometheus/counter.h>
