@@ -91,7 +91,7 @@ void AccessLog::Start() {
 
 void AccessLog::Flush() {
   const MutexLock writing(writing_);
-  Batch batch = TakeDue();
+  Batch batch = TakeDue(clock_.Monotonic());
   if (batch.empty()) return;
   const absl::Status status = WriteBatch(write_, batch);
   if (status.ok()) return;
@@ -100,10 +100,9 @@ void AccessLog::Flush() {
   if (!absl::IsDeadlineExceeded(status)) Return(std::move(batch));
 }
 
-AccessLog::Batch AccessLog::TakeDue() {
+AccessLog::Batch AccessLog::TakeDue(absl::Duration now) {
   const MutexLock lock(mutex_);
-  return {std::exchange(acts_, {}), denials_.TakeDue(clock_.Monotonic()),
-          std::exchange(tokens_, {})};
+  return {std::exchange(acts_, {}), denials_.TakeDue(now), std::exchange(tokens_, {})};
 }
 
 void AccessLog::Return(Batch batch) {
@@ -132,13 +131,8 @@ absl::Status AccessLog::WriteBatch(const Write& write, const Batch& batch) {
 }
 
 absl::Status AccessLog::WriteAll(const Write& write) {
-  Batch batch;
-  {
-    const MutexLock lock(mutex_);
-    batch = {std::exchange(acts_, {}), denials_.TakeAll(), std::exchange(tokens_, {})};
-  }
-  if (batch.empty()) return absl::OkStatus();
-  return WriteBatch(write, batch);
+  const Batch batch = TakeDue(absl::InfiniteDuration());
+  return batch.empty() ? absl::OkStatus() : WriteBatch(write, batch);
 }
 
 }  // namespace myograde::server

@@ -47,10 +47,9 @@ class DenialCounter {
   explicit DenialCounter(size_t most) : most_(most) {}
 
   void Add(const Denial& denial);
-  // What is to be written at `now`: the first of a kind at once, equal ones a minute later.
+  // What is to be written at `now`: the first of a kind at once, equal ones a minute later. At an
+  // infinite time, all.
   std::vector<CountedDenial> TakeDue(absl::Duration now);
-  // All that has not been written.
-  std::vector<CountedDenial> TakeAll() { return TakeDue(absl::InfiniteDuration()); }
   // Adds what could not be written.
   void Return(const std::vector<CountedDenial>& denials);
 
@@ -106,7 +105,7 @@ class AccessLog {
     bool empty() const { return acts.empty() && denials.empty() && tokens.empty(); }
   };
 
-  Batch TakeDue();
+  Batch TakeDue(absl::Duration now);
   void Return(Batch batch);
   static absl::Status WriteBatch(const Write& write, const Batch& batch);
 

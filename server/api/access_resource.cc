@@ -141,7 +141,6 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
                     {"remote", caller.remote}}};
 }
 
-// The token as it is in the store.
 ApiResult ShowToken(const ApiContext& context, int64_t id, int http, Json more) {
   ASSIGN_OR_RETURN(const TokenRow token, ReadStore(context, [&](const Transaction& reader) {
     return reader.callers.Token(id);

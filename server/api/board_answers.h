@@ -12,7 +12,7 @@
 
 #include "protocol/base/mutex.h"
 #include "server/access/rate_limit.h"
-#include "server/api/board_query.h"
+#include "server/api/board_source.h"
 #include "server/api/context.h"
 #include "server/api/routes.h"
 

@@ -19,7 +19,7 @@
 #include "scoring/groups.h"
 #include "scoring/statistics_config.h"
 #include "server/access/rate_limit.h"
-#include "server/api/board_query.h"
+#include "server/api/board_source.h"
 #include "server/api/context.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"

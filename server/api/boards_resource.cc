@@ -8,7 +8,6 @@
 
 #include "server/api/board_answers.h"
 #include "server/api/board_feeds.h"
-#include "server/api/board_query.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"

@@ -175,26 +175,20 @@ absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row,
                        "phase_closed");
 }
 
-// Whether it has submissions, and no file any more.
-bool IsFormerPhase(const ApiContext& context, const std::string& phase) {
-  if (context.phases.ConfigOf(phase) != nullptr) return false;
-  const auto config = ReadStore(context, [&](const Transaction& reader) {
-    return reader.Board().ConfigOfPhase(phase);
-  });
-  return config.ok() && !config->empty();
-}
-
 // The act of an organiser on a phase, or on all submissions (`phase` "").
 ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const std::string& event,
                      const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const PhaseConfig* config = phase.empty() ? nullptr : context.phases.ConfigOf(phase);
-  // What a phase withheld stays withheld until it is published, with a file or without.
-  const bool former = event == kPublishedEvent && !phase.empty() && IsFormerPhase(context, phase);
   if (config != nullptr) {
     RETURN_IF_ERROR(CheckAct(*config, event, context.clock.Now()));
-  } else if (!phase.empty() && !former) {
-    RETURN_IF_ERROR(context.phases.Find(phase).status());
+  } else if (!phase.empty()) {
+    const auto former = ReadStore(context, [&](const Transaction& reader) {
+      return reader.Board().ConfigOfPhase(phase);
+    });
+    // What a phase withheld stays withheld until it is published, with a file or without.
+    const bool known = former.ok() && !former->empty();
+    if (event != kPublishedEvent || !known) RETURN_IF_ERROR(context.phases.Find(phase).status());
   }
   const auto add = [phase, event, reason, who = CallerKey()](Transaction& writer) {
     return writer.phases.AddEvent(phase, event, who, reason);

@@ -190,7 +190,6 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
   return rerun;
 }
 
-// The original evaluation of a submission.
 ApiResult GetResult(const ApiContext& context, const Transaction& reader, const Request& request) {
   const int64_t id = IdOf(request);
   ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));

@@ -1,7 +1,6 @@
 #include "server/api/guard.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 #include <utility>
 #include <variant>
@@ -23,9 +22,10 @@ HostUser UserOf(const Peer& peer) {
   return {peer.uid, peer.groups, IsOrganiser(PeerKey(peer.uid))};
 }
 
-// Whole seconds to wait, at least one.
-int64_t SecondsOf(absl::Duration wait) {
-  return std::max<int64_t>(static_cast<int64_t>(std::ceil(absl::ToDoubleSeconds(wait))), 1);
+ApiError TooMany(const char* what, absl::Duration wait) {
+  const int64_t seconds = absl::ToInt64Seconds(absl::Ceil(wait, absl::Seconds(1)));
+  return {429, "too_many", absl::StrCat("too many ", what, "; try again in ", seconds, " s"),
+          seconds};
 }
 
 std::string DayOf(int64_t ms) {
@@ -200,11 +200,7 @@ std::optional<ApiError> Guard::CheckTries(const Peer& peer, const std::string& h
   absl::Duration wait = wrong_tokens_.Wait(peer.key, now);
   if (wait == absl::ZeroDuration()) wait = requests_.Take(peer.key, now);
   if (wait == absl::ZeroDuration()) return std::nullopt;
-  const int64_t seconds = SecondsOf(wait);
-  return ApiError{429, "too_many",
-                  absl::StrCat("too many tries with wrong tokens from here; try again in ", seconds,
-                               " s"),
-                  seconds};
+  return TooMany("tries with wrong tokens from here", wait);
 }
 
 ApiError Guard::RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
@@ -246,10 +242,7 @@ std::optional<ApiError> Guard::Count(const Identity& identity) {
   const MutexLock lock(mutex_);
   const absl::Duration wait = requests_.Take(identity.key, now);
   if (wait == absl::ZeroDuration()) return std::nullopt;
-  const int64_t seconds = SecondsOf(wait);
-  return ApiError{429, "too_many",
-                  absl::StrCat("too many requests of yours; try again in ", seconds, " s"),
-                  seconds};
+  return TooMany("requests of yours", wait);
 }
 
 bool IsOrganiser(const Peer& peer, const AccessConfig& access) {

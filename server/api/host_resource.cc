@@ -19,20 +19,6 @@ namespace {
 // Names that Slurm and DNS have for hosts.
 constexpr char kNode[] = R"(/v1/nodes/([A-Za-z0-9][A-Za-z0-9._-]{0,254}))";
 
-struct NodeAct {
-  bool drain = false;
-  std::string why;  // "" for an admission
-};
-
-absl::StatusOr<NodeAct> ParseNodeAct(const Json& body) {
-  ConfigReader reader(body, "request");
-  NodeAct act;
-  act.drain = reader.Choice("state", {"drained", "admitted"}) == "drained";
-  if (act.drain) act.why = ReadReason(reader);
-  RETURN_IF_ERROR(reader.Finish());
-  return act;
-}
-
 // What organisers see beside.
 Json HostToJson(const ApiContext& context, const LiveHealth& health) {
   Json running = Json::array();
@@ -148,7 +134,10 @@ ApiResult ListNodes(const ApiContext& context, const Transaction& reader, const 
 }
 
 ApiResult SetNode(const ApiContext& context, const Request& request, const Json& body) {
-  ASSIGN_OR_RETURN(const NodeAct act, ParseNodeAct(body));
+  ConfigReader reader(body, "request");
+  const bool drain = reader.Choice("state", {"drained", "admitted"}) == "drained";
+  const std::string why = drain ? ReadReason(reader) : "";
+  RETURN_IF_ERROR(reader.Finish());
   if (!context.config.on_cluster) {
     return WithErrorCode(absl::FailedPreconditionError(
                              "leases run on this host, so there are no nodes; \"executor\" of "
@@ -157,13 +146,10 @@ ApiResult SetNode(const ApiContext& context, const Request& request, const Json&
   }
   const std::string node = request.matches[1];
   const absl::Duration timeout = context.config.http.request;
-  const absl::Status status = act.drain
-                                  ? context.engine.DrainNode(node, act.why, CallerKey(), timeout)
-                                  : context.engine.AdmitNode(node, CallerKey(), timeout);
-  RETURN_IF_ERROR(status);
-  NoteAct(absl::StrCat("node ", node),
-          act.drain ? absl::StrCat("drained: ", act.why) : std::string("admitted"));
-  return ApiAnswer{200, {{"node", node}, {"state", act.drain ? "drained" : "admitted"}}};
+  RETURN_IF_ERROR(drain ? context.engine.DrainNode(node, why, CallerKey(), timeout)
+                        : context.engine.AdmitNode(node, CallerKey(), timeout));
+  NoteAct(absl::StrCat("node ", node), drain ? absl::StrCat("drained: ", why) : "admitted");
+  return ApiAnswer{200, {{"node", node}, {"state", drain ? "drained" : "admitted"}}};
 }
 
 ApiResult ListRuntimes(const ApiContext& context, const Request& request) {

@@ -102,7 +102,6 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
            absl::ToDoubleSeconds(context.started_at - absl::UnixEpoch()));
 }
 
-// Its jobs and nodes.
 void AddClusterMetrics(const ApiContext& context, Families& families) {
   const std::map<int64_t, LiveLease> leases = context.engine.Running();
   const auto begun = std::count_if(leases.begin(), leases.end(),

@@ -32,13 +32,6 @@ absl::StatusOr<RerunRequest> ParseRerun(const nlohmann::json& body);
 // The reason given, or the usual one.
 absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body);
 
-struct MarkRequest {
-  std::string mark;
-  bool set = false;
-  std::string reason;
-};
-absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body);
-
 // The reason of an organiser's act: {"reason": "…"}.
 absl::StatusOr<std::string> ParseReason(const nlohmann::json& body);
 

@@ -49,7 +49,6 @@ absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& read
   return further;
 }
 
-// What a reveal makes known.
 struct HiddenSeeds {
   std::string secret;           // 32 bytes
   std::vector<uint64_t> seeds;  // of the phase, which may be public

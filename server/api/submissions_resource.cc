@@ -13,6 +13,7 @@
 #include "server/api/redaction.h"
 #include "server/base/names.h"
 #include "server/base/this_host.h"
+#include "server/grading/leaderboard.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
@@ -240,7 +241,6 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   return json;
 }
 
-// An entry of a list of submissions.
 absl::StatusOr<Json> ListedToJson(const Transaction& reader, const ApiContext& context,
                                   const SubmissionRow& row) {
   ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(row.id));
@@ -336,28 +336,37 @@ ApiResult CancelSubmission(const ApiContext& context, const Request& request, co
 }
 
 ApiResult MarkSubmission(const ApiContext& context, const Request& request, const Json& body) {
-  ASSIGN_OR_RETURN(MarkRequest wanted, ParseMark(body));
+  ConfigReader reader(body, "request");
+  const std::string mark = reader.Choice("mark", {kHidden, kDisqualified, kBaseline});
+  const bool set = reader.Boolean("set");
+  const std::string reason = reader.Has("reason") ? ReadReason(reader) : "";
+  if (set && mark == kDisqualified && reason.empty()) {
+    reader.Fail("reason", "is missing: a disqualification needs one");
+  }
+  RETURN_IF_ERROR(reader.Finish());
   const int64_t id = IdOf(request);
   // What can't be answered is not done.
   RETURN_IF_ERROR(context.readers.Read(
-      [&](const Transaction& reader) { return reader.submissions.Find(id).status(); }));
-  const auto mark = [id, who = CallerKey(), wanted](Transaction& writer) {
-    return writer.journal.Mark(id, wanted.mark, wanted.set, who, wanted.reason);
+      [&](const Transaction& store) { return store.submissions.Find(id).status(); }));
+  const auto change = [=, who = CallerKey()](Transaction& writer) {
+    return writer.journal.Mark(id, mark, set, who, reason);
   };
-  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, mark));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, change));
   ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(id));
-    answer.body = {
-        {"submission", id},          {"team", submission.team},
-        {"track", submission.track}, {"profile", submission.profile},
-        {"mark", wanted.mark},       {"set", wanted.set},
-        {"changed", changed},        {"marks", MarksToJson(reader.Board().MarkHistory(id))}};
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& store) -> absl::Status {
+    ASSIGN_OR_RETURN(const SubmissionRow submission, store.submissions.Find(id));
+    answer.body = {{"submission", id},
+                   {"team", submission.team},
+                   {"track", submission.track},
+                   {"profile", submission.profile},
+                   {"mark", mark},
+                   {"set", set},
+                   {"changed", changed},
+                   {"marks", MarksToJson(store.Board().MarkHistory(id))}};
     return absl::OkStatus();
   }));
   NoteAct(absl::StrCat("submission ", id),
-          absl::StrCat(wanted.set ? "" : "not ", wanted.mark, wanted.reason.empty() ? "" : ": ",
-                       wanted.reason));
+          absl::StrCat(set ? "" : "not ", mark, reason.empty() ? "" : ": ", reason));
   return answer;
 }
 

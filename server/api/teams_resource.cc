@@ -112,13 +112,6 @@ Json BudgetsToJson(const BudgetPlace& place,
   return json;
 }
 
-int64_t ActiveTokens(const Transaction& reader, const std::string& team) {
-  const std::vector<TokenRow> tokens = reader.callers.Tokens().rows;
-  return std::count_if(tokens.begin(), tokens.end(), [&](const TokenRow& token) {
-    return token.team == team && token.revoked_at == 0;
-  });
-}
-
 ApiResult ListTeams(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
   return PageAnswer(request, page, "teams", reader.teams.List(page.before, page.limit),
@@ -212,12 +205,16 @@ absl::StatusOr<Json> ConsequencesOfMerge(const Transaction& reader, const ApiCon
     ASSIGN_OR_RETURN(const TeamRow row, reader.teams.Find(one));
     members.insert(row.members.begin(), row.members.end());
   }
+  const std::vector<TokenRow> tokens = reader.callers.Tokens().rows;
+  const auto tokens_of_team = std::count_if(
+      tokens.begin(), tokens.end(),
+      [&](const TokenRow& token) { return token.team == from && token.revoked_at == 0; });
   const int64_t submissions = reader.submissions.CountOf(from);
   Json body = {{"team", from},
                {"into", to},
                {"submissions_of_team", submissions},
                {"submissions", submissions + reader.submissions.CountOf(to)},
-               {"tokens_of_team", ActiveTokens(reader, from)},
+               {"tokens_of_team", tokens_of_team},
                {"members", members},
                {"tracks", Json::array()},
                {"phases", Json::array()}};

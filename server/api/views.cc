@@ -73,14 +73,6 @@ Json SecondsOrNull(const std::optional<absl::Duration>& duration) {
   return duration ? Json(absl::ToDoubleSeconds(*duration)) : Json();
 }
 
-Json CountsToJson(int64_t total, const EpisodeCounts& counts) {
-  return {{"total", total},
-          {"done", counts.done},
-          {"success", counts.success},
-          {"failure", counts.failure},
-          {"fault", counts.fault}};
-}
-
 Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt) {
   const Json facts = Parse(row.facts_json);
   const Json track = KeyOrNull(facts, "track");
@@ -183,7 +175,12 @@ Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& evaluation,
           {"ranked", row.ranked},
           {"state", EvaluationStateName(evaluation.state)},
           {"evaluation", evaluation.id},
-          {"episodes", CountsToJson(evaluation.last - evaluation.first + 1, counts)},
+          {"episodes",
+           {{"total", evaluation.last - evaluation.first + 1},
+            {"done", counts.done},
+            {"success", counts.success},
+            {"failure", counts.failure},
+            {"fault", counts.fault}}},
           {"accepted_at", TimeToJson(row.accepted_at)},
           {"finished_at", TimeToJson(evaluation.finished_at)}};
 }

@@ -76,15 +76,6 @@ PictureState Pictures::Ask(const PictureKey& key, const std::string& who) {
   return {Is::kWaiting, std::ssize(waiting_) - 1 + (playing_.has_value() ? 1 : 0), ""};
 }
 
-bool Pictures::WaitUntilIdle(absl::Duration timeout) {
-  const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
-  const MutexLock lock(mutex_);
-  while (!waiting_.empty() || playing_.has_value()) {
-    if (!wake_.WaitUntil(mutex_, deadline)) return waiting_.empty() && !playing_.has_value();
-  }
-  return true;
-}
-
 void Pictures::Loop() {
   files_.RemoveDrafts();
   while (std::optional<Job> job = Next()) Make(*job);
@@ -167,7 +158,6 @@ void Pictures::Make(const Job& job) {
     NoteFailure(job.key, status);
   }
   playing_.reset();
-  wake_.NotifyAll();
 }
 
 void Pictures::NoteFailure(const PictureKey& key, const absl::Status& why) {

@@ -66,9 +66,6 @@ class Pictures {
   // Makes nothing more, and gives up what is being made. Never waits.
   void Stop();
 
-  // Waits until nothing that was asked for waits or is made; for tests. False after `timeout`.
-  bool WaitUntilIdle(absl::Duration timeout);
-
  private:
   struct Job {
     PictureKey key;
