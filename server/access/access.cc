@@ -87,13 +87,12 @@ Role RoleFor(Action action) { return RuleOf(action).role; }
 
 bool NeedsTeam(Action action) { return RuleOf(action).of_a_team; }
 
-Access Decide(const Identity& identity, Action action, const std::optional<std::string>& team) {
+bool MayTake(const Identity& identity, Action action, const std::optional<std::string>& team) {
   const Rule& rule = RuleOf(action);
-  if (action == Action::kReadMetrics && identity.scraper) return Access::kAllowed;
-  if (identity.role < rule.role) return Access::kForbidden;
+  if (action == Action::kReadMetrics && identity.scraper) return true;
+  if (identity.role < rule.role) return false;
   const bool any_team = identity.role >= Role::kOrganiser || !rule.of_a_team;
-  if (any_team || !team.has_value() || identity.teams.contains(*team)) return Access::kAllowed;
-  return Access::kUnknown;
+  return any_team || !team.has_value() || identity.teams.contains(*team);
 }
 
 }  // namespace myograde::server

@@ -3,16 +3,38 @@
 // are. server/api/README.md shows the same as a table.
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstdint>
 #include <optional>
 #include <set>
 #include <span>
 #include <string>
 #include <string_view>
-
-#include "server/access/role.h"
+#include <vector>
 
 namespace myograde::server {
+
+// Each role may do what those before it may.
+enum class Role { kPublic, kParticipant, kOrganiser, kOperator };
+std::string_view RoleName(Role role);
+std::optional<Role> ParseRole(std::string_view name);
+
+// One entry of server.json's access.users. Exactly one of uid, user, gid and group is given; user
+// and group are names, which ResolveNames (server/config) turns into ids.
+struct UserRule {
+  std::optional<uid_t> uid;
+  std::optional<gid_t> gid;
+  std::string user;
+  std::string group;
+  Role role = Role::kParticipant;
+  std::string team;  // of participants; "": none of its own
+};
+
+struct AccessConfig {
+  std::vector<UserRule> users;
+  int64_t teams_of_a_user = 1;  // that one user of this host may found, without a challenge
+};
 
 // Who asks. `key` is what limits count by and what rows record: "uid 1000", "token 7",
 // "address 192.0.2.1".
@@ -49,14 +71,9 @@ Role RoleFor(Action action);
 // Whether a participant may take the action for own teams only.
 bool NeedsTeam(Action action);
 
-enum class Access {
-  kAllowed,
-  kForbidden,  // the caller may know that it exists
-  kUnknown,    // it is another team's: answered exactly as if it did not exist
-};
-
-// `team`: whose things the action is about, if NeedsTeam(action); nullopt before that is known, which
-// decides by the role alone.
-Access Decide(const Identity& identity, Action action, const std::optional<std::string>& team);
+// Whether the action may be taken. `team`: whose things it is about, if NeedsTeam(action); nullopt
+// before that is known, which decides by the role alone. What is another team's is answered exactly
+// as if it did not exist.
+bool MayTake(const Identity& identity, Action action, const std::optional<std::string>& team);
 
 }  // namespace myograde::server

@@ -35,11 +35,11 @@ Role RuledRole(const HostUser& user, const AccessConfig& config) {
 }
 
 Identity IdentityOfUser(const HostUser& user, const AccessConfig& config,
-                        const std::vector<std::string>& member_of, bool challenge) {
+                        const std::set<std::string>& member_of, bool challenge) {
   Identity identity;
   identity.key = PeerKey(user.uid);
   identity.role = RuledRole(user, config);
-  identity.teams.insert(member_of.begin(), member_of.end());
+  identity.teams = member_of;
   for (const UserRule& rule : config.users) {
     if (Fits(rule, user) && !rule.team.empty()) identity.teams.insert(rule.team);
   }

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -15,7 +16,6 @@
 #include <absl/status/statusor.h>
 
 #include "server/access/access.h"
-#include "server/access/access_config.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
@@ -34,7 +34,7 @@ Role RuledRole(const HostUser& user, const AccessConfig& config);
 // `member_of`: the teams of the user's member rows. `challenge`: whether there is a challenge;
 // without one, every user of this host is at least a participant and may found a team.
 Identity IdentityOfUser(const HostUser& user, const AccessConfig& config,
-                        const std::vector<std::string>& member_of, bool challenge);
+                        const std::set<std::string>& member_of, bool challenge);
 
 // Somebody without a token, at a network address.
 Identity IdentityOfAddress(const std::string& key);

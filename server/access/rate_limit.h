@@ -3,6 +3,7 @@
 // keys.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <list>
 #include <map>
@@ -63,9 +64,18 @@ class RateLimit {
   RateLimit(double per_s, double burst, size_t most_keys)
       : per_s_(per_s), burst_(burst), buckets_(most_keys) {}
 
-  // Counts one request. Zero: it may be served; else it was not counted, and may be tried again
-  // after so long.
-  absl::Duration Take(const std::string& key, absl::Duration now);
+  // Counts one request, unless `count` is false. Zero: it may be served; else it was not counted,
+  // and may be tried again after so long.
+  absl::Duration Take(const std::string& key, absl::Duration now, bool count = true) {
+    Bucket& bucket = buckets_.FindOr(key, {burst_, now});
+    const double passed = std::max(absl::ToDoubleSeconds(now - bucket.at), 0.0);
+    bucket.left = std::min(bucket.left + passed * per_s_, burst_);
+    bucket.at = now;
+    // A wait that rounds to zero means that the request is served, so it has to be counted.
+    const absl::Duration wait = absl::Seconds(std::max(1 - bucket.left, 0.0) / per_s_);
+    if (count && wait == absl::ZeroDuration()) bucket.left -= 1;
+    return wait;
+  }
   size_t keys() const { return buckets_.size(); }
 
  private:
@@ -91,9 +101,22 @@ class BackOff {
   // REQUIRES: most_keys > 0.
   explicit BackOff(size_t most_keys) : failures_(most_keys) {}
 
-  void Fail(const std::string& key, absl::Duration now);
+  void Fail(const std::string& key, absl::Duration now) {
+    Failures& failures = failures_.FindOr(key, {0, now, now});
+    if (now - failures.last >= kForget) failures.count = 0;
+    ++failures.count;
+    failures.last = now;
+    if (failures.count <= kFree) return;
+    absl::Duration wait = kFirst;
+    for (int i = kFree + 1; i < failures.count && wait < kLongest; ++i) wait *= 2;
+    failures.until = now + std::min(wait, kLongest);
+  }
   // How long the key still has to wait; zero: not at all.
-  absl::Duration Wait(const std::string& key, absl::Duration now);
+  absl::Duration Wait(const std::string& key, absl::Duration now) {
+    const Failures* failures = failures_.Find(key);
+    if (failures == nullptr) return absl::ZeroDuration();
+    return std::max(failures->until - now, absl::ZeroDuration());
+  }
   size_t keys() const { return failures_.size(); }
 
  private:

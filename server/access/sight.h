@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "server/access/role.h"
+#include "server/access/access.h"
 
 namespace myograde::server {
 

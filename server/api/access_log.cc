@@ -1,6 +1,5 @@
 #include "server/api/access_log.h"
 
-#include <chrono>
 #include <iterator>
 #include <utility>
 
@@ -12,7 +11,7 @@ namespace {
 // Acts of organisers that wait for the store; so many can only come together if it takes nothing.
 constexpr size_t kMostActs = 10'000;
 constexpr size_t kMostTokens = 10'000;
-constexpr auto kEvery = std::chrono::milliseconds(500);
+constexpr absl::Duration kWriteEvery = absl::Milliseconds(500);
 
 AccessEventRow RowOf(const CountedDenial& counted) {
   AccessEventRow row;
@@ -25,6 +24,35 @@ AccessEventRow RowOf(const CountedDenial& counted) {
 }
 
 }  // namespace
+
+Denial DenialCounter::Others() { return {"others", "", "any", "too many different ones"}; }
+
+DenialCounter::Kind& DenialCounter::KindOf(const Denial& denial) {
+  const auto it = kinds_.find(denial);
+  if (it != kinds_.end()) return it->second;
+  return kinds_[kinds_.size() < most_ ? denial : Others()];
+}
+
+void DenialCounter::Add(const Denial& denial) { ++KindOf(denial).count; }
+
+void DenialCounter::Return(const std::vector<CountedDenial>& denials) {
+  for (const CountedDenial& counted : denials) KindOf(counted.denial).count += counted.count;
+}
+
+std::vector<CountedDenial> DenialCounter::TakeDue(absl::Duration now) {
+  std::vector<CountedDenial> due;
+  for (auto it = kinds_.begin(); it != kinds_.end();) {
+    Kind& kind = it->second;
+    const bool recent = now - kind.written < kEvery;
+    if (kind.count > 0 && !recent) {
+      due.push_back({it->first, std::exchange(kind.count, 0)});
+      kind.written = now;
+    }
+    // One that is written and does not come again needs no place.
+    it = kind.count == 0 && now - kind.written >= kEvery ? kinds_.erase(it) : std::next(it);
+  }
+  return due;
+}
 
 void AccessLog::Deny(const Identity& who, Action action, const std::string& why) {
   if (metrics_ != nullptr) metrics_->CountDenial(why);
@@ -56,33 +84,14 @@ void AccessLog::Touch(int64_t token) {
 }
 
 void AccessLog::Start() {
-  thread_ = std::thread([this] { Run(); });
-}
-
-void AccessLog::Stop() {
-  {
-    const MutexLock lock(mutex_);
-    stop_ = true;
-  }
-  wake_.NotifyAll();
-  if (thread_.joinable()) thread_.join();
-}
-
-void AccessLog::Run() {
-  for (;;) {
-    {
-      const MutexLock lock(mutex_);
-      const auto until = std::chrono::steady_clock::now() + kEvery;
-      while (!stop_ && wake_.WaitUntil(mutex_, until)) continue;
-      if (stop_) return;
-    }
-    Flush();
-  }
+  thread_ = std::jthread([this](const std::stop_token& stop) {
+    while (!WaitForStop(stop, kWriteEvery)) Flush();
+  });
 }
 
 void AccessLog::Flush() {
   const MutexLock writing(writing_);
-  Batch batch = TakeDue();
+  Batch batch = TakeDue(clock_.Monotonic());
   if (batch.empty()) return;
   const absl::Status status = WriteBatch(write_, batch);
   if (status.ok()) return;
@@ -91,10 +100,9 @@ void AccessLog::Flush() {
   if (!absl::IsDeadlineExceeded(status)) Return(std::move(batch));
 }
 
-AccessLog::Batch AccessLog::TakeDue() {
+AccessLog::Batch AccessLog::TakeDue(absl::Duration now) {
   const MutexLock lock(mutex_);
-  return {std::exchange(acts_, {}), denials_.TakeDue(clock_.Monotonic()),
-          std::exchange(tokens_, {})};
+  return {std::exchange(acts_, {}), denials_.TakeDue(now), std::exchange(tokens_, {})};
 }
 
 void AccessLog::Return(Batch batch) {
@@ -123,13 +131,8 @@ absl::Status AccessLog::WriteBatch(const Write& write, const Batch& batch) {
 }
 
 absl::Status AccessLog::WriteAll(const Write& write) {
-  Batch batch;
-  {
-    const MutexLock lock(mutex_);
-    batch = {std::exchange(acts_, {}), denials_.TakeAll(), std::exchange(tokens_, {})};
-  }
-  if (batch.empty()) return absl::OkStatus();
-  return WriteBatch(write, batch);
+  const Batch batch = TakeDue(absl::InfiniteDuration());
+  return batch.empty() ? absl::OkStatus() : WriteBatch(write, batch);
 }
 
 }  // namespace myograde::server

@@ -1,28 +1,15 @@
 #include "server/api/resources.h"
 
 #include <string>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
 #include "server/access/identity.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
-
-Json AddressToJson(const Address& address) {
-  return {{"method", address.method},
-          {"path", PathOf(address.pattern)},
-          {"action", ActionName(address.action)},
-          {"role", RoleName(RoleFor(address.action))},
-          {"own_team", NeedsTeam(address.action)}};
-}
 
 Json EventToJson(const AccessEventRow& event) {
   return {{"id", event.id},
@@ -40,7 +27,12 @@ ApiResult ListAddresses(const Request& request, const Router& router) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
   Json list = Json::array();
   for (const Address& address : router.addresses()) {
-    if (!address.page) list.push_back(AddressToJson(address));
+    if (address.page) continue;
+    list.push_back({{"method", address.method},
+                    {"path", PathOf(address.pattern)},
+                    {"action", ActionName(address.action)},
+                    {"role", RoleName(RoleFor(address.action))},
+                    {"own_team", NeedsTeam(address.action)}});
   }
   return ApiAnswer{200, {{"addresses", std::move(list)}}};
 }
@@ -136,10 +128,9 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
   const Identity& caller = Caller();
   Json token;
   if (caller.token != 0) {
-    ASSIGN_OR_RETURN(const TokenRow row,
-                     context.readers.Read<TokenRow>([&](const Transaction& reader) {
-                       return reader.callers.Token(caller.token);
-                     }));
+    ASSIGN_OR_RETURN(const TokenRow row, ReadStore(context, [&](const Transaction& reader) {
+      return reader.callers.Token(caller.token);
+    }));
     token = {{"id", row.id}, {"label", row.label}, {"expires_at", TimeToJson(row.expires_at)}};
   }
   return ApiAnswer{200,
@@ -150,11 +141,10 @@ ApiResult GetWhoami(const ApiContext& context, const Request& request) {
                     {"remote", caller.remote}}};
 }
 
-// The token as it is in the store.
 ApiResult ShowToken(const ApiContext& context, int64_t id, int http, Json more) {
-  ASSIGN_OR_RETURN(const TokenRow token,
-                   context.readers.Read<TokenRow>(
-                       [&](const Transaction& reader) { return reader.callers.Token(id); }));
+  ASSIGN_OR_RETURN(const TokenRow token, ReadStore(context, [&](const Transaction& reader) {
+    return reader.callers.Token(id);
+  }));
   Json body = TokenToJson(token, absl::ToUnixMillis(context.clock.Now()));
   body.update(more);
   return ApiAnswer{http, std::move(body)};
@@ -168,8 +158,7 @@ ApiResult CreateToken(const ApiContext& context, const Request&, const Json& bod
   const auto add = [token, who = CallerKey()](Transaction& writer) {
     return writer.callers.AddToken(token, who);
   };
-  ASSIGN_OR_RETURN(const int64_t id,
-                   context.engine.Change<int64_t>(add, context.config.http.request));
+  ASSIGN_OR_RETURN(const int64_t id, ChangeStore(context, add));
   NoteAct(
       absl::StrCat("token ", id),
       absl::StrCat("made for ", token.team.empty() ? token.role : token.team, ": ", token.label));
@@ -197,8 +186,7 @@ ApiResult RevokeToken(const ApiContext& context, const Request& request, const J
   const auto revoke = [id, who = CallerKey()](Transaction& writer) {
     return writer.callers.RevokeToken(id, who);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(revoke, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, revoke));
   NoteAct(absl::StrCat("token ", id), changed ? "revoked" : "was revoked before");
   return ShowToken(context, id, 200, {{"changed", changed}});
 }

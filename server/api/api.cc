@@ -5,24 +5,14 @@
 
 namespace myograde::server {
 
-Api::Api(const ApiContext& context)
-    : context_(context),
-      guard_({.access = context_.config.access,
-              .limits = context_.config.http,
-              .readers = context_.readers,
-              .log = context_.access_log,
-              .clock = context_.clock,
-              .challenge = context_.challenge,
-              .metrics_token = context_.metrics_token}) {}
-
-void Api::Install(HttpServer& server) {
-  server.SetOrganisers(
-      [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); });
-  server.SetAdmit([this, &router = server.router()](Connection& connection) {
-    return guard_.AdmitBody(connection, router);
-  });
-  server.SetRefusalCounter([this](int http) { context_.metrics.CountRefusal(http); });
-  Routes routes(server.router(), guard_, context_.metrics);
+Api::Api(const ApiContext& context, HttpServer& server) : context_(context), guard_(context_) {
+  const Router& router = server.router();
+  server.SetHooks(
+      {.is_organiser =
+           [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); },
+       .admit = [this, &router](Connection& from) { return guard_.AdmitBody(from, router); },
+       .count_refusal = [this](int http) { context_.metrics.CountRefusal(http); }});
+  Routes routes(server.router(), guard_, context_);
   AddAccess(routes, context_);
   AddTeams(routes, context_);
   AddQuota(routes, context_);

@@ -9,12 +9,10 @@ namespace myograde::server {
 
 class Api {
  public:
-  explicit Api(const ApiContext& context);
+  // Adds every address of the API to `server`, which must not outlive it.
+  Api(const ApiContext& context, HttpServer& server);
   Api(const Api&) = delete;
   Api& operator=(const Api&) = delete;
-
-  // Adds every address of the API to `server`, which must not outlive it.
-  void Install(HttpServer& server);
 
  private:
   const ApiContext context_;

@@ -31,11 +31,6 @@ void KeptBoards::Drop(const Key& key) {
   kept_.Forget(key);
 }
 
-size_t KeptBoards::size() {
-  const MutexLock lock(mutex_);
-  return kept_.size();
-}
-
 absl::StatusOr<KeptBoards::Text> BoardAnswers::TextOf(const Transaction& reader,
                                                       const BoardQuery& asked) {
   const std::string& config = asked.track->config.hash;
@@ -54,8 +49,7 @@ ApiResult BoardAnswers::Get(const Request& request) {
     ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
     ApiAnswer answer{.tagged = true};
     ASSIGN_OR_RETURN(answer.text, TextOf(reader, asked));
-    ASSIGN_OR_RETURN(answer.for_all_origins,
-                     IsPhasePublic(reader, context_, asked.track->config.phase));
+    answer.for_all_origins = IsPhasePublic(reader, context_, asked.track->config.phase);
     return answer;
   });
 }

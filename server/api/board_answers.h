@@ -12,7 +12,7 @@
 
 #include "protocol/base/mutex.h"
 #include "server/access/rate_limit.h"
-#include "server/api/board_query.h"
+#include "server/api/board_source.h"
 #include "server/api/context.h"
 #include "server/api/routes.h"
 
@@ -40,8 +40,6 @@ class KeptBoards {
   Text Find(const Key& key, int64_t changes);
   // Keeps `text`, unless a newer one is there.
   void Keep(const Key& key, int64_t changes, Text text);
-
-  size_t size();
 
  private:
   struct Kept {

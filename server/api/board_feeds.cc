@@ -22,7 +22,6 @@ int WidthOf(const std::string& text) {
   return static_cast<int>(characters) * kCharacterWidth + 2 * kPadding;
 }
 
-// What the board is of.
 std::string SubjectOf(const Json& board) {
   const std::string name =
       (board["phase"].is_string() ? board["phase"] : board["track"]).get<std::string>();

@@ -3,17 +3,160 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <string>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include "protocol/base/status_macros.h"
-#include "server/engine/stored.h"
-#include "server/grading/tracks.h"
+#include "server/api/caller.h"
+#include "server/api/requests.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr size_t kLeastDigits = 8;  // of a config's hash
+constexpr size_t kHashDigits = 64;
+
+// A phase that no file describes any more is found by its submissions.
+absl::StatusOr<TrackPtr> TrackOfPhase(const Transaction& reader, const ApiContext& context,
+                                      const std::string& name) {
+  const absl::StatusOr<PhasePtr> phase = context.phases.Find(name);
+  if (phase.ok()) return (*phase)->track;
+  const std::string config = reader.Board().ConfigOfPhase(name);
+  if (config.empty()) return phase.status();
+  return StoredTrack(reader, config);
+}
+
+// Whether the request says nothing else than the config of a board.
+absl::Status CheckNamed(const Request& request, const TrackConfig& config) {
+  const std::string name = request.Param("track");
+  const std::string profile = request.Param("profile");
+  const std::string phase = request.Param("phase");
+  const bool fits = (name.empty() || name == config.id) &&
+                    (profile.empty() || profile == config.profile) &&
+                    (!request.HasParam("phase") || phase == config.phase);
+  if (fits) return absl::OkStatus();
+  const std::string what = request.HasParam("config") ? absl::StrCat("config ", config.hash)
+                                                      : absl::StrCat("phase \"", phase, "\"");
+  const std::string of_phase = config.phase.empty() || !request.HasParam("config")
+                                   ? ""
+                                   : absl::StrCat(", and of the phase \"", config.phase, "\"");
+  return absl::InvalidArgumentError(absl::StrCat(
+      what, " is of track \"", config.id, "\" in the profile \"", config.profile, "\"", of_phase));
+}
+
+// The board's own config, as it is now.
+absl::StatusOr<TrackPtr> NamedTrack(const Request& request, const Transaction& reader,
+                                    const ApiContext& context) {
+  if (!request.HasParam("phase")) {
+    if (request.HasParam("track")) {
+      return context.tracks.Find(request.Param("track"), request.Param("profile"));
+    }
+    return absl::InvalidArgumentError(
+        "\"track\" is missing: a board is of one track, or of one \"phase\"");
+  }
+  ASSIGN_OR_RETURN(TrackPtr track, TrackOfPhase(reader, context, request.Param("phase")));
+  RETURN_IF_ERROR(CheckNamed(request, track->config));
+  return track;
+}
+
+// The track whose config's hash begins with `digits`, of those that a board has or had.
+absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, const Transaction& reader,
+                                    const ApiContext& context) {
+  const bool hexadecimal = digits.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!hexadecimal || digits.size() < kLeastDigits || digits.size() > kHashDigits) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"config\" must be the hash of a config, or its first ", kLeastDigits,
+                     " or more of the digits 0-9 and a-f"));
+  }
+  std::map<std::string, TrackPtr> found;
+  for (const std::string& hash : reader.Board().ConfigsLike(digits, CallerIsOrganiser()))
+    found[hash];
+  // Nothing need have been accepted under what is played now.
+  const auto add = [&](const TrackPtr& track) {
+    if (track->config.hash.starts_with(digits)) found[track->config.hash] = track;
+  };
+  for (const auto& [name, entry] : context.tracks.entries()) {
+    for (const auto& [profile, track] : entry.profiles) add(track);
+  }
+  for (const PhasePtr& phase : context.phases.entries()) add(phase->track);
+  if (found.size() == 1) {
+    const auto& [hash, track] = *found.begin();
+    if (track != nullptr) return track;
+    return StoredTrack(reader, hash);
+  }
+  if (found.empty()) {
+    return absl::NotFoundError(absl::StrCat("no board has or had a config ", digits,
+                                            "; \"other_configs\" of a board lists its own"));
+  }
+  const std::string hashes = absl::StrJoin(
+      found, ", ", [](std::string* out, const auto& entry) { out->append(entry.first); });
+  return absl::InvalidArgumentError(
+      absl::StrCat("several configs begin with ", digits, ": ", hashes, "; give more digits"));
+}
+
+// The track that a request names by its config, as `asked`, and what its board has now, or had last.
+absl::StatusOr<TrackPtr> FindTracks(const Request& request, const Transaction& reader,
+                                    const ApiContext& context, TrackPtr& asked) {
+  ASSIGN_OR_RETURN(asked, FindConfig(request.Param("config"), reader, context));
+  const TrackConfig& config = asked->config;
+  RETURN_IF_ERROR(CheckNamed(request, config));
+  absl::StatusOr<TrackPtr> live = config.phase.empty()
+                                      ? context.tracks.Find(config.id, config.profile)
+                                      : TrackOfPhase(reader, context, config.phase);
+  // A track that is not on offer any more has no other config either.
+  if (absl::IsNotFound(live.status())) return asked;
+  return live;
+}
+
+// The moment that a request asks for, in milliseconds; 0: now.
+absl::StatusOr<int64_t> ReadMoment(const Request& request, absl::Time now) {
+  if (!request.HasParam("at")) return int64_t{0};
+  absl::Time time;
+  const std::string text = request.Param("at");
+  if (!absl::ParseTime(absl::RFC3339_full, text, &time, nullptr) ||
+      time < absl::FromUnixMillis(1) || time == absl::InfiniteFuture()) {
+    return absl::InvalidArgumentError(
+        "\"at\" must be a time like 2026-12-01T00:00:00Z, in 1970 or later");
+  }
+  if (time > now) {
+    return absl::InvalidArgumentError(absl::StrCat("\"at\" is ", UtcText(time),
+                                                   ", which is still to come; leave it out for the "
+                                                   "board of now"));
+  }
+  return absl::ToUnixMillis(time);
+}
+
+// From a phase's freeze on, only organisers see what ends later.
+absl::Status AddFreeze(const Transaction& reader, const ApiContext& context, absl::Time now,
+                       BoardQuery& asked) {
+  const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
+  if (phase == nullptr) return absl::OkStatus();
+  const PhaseStatus status = StatusOfPhase(*phase, reader.Board().PhaseEvents(phase->name), now);
+  const bool ever = phase->freezes != absl::InfiniteFuture();
+  if (!ever || status.published || status.revealed) return absl::OkStatus();
+  asked.freezes = phase->freezes;
+  const absl::Time shown = asked.at_ms == 0 ? now : absl::FromUnixMillis(asked.at_ms);
+  asked.frozen = status.frozen && shown >= phase->freezes;
+  asked.whole = CallerIsOrganiser();
+  return absl::OkStatus();
+}
+
+// The configs of a query of which all else is known. From a freeze on, a board keeps the config
+// that it had then: results under another one would all be hidden.
+absl::Status AddConfigs(const Request& request, const Transaction& reader, const TrackPtr& live,
+                        BoardQuery& asked) {
+  const BoardMoment moment = asked.moment();
+  ASSIGN_OR_RETURN(const TrackPtr then, TrackAt(reader, live, moment.before_ms));
+  asked.config_in_force = then->config.hash;
+  if (request.HasParam("config")) return absl::OkStatus();
+  asked.track = then;
+  if (asked.frozen && !asked.whole) {
+    ASSIGN_OR_RETURN(asked.track, TrackAt(reader, live, moment.results_before_ms()));
+  }
+  return absl::OkStatus();
+}
 
 // What the view lacks, or has of other numbers than today's, is made of the episode rows on the
 // spot.
@@ -26,6 +169,31 @@ absl::Status FillRow(const Transaction& reader, const std::string& names, Standi
 }
 
 }  // namespace
+
+absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transaction& reader,
+                                           const ApiContext& context,
+                                           const std::vector<std::string>& others) {
+  std::vector<std::string> known = {"track", "profile", "phase", "board", "config", "at"};
+  known.insert(known.end(), others.begin(), others.end());
+  RETURN_IF_ERROR(CheckParameters(request, known));
+  const absl::Time now = context.clock.Now();
+  BoardQuery asked;
+  ASSIGN_OR_RETURN(asked.at_ms, ReadMoment(request, now));
+  asked.board = request.HasParam("board") ? request.Param("board") : scoring::kMainBoard;
+  ASSIGN_OR_RETURN(const TrackPtr live, request.HasParam("config")
+                                            ? FindTracks(request, reader, context, asked.track)
+                                            : NamedTrack(request, reader, context));
+  if (asked.track == nullptr) asked.track = live;
+  RETURN_IF_ERROR(AddFreeze(reader, context, now, asked));
+  RETURN_IF_ERROR(AddConfigs(request, reader, live, asked));
+  const auto rules = asked.track->scoring.boards.find(asked.board);
+  if (rules == asked.track->scoring.boards.end()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("track \"", asked.track->config.id, "\" has no board \"", asked.board, "\""));
+  }
+  asked.rules = &rules->second;
+  return asked;
+}
 
 absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& track,
                                      const BoardMoment& moment) {
@@ -112,12 +280,6 @@ absl::StatusOr<Standings> RewriteStandings(const ApiContext& context, bool missi
       },
       context.config.http.upload));
   return made;
-}
-
-absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live,
-                                    const std::string& board, const BoardMoment& moment) {
-  ASSIGN_OR_RETURN(const TrackPtr track, TrackAt(reader, live, moment.results_before_ms()));
-  return BoardUnder(reader, *track, board, moment);
 }
 
 }  // namespace myograde::server

@@ -1,7 +1,6 @@
 #include "server/api/board_statistics.h"
 
 #include <algorithm>
-#include <map>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -39,17 +38,9 @@ std::vector<std::optional<scoring::Spread>> SpreadsOf(const Track& track,
   return spreads;
 }
 
-// Gives every seed one index, after those of all episodes that rank, so that the same further
-// episode of two submissions makes a pair.
-class FurtherIndices {
- public:
-  int64_t Of(uint64_t seed) {
-    return indices_.try_emplace(seed, kMaxEpisodes + std::ssize(indices_)).first->second;
-  }
-
- private:
-  std::map<uint64_t, int64_t> indices_;
-};
+// One index for every seed, after those of all episodes that rank, so that the same further episode
+// of two submissions makes a pair.
+using FurtherIndices = std::map<uint64_t, int64_t>;
 
 struct Further {
   std::vector<scoring::JudgedEpisode> episodes;  // each seed once
@@ -72,7 +63,10 @@ absl::StatusOr<Further> FurtherEpisodes(const Transaction& reader, const Track& 
     further.looks.insert(std::ssize(seen));
     if (item.dropped) continue;
     ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(item.evaluation));
-    for (EpisodeRow& row : rows) row.index = indices.Of(row.seed);
+    for (EpisodeRow& row : rows) {
+      const int64_t next = kMaxEpisodes + std::ssize(indices);
+      row.index = indices.try_emplace(row.seed, next).first->second;
+    }
     ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
                      JudgedEpisodes(*track.scoring.track, rows));
     for (const scoring::JudgedEpisode& episode : judged) {
@@ -82,57 +76,22 @@ absl::StatusOr<Further> FurtherEpisodes(const Transaction& reader, const Track& 
   return further;
 }
 
-absl::Status AddItems(const Transaction& reader, const RejudgeRow& rejudge, FurtherItems& all) {
-  const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
-  ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
-  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items,
-                   reader.evaluations.OfRejudge(rejudge.id));
-  for (const EvaluationRow& item : items) {
-    const bool has_none =
-        item.state == EvaluationState::kCancelled || item.state == EvaluationState::kGraderError;
-    if (has_none) continue;
-    all[item.submission].push_back({item.id, item.state, seeds, dropped});
-  }
-  return absl::OkStatus();
+// One row to be tested. `items`: its further episodes. Nothing of a row counts if a part can't be
+// read.
+absl::StatusOr<TestedRow> ReadRow(const Transaction& reader, const Track& track,
+                                  const scoring::BoardRules& rules, const LeaderboardRow& row,
+                                  const std::vector<FurtherItem>& items, int64_t before_ms,
+                                  FurtherIndices& indices, TestedPlace& place) {
+  ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(row.source.evaluation));
+  ASSIGN_OR_RETURN(std::vector<JudgedEpisode> episodes, JudgedEpisodes(*track.scoring.track, rows));
+  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Find(row.source.evaluation));
+  RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, track.config.seed_salt));
+  place.over_steps = SpreadsOf(track, rules, episodes);
+  ASSIGN_OR_RETURN(Further further, FurtherEpisodes(reader, track, items, before_ms, indices));
+  place.further = std::ssize(further.episodes);
+  episodes.insert(episodes.end(), further.episodes.begin(), further.episodes.end());
+  return TestedRow{row.ranked, std::move(episodes), std::move(further.looks)};
 }
-
-// Reads the rows to be tested of one board.
-class RowReader {
- public:
-  RowReader(const Transaction& reader, const Track& track, const scoring::BoardRules& rules,
-            FurtherItems further, int64_t before_ms)
-      : reader_(reader),
-        track_(track),
-        rules_(rules),
-        further_(std::move(further)),
-        before_ms_(before_ms) {}
-
-  // Nothing of a row counts if a part can't be read.
-  absl::StatusOr<TestedRow> Read(const LeaderboardRow& row, TestedPlace& place) {
-    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows,
-                     reader_.episodes.Of(row.source.evaluation));
-    ASSIGN_OR_RETURN(std::vector<JudgedEpisode> episodes,
-                     JudgedEpisodes(*track_.scoring.track, rows));
-    ASSIGN_OR_RETURN(const EvaluationRow evaluation,
-                     reader_.evaluations.Find(row.source.evaluation));
-    RETURN_IF_ERROR(CheckResults(reader_, evaluation, rows, track_.config.seed_salt));
-    place.over_steps = SpreadsOf(track_, rules_, episodes);
-    ASSIGN_OR_RETURN(
-        Further further,
-        FurtherEpisodes(reader_, track_, further_[row.source.submission], before_ms_, indices_));
-    place.further = std::ssize(further.episodes);
-    episodes.insert(episodes.end(), further.episodes.begin(), further.episodes.end());
-    return TestedRow{row.ranked, std::move(episodes), std::move(further.looks)};
-  }
-
- private:
-  const Transaction& reader_;
-  const Track& track_;
-  const scoring::BoardRules& rules_;
-  FurtherItems further_;
-  const int64_t before_ms_;
-  FurtherIndices indices_;
-};
 
 }  // namespace
 
@@ -147,7 +106,14 @@ absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std
   FurtherItems all;
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.from_config != config) continue;
-    RETURN_IF_ERROR(AddItems(reader, rejudge, all));
+    const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
+    ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
+    ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items, reader.evaluations.OfRejudge(id));
+    for (const EvaluationRow& item : items) {
+      const bool has_none =
+          item.state == EvaluationState::kCancelled || item.state == EvaluationState::kGraderError;
+      if (!has_none) all[item.submission].push_back({item.id, item.state, seeds, dropped});
+    }
   }
   return all;
 }
@@ -169,7 +135,7 @@ absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Tr
                                              int64_t before_ms,
                                              const std::function<bool()>& stopped) {
   ASSIGN_OR_RETURN(FurtherItems further, FurtherItemsOf(reader, track.config.hash));
-  RowReader row_reader(reader, track, rules, std::move(further), before_ms);
+  FurtherIndices indices;
   BoardStatistics statistics;
   std::vector<TestedRow> tested;
   for (size_t i = 0; i < board.rows.size(); ++i) {
@@ -177,7 +143,9 @@ absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Tr
     if (std::ssize(tested) == group_rules.places) break;
     TestedPlace place;
     place.row = i;
-    absl::StatusOr<TestedRow> read = row_reader.Read(board.rows[i], place);
+    absl::StatusOr<TestedRow> read =
+        ReadRow(reader, track, rules, board.rows[i], further[board.rows[i].source.submission],
+                before_ms, indices, place);
     if (const std::optional<Damage> damage = DamageOf(read.status())) {
       statistics.damaged.push_back(*damage);
       continue;

@@ -19,7 +19,7 @@
 #include "scoring/groups.h"
 #include "scoring/statistics_config.h"
 #include "server/access/rate_limit.h"
-#include "server/api/board_query.h"
+#include "server/api/board_source.h"
 #include "server/api/context.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
@@ -70,7 +70,7 @@ absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Tr
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
                                              int64_t before_ms,
-                                             const std::function<bool()>& stopped = {});
+                                             const std::function<bool()>& stopped);
 
 // Where ranks are those of groups: the published rank of each row of the board, 0 for a baseline.
 std::vector<int64_t> PublishedRanks(const Leaderboard& board, const BoardStatistics& statistics);

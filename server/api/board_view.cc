@@ -8,9 +8,6 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
-#include "server/api/board_statistics.h"
-#include "server/api/views.h"
-#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {
@@ -220,15 +217,6 @@ Json GroupsOf(const Leaderboard& board, const BoardStatistics& statistics) {
   return groups;
 }
 
-int64_t UndecidedRows(const Json& groups) {
-  int64_t undecided = 0;
-  for (const Json& group : groups) {
-    const auto rows = group["rows"].get<int64_t>();
-    if (rows > 1) undecided += rows;
-  }
-  return undecided;
-}
-
 // "statistics", "criteria", "rows", "groups" and "undecided" of the answer.
 Json StatisticsAnswer(const Transaction& reader, const Track& track,
                       const scoring::BoardRules& rules, const Leaderboard& board,
@@ -258,7 +246,11 @@ Json StatisticsAnswer(const Transaction& reader, const Track& track,
     criteria.push_back(DescriptionOf(track, criterion));
   }
   Json groups = GroupsOf(board, statistics);
-  const int64_t undecided = UndecidedRows(groups);
+  int64_t undecided = 0;
+  for (const Json& group : groups) {
+    const auto in_group = group["rows"].get<int64_t>();
+    if (in_group > 1) undecided += in_group;
+  }
   return {{"statistics", std::move(used)},
           {"criteria", std::move(criteria)},
           {"rows", std::move(rows)},

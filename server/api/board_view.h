@@ -5,7 +5,7 @@
 
 #include "scoring/statistics_config.h"
 #include "scoring/track.h"
-#include "server/api/board_query.h"
+#include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/views.h"
 #include "server/grading/leaderboard.h"

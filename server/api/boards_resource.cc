@@ -1,22 +1,16 @@
 #include "server/api/resources.h"
 
-#include <functional>
 #include <map>
 #include <memory>
 #include <string>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/api/board_answers.h"
 #include "server/api/board_feeds.h"
-#include "server/api/board_query.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
 #include "server/http/http_server.h"

@@ -35,12 +35,10 @@ bool CallerIsOrganiser() {
   return caller.identity != nullptr && caller.identity->role >= Role::kOrganiser;
 }
 
-bool CallerMay(Action action) {
-  return Decide(Caller(), action, std::nullopt) == Access::kAllowed;
-}
+bool CallerMay(Action action) { return MayTake(Caller(), action, std::nullopt); }
 
 absl::Status Require(const std::string& team, const absl::Status& missing) {
-  if (Decide(Caller(), caller.action, team) == Access::kAllowed) return absl::OkStatus();
+  if (MayTake(Caller(), caller.action, team)) return absl::OkStatus();
   caller.log->Deny(Caller(), caller.action, "another team's");
   return missing;
 }

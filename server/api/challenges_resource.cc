@@ -5,17 +5,12 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/challenge/phases.h"
-#include "server/engine/stored.h"
 
 namespace myograde::server {
 namespace {
@@ -41,14 +36,6 @@ Json QuotaToJson(const AdmissionRules& rules) {
           {"failed_total", limits.failed.total},
           {"waiting", limits.waiting},
           {"same_artefact", rules.one_for_everyone ? "everyone" : "team"}};
-}
-
-Json ShownToJson(const Visibility& shown) {
-  return {{"aggregate", shown.aggregate},
-          {"outcomes", shown.outcomes},
-          {"metrics", shown.metrics},
-          {"logs", shown.logs},
-          {"output", shown.output}};
 }
 
 // What of a phase's seeds is public.
@@ -87,7 +74,12 @@ Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Pha
           {"teams", config.teams.empty() ? Json() : Json(config.teams)},
           {"seeds", PublicSeeds(reader, phase, status.revealed)},
           {"quota", QuotaToJson(PhaseRules(config, context.config.quota.of(config.track)))},
-          {"show", ShownToJson(config.shown)},
+          {"show",
+           {{"aggregate", config.shown.aggregate},
+            {"outcomes", config.shown.outcomes},
+            {"metrics", config.shown.metrics},
+            {"logs", config.shown.logs},
+            {"output", config.shown.output}}},
           {"episodes", track.seeds.size()},
           {"waiting", waiting},
           {"config", track.hash}};
@@ -183,37 +175,30 @@ absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row,
                        "phase_closed");
 }
 
-// Whether it has submissions, and no file any more.
-bool IsFormerPhase(const ApiContext& context, const std::string& phase) {
-  if (context.phases.ConfigOf(phase) != nullptr) return false;
-  const absl::StatusOr<std::string> config = context.readers.Read<std::string>(
-      [&](const Transaction& reader) { return reader.Board().ConfigOfPhase(phase); });
-  return config.ok() && !config->empty();
-}
-
 // The act of an organiser on a phase, or on all submissions (`phase` "").
 ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const std::string& event,
                      const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const PhaseConfig* config = phase.empty() ? nullptr : context.phases.ConfigOf(phase);
-  // What a phase withheld stays withheld until it is published, with a file or without.
-  const bool former = event == kPublishedEvent && !phase.empty() && IsFormerPhase(context, phase);
   if (config != nullptr) {
     RETURN_IF_ERROR(CheckAct(*config, event, context.clock.Now()));
-  } else if (!phase.empty() && !former) {
-    RETURN_IF_ERROR(context.phases.Find(phase).status());
+  } else if (!phase.empty()) {
+    const auto former = ReadStore(context, [&](const Transaction& reader) {
+      return reader.Board().ConfigOfPhase(phase);
+    });
+    // What a phase withheld stays withheld until it is published, with a file or without.
+    const bool known = former.ok() && !former->empty();
+    if (event != kPublishedEvent || !known) RETURN_IF_ERROR(context.phases.Find(phase).status());
   }
   const auto add = [phase, event, reason, who = CallerKey()](Transaction& writer) {
     return writer.phases.AddEvent(phase, event, who, reason);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(add, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, add));
   Json state;
   if (config != nullptr) {
-    ASSIGN_OR_RETURN(const Events events,
-                     context.readers.Read<Events>([&](const Transaction& reader) {
-                       return reader.Board().PhaseEvents(phase);
-                     }));
+    ASSIGN_OR_RETURN(const Events events, ReadStore(context, [&](const Transaction& reader) {
+      return reader.Board().PhaseEvents(phase);
+    }));
     state = PhaseStateName(StatusOfPhase(*config, events, context.clock.Now()).state);
   }
   NoteAct(phase.empty() ? "all submissions" : absl::StrCat("phase ", phase), event);
@@ -228,19 +213,16 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
 ApiResult ChooseSubmission(const ApiContext& context, const Request& request, const Json& body) {
   RETURN_IF_ERROR(ParseNothing(body));
   const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(const SubmissionRow row,
-                   context.readers.Read<SubmissionRow>(
-                       [&](const Transaction& reader) -> absl::StatusOr<SubmissionRow> {
-                         RETURN_IF_ERROR(RequireSubmission(reader, id));
-                         ASSIGN_OR_RETURN(SubmissionRow found, reader.submissions.Find(id));
-                         RETURN_IF_ERROR(CheckChoice(reader, found, context));
-                         return found;
-                       }));
+  SubmissionRow row;
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
+    RETURN_IF_ERROR(RequireSubmission(reader, id));
+    ASSIGN_OR_RETURN(row, reader.submissions.Find(id));
+    return CheckChoice(reader, row, context);
+  }));
   const auto choose = [id, who = CallerKey()](Transaction& writer) {
     return writer.journal.Choose(id, who);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(choose, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, choose));
   return ApiAnswer{200,
                    {{"submission", id},
                     {"team", row.team},

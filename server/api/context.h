@@ -40,7 +40,8 @@ struct ApiContext {
   Metrics& metrics;
   WebhookSender& webhooks;
   const Documents& documents;
-  std::string metrics_token;  // Guard::Options
+  // SHA-256 of the token with which a scraper reads the metrics; "": there is none.
+  std::string metrics_token;
   // Whether there is a challenge (server/challenge): then a user of this host is nobody until an
   // organiser says who, and organisers create the teams.
   bool challenge = false;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -47,21 +46,15 @@ Json ValueAt(const Json& row, const std::string& field) {
   return outer->is_object() ? outer->value(field.substr(dot + 1), Json()) : Json();
 }
 
-bool IsOfDetails(const std::string& field) {
-  return field == "details" || field.starts_with("details.");
-}
-
-bool HasLog(const EpisodeRow& row) {
-  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-  return facts.is_object() && facts.value("log", Json()).is_object();
-}
-
 }  // namespace
 
 bool EpisodeSelection::needs_details() const {
   if (summary) return true;
   if (!rows) return false;
-  return fields.empty() ? details : std::any_of(fields.begin(), fields.end(), IsOfDetails);
+  if (fields.empty()) return details;
+  return std::any_of(fields.begin(), fields.end(), [](const std::string& field) {
+    return field == "details" || field.starts_with("details.");
+  });
 }
 
 absl::StatusOr<EpisodeSelection> ParseEpisodes(const Request& request) {
@@ -109,7 +102,8 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
     if (judged[i].judgement.reason.name() == kPhantom) continue;
     const Json details = Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false);
     summary.Add(details, judged[i].judgement.steps);
-    if (!HasLog(rows[i])) continue;
+    const Json facts = Json::parse(rows[i].facts_json, nullptr, /*allow_exceptions=*/false);
+    if (!facts.is_object() || !facts.value("log", Json()).is_object()) continue;
     logged.push_back(judged[i]);
     by_index[rows[i].index] = &rows[i];
   }

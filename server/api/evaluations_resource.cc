@@ -4,17 +4,12 @@
 #include <set>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
 #include "server/api/episode_rows.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
@@ -96,7 +91,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, submission)));
   const TrackConfig& config = track->config;
   const scoring::TrackScoring& scoring = track->scoring;
-  ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
+  const Visibility sight = SightOfConfig(reader, context, config);
   ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(id));
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(id));
   if (!sight.progress) DropUnended(leases, rows);
@@ -148,7 +143,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
 absl::Status CheckFurtherLook(const Transaction& reader, const ApiContext& context,
                               const StoredEvaluation& stored) {
   const TrackConfig& config = stored.track->config;
-  ASSIGN_OR_RETURN(const Visibility sight, SightOfConfig(reader, context, config));
+  const Visibility sight = SightOfConfig(reader, context, config);
   if (SeesAll(sight)) return absl::OkStatus();
   return WithheldError(absl::StrCat("submission ", stored.submission.id,
                                     " can't be run again yet: "
@@ -161,6 +156,7 @@ absl::Status CheckFurtherLook(const Transaction& reader, const ApiContext& conte
 // What is to be played again, all of which can be read.
 absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& context,
                                    int64_t submission, const RerunRequest& wanted) {
+  RETURN_IF_ERROR(RequireSubmission(reader, submission));
   RETURN_IF_ERROR(reader.submissions.Find(submission).status());
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Original(submission));
   // What can't be played must not be there afterwards.
@@ -194,7 +190,6 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
   return rerun;
 }
 
-// The original evaluation of a submission.
 ApiResult GetResult(const ApiContext& context, const Transaction& reader, const Request& request) {
   const int64_t id = IdOf(request);
   ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
@@ -214,17 +209,16 @@ ApiResult GetEvaluation(const ApiContext& context, const Transaction& reader,
 }
 
 ApiResult RerunAnswer(const ApiContext& context, const Accepted& accepted) {
-  ASSIGN_OR_RETURN(const EvaluationRow evaluation,
-                   context.readers.Read<EvaluationRow>([&](const Transaction& reader) {
-                     return reader.evaluations.Find(accepted.evaluation);
-                   }));
+  ASSIGN_OR_RETURN(const EvaluationRow row, ReadStore(context, [&](const Transaction& reader) {
+    return reader.evaluations.Find(accepted.evaluation);
+  }));
   return ApiAnswer{accepted.is_new() ? 201 : 200,
                    {{"evaluation", accepted.evaluation},
                     {"submission", accepted.submission},
                     {"kind", "rerun"},
-                    {"state", EvaluationStateName(evaluation.state)},
-                    {"first", evaluation.first},
-                    {"last", evaluation.last},
+                    {"state", EvaluationStateName(row.state)},
+                    {"first", row.first},
+                    {"last", row.last},
                     {"repeated", accepted.repeated}}};
 }
 
@@ -235,11 +229,9 @@ ApiResult RerunSubmission(const ApiContext& context, const Request& request, con
                    FindEarlier(context.readers, CallerKey(), key));
   if (earlier.has_value()) return RerunAnswer(context, *earlier);
   const int64_t submission = IdOf(request);
-  ASSIGN_OR_RETURN(NewRerun rerun, context.readers.Read<NewRerun>(
-                                       [&](const Transaction& reader) -> absl::StatusOr<NewRerun> {
-                                         RETURN_IF_ERROR(RequireSubmission(reader, submission));
-                                         return MakeRerun(reader, context, submission, wanted);
-                                       }));
+  ASSIGN_OR_RETURN(NewRerun rerun, ReadStore(context, [&](const Transaction& reader) {
+    return MakeRerun(reader, context, submission, wanted);
+  }));
   rerun.request_key = key;
   ASSIGN_OR_RETURN(const Accepted accepted,
                    context.engine.Rerun(rerun, CallerKey(), CallerIsOrganiser(),

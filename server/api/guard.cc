@@ -1,14 +1,14 @@
 #include "server/api/guard.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 #include <utility>
+#include <variant>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
 
-#include "server/api/error_of.h"
+#include "server/api/routes.h"
 #include "server/base/peer_key.h"
 
 namespace myograde::server {
@@ -22,9 +22,10 @@ HostUser UserOf(const Peer& peer) {
   return {peer.uid, peer.groups, IsOrganiser(PeerKey(peer.uid))};
 }
 
-// Whole seconds to wait, at least one.
-int64_t SecondsOf(absl::Duration wait) {
-  return std::max<int64_t>(static_cast<int64_t>(std::ceil(absl::ToDoubleSeconds(wait))), 1);
+ApiError TooMany(const char* what, absl::Duration wait) {
+  const int64_t seconds = absl::ToInt64Seconds(absl::Ceil(wait, absl::Seconds(1)));
+  return {429, "too_many", absl::StrCat("too many ", what, "; try again in ", seconds, " s"),
+          seconds};
 }
 
 std::string DayOf(int64_t ms) {
@@ -51,37 +52,26 @@ ApiError Forbidden(const Identity& identity, Action action) {
   }
 }
 
-const char* WhyOf(TokenProblem problem) {
-  switch (problem) {
-    case TokenProblem::kExpired: return "expired token";
-    case TokenProblem::kRevoked: return "revoked token";
-    case TokenProblem::kUnknown: return "wrong token";
-  }
-  return "wrong token";
-}
-
 }  // namespace
 
-Guard::Guard(const Options& options)
-    : options_(options),
-      requests_(options.limits.requests_per_s, options.limits.burst, kMostKeys),
+Guard::Guard(const ApiContext& context)
+    : context_(context),
+      requests_(context.config.http.requests_per_s, context.config.http.burst, kMostKeys),
       wrong_tokens_(kMostKeys),
       good_tokens_(kMostKeys) {}
 
-std::variant<Identity, ApiError> Guard::Admit(Connection& connection, Action action) {
-  auto identified = Identify(connection.Asker(), *connection.head, action);
-  const auto* identity = std::get_if<Identity>(&identified);
-  if (identity == nullptr) return identified;
+std::optional<ApiError> Guard::Admit(Connection& connection, Action action, Identity& who) {
+  if (auto refusal = Identify(connection.Asker(), *connection.head, action, who)) return refusal;
   if (!connection.admitted) {
-    if (std::optional<ApiError> over = Count(*identity)) {
-      options_.log.Deny(*identity, action, "too many requests");
-      return *std::move(over);
+    if (std::optional<ApiError> over = Count(who)) {
+      context_.access_log.Deny(who, action, "too many requests");
+      return over;
     }
     connection.admitted = true;
   }
-  if (Decide(*identity, action, std::nullopt) == Access::kAllowed) return identified;
-  options_.log.Deny(*identity, action, "role");
-  return Forbidden(*identity, action);
+  if (MayTake(who, action, std::nullopt)) return std::nullopt;
+  context_.access_log.Deny(who, action, "role");
+  return Forbidden(who, action);
 }
 
 std::optional<ApiError> Guard::AdmitBody(Connection& connection, const Router& router) {
@@ -94,9 +84,9 @@ std::optional<ApiError> Guard::AdmitBody(Connection& connection, const Router& r
     if (head.method == "OPTIONS") return std::nullopt;
     return router.WhyNone(head);
   }
-  auto admitted = Admit(connection, address->action);
-  if (auto* error = std::get_if<ApiError>(&admitted)) return std::move(*error);
-  return TakeUpload(connection, std::get<Identity>(admitted));
+  Identity who;
+  if (auto refusal = Admit(connection, address->action, who)) return refusal;
+  return TakeUpload(connection, who);
 }
 
 std::optional<ApiError> Guard::TakeUpload(Connection& connection, const Identity& identity) {
@@ -104,7 +94,7 @@ std::optional<ApiError> Guard::TakeUpload(Connection& connection, const Identity
   const std::string whose = identity.teams.empty() ? identity.key : *identity.teams.begin();
   const MutexLock lock(uploads_->mutex);
   int& count = uploads_->of[whose];
-  if (count >= std::max(options_.limits.address_clients / 2, 1)) {
+  if (count >= std::max(context_.config.http.address_clients / 2, 1)) {
     return ApiError{429, "too_many",
                     "too many uploads of your team arrive at once; let some of them end first"};
   }
@@ -117,78 +107,84 @@ std::optional<ApiError> Guard::TakeUpload(Connection& connection, const Identity
 }
 
 std::optional<ApiError> Guard::AdmitUnknown(Connection& connection) {
-  auto identified = Identify(connection.Asker(), *connection.head, std::nullopt);
-  if (auto* error = std::get_if<ApiError>(&identified)) return std::move(*error);
-  return connection.admitted ? std::nullopt : Count(std::get<Identity>(identified));
-}
-
-std::variant<Identity, ApiError> Guard::Identify(const Peer& peer, const Request& head,
-                                                 std::optional<Action> action) {
-  if (head.authorization.has_value()) {
-    return IdentifyToken(peer, *head.authorization, action.value_or(Action::kReadApi));
+  Identity who;
+  if (auto refusal = Identify(connection.Asker(), *connection.head, std::nullopt, who)) {
+    return refusal;
   }
-  if (peer.network) return IdentityOfAddress(peer.key);
-  return IdentifyUser(peer, action);
+  return connection.admitted ? std::nullopt : Count(who);
 }
 
-std::variant<Identity, ApiError> Guard::IdentifyUser(const Peer& peer,
-                                                     std::optional<Action> action) {
-  const HostUser user = UserOf(peer);
-  Identity identity = IdentityOfUser(user, options_.access, {}, options_.challenge);
-  if (!action.has_value() || identity.role >= Role::kOrganiser) return identity;
-  const absl::Status status = options_.readers.Read([&](const Transaction& reader) {
-    const std::set<std::string> member_of = reader.teams.OfPerson(identity.key);
-    identity = IdentityOfUser(user, options_.access, {member_of.begin(), member_of.end()},
-                              options_.challenge);
+std::optional<ApiError> Guard::Identify(const Peer& peer, const Request& head,
+                                        std::optional<Action> action, Identity& who) {
+  if (head.authorization.has_value()) {
+    return IdentifyToken(peer, *head.authorization, action.value_or(Action::kReadApi), who);
+  }
+  if (!peer.network) return IdentifyUser(peer, action, who);
+  who = IdentityOfAddress(peer.key);
+  return std::nullopt;
+}
+
+std::optional<ApiError> Guard::IdentifyUser(const Peer& peer, std::optional<Action> action,
+                                            Identity& who) {
+  const auto identify = [&](const std::set<std::string>& member_of) {
+    return IdentityOfUser(UserOf(peer), context_.config.access, member_of, context_.challenge);
+  };
+  who = identify({});
+  if (!action.has_value() || who.role >= Role::kOrganiser) return std::nullopt;
+  const absl::Status status = context_.readers.Read([&](const Transaction& reader) {
+    who = identify(reader.teams.OfPerson(who.key));
     std::set<std::string> named;
-    for (const std::string& team : identity.teams) named.insert(reader.teams.NameOf(team));
-    identity.teams = std::move(named);
+    for (const std::string& team : who.teams) named.insert(reader.teams.NameOf(team));
+    who.teams = std::move(named);
     return absl::OkStatus();
   });
   // What is open to everybody is answered also while the store is in trouble.
   if (!status.ok() && RoleFor(*action) > Role::kPublic) return ErrorOf(status);
-  return identity;
+  return std::nullopt;
 }
 
-std::variant<Identity, ApiError> Guard::IdentifyToken(const Peer& peer,
-                                                      std::string_view authorization,
-                                                      Action action) {
+std::optional<ApiError> Guard::IdentifyToken(const Peer& peer, std::string_view authorization,
+                                             Action action, Identity& who) {
   const std::optional<std::string_view> token = TokenIn(authorization);
   const bool scrapes = action == Action::kReadMetrics && IsMetricsToken(authorization);
-  const std::string hash = scrapes             ? options_.metrics_token
+  const std::string hash = scrapes             ? context_.metrics_token
                            : token.has_value() ? TokenHash(*token)
                                                : "";
-  if (std::optional<ApiError> wait = CheckTries(peer, hash)) return *std::move(wait);
-  if (scrapes) return AcceptScraper(peer);
+  if (std::optional<ApiError> wait = CheckTries(peer, hash)) return wait;
+  if (scrapes) {
+    who = AcceptScraper(peer);
+    return std::nullopt;
+  }
   std::optional<TokenRow> row;
   if (token.has_value()) {
-    const absl::Status status = options_.readers.Read([&](const Transaction& reader) {
+    const absl::Status status = context_.readers.Read([&](const Transaction& reader) {
       absl::StatusOr<TokenRow> found = reader.callers.TokenByHash(hash);
       if (found.ok()) row = *std::move(found);
       return absl::IsNotFound(found.status()) ? absl::OkStatus() : found.status();
     });
     if (!status.ok()) return ErrorOf(status);
   }
-  auto identity = IdentityOfToken(row, absl::ToUnixMillis(options_.clock.Now()),
+  auto identity = IdentityOfToken(row, absl::ToUnixMillis(context_.clock.Now()),
                                   /*remote=*/peer.network);
   if (const auto* problem = std::get_if<TokenProblem>(&identity)) {
     return RefuseToken(peer, hash, *problem, row, action);
   }
   Accept(hash, row->id);
-  return std::get<Identity>(std::move(identity));
+  who = std::get<Identity>(std::move(identity));
+  return std::nullopt;
 }
 
 // Only hashes are compared, so the time that this takes tells nothing of the token.
 bool Guard::IsMetricsToken(std::string_view authorization) const {
   constexpr std::string_view kBearer = "Bearer ";
-  return !options_.metrics_token.empty() && authorization.starts_with(kBearer) &&
-         TokenHash(authorization.substr(kBearer.size())) == options_.metrics_token;
+  return !context_.metrics_token.empty() && authorization.starts_with(kBearer) &&
+         TokenHash(authorization.substr(kBearer.size())) == context_.metrics_token;
 }
 
 Identity Guard::AcceptScraper(const Peer& peer) {
   {
     const MutexLock lock(mutex_);
-    good_tokens_.FindOr(options_.metrics_token, -absl::InfiniteDuration());
+    good_tokens_.FindOr(context_.metrics_token, -absl::InfiniteDuration());
   }
   Identity scraper = IdentityOfAddress("metrics token");
   scraper.remote = peer.network;
@@ -198,17 +194,13 @@ Identity Guard::AcceptScraper(const Peer& peer) {
 
 // Tokens that were good before pay for themselves; all others are tries of the address.
 std::optional<ApiError> Guard::CheckTries(const Peer& peer, const std::string& hash) {
-  const absl::Duration now = options_.clock.Monotonic();
+  const absl::Duration now = context_.clock.Monotonic();
   const MutexLock lock(mutex_);
   if (good_tokens_.Find(hash) != nullptr) return std::nullopt;
   absl::Duration wait = wrong_tokens_.Wait(peer.key, now);
   if (wait == absl::ZeroDuration()) wait = requests_.Take(peer.key, now);
   if (wait == absl::ZeroDuration()) return std::nullopt;
-  const int64_t seconds = SecondsOf(wait);
-  return ApiError{429, "too_many",
-                  absl::StrCat("too many tries with wrong tokens from here; try again in ", seconds,
-                               " s"),
-                  seconds};
+  return TooMany("tries with wrong tokens from here", wait);
 }
 
 ApiError Guard::RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
@@ -216,46 +208,41 @@ ApiError Guard::RefuseToken(const Peer& peer, const std::string& hash, TokenProb
   {
     const MutexLock lock(mutex_);
     good_tokens_.Forget(hash);
-    wrong_tokens_.Fail(peer.key, options_.clock.Monotonic());
+    wrong_tokens_.Fail(peer.key, context_.clock.Monotonic());
   }
   Identity nobody = IdentityOfAddress(peer.key);
-  // Who holds an old token is known by its number.
-  if (problem != TokenProblem::kUnknown) nobody.key = absl::StrCat("token ", row->id);
-  options_.log.Deny(nobody, action, WhyOf(problem));
-  const char* ask = "; ask an organiser for a new one";
-  switch (problem) {
-    case TokenProblem::kExpired:
-      return {401, "bad_token", absl::StrCat("the token expired at ", DayOf(row->expires_at), ask)};
-    case TokenProblem::kRevoked:
-      return {401, "bad_token", absl::StrCat("the token was revoked at ", DayOf(row->revoked_at),
-                                             ask)};
-    case TokenProblem::kUnknown:
-      break;
+  if (problem == TokenProblem::kUnknown) {
+    context_.access_log.Deny(nobody, action, "wrong token");
+    return {401, "bad_token",
+            "this is no token of this server; check that it was copied as a whole, or ask an "
+            "organiser for a new one"};
   }
+  // Who holds an old token is known by its number.
+  nobody.key = absl::StrCat("token ", row->id);
+  const bool expired = problem == TokenProblem::kExpired;
+  context_.access_log.Deny(nobody, action, expired ? "expired token" : "revoked token");
   return {401, "bad_token",
-          "this is no token of this server; check that it was copied as a whole, or ask an "
-          "organiser for a new one"};
+          absl::StrCat("the token ", expired ? "expired" : "was revoked", " at ",
+                       DayOf(expired ? row->expires_at : row->revoked_at),
+                       "; ask an organiser for a new one")};
 }
 
 void Guard::Accept(const std::string& hash, int64_t token) {
-  const absl::Duration now = options_.clock.Monotonic();
+  const absl::Duration now = context_.clock.Monotonic();
   const MutexLock lock(mutex_);
   absl::Duration& noted = good_tokens_.FindOr(hash, -absl::InfiniteDuration());
   if (now - noted < kTouchEvery) return;
   noted = now;
-  options_.log.Touch(token);
+  context_.access_log.Touch(token);
 }
 
 std::optional<ApiError> Guard::Count(const Identity& identity) {
   if (identity.role >= Role::kOrganiser) return std::nullopt;
-  const absl::Duration now = options_.clock.Monotonic();
+  const absl::Duration now = context_.clock.Monotonic();
   const MutexLock lock(mutex_);
   const absl::Duration wait = requests_.Take(identity.key, now);
   if (wait == absl::ZeroDuration()) return std::nullopt;
-  const int64_t seconds = SecondsOf(wait);
-  return ApiError{429, "too_many",
-                  absl::StrCat("too many requests of yours; try again in ", seconds, " s"),
-                  seconds};
+  return TooMany("requests of yours", wait);
 }
 
 bool IsOrganiser(const Peer& peer, const AccessConfig& access) {

@@ -7,45 +7,30 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <variant>
-#include <vector>
 
 #include <absl/time/time.h>
 
-#include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
-#include "server/access/access.h"
 #include "server/access/identity.h"
 #include "server/access/rate_limit.h"
-#include "server/api/access_log.h"
-#include "server/config/server_config.h"
-#include "server/http/api_error.h"
+#include "server/api/context.h"
 #include "server/http/connection.h"
 #include "server/http/router.h"
-#include "server/store/reader_pool.h"
 
 namespace myograde::server {
 
 // Safe from any thread.
 class Guard {
  public:
-  struct Options {
-    const AccessConfig& access;
-    const HttpLimits& limits;
-    ReaderPool& readers;
-    AccessLog& log;
-    const Clock& clock;
-    bool challenge = false;  // IdentityOfUser
-    // SHA-256 of the token with which a scraper reads the metrics; "": there is none.
-    std::string metrics_token = "";
-  };
-  // What `options` refers to must outlive it.
-  explicit Guard(const Options& options);
+  // `context` must outlive it.
+  explicit Guard(const ApiContext& context);
 
-  // Who makes the connection's request, if they may take `action` at all; whether they may do so
-  // for a team is the handler's to ask (Require of caller.h). Counts the request once, however often
-  // it is asked about.
-  std::variant<Identity, ApiError> Admit(Connection& connection, Action action);
+  // Each function returns why the request is refused; nullopt: it is not.
+
+  // Finds out who makes the connection's request, and whether they may take `action` at all;
+  // whether they may do so for a team is the handler's to ask (Require of caller.h). Counts the
+  // request once, however often it is asked about.
+  std::optional<ApiError> Admit(Connection& connection, Action action, Identity& who);
   // The same by the address in the request's head, before its body is received. One that is unknown
   // is answered later. Of a team's uploads over the network, however many tokens and addresses it has,
   // half of `address_clients` are received at a time; connection.upload is such a place.
@@ -53,22 +38,20 @@ class Guard {
   // Counts a request to an address that there is none of.
   std::optional<ApiError> AdmitUnknown(Connection& connection);
 
-  AccessLog& log() const { return options_.log; }
-
  private:
   // nullopt in place of an action: the address is unknown.
-  std::variant<Identity, ApiError> Identify(const Peer& peer, const Request& head,
-                                            std::optional<Action> action);
-  std::variant<Identity, ApiError> IdentifyUser(const Peer& peer, std::optional<Action> action);
-  std::variant<Identity, ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
-                                                 Action action);
+  std::optional<ApiError> Identify(const Peer& peer, const Request& head,
+                                   std::optional<Action> action, Identity& who);
+  std::optional<ApiError> IdentifyUser(const Peer& peer, std::optional<Action> action,
+                                       Identity& who);
+  std::optional<ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
+                                        Action action, Identity& who);
   bool IsMetricsToken(std::string_view authorization) const;
   Identity AcceptScraper(const Peer& peer);
   std::optional<ApiError> CheckTries(const Peer& peer, const std::string& hash);
   ApiError RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
                        const std::optional<TokenRow>& row, Action action);
   void Accept(const std::string& hash, int64_t token);
-  // Nullopt: within the limit.
   std::optional<ApiError> Count(const Identity& identity);
   std::optional<ApiError> TakeUpload(Connection& connection, const Identity& identity);
 
@@ -78,7 +61,7 @@ class Guard {
     std::map<std::string, int> of ABSL_GUARDED_BY(mutex);
   };
 
-  const Options options_;
+  const ApiContext& context_;
   const std::shared_ptr<Uploads> uploads_ = std::make_shared<Uploads>();
   Mutex mutex_;
   RateLimit requests_ ABSL_GUARDED_BY(mutex_);

@@ -3,17 +3,12 @@
 #include <unistd.h>
 
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/api/readiness.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/base/this_host.h"
-#include "server/http/http_server.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/migration.h"
@@ -23,20 +18,6 @@ namespace {
 
 // Names that Slurm and DNS have for hosts.
 constexpr char kNode[] = R"(/v1/nodes/([A-Za-z0-9][A-Za-z0-9._-]{0,254}))";
-
-struct NodeAct {
-  bool drain = false;
-  std::string why;  // "" for an admission
-};
-
-absl::StatusOr<NodeAct> ParseNodeAct(const Json& body) {
-  ConfigReader reader(body, "request");
-  NodeAct act;
-  act.drain = reader.Choice("state", {"drained", "admitted"}) == "drained";
-  if (act.drain) act.why = ReadReason(reader);
-  RETURN_IF_ERROR(reader.Finish());
-  return act;
-}
 
 // What organisers see beside.
 Json HostToJson(const ApiContext& context, const LiveHealth& health) {
@@ -64,8 +45,8 @@ Json HostToJson(const ApiContext& context, const LiveHealth& health) {
   for (const auto& [slot, left] : health.closed_slots) {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
-  const auto held_back = context.readers.Read<std::vector<std::string>>(
-      [](const Transaction& reader) { return reader.submissions.HeldBack(); });
+  const auto held_back = ReadStore(
+      context, [](const Transaction& reader) { return reader.submissions.HeldBack(); });
   std::string trouble;
   for (const std::string* one : {&health.store_trouble, &health.disk_trouble, &health.host_trouble,
                                  &health.executor_trouble, &health.losses}) {
@@ -108,16 +89,15 @@ ApiResult GetHealth(const ApiContext& context, const Request&) {
 ApiResult GetLive(const Request&) { return ApiAnswer{200, {{"live", true}}}; }
 
 ApiResult GetReady(const ApiContext& context, const Request&) {
-  const std::vector<Obstacle> obstacles = ObstaclesOf(context.engine.Health(), context.config,
-                                                      context.data_dir, HttpServer::Stopping());
-  Json body = {{"ready", obstacles.empty()}};
-  if (CallerMay(Action::kReadHost)) {
-    Json& reasons = body["reasons"] = Json::array();
-    for (const Obstacle& obstacle : obstacles) {
-      reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
-    }
+  Json reasons = Json::array();
+  for (const Obstacle& obstacle : ObstaclesOf(context, context.engine.Health())) {
+    if (obstacle.message.empty()) continue;
+    reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
   }
-  return ApiAnswer{obstacles.empty() ? 200 : 503, std::move(body)};
+  const bool ready = reasons.empty();
+  Json body = {{"ready", ready}};
+  if (CallerMay(Action::kReadHost)) body["reasons"] = std::move(reasons);
+  return ApiAnswer{ready ? 200 : 503, std::move(body)};
 }
 
 ApiResult ListTracks(const ApiContext& context, const Request&) {
@@ -154,7 +134,10 @@ ApiResult ListNodes(const ApiContext& context, const Transaction& reader, const 
 }
 
 ApiResult SetNode(const ApiContext& context, const Request& request, const Json& body) {
-  ASSIGN_OR_RETURN(const NodeAct act, ParseNodeAct(body));
+  ConfigReader reader(body, "request");
+  const bool drain = reader.Choice("state", {"drained", "admitted"}) == "drained";
+  const std::string why = drain ? ReadReason(reader) : "";
+  RETURN_IF_ERROR(reader.Finish());
   if (!context.config.on_cluster) {
     return WithErrorCode(absl::FailedPreconditionError(
                              "leases run on this host, so there are no nodes; \"executor\" of "
@@ -163,13 +146,10 @@ ApiResult SetNode(const ApiContext& context, const Request& request, const Json&
   }
   const std::string node = request.matches[1];
   const absl::Duration timeout = context.config.http.request;
-  const absl::Status status = act.drain
-                                  ? context.engine.DrainNode(node, act.why, CallerKey(), timeout)
-                                  : context.engine.AdmitNode(node, CallerKey(), timeout);
-  RETURN_IF_ERROR(status);
-  NoteAct(absl::StrCat("node ", node),
-          act.drain ? absl::StrCat("drained: ", act.why) : std::string("admitted"));
-  return ApiAnswer{200, {{"node", node}, {"state", act.drain ? "drained" : "admitted"}}};
+  RETURN_IF_ERROR(drain ? context.engine.DrainNode(node, why, CallerKey(), timeout)
+                        : context.engine.AdmitNode(node, CallerKey(), timeout));
+  NoteAct(absl::StrCat("node ", node), drain ? absl::StrCat("drained: ", why) : "admitted");
+  return ApiAnswer{200, {{"node", node}, {"state", drain ? "drained" : "admitted"}}};
 }
 
 ApiResult ListRuntimes(const ApiContext& context, const Request& request) {

@@ -4,13 +4,11 @@
 #include <filesystem>
 #include <map>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
 #include "server/api/readiness.h"
-#include "server/http/http_server.h"
 #include "server/metrics/disk_space.h"
 #include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
@@ -24,17 +22,7 @@ using Families = std::vector<MetricFamily>;
 
 template <typename Number>
 void AddGauge(Families& families, const char* name, const char* help, Number value) {
-  AddValue(families.emplace_back(GaugeFamily(name, help)), "", "", static_cast<double>(value));
-}
-
-// One value for each of the label's.
-template <typename Number>
-void AddGauges(Families& families, const char* name, const char* help, const char* label,
-               const std::map<std::string, Number>& values) {
-  MetricFamily& family = families.emplace_back(GaugeFamily(name, help));
-  for (const auto& [key, value] : values) {
-    AddValue(family, label, key, static_cast<double>(value));
-  }
+  AddGauges<Number>(families, name, help, "", {{"", value}});
 }
 
 double SecondsOf(const std::optional<absl::Duration>& duration) {
@@ -96,13 +84,13 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
   }
   AddGauges(families, "myograde_host_state",
             "1 for the state that this host is in, 0 for the others", "state", states);
-  const std::vector<Obstacle> obstacles =
-      ObstaclesOf(health, context.config, context.data_dir, HttpServer::Stopping());
-  AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0",
-           obstacles.empty() ? 1 : 0);
   std::map<std::string, bool> reasons;
-  for (const std::string& code : ObstacleCodes()) reasons[code] = false;
-  for (const Obstacle& obstacle : obstacles) reasons[obstacle.code] = true;
+  for (const Obstacle& obstacle : ObstaclesOf(context, health)) {
+    reasons[obstacle.code] = !obstacle.message.empty();
+  }
+  const bool ready = std::none_of(reasons.begin(), reasons.end(),
+                                  [](const auto& reason) { return reason.second; });
+  AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0", ready ? 1 : 0);
   AddGauges(families, "myograde_not_ready", "1 for each reason why the daemon is not ready, else 0",
             "reason", reasons);
   AddGauges<int>(families, "myograde_build_info", "1, with the version of the daemon", "version",
@@ -114,7 +102,6 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
            absl::ToDoubleSeconds(context.started_at - absl::UnixEpoch()));
 }
 
-// Its jobs and nodes.
 void AddClusterMetrics(const ApiContext& context, Families& families) {
   const std::map<int64_t, LiveLease> leases = context.engine.Running();
   const auto begun = std::count_if(leases.begin(), leases.end(),

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <map>
-#include <string>
 #include <vector>
 
 #include <absl/strings/ascii.h>
+#include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
-#include <absl/strings/strip.h>
 
 #include "protocol/base/sha256.h"
 
@@ -17,12 +16,6 @@ namespace myograde::server {
 namespace {
 
 constexpr std::string_view kSpace = " \t,";
-
-// A weight from 0 to 1; 0: it is none.
-double WeightOf(absl::string_view text) {
-  double weight = 0;
-  return absl::SimpleAtod(text, &weight) && weight >= 0 && weight <= 1 ? weight : 0;
-}
 
 // What Accept-Encoding gives to each coding that it names, in lower case.
 std::map<std::string, double> CodingWeights(const Request& request) {
@@ -34,9 +27,9 @@ std::map<std::string, double> CodingWeights(const Request& request) {
       double weight = 1;
       for (size_t at = 1; at < words.size(); ++at) {
         absl::string_view parameter = absl::StripAsciiWhitespace(words[at]);
-        if (absl::ConsumePrefix(&parameter, "q=") || absl::ConsumePrefix(&parameter, "Q=")) {
-          weight = WeightOf(parameter);
-        }
+        if (!absl::StartsWithIgnoreCase(parameter, "q=")) continue;
+        const bool good = absl::SimpleAtod(parameter.substr(2), &weight);
+        if (!good || !(weight >= 0 && weight <= 1)) weight = 0;
       }
       weights.emplace(absl::AsciiStrToLower(absl::StripAsciiWhitespace(words[0])), weight);
     }

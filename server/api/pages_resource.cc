@@ -1,18 +1,14 @@
 #include "server/api/resources.h"
 
 #include <algorithm>
-#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/api/negotiation.h"
 #include "server/api/openapi/document.h"
-#include "server/api/requests.h"
 #include "server/web/files.h"
 
 namespace myograde::server {
@@ -54,21 +50,10 @@ void SendConstant(const Document& document, const Request& request, Response& re
   response.SetContent(packed ? document.packed : document.text, document.type);
 }
 
-// MAJOR.MINOR of the program, which is what the documents' folders are named by.
-std::string DocumentsVersion() {
-  const std::string_view version = MYOGRADE_VERSION;
-  return std::string(version.substr(0, version.rfind('.')));
-}
-
 bool IsVersion(std::string_view text) {
   const size_t dot = text.find('.');
   return dot != text.npos && dot > 0 && dot + 1 < text.size() &&
          text.find_first_not_of("0123456789.") == text.npos && text.find('.', dot + 1) == text.npos;
-}
-
-bool HasVersion(const Documents& documents, const std::string& version) {
-  const auto first = documents.lower_bound(version + "/");
-  return first != documents.end() && first->first.starts_with(version + "/");
 }
 
 // The page that a path leads to which is none itself: no path or a version alone to the first page,
@@ -78,7 +63,12 @@ std::string PageInstead(const Documents& documents, std::string_view path) {
   const size_t slash = std::min(path.find('/'), path.size());
   std::string version(path.substr(0, slash));
   if (!path.empty() && !IsVersion(version)) return "";
-  if (!HasVersion(documents, version)) version = DocumentsVersion();
+  const auto first = documents.lower_bound(version + "/");
+  if (first == documents.end() || !first->first.starts_with(version + "/")) {
+    // MAJOR.MINOR of the program, which is what the documents' folders are named by.
+    const std::string_view own = MYOGRADE_VERSION;
+    version = own.substr(0, own.rfind('.'));
+  }
   const std::string_view page = slash < path.size() ? path.substr(slash + 1) : "index.html";
   std::string found = absl::StrCat(version, "/", std::string(page));
   return documents.contains(found) ? found : "";

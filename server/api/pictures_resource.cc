@@ -2,21 +2,17 @@
 
 #include <unistd.h>
 
-#include <functional>
+#include <algorithm>
 #include <set>
 #include <string>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
-#include "protocol/base/status_macros.h"
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
-#include "server/api/caller.h"
 #include "server/api/negotiation.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
 #include "server/pictures/packing.h"
 #include "server/pictures/pictures.h"
 #include "server/runner/log_keeper.h"
@@ -32,34 +28,25 @@ absl::Status MissingLog(const std::string& hash) {
       absl::StrCat("there is no log ", hash, " here; it was never kept, or was removed"));
 }
 
-// Two teams have the same log if they handed in the same policy.
-absl::Status RequireLog(const Transaction& reader, const std::string& hash) {
-  const std::set<std::string> teams = reader.episodes.TeamsOfLog(hash);
-  if (teams.empty()) return MissingLog(hash);
-  for (const std::string& team : teams) {
-    if (Caller().teams.contains(team)) return Require(team, MissingLog(hash));
-  }
-  return Require(*teams.begin(), MissingLog(hash));
-}
-
-// A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
-absl::Status CheckLogShown(const Transaction& reader, const ApiContext& context,
-                           const std::string& hash) {
-  for (const std::string& phase : reader.episodes.PhasesOfLog(hash)) {
-    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, phase));
-    if (SeesLogs(sight)) continue;
-    return WithheldError(absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
-  }
-  return absl::OkStatus();
-}
-
 // Whether the caller may see a log: one of their teams' episodes has it, and its phase shows logs.
 // MissingLog, or an error with the code "withheld". Organisers may see every one.
 absl::Status RequireShownLog(const ApiContext& context, const std::string& hash) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  return context.readers.Read([&](const Transaction& reader) {
-    RETURN_IF_ERROR(RequireLog(reader, hash));
-    return CheckLogShown(reader, context, hash);
+  return context.readers.Read([&](const Transaction& reader) -> absl::Status {
+    // Two teams have the same log if they handed in the same policy.
+    const std::set<std::string> teams = reader.episodes.TeamsOfLog(hash);
+    if (teams.empty()) return MissingLog(hash);
+    const auto own = std::find_if(teams.begin(), teams.end(), [](const std::string& team) {
+      return Caller().teams.contains(team);
+    });
+    RETURN_IF_ERROR(Require(own == teams.end() ? *teams.begin() : *own, MissingLog(hash)));
+    // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
+    for (const std::string& phase : reader.episodes.PhasesOfLog(hash)) {
+      if (SeesLogs(SightOfPhase(reader, context, phase))) continue;
+      return WithheldError(
+          absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+    }
+    return absl::OkStatus();
   });
 }
 

@@ -122,13 +122,8 @@ absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record,
 // whole. `everybody`: whoever the caller is, it is to be published.
 absl::Status CheckReceiptShown(const Transaction& reader, const ApiContext& context,
                                const SubmissionRow& submission, bool everybody) {
-  bool shown = true;
-  if (everybody) {
-    ASSIGN_OR_RETURN(shown, IsPhasePublic(reader, context, submission.phase));
-  } else {
-    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, submission.phase));
-    shown = SeesReceipt(sight);
-  }
+  const bool shown = everybody ? IsPhasePublic(reader, context, submission.phase)
+                               : SeesReceipt(SightOfPhase(reader, context, submission.phase));
   if (shown) return absl::OkStatus();
   return WithheldError(absl::StrCat("the receipt of submission ", submission.id,
                                     " lists the "
@@ -139,8 +134,7 @@ absl::Status CheckReceiptShown(const Transaction& reader, const ApiContext& cont
 // Of a failed submission, a phase that withholds anything shows no single episode (redaction.h).
 absl::Status CheckFailureShown(const Transaction& reader, const ApiContext& context,
                                const SubmissionRow& submission) {
-  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, submission.phase));
-  if (sight.progress) return absl::OkStatus();
+  if (SightOfPhase(reader, context, submission.phase).progress) return absl::OkStatus();
   return WithheldError(absl::StrCat("submission ", submission.id,
                                     " failed, and its receipt lists how "
                                     "each episode ended, which phase \"",

@@ -2,26 +2,19 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <absl/time/time.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/mutex.h"
-#include "protocol/base/status_macros.h"
 #include "server/api/readiness.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"
 
@@ -51,9 +44,8 @@ absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, const Transaction
   return Waiting{std::move(row), *std::move(evaluation)};
 }
 
-absl::StatusOr<Json> EntryOf(const Waiting& waiting, const Transaction& reader,
-                             const ApiContext& context) {
-  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, waiting.row.phase));
+Json EntryOf(const Waiting& waiting, const Transaction& reader, const ApiContext& context) {
+  const Visibility sight = SightOfPhase(reader, context, waiting.row.phase);
   const EpisodeCounts counts = reader.episodes.Counts(waiting.evaluation.id, !sight.progress);
   Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
   RedactListed(entry, sight);
@@ -90,8 +82,7 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
       --total;
       continue;
     }
-    ASSIGN_OR_RETURN(Json entry, EntryOf(**found, reader, context));
-    entries.push_back(std::move(entry));
+    entries.push_back(EntryOf(**found, reader, context));
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();
@@ -103,28 +94,26 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
               {"submissions", std::move(entries)}};
 }
 
-// What all who see the same queue have in common.
-std::string SightOfCaller() {
-  return CallerIsOrganiser() ? "" : absl::StrCat("of ", absl::StrJoin(Caller().teams, "\n"));
-}
-
-std::string StableText(Json view) {
-  for (Json& entry : view["submissions"]) {
-    for (const char* key : {"running_wall_s", "remaining_wall_s", "estimated_end_at"}) {
-      entry.erase(key);
-    }
-  }
-  return CanonicalJson(view);
-}
-
 // Safe from any thread.
 class Queue {
  public:
   // Both must outlive it.
   Queue(const ApiContext& context, Guard& guard) : context_(context), guard_(guard) {}
 
-  ApiResult Get(const Request& request);
-  absl::Status Follow(const Request& request, Response& response);
+  ApiResult Get(const Request& request) const {
+    RETURN_IF_ERROR(CheckParameters(request, {}));
+    ASSIGN_OR_RETURN(const Snapshot now, Make());
+    return ApiAnswer{.text = std::make_shared<const std::string>(now.text + "\n")};
+  }
+
+  absl::Status Follow(const Request& request, Response& response) {
+    RETURN_IF_ERROR(CheckParameters(request, {}));
+    response.SetHeader("Cache-Control", "no-store");
+    response.SetHeader("X-Accel-Buffering", "no");  // proxies hand each event on at once
+    response.SetStream("text/event-stream", kLookEvery, kLongest,
+                       [this, last = std::make_shared<Snapshot>()] { return NextEvent(*last); });
+    return absl::OkStatus();
+  }
 
  private:
   struct Snapshot {
@@ -133,69 +122,57 @@ class Queue {
     absl::Duration made;
   };
 
+  absl::StatusOr<Snapshot> Make() const {
+    ASSIGN_OR_RETURN(Json view, ReadStore(context_, [&](const Transaction& reader) {
+      return QueueView(reader, context_);
+    }));
+    std::string text = CanonicalJson(view);
+    for (Json& entry : view["submissions"]) {
+      for (const char* key : {"running_wall_s", "remaining_wall_s", "estimated_end_at"}) {
+        entry.erase(key);
+      }
+    }
+    return Snapshot{std::move(text), CanonicalJson(view), context_.clock.Monotonic()};
+  }
+
   // The queue as the caller sees it, at most a second old: however many look on, those who see the
   // same share one.
-  absl::StatusOr<Snapshot> Look();
-  absl::StatusOr<Snapshot> Make() const;
+  absl::StatusOr<Snapshot> Look() {
+    // What all who see the same queue have in common.
+    const std::string sight =
+        CallerIsOrganiser() ? "" : absl::StrCat("of ", absl::StrJoin(Caller().teams, "\n"));
+    const absl::Duration now = context_.clock.Monotonic();
+    {
+      const MutexLock lock(mutex_);
+      std::erase_if(shared_, [&](const auto& seen) { return now - seen.second.made > kFreshFor; });
+      if (const auto it = shared_.find(sight); it != shared_.end()) return it->second;
+    }
+    ASSIGN_OR_RETURN(const Snapshot made, Make());
+    const MutexLock lock(mutex_);
+    shared_[sight] = made;
+    return made;
+  }
+
   // The caller's next event, "" if nothing has changed since the one in `last`; nullopt: they may
   // not look on any longer, or the store can't be read.
-  std::optional<std::string> NextEvent(Snapshot& last);
+  std::optional<std::string> NextEvent(Snapshot& last) {
+    // A token may have been revoked, or a member removed, since the event before.
+    constexpr Action kAction = Action::kReadSubmission;
+    Identity who;
+    if (guard_.Admit(HttpServer::RequestConnection(), kAction, who)) return std::nullopt;
+    const CallerScope scope(who, kAction, context_.access_log);
+    absl::StatusOr<Snapshot> now = Look();
+    if (!now.ok()) return std::nullopt;
+    if (now->stable == last.stable && now->made - last.made < kTellEvery) return "";
+    last = *std::move(now);
+    return absl::StrCat("event: queue\ndata: ", last.text, "\n\n");
+  }
 
   const ApiContext& context_;
   Guard& guard_;
   Mutex mutex_;
   std::map<std::string, Snapshot> shared_ ABSL_GUARDED_BY(mutex_);
 };
-
-absl::StatusOr<Queue::Snapshot> Queue::Make() const {
-  ASSIGN_OR_RETURN(Json view, context_.readers.Read<Json>([&](const Transaction& reader) {
-    return QueueView(reader, context_);
-  }));
-  std::string text = CanonicalJson(view);
-  return Snapshot{std::move(text), StableText(std::move(view)), context_.clock.Monotonic()};
-}
-
-absl::StatusOr<Queue::Snapshot> Queue::Look() {
-  const std::string sight = SightOfCaller();
-  const absl::Duration now = context_.clock.Monotonic();
-  {
-    const MutexLock lock(mutex_);
-    std::erase_if(shared_, [&](const auto& entry) { return now - entry.second.made > kFreshFor; });
-    if (const auto it = shared_.find(sight); it != shared_.end()) return it->second;
-  }
-  ASSIGN_OR_RETURN(const Snapshot made, Make());
-  const MutexLock lock(mutex_);
-  shared_[sight] = made;
-  return made;
-}
-
-ApiResult Queue::Get(const Request& request) {
-  RETURN_IF_ERROR(CheckParameters(request, {}));
-  ASSIGN_OR_RETURN(const Snapshot now, Make());
-  return ApiAnswer{.text = std::make_shared<const std::string>(now.text + "\n")};
-}
-
-std::optional<std::string> Queue::NextEvent(Snapshot& last) {
-  // A token may have been revoked, or a member removed, since the event before.
-  const auto admitted = guard_.Admit(HttpServer::RequestConnection(), Action::kReadSubmission);
-  const auto* identity = std::get_if<Identity>(&admitted);
-  if (identity == nullptr) return std::nullopt;
-  const CallerScope scope(*identity, Action::kReadSubmission, guard_.log());
-  absl::StatusOr<Snapshot> now = Look();
-  if (!now.ok()) return std::nullopt;
-  if (now->stable == last.stable && now->made - last.made < kTellEvery) return "";
-  last = *std::move(now);
-  return absl::StrCat("event: queue\ndata: ", last.text, "\n\n");
-}
-
-absl::Status Queue::Follow(const Request& request, Response& response) {
-  RETURN_IF_ERROR(CheckParameters(request, {}));
-  response.SetHeader("Cache-Control", "no-store");
-  response.SetHeader("X-Accel-Buffering", "no");  // proxies hand each event on at once
-  response.SetStream("text/event-stream", kLookEvery, kLongest,
-                     [this, last = std::make_shared<Snapshot>()] { return NextEvent(*last); });
-  return absl::OkStatus();
-}
 
 }  // namespace
 

@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/base/paths.h"
+#include "server/http/http_server.h"
 #include "server/metrics/disk_space.h"
 
 namespace myograde::server {
@@ -28,31 +29,21 @@ std::string MissingProgram() {
 
 }  // namespace
 
-const std::vector<std::string>& ObstacleCodes() {
-  static const std::vector<std::string> codes = {"stopping", "store", "disk", "host",
-                                                 "slots",    "cluster", "simulator"};
-  return codes;
-}
-
-std::vector<Obstacle> ObstaclesOf(const LiveHealth& health, const ServerConfig& config,
-                                  const std::string& data_dir, bool stopping) {
-  std::vector<Obstacle> obstacles;
-  const auto add = [&](const char* code, std::string message) {
-    if (!message.empty()) obstacles.push_back({code, std::move(message)});
-  };
-  add("stopping", stopping ? "the daemon is about to stop" : "");
-  add("store", health.store_trouble);
-  add("disk", LackOfRoom(data_dir, config.artefacts.disk_reserve));
-  add("host", health.host_trouble);
+std::vector<Obstacle> ObstaclesOf(const ApiContext& context, const LiveHealth& health) {
   const auto closed = static_cast<int>(health.closed_slots.size());
-  if (closed >= config.scheduler.slots) {
-    add("slots", absl::StrCat("all ", closed, " slots are closed until processes on them are gone, ",
-                              "on slot ", health.closed_slots.begin()->first, " ",
-                              health.closed_slots.begin()->second));
+  std::string slots;
+  if (closed >= context.config.scheduler.slots) {
+    slots = absl::StrCat("all ", closed, " slots are closed until processes on them are gone, ",
+                         "on slot ", health.closed_slots.begin()->first, " ",
+                         health.closed_slots.begin()->second);
   }
-  add("cluster", health.executor_trouble.empty() ? health.losses : health.executor_trouble);
-  add("simulator", MissingProgram());
-  return obstacles;
+  return {{"stopping", HttpServer::Stopping() ? "the daemon is about to stop" : ""},
+          {"store", health.store_trouble},
+          {"disk", LackOfRoom(context.data_dir, context.config.artefacts.disk_reserve)},
+          {"host", health.host_trouble},
+          {"slots", slots},
+          {"cluster", health.executor_trouble.empty() ? health.losses : health.executor_trouble},
+          {"simulator", MissingProgram()}};
 }
 
 const char* StatusOf(const LiveHealth& health) {

@@ -4,18 +4,17 @@
 #include <string>
 #include <vector>
 
-#include "server/config/server_config.h"
-#include "server/engine/engine.h"
+#include "server/api/context.h"
 
 namespace myograde::server {
 
-// Something that stands in the way, for programs and for people.
+// Something that may stand in the way, for programs and for people.
 struct Obstacle {
-  std::string code;  // one of ObstacleCodes
-  std::string message;
+  std::string code;
+  std::string message;  // "": it does not
 };
 
-// What there can be, in this order:
+// All that there can be, in this order:
 //   stopping   the daemon is about to end
 //   store      the store can't be written
 //   disk       the data folder's disk has less room than uploads must leave
@@ -23,11 +22,8 @@ struct Obstacle {
 //   slots      every slot is closed by processes that can't be killed yet
 //   cluster    nothing can start on the cluster, or one lease after the other is lost
 //   simulator  a program that plays leases is missing
-const std::vector<std::string>& ObstacleCodes();
-
-// Empty: it is ready.
-std::vector<Obstacle> ObstaclesOf(const LiveHealth& health, const ServerConfig& config,
-                                  const std::string& data_dir, bool stopping);
+// Only inside handlers.
+std::vector<Obstacle> ObstaclesOf(const ApiContext& context, const LiveHealth& health);
 
 // "store" (it can't be written), "paused" (no lease starts), "degraded" (leases are lost) or "ok".
 const char* StatusOf(const LiveHealth& health);

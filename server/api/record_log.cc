@@ -5,7 +5,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/store/journal.h"
 
 namespace myograde::server {
@@ -32,7 +31,7 @@ void RecordLog::Add(const RecordRow* row) {
   chain_ = row == nullptr ? "" : row->chain;
 }
 
-absl::Status RecordLog::Follow(const Transaction& reader) {
+void RecordLog::Follow(const Transaction& reader) {
   const int64_t size = reader.journal.RecordSize();
   while (tree_.size() < size) {
     const int64_t end = std::min(size, tree_.size() + kRowsAtOnce);
@@ -43,18 +42,17 @@ absl::Status RecordLog::Follow(const Transaction& reader) {
     }
     while (tree_.size() < end) Add(nullptr);
   }
-  return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<Damage>> RecordLog::Damaged(const Transaction& reader) {
+std::vector<Damage> RecordLog::Damaged(const Transaction& reader) {
   const MutexLock lock(mutex_);
-  RETURN_IF_ERROR(Follow(reader));
+  Follow(reader);
   return damaged_;
 }
 
 absl::StatusOr<RecordHead> RecordLog::Head(const Transaction& reader) {
   const MutexLock lock(mutex_);
-  RETURN_IF_ERROR(Follow(reader));
+  Follow(reader);
   RecordHead head;
   head.size = reader.journal.RecordSize();
   head.root = tree_.Root(head.size);
@@ -77,7 +75,7 @@ absl::StatusOr<EntryProof> RecordLog::Prove(const Transaction& reader, int64_t e
     return DamagedRow({"record", absl::StrCat(entry), "it is gone"});
   }
   const MutexLock lock(mutex_);
-  RETURN_IF_ERROR(Follow(reader));
+  Follow(reader);
   return EntryProof{.index = entry,
                     .content = nlohmann::json::parse(row.rows.front().entry_json),
                     .size = size,
@@ -92,7 +90,7 @@ absl::StatusOr<RecordLog::Consistency> RecordLog::Compare(const Transaction& rea
   if (to < 0 || to > whole) return OutOfRange("to", to, 0, whole);
   if (from < 0 || from > to) return OutOfRange("from", from, 0, to);
   const MutexLock lock(mutex_);
-  RETURN_IF_ERROR(Follow(reader));
+  Follow(reader);
   return Consistency{tree_.Root(from), tree_.Root(to), tree_.ConsistencyProof(from, to)};
 }
 

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "protocol/base/mutex.h"
@@ -21,7 +20,7 @@ class RecordLog {
  public:
   // Where the record was changed or can't be read, the first few. Such an entry keeps its place, as
   // it is there now, so that everything else goes on.
-  absl::StatusOr<std::vector<Damage>> Damaged(const Transaction& reader);
+  std::vector<Damage> Damaged(const Transaction& reader);
 
   absl::StatusOr<RecordHead> Head(const Transaction& reader);
   // InvalidArgumentError says which number is out of range; `size` 0: of all entries.
@@ -35,7 +34,7 @@ class RecordLog {
   absl::StatusOr<Consistency> Compare(const Transaction& reader, int64_t from, int64_t to);
 
  private:
-  absl::Status Follow(const Transaction& reader) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Follow(const Transaction& reader) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Add(const RecordRow* row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Mutex mutex_;

@@ -3,13 +3,10 @@
 #include <algorithm>
 #include <initializer_list>
 #include <span>
-#include <string>
 #include <string_view>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/api/caller.h"
 #include "server/challenge/phases.h"
 #include "server/store/quota.h"
@@ -174,8 +171,8 @@ void RedactRow(Json& row, const View& view) {
   }
 }
 
-absl::StatusOr<PhaseSight> KnownOf(const Transaction& reader, const ApiContext& context,
-                                   const std::string& phase) {
+PhaseSight KnownOf(const Transaction& reader, const ApiContext& context,
+                   const std::string& phase) {
   PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
   if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
     known.shown = config->shown;
@@ -191,10 +188,10 @@ absl::StatusOr<PhaseSight> KnownOf(const Transaction& reader, const ApiContext& 
 
 }  // namespace
 
-absl::StatusOr<bool> IsPhasePublic(const Transaction& reader, const ApiContext& context,
-                                   const std::string& phase) {
+bool IsPhasePublic(const Transaction& reader, const ApiContext& context,
+                   const std::string& phase) {
   if (phase.empty()) return true;
-  ASSIGN_OR_RETURN(const PhaseSight known, KnownOf(reader, context, phase));
+  const PhaseSight known = KnownOf(reader, context, phase);
   if (known.published || known.revealed) return true;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
   const Visibility sight = SightOf(Role::kParticipant, known);
@@ -202,23 +199,21 @@ absl::StatusOr<bool> IsPhasePublic(const Transaction& reader, const ApiContext& 
          SeesReceipt(sight);
 }
 
-absl::StatusOr<Visibility> SightOfPhase(const Transaction& reader, const ApiContext& context,
-                                        const std::string& phase) {
+Visibility SightOfPhase(const Transaction& reader, const ApiContext& context,
+                        const std::string& phase) {
   const Role role = Caller().role;
-  if (phase.empty() || role >= Role::kOrganiser) return Visibility{};
-  ASSIGN_OR_RETURN(const PhaseSight known, KnownOf(reader, context, phase));
-  return SightOf(role, known);
+  if (phase.empty() || role >= Role::kOrganiser) return {};
+  return SightOf(role, KnownOf(reader, context, phase));
 }
 
-absl::StatusOr<Visibility> SightOfConfig(const Transaction& reader, const ApiContext& context,
-                                         const TrackConfig& config) {
-  if (config.phase.empty()) return Visibility{};
-  absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, config.phase);
+Visibility SightOfConfig(const Transaction& reader, const ApiContext& context,
+                         const TrackConfig& config) {
+  Visibility sight = SightOfPhase(reader, context, config.phase);
   // The salt tells for sure whether there is anything to hide, whatever the files say today.
-  if (sight.ok() && config.seed_salt.empty() && !sight->seeds) {
-    sight->seeds = true;
-    sight->progress = true;
-    sight->progress = SeesAll(*sight);
+  if (config.seed_salt.empty() && !sight.seeds) {
+    sight.seeds = true;
+    sight.progress = true;
+    sight.progress = SeesAll(sight);
   }
   return sight;
 }

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include <absl/status/statusor.h>
+#include <absl/status/status.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/lease/track_config.h"
@@ -19,16 +19,15 @@ namespace myograde::server {
 
 // Whether anybody at all may see the receipts of a phase's evaluations ("": of none): it is
 // published, or withholds nothing of them and never freezes its board.
-absl::StatusOr<bool> IsPhasePublic(const Transaction& reader, const ApiContext& context,
-                                   const std::string& phase);
+bool IsPhasePublic(const Transaction& reader, const ApiContext& context, const std::string& phase);
 
 // Of evaluations of a phase ("": of none).
-absl::StatusOr<Visibility> SightOfPhase(const Transaction& reader, const ApiContext& context,
-                                        const std::string& phase);
+Visibility SightOfPhase(const Transaction& reader, const ApiContext& context,
+                        const std::string& phase);
 
 // Of evaluations under a config.
-absl::StatusOr<Visibility> SightOfConfig(const Transaction& reader, const ApiContext& context,
-                                         const TrackConfig& config);
+Visibility SightOfConfig(const Transaction& reader, const ApiContext& context,
+                         const TrackConfig& config);
 
 inline constexpr char kWithheldCode[] = "withheld";
 // For what is refused as a whole as long as a phase withholds parts of it: FailedPreconditionError

@@ -6,12 +6,11 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
 #include "server/base/names.h"
-#include "server/grading/leaderboard.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -104,19 +103,6 @@ absl::StatusOr<Page> ReadPage(const Request& request, std::vector<std::string> o
   RETURN_IF_ERROR(ReadNumber(request, "before", page.before, page.before));
   RETURN_IF_ERROR(ReadNumber(request, "limit", kMaxLimit, page.limit));
   return page;
-}
-
-absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body) {
-  ConfigReader reader(body, kWhere);
-  MarkRequest request;
-  request.mark = reader.Choice("mark", {kHidden, kDisqualified, kBaseline});
-  request.set = reader.Boolean("set");
-  if (reader.Has("reason")) request.reason = ReadReason(reader);
-  if (request.set && request.mark == kDisqualified && request.reason.empty()) {
-    reader.Fail("reason", "is missing: a disqualification needs one");
-  }
-  RETURN_IF_ERROR(reader.Finish());
-  return request;
 }
 
 absl::StatusOr<std::string> ParseReason(const nlohmann::json& body) {

@@ -13,10 +13,8 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/admission/admission.h"
-#include "server/base/plain_text.h"
 #include "server/http/request.h"
-#include "server/store/reader_pool.h"
-#include "server/store/store.h"
+#include "server/store/submissions.h"
 
 namespace myograde::server {
 
@@ -33,13 +31,6 @@ absl::StatusOr<RerunRequest> ParseRerun(const nlohmann::json& body);
 
 // The reason given, or the usual one.
 absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body);
-
-struct MarkRequest {
-  std::string mark;
-  bool set = false;
-  std::string reason;
-};
-absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body);
 
 // The reason of an organiser's act: {"reason": "…"}.
 absl::StatusOr<std::string> ParseReason(const nlohmann::json& body);

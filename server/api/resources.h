@@ -1,13 +1,20 @@
 // The API's resources, by noun: each function adds the addresses of its own. Handlers check
 // requests, read the store on connections of their own, and hand changes to admission and the
-// engine; they run on any thread. What is passed must outlive the server's last request.
+// engine; they run on any thread. What is passed must outlive the server's last request. Included is
+// what nearly all of them need.
 #pragma once
 
 #include <functional>
+#include <type_traits>
+#include <utility>
 
-#include "server/api/context.h"
-#include "server/api/guard.h"
+#include <absl/status/statusor.h>
+
+#include "protocol/base/status_macros.h"
+#include "server/api/caller.h"
+#include "server/api/requests.h"
 #include "server/api/routes.h"
+#include "server/api/views.h"
 
 namespace myograde::server {
 
@@ -24,6 +31,28 @@ inline Routes::Handler Bind(const ApiContext& context,
     return context.readers.Read<ApiAnswer>(
         [&](const Transaction& reader) { return handler(context, reader, request); });
   };
+}
+
+template <typename T>
+struct ValueOf {
+  using Type = T;
+};
+template <typename T>
+struct ValueOf<absl::StatusOr<T>> {
+  using Type = T;
+};
+
+// The value that `body` makes of one state of the store.
+template <typename Body>
+auto ReadStore(const ApiContext& context, const Body& body) {
+  using Value = typename ValueOf<std::invoke_result_t<Body, const Transaction&>>::Type;
+  return context.readers.Read<Value>(body);
+}
+// The value that a change of the store gives, within a request's time.
+template <typename Change>
+auto ChangeStore(const ApiContext& context, Change change) {
+  using Value = typename ValueOf<std::invoke_result_t<Change, Transaction&>>::Type;
+  return context.engine.Change<Value>(std::move(change), context.config.http.request);
 }
 
 // Who the caller is, who may do what, and who did or tried what; bearer tokens.

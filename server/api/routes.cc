@@ -1,8 +1,9 @@
 #include "server/api/routes.h"
 
-#include <string>
 #include <utility>
 
+#include <absl/cleanup/cleanup.h>
+#include <absl/strings/cord.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
 #include <spdlog/spdlog.h>
@@ -10,11 +11,17 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/api/caller.h"
 #include "server/api/negotiation.h"
+#include "server/base/log_line.h"
 #include "server/http/http_server.h"
+#include "server/store/damage.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr char kRetryKey[] = "myograde/retry_after_s";
 
 // Messages about the host's trouble name its files, which is nothing for strangers.
 std::string MessageFor(const ApiError& error) {
@@ -67,46 +74,72 @@ void SendResult(const Request& request, Response& response, const ApiResult& res
   response.SetJson(answer.http, std::move(text));
 }
 
-// Counts the request that a response is to, when it ends.
-class RequestTimer {
- public:
-  RequestTimer(Metrics& metrics, std::string_view action, const Response& response)
-      : metrics_(metrics), action_(action), response_(response) {}
-  ~RequestTimer() {
-    metrics_.ObserveRequest(action_, response_.status, SystemClock().Monotonic() - begin_);
-  }
-  RequestTimer(const RequestTimer&) = delete;
-  RequestTimer& operator=(const RequestTimer&) = delete;
-
- private:
-  Metrics& metrics_;
-  const std::string_view action_;
-  const Response& response_;
-  const absl::Duration begin_ = SystemClock().Monotonic();
-};
-
-// Runs `serve`, which fills in the response, if the caller may take the action at all.
-void ServeIfAdmitted(Metrics& metrics, Guard& guard, Action action, const Request& request,
-                     Response& response, const std::function<void()>& serve) {
-  const RequestTimer timer(metrics, ActionName(action), response);
-  const auto admitted = guard.Admit(HttpServer::RequestConnection(), action);
-  if (const auto* error = std::get_if<ApiError>(&admitted)) return SendError(response, *error);
-  CallerScope scope(std::get<Identity>(admitted), action, guard.log());
-  try {
-    serve();
-  } catch (const std::exception& error) {
-    SendError(response, {500, "internal", absl::StrCat(request.method, " ", request.path,
-                                                       " failed in the server: ", error.what())});
-  }
-  scope.Finish(request.method, request.path, response.status);
+// Counts the request that a response is to, when what is returned goes.
+auto CountAtEnd(Metrics& metrics, std::string_view action, const Response& response) {
+  return absl::Cleanup([&metrics, &response, action, begin = SystemClock().Monotonic()] {
+    metrics.ObserveRequest(action, response.status, SystemClock().Monotonic() - begin);
+  });
 }
 
 }  // namespace
 
-Routes::Routes(Router& router, Guard& guard, Metrics& metrics)
-    : router_(router), guard_(guard), metrics_(metrics) {
+ApiError ErrorOf(const absl::Status& status) {
+  const std::string message(status.message());
+  const std::string code = ErrorCodeOf(status);
+  if (code == kDamagedRowCode) return {500, code, message};
+  if (const auto retry = status.GetPayload(kRetryKey); retry.has_value()) {
+    return {503, code, message, std::stoll(std::string(*retry))};
+  }
+  if (code == kKeyReusedCode) return {422, code, message};
+  if (code == kBannedCode || code == kForbiddenCode) return {403, code, message};
+  const auto code_or = [&code](const char* usual) { return code.empty() ? usual : code; };
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+      return {400, code_or("bad_request"), message};
+    case absl::StatusCode::kNotFound:
+      // With a code, it is not the resource that is missing, but something that the request names.
+      return {code.empty() ? 404 : 400, code_or("not_found"), message};
+    case absl::StatusCode::kFailedPrecondition:
+      return {409, code_or("conflict"), message};
+    case absl::StatusCode::kCancelled:
+      return {503, "stopping", message};
+    case absl::StatusCode::kDeadlineExceeded:
+      return {504, "deadline", message};
+    case absl::StatusCode::kUnavailable:
+      return {503, code_or("store"), message};
+    case absl::StatusCode::kPermissionDenied:
+    case absl::StatusCode::kResourceExhausted:
+    case absl::StatusCode::kDataLoss:
+      return {503, "store", message};
+    default:
+      return {500, "internal", message};
+  }
+}
+
+absl::Status Busy(std::string_view message, int64_t retry_after_s) {
+  absl::Status status =
+      WithErrorCode(absl::UnavailableError({message.data(), message.size()}), "busy");
+  status.SetPayload(kRetryKey, absl::Cord(absl::StrCat(retry_after_s)));
+  return status;
+}
+
+absl::Status TeamErrorOf(const absl::Status& status, const std::string& team) {
+  const std::string other = ResembledTeam(status);
+  if (other.empty()) return status;
+  const LogScope scope({.team = team});
+  spdlog::info("a team \"{}\" was refused: it looks like team \"{}\"", team, other);
+  if (!CallerIsOrganiser()) return status;
+  return WithErrorCode(
+      absl::Status(status.code(),
+                   absl::StrCat("the team's name looks like that of team \"", other,
+                                "\"; choose another name, or write that one exactly as it stands here")),
+      ErrorCodeOf(status));
+}
+
+Routes::Routes(Router& router, Guard& guard, const ApiContext& context)
+    : router_(router), guard_(guard), context_(context) {
   router.SetUnknown([&](const Request& request, Response& response) {
-    const RequestTimer timer(metrics, "none", response);
+    const auto count = CountAtEnd(context.metrics, "none", response);
     if (auto over = guard.AdmitUnknown(HttpServer::RequestConnection())) {
       return SendError(response, *std::move(over));
     }
@@ -117,11 +150,23 @@ Routes::Routes(Router& router, Guard& guard, Metrics& metrics)
   });
 }
 
-// With what every handler has in common.
+// The address serves those who may take its action at all.
 void Routes::Add(Address address) {
-  address.serve = [&metrics = metrics_, &guard = guard_, action = address.action,
+  address.serve = [&context = context_, &guard = guard_, action = address.action,
                    serve = std::move(address.serve)](const Request& request, Response& response) {
-    ServeIfAdmitted(metrics, guard, action, request, response, [&] { serve(request, response); });
+    const auto count = CountAtEnd(context.metrics, ActionName(action), response);
+    Identity who;
+    if (auto refusal = guard.Admit(HttpServer::RequestConnection(), action, who)) {
+      return SendError(response, *std::move(refusal));
+    }
+    CallerScope scope(who, action, context.access_log);
+    try {
+      serve(request, response);
+    } catch (const std::exception& error) {
+      SendError(response, {500, "internal", absl::StrCat(request.method, " ", request.path,
+                                                         " failed in the server: ", error.what())});
+    }
+    scope.Finish(request.method, request.path, response.status);
   };
   router_.Add(std::move(address));
 }

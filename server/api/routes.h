@@ -3,20 +3,19 @@
 // address's action.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
+#include <string_view>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "server/api/caller.h"
-#include "server/api/error_of.h"
+#include "server/api/context.h"
 #include "server/api/guard.h"
-#include "server/http/api_error.h"
 #include "server/http/router.h"
-#include "server/metrics/metrics.h"
 
 namespace myograde::server {
 
@@ -31,6 +30,15 @@ struct ApiAnswer {
 // An error becomes the one that ErrorOf says.
 using ApiResult = absl::StatusOr<ApiAnswer>;
 
+// The entry of README.md's table of errors for a status: by its code (ErrorCodeOf of
+// store/quota.h) if it has one, otherwise by its kind.
+ApiError ErrorOf(const absl::Status& status);
+// 503 `busy`, to be asked again after so many seconds.
+absl::Status Busy(std::string_view message, int64_t retry_after_s);
+// The same for an operation that takes a team's name. Only organisers are told which existing team
+// a refused name looks like. Only inside handlers.
+absl::Status TeamErrorOf(const absl::Status& status, const std::string& team);
+
 // Adds addresses to a router. A pattern's groups are the request's `matches`. Handlers ask about
 // teams with Require (caller.h).
 class Routes {
@@ -41,7 +49,7 @@ class Routes {
   using FileHandler = std::function<absl::Status(const Request&, Response&)>;
 
   // All must outlive the server's last request.
-  Routes(Router& router, Guard& guard, Metrics& metrics);
+  Routes(Router& router, Guard& guard, const ApiContext& context);
   const Router& router() const { return router_; }
 
   // A handler of GET answers HEAD too.
@@ -59,7 +67,7 @@ class Routes {
 
   Router& router_;
   Guard& guard_;
-  Metrics& metrics_;
+  const ApiContext& context_;
 };
 
 }  // namespace myograde::server

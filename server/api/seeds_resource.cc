@@ -5,20 +5,15 @@
 #include <map>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/rejudge_plan.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"
 #include "server/http/http_server.h"
@@ -54,7 +49,6 @@ absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& read
   return further;
 }
 
-// What a reveal makes known.
 struct HiddenSeeds {
   std::string secret;           // 32 bytes
   std::vector<uint64_t> seeds;  // of the phase, which may be public
@@ -108,15 +102,13 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(const Transaction& reader, const ApiCo
 ApiResult RevealSeeds(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseReason(body));
   const std::string phase = request.matches[1];
-  ASSIGN_OR_RETURN(const HiddenSeeds hidden,
-                   context.readers.Read<HiddenSeeds>([&](const Transaction& reader) {
-                     return SeedsToReveal(reader, context, phase);
-                   }));
+  ASSIGN_OR_RETURN(const HiddenSeeds hidden, ReadStore(context, [&](const Transaction& reader) {
+    return SeedsToReveal(reader, context, phase);
+  }));
   const auto reveal = [phase, reason, who = CallerKey()](Transaction& writer) {
     return writer.phases.AddEvent(phase, kRevealedEvent, who, reason);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(reveal, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, reveal));
   NoteAct(absl::StrCat("phase ", phase), kRevealedEvent);
   return ApiAnswer{200,
                    {{"phase", phase},
@@ -155,10 +147,6 @@ std::pair<int64_t, int64_t> ReadPlaces(ConfigReader& reader) {
   return range;
 }
 
-bool IsWithin(int64_t rank, std::pair<int64_t, int64_t> places) {
-  return rank >= places.first && rank <= places.second;
-}
-
 // The submissions of all groups of more than one row.
 std::vector<int64_t> UndecidedOf(const Leaderboard& board, const BoardStatistics& statistics) {
   std::map<int64_t, std::vector<int64_t>> groups;
@@ -178,14 +166,15 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader,
                                                 const MoreSeedsRequest& request) {
   ASSIGN_OR_RETURN(const Leaderboard board, BoardUnder(reader, track, request.board, {}));
   std::vector<int64_t> chosen;
-  if (request.places.first != 0) {
+  if (const auto [first, last] = request.places; first != 0) {
     for (const LeaderboardRow& row : board.rows) {
-      if (IsWithin(row.ranked.rank, request.places)) chosen.push_back(row.source.submission);
+      const int64_t rank = row.ranked.rank;
+      if (rank >= first && rank <= last) chosen.push_back(row.source.submission);
     }
     if (chosen.size() >= 2) return chosen;
-    return absl::InvalidArgumentError(
-        absl::StrCat("the board has ", chosen.size(), " rows at the places ", request.places.first,
-                     " to ", request.places.second, "; it takes two to compare"));
+    return absl::InvalidArgumentError(absl::StrCat("the board has ", chosen.size(),
+                                                   " rows at the places ", first, " to ", last,
+                                                   "; it takes two to compare"));
   }
   ASSIGN_OR_RETURN(const BoardStatistics statistics,
                    StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, board,
@@ -227,14 +216,6 @@ absl::StatusOr<NewRejudge> RejudgeWith(const TrackConfig& live, const std::strin
   return rejudge;
 }
 
-absl::Status CheckCount(const TrackConfig& live, int64_t episodes) {
-  const int64_t most = kMaxEpisodes - static_cast<int64_t>(live.seeds.size());
-  if (episodes <= most) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("\"episodes\" is ", episodes, ", and phase \"",
-                                                 live.phase, "\" can have ", most,
-                                                 " further ones at most"));
-}
-
 absl::StatusOr<MoreSeedsRequest> ParseMoreSeeds(const Json& body, const std::string& phase) {
   ConfigReader reader(body, "request");
   MoreSeedsRequest request;
@@ -256,7 +237,11 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& r
                                                             const std::string& secret) {
   ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, request.phase, "", ""));
   const TrackConfig& live = track->config;
-  RETURN_IF_ERROR(CheckCount(live, request.episodes));
+  if (const int64_t most = kMaxEpisodes - std::ssize(live.seeds); request.episodes > most) {
+    return absl::InvalidArgumentError(absl::StrCat("\"episodes\" is ", request.episodes,
+                                                   ", and phase \"", live.phase, "\" can have ",
+                                                   most, " further ones at most"));
+  }
   ASSIGN_OR_RETURN(const std::vector<int64_t> rows, ChosenRows(reader, context, *track, request));
   ASSIGN_OR_RETURN(FurtherItems items, FurtherItemsOf(reader, live.hash));
   const std::vector<uint64_t> seeds =
@@ -283,14 +268,6 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& r
   return rejudges;
 }
 
-Json CreatedToJson(const CreatedRejudge& created, const NewRejudge& asked) {
-  return {{"rejudge", created.rejudge.id},
-          {"episodes", asked.seed_count},
-          {"seeds_sha256", asked.seeds},
-          {"submissions", asked.submissions},
-          {"without_files", created.plan.without_files}};
-}
-
 // The secret of a phase. One whose own seeds are public gets one for its further seeds.
 absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::string& phase) {
   bool hidden = false;
@@ -306,18 +283,16 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
         "this store does not have the secret of phase \"", phase,
         "\", as exports do not hold it; further seeds follow from it where it was held"));
   }
-  return context.engine.Change<std::string>(
-      [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); },
-      context.config.http.request);
+  return ChangeStore(
+      context, [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); });
 }
 
 ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const MoreSeedsRequest asked, ParseMoreSeeds(body, request.matches[1]));
   ASSIGN_OR_RETURN(const std::string secret, SecretOfPhase(context, asked.phase));
-  ASSIGN_OR_RETURN(const auto rejudges,
-                   context.readers.Read<std::vector<NewRejudge>>([&](const Transaction& reader) {
-                     return MakeFurtherRejudges(reader, context, asked, secret);
-                   }));
+  ASSIGN_OR_RETURN(const auto rejudges, ReadStore(context, [&](const Transaction& reader) {
+    return MakeFurtherRejudges(reader, context, asked, secret);
+  }));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   Json created = Json::array();
   for (const NewRejudge& rejudge : rejudges) {
@@ -325,7 +300,11 @@ ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const
         const CreatedRejudge made,
         context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
     NoteAct(absl::StrCat("rejudge ", made.rejudge.id), "created for further episodes");
-    created.push_back(CreatedToJson(made, rejudge));
+    created.push_back({{"rejudge", made.rejudge.id},
+                       {"episodes", rejudge.seed_count},
+                       {"seeds_sha256", rejudge.seeds},
+                       {"submissions", rejudge.submissions},
+                       {"without_files", made.plan.without_files}});
   }
   return ApiAnswer{201,
                    {{"phase", asked.phase},

@@ -2,22 +2,18 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/base/names.h"
 #include "server/base/this_host.h"
+#include "server/grading/leaderboard.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
@@ -212,7 +208,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(original.id));
   ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.leases.RunsOf(original.id));
   ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
-  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
+  const Visibility sight = SightOfPhase(reader, context, row.phase);
   const EpisodeCounts counts = reader.episodes.Counts(original.id, !sight.progress);
   Json json = SubmissionToJson(row, original, counts);
   const QueueOutlook outlook = AddOutlook(context, original, counts, json);
@@ -245,11 +241,10 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   return json;
 }
 
-// An entry of a list of submissions.
 absl::StatusOr<Json> ListedToJson(const Transaction& reader, const ApiContext& context,
                                   const SubmissionRow& row) {
   ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(row.id));
-  ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
+  const Visibility sight = SightOfPhase(reader, context, row.phase);
   Json json = SubmissionToJson(row, original, reader.episodes.Counts(original.id, !sight.progress));
   RedactListed(json, sight);
   return json;
@@ -278,7 +273,7 @@ ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader,
 }
 
 ApiResult StatusAnswer(const ApiContext& context, int64_t submission) {
-  ASSIGN_OR_RETURN(Json body, context.readers.Read<Json>([&](const Transaction& reader) {
+  ASSIGN_OR_RETURN(Json body, ReadStore(context, [&](const Transaction& reader) {
     return SubmissionStatus(reader, context, submission);
   }));
   return ApiAnswer{200, std::move(body)};
@@ -312,28 +307,27 @@ ApiResult CreateSubmission(const ApiContext& context, const Request& request, co
 ApiResult CancelSubmission(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseCancel(body));
   const int64_t id = IdOf(request);
-  ASSIGN_OR_RETURN(const Visibility sight,
-                   context.readers.Read<Visibility>(
-                       [&](const Transaction& reader) -> absl::StatusOr<Visibility> {
-                         RETURN_IF_ERROR(RequireSubmission(reader, id));
-                         ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(id));
-                         // Practice is of no phase, and organisers see all: neither is charged for
-                         // a cancel as such.
-                         return SightOfPhase(reader, context, row.phase);
-                       }));
+  bool charge = false;
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
+    RETURN_IF_ERROR(RequireSubmission(reader, id));
+    ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(id));
+    // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
+    charge = !SightOfPhase(reader, context, row.phase).progress;
+    return absl::OkStatus();
+  }));
   ASSIGN_OR_RETURN(
       const CancelReport report,
       context.engine.Cancel({.submission = id,
                              .reruns = CallerIsOrganiser(),
-                             .charge = !sight.progress,
+                             .charge = charge,
                              .why = reason,
                              .who = CallerKey()},
                             context.config.http.request));
   NoteAct(absl::StrCat("submission ", id), reason);
   ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(context, id));
-  ASSIGN_OR_RETURN(const std::string charged,
-                   context.readers.Read<std::string>(
-                       [&](const Transaction& reader) { return reader.quotas.ChargedBudget(id); }));
+  ASSIGN_OR_RETURN(const std::string charged, ReadStore(context, [&](const Transaction& reader) {
+    return reader.quotas.ChargedBudget(id);
+  }));
   answer.body["cancel"] = {{"killed", report.killed},
                            {"still_ending", report.still_ending},
                            {"took_wall_s", absl::ToDoubleSeconds(report.took)},
@@ -342,29 +336,37 @@ ApiResult CancelSubmission(const ApiContext& context, const Request& request, co
 }
 
 ApiResult MarkSubmission(const ApiContext& context, const Request& request, const Json& body) {
-  ASSIGN_OR_RETURN(MarkRequest wanted, ParseMark(body));
+  ConfigReader reader(body, "request");
+  const std::string mark = reader.Choice("mark", {kHidden, kDisqualified, kBaseline});
+  const bool set = reader.Boolean("set");
+  const std::string reason = reader.Has("reason") ? ReadReason(reader) : "";
+  if (set && mark == kDisqualified && reason.empty()) {
+    reader.Fail("reason", "is missing: a disqualification needs one");
+  }
+  RETURN_IF_ERROR(reader.Finish());
   const int64_t id = IdOf(request);
   // What can't be answered is not done.
   RETURN_IF_ERROR(context.readers.Read(
-      [&](const Transaction& reader) { return reader.submissions.Find(id).status(); }));
-  const auto mark = [id, who = CallerKey(), wanted](Transaction& writer) {
-    return writer.journal.Mark(id, wanted.mark, wanted.set, who, wanted.reason);
+      [&](const Transaction& store) { return store.submissions.Find(id).status(); }));
+  const auto change = [=, who = CallerKey()](Transaction& writer) {
+    return writer.journal.Mark(id, mark, set, who, reason);
   };
-  ASSIGN_OR_RETURN(const bool changed,
-                   context.engine.Change<bool>(mark, context.config.http.request));
+  ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, change));
   ApiAnswer answer;
-  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(id));
-    answer.body = {
-        {"submission", id},          {"team", submission.team},
-        {"track", submission.track}, {"profile", submission.profile},
-        {"mark", wanted.mark},       {"set", wanted.set},
-        {"changed", changed},        {"marks", MarksToJson(reader.Board().MarkHistory(id))}};
+  RETURN_IF_ERROR(context.readers.Read([&](const Transaction& store) -> absl::Status {
+    ASSIGN_OR_RETURN(const SubmissionRow submission, store.submissions.Find(id));
+    answer.body = {{"submission", id},
+                   {"team", submission.team},
+                   {"track", submission.track},
+                   {"profile", submission.profile},
+                   {"mark", mark},
+                   {"set", set},
+                   {"changed", changed},
+                   {"marks", MarksToJson(store.Board().MarkHistory(id))}};
     return absl::OkStatus();
   }));
   NoteAct(absl::StrCat("submission ", id),
-          absl::StrCat(wanted.set ? "" : "not ", wanted.mark, wanted.reason.empty() ? "" : ": ",
-                       wanted.reason));
+          absl::StrCat(set ? "" : "not ", mark, reason.empty() ? "" : ": ", reason));
   return answer;
 }
 

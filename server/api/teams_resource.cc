@@ -1,20 +1,13 @@
 #include "server/api/resources.h"
 
 #include <algorithm>
-#include <functional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/status_macros.h"
 #include "server/api/redaction.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
-#include "server/base/names.h"
 #include "server/base/peer_key.h"
 #include "server/store/quota.h"
 
@@ -45,15 +38,17 @@ Json TeamToJson(const TeamRow& team) {
           {"members", team.members}};
 }
 
-void AddHistory(const Transaction& reader, const std::string& team, Json& body) {
-  const Listed<MemberRow> members = reader.teams.Members(team);
+absl::StatusOr<Json> WholeTeam(const Transaction& reader, const std::string& name) {
+  ASSIGN_OR_RETURN(const TeamRow team, reader.teams.Find(name));
+  Json body = TeamToJson(team);
+  body["submissions"] = reader.submissions.CountOf(team.name);
   body["memberships"] = Json::array();
-  for (const MemberRow& member : members.rows) {
+  for (const MemberRow& member : reader.teams.Members(team.name).rows) {
     body["memberships"].push_back(
         {{"person", member.person}, {"since_at", TimeToJson(member.since)}, {"who", member.who}});
   }
   body["events"] = Json::array();
-  for (const TeamEventRow& event : reader.teams.Events(team)) {
+  for (const TeamEventRow& event : reader.teams.Events(team.name)) {
     body["events"].push_back({{"at", TimeToJson(event.at)},
                               {"team", event.team},
                               {"event", event.event},
@@ -61,13 +56,6 @@ void AddHistory(const Transaction& reader, const std::string& team, Json& body) 
                               {"who", event.who},
                               {"reason", TextOrNull(event.why)}});
   }
-}
-
-absl::StatusOr<Json> WholeTeam(const Transaction& reader, const std::string& name) {
-  ASSIGN_OR_RETURN(const TeamRow team, reader.teams.Find(name));
-  Json body = TeamToJson(team);
-  body["submissions"] = reader.submissions.CountOf(team.name);
-  AddHistory(reader, team.name, body);
   return body;
 }
 
@@ -124,13 +112,6 @@ Json BudgetsToJson(const BudgetPlace& place,
   return json;
 }
 
-int64_t ActiveTokens(const Transaction& reader, const std::string& team) {
-  const std::vector<TokenRow> tokens = reader.callers.Tokens().rows;
-  return std::count_if(tokens.begin(), tokens.end(), [&](const TokenRow& token) {
-    return token.team == team && token.revoked_at == 0;
-  });
-}
-
 ApiResult ListTeams(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
   return PageAnswer(request, page, "teams", reader.teams.List(page.before, page.limit),
@@ -152,8 +133,8 @@ ApiResult ChangeTeam(const ApiContext& context, const std::string& team,
   const absl::StatusOr<bool> changed =
       context.engine.ChangeTeams(std::move(change), context.config.http.request);
   if (!changed.ok()) return TeamErrorOf(changed.status(), team);
-  absl::StatusOr<Json> body = context.readers.Read<Json>(
-      [&](const Transaction& reader) { return WholeTeam(reader, team); });
+  absl::StatusOr<Json> body = ReadStore(
+      context, [&](const Transaction& reader) { return WholeTeam(reader, team); });
   if (!body.ok()) return TeamErrorOf(body.status(), team);
   (*body)["changed"] = *changed;
   return ApiAnswer{http, *std::move(body)};
@@ -224,12 +205,16 @@ absl::StatusOr<Json> ConsequencesOfMerge(const Transaction& reader, const ApiCon
     ASSIGN_OR_RETURN(const TeamRow row, reader.teams.Find(one));
     members.insert(row.members.begin(), row.members.end());
   }
+  const std::vector<TokenRow> tokens = reader.callers.Tokens().rows;
+  const auto tokens_of_team = std::count_if(
+      tokens.begin(), tokens.end(),
+      [&](const TokenRow& token) { return token.team == from && token.revoked_at == 0; });
   const int64_t submissions = reader.submissions.CountOf(from);
   Json body = {{"team", from},
                {"into", to},
                {"submissions_of_team", submissions},
                {"submissions", submissions + reader.submissions.CountOf(to)},
-               {"tokens_of_team", ActiveTokens(reader, from)},
+               {"tokens_of_team", tokens_of_team},
                {"members", members},
                {"tracks", Json::array()},
                {"phases", Json::array()}};
@@ -253,7 +238,7 @@ ApiResult MergeTeams(const ApiContext& context, const Request& request, const Js
   const std::string team = TeamIn(request);
   RETURN_IF_ERROR(Finish(reader, team));
   RETURN_IF_ERROR(CheckTeam(into));
-  ASSIGN_OR_RETURN(Json answer, context.readers.Read<Json>([&](const Transaction& store) {
+  ASSIGN_OR_RETURN(Json answer, ReadStore(context, [&](const Transaction& store) {
     return ConsequencesOfMerge(store, context, team, into);
   }));
   if (!dry_run) {
@@ -271,14 +256,6 @@ ApiResult MergeTeams(const ApiContext& context, const Request& request, const Js
 
 // --- quota ---
 
-Json UseToJson(const BudgetUse& use, int64_t limit) {
-  return {{"limit", limit},
-          {"granted", use.granted},
-          {"used", use.charged},
-          {"open", use.open},
-          {"left", std::max<int64_t>(use.left(limit), 0)}};
-}
-
 Json LedgerToJson(const LedgerRow& row) {
   return {{"id", row.id},
           {"at", TimeToJson(row.at)},
@@ -293,15 +270,13 @@ Json LedgerToJson(const LedgerRow& row) {
           {"why", row.why}};
 }
 
-absl::Status AddLedger(const Transaction& reader, const ApiContext& context,
-                       const Listed<LedgerRow>& ledger, Json& body) {
+void AddLedger(const Transaction& reader, const ApiContext& context,
+               const Listed<LedgerRow>& ledger, Json& body) {
   body["ledger"] = Json::array();
   for (const LedgerRow& row : ledger.rows) {
-    ASSIGN_OR_RETURN(const Visibility sight, SightOfPhase(reader, context, row.phase));
     body["ledger"].push_back(LedgerToJson(row));
-    RedactLedgerRow(body["ledger"].back(), sight);
+    RedactLedgerRow(body["ledger"].back(), SightOfPhase(reader, context, row.phase));
   }
-  return absl::OkStatus();
 }
 
 // `track` "": on every one.
@@ -317,8 +292,13 @@ Json QuotaOf(const Transaction& reader, const ApiContext& context, const std::st
   for (const BudgetPlace& place : BudgetPlaces(context)) {
     if (!track.empty() && track != place.track) continue;
     const QuotaUse used = reader.quotas.UseOf(team, place.track, now, place.phase);
-    Json entry = BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) {
-      return UseToJson((used.*use_of)(budget), limit);
+    Json entry = BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) -> Json {
+      const BudgetUse& use = (used.*use_of)(budget);
+      return {{"limit", limit},
+              {"granted", use.granted},
+              {"used", use.charged},
+              {"open", use.open},
+              {"left", std::max<int64_t>(use.left(limit), 0)}};
     });
     entry["waiting"] = {{"limit", place.limits.waiting}, {"used", used.waiting}};
     json[place.list()].push_back(std::move(entry));
@@ -356,7 +336,7 @@ ApiResult GetQuota(const ApiContext& context, const Transaction& reader, const R
   ApiAnswer answer{.body = QuotaOf(reader, context, team, track)};
   const Listed<LedgerRow> ledger = reader.quotas.Ledger(team, track, page.before, page.limit);
   AddNextPage(request, page, ledger, answer);
-  RETURN_IF_ERROR(AddLedger(reader, context, ledger, answer.body));
+  AddLedger(reader, context, ledger, answer.body);
   return answer;
 }
 
@@ -372,8 +352,9 @@ ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body
     status = context.readers.Read([&](const Transaction& reader) {
       grant.team = reader.teams.NameOf(grant.team);
       answer.body = QuotaOf(reader, context, grant.team, grant.track);
-      return AddLedger(reader, context, reader.quotas.Ledger(grant.team, grant.track, INT64_MAX, 1),
-                       answer.body);
+      AddLedger(reader, context, reader.quotas.Ledger(grant.team, grant.track, INT64_MAX, 1),
+                answer.body);
+      return absl::OkStatus();
     });
   }
   if (!status.ok()) return TeamErrorOf(status, grant.team);

@@ -6,10 +6,8 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include <absl/cleanup/cleanup.h>
 #include <absl/status/status.h>
@@ -18,7 +16,6 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
-#include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
 #include "server/engine/stored.h"
 #include "server/http/http_server.h"
@@ -44,12 +41,6 @@ absl::Status WriteExport(ReaderPool& readers, const std::string& path) {
   written.Update(status);
   if (written.ok()) written = WriteAll(fd.get(), buffer);
   return written;
-}
-
-// Boards make what the view lacks on the spot, so this may as well fail.
-void FillView(const ApiContext& context) {
-  const absl::Status status = RewriteStandings(context, /*missing_only=*/true).status();
-  if (!status.ok()) spdlog::warn("import: {}", std::string(status.message()));
 }
 
 std::string SpoolPath(const ApiContext& context) {
@@ -103,7 +94,9 @@ ApiResult ImportStore(const ApiContext& context, const Request& request) {
         return writer.Import(path, checked, who, CheckReadable);
       },
       context.config.http.upload));
-  FillView(context);
+  // Boards make what the view lacks on the spot, so this may as well fail.
+  const absl::Status filled = RewriteStandings(context, /*missing_only=*/true).status();
+  if (!filled.ok()) spdlog::warn("import: {}", std::string(filled.message()));
   NoteAct("store", absl::StrCat("filled from an export with the SHA-256 ", info.sha256));
   return ApiAnswer{200, {{"sha256", info.sha256}, {"schema", info.schema}, {"rows", info.rows}}};
 }

@@ -1,15 +1,12 @@
 #include "server/api/views.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <map>
-#include <string>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/lease/seed_commitment.h"
+#include "server/base/http_client.h"
 #include "server/store/differences.h"
 
 namespace myograde::server {
@@ -74,14 +71,6 @@ Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(t
 
 Json SecondsOrNull(const std::optional<absl::Duration>& duration) {
   return duration ? Json(absl::ToDoubleSeconds(*duration)) : Json();
-}
-
-Json CountsToJson(int64_t total, const EpisodeCounts& counts) {
-  return {{"total", total},
-          {"done", counts.done},
-          {"success", counts.success},
-          {"failure", counts.failure},
-          {"fault", counts.fault}};
 }
 
 Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt) {
@@ -153,18 +142,12 @@ Json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
 
 Json NodesToJson(const std::vector<NodeView>& known, const std::vector<DrainedNodeRow>& drained,
                  bool remote) {
-  std::map<std::string, const DrainedNodeRow*> rows;
-  for (const DrainedNodeRow& row : drained) rows[row.node] = &row;
   std::map<std::string, NodeView> nodes;
   for (const NodeView& node : known) nodes[node.name] = node;
-  if (remote) {
-    for (const DrainedNodeRow& row : drained) {
-      NodeView met;
-      met.name = row.node;
-      met.state = "drained";
-      met.why = row.why;
-      nodes.try_emplace(row.node, std::move(met));
-    }
+  std::map<std::string, const DrainedNodeRow*> rows;
+  for (const DrainedNodeRow& row : drained) {
+    rows[row.node] = &row;
+    if (remote) nodes.try_emplace(row.node, NodeView{row.node, "drained", row.why});
   }
   Json list = Json::array();
   for (const auto& [name, node] : nodes) {
@@ -192,7 +175,12 @@ Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& evaluation,
           {"ranked", row.ranked},
           {"state", EvaluationStateName(evaluation.state)},
           {"evaluation", evaluation.id},
-          {"episodes", CountsToJson(evaluation.last - evaluation.first + 1, counts)},
+          {"episodes",
+           {{"total", evaluation.last - evaluation.first + 1},
+            {"done", counts.done},
+            {"success", counts.success},
+            {"failure", counts.failure},
+            {"fault", counts.fault}}},
           {"accepted_at", TimeToJson(row.accepted_at)},
           {"finished_at", TimeToJson(evaluation.finished_at)}};
 }
@@ -227,7 +215,7 @@ void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& 
   answer.next = absl::StrCat(request.path, "?before=", last_id);
   for (const auto& [key, value] : request.params) {
     if (key == "before") continue;
-    absl::StrAppend(&answer.next, "&", EncodeForQuery(key), "=", EncodeForQuery(value));
+    absl::StrAppend(&answer.next, "&", QueryValue(key), "=", QueryValue(value));
   }
 }
 

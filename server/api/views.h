@@ -2,10 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <iterator>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/time/time.h>
@@ -29,7 +27,6 @@ Json DamagedToJson(const std::vector<Damage>& damaged);
 // Null for "".
 Json TextOrNull(const std::string& text);
 Json SecondsOrNull(const std::optional<absl::Duration>& duration);
-Json CountsToJson(int64_t total, const EpisodeCounts& counts);
 // One row of `episode_rows`; with the salt of a config that hides its seeds (not ""), it has
 // "seed_commitment", too.
 Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt);

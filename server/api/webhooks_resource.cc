@@ -2,13 +2,9 @@
 
 #include <algorithm>
 #include <map>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
-#include "server/api/requests.h"
-#include "server/api/views.h"
 #include "server/http/http_server.h"
 
 namespace myograde::server {

@@ -13,7 +13,7 @@
 
 #include "protocol/lease/track_config.h"
 #include "scoring/statistics_config.h"
-#include "server/access/access_config.h"
+#include "server/access/access.h"
 #include "server/base/log_line.h"
 #include "server/config/slurm_config.h"
 #include "server/config/webhook_config.h"

@@ -250,9 +250,8 @@ absl::Status Daemon::AddServices() {
                                            .clock = clock_});
   StartPictures();
   ASSIGN_OR_RETURN(documents_, LoadDocuments(DocsDir()));
-  api_.emplace(Context());
   server_.emplace(config_.http, options_.data_dir + "/spool");
-  api_->Install(*server_);
+  api_.emplace(Context(), *server_);
   return absl::OkStatus();
 }
 

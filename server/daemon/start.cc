@@ -290,8 +290,7 @@ absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_ke
     }));
   }
   return readers.Read([&](const Transaction& reader) -> absl::Status {
-    ASSIGN_OR_RETURN(const std::vector<Damage> damaged, record.Damaged(reader));
-    for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));
+    for (const Damage& damage : record.Damaged(reader)) spdlog::error("{}", DamageText(damage));
     return absl::OkStatus();
   });
 }

@@ -11,7 +11,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
-#include "server/http/api_error.h"
+#include "server/http/request.h"
 #include "server/http/peer.h"
 #include "server/http/tls.h"
 

@@ -17,7 +17,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/mutex.h"
 #include "server/config/server_config.h"
-#include "server/http/api_error.h"
+#include "server/http/request.h"
 #include "server/http/peer.h"
 
 namespace myograde::server {

@@ -15,6 +15,7 @@
 #include <boost/asio/use_awaitable.hpp>
 
 #include "protocol/base/clock.h"
+#include "server/http/http_server.h"
 
 namespace myograde::server {
 namespace {
@@ -37,11 +38,11 @@ absl::Duration MonotonicNow() { return SystemClock().Monotonic(); }
 }  // namespace
 
 Connection::Connection(uint64_t id_given, Socket socket, std::shared_ptr<PeerLoad> peer_given,
-                       std::shared_ptr<TlsContext> tls, const ConnectionOptions& options)
+                       std::shared_ptr<TlsContext> tls, HttpServer& server)
     : id(id_given),
       peer(std::move(peer_given)),
-      body(options.spool, *peer),
-      options_(options),
+      body(server.spool_, *peer),
+      server_(server),
       socket_(std::move(socket)),
       tls_context_(std::move(tls)),
       timer_(socket_.get_executor()) {
@@ -71,7 +72,7 @@ awaitable<bool> Connection::Handshake() {
     co_return error;
   };
   const error_code error =
-      co_await asio::co_spawn(options_.handshakes, handshake, asio::use_awaitable);
+      co_await asio::co_spawn(server_.handshakes_, handshake, asio::use_awaitable);
   if (!error) {
     Enter(State::kIdle);
     co_return true;
@@ -124,14 +125,14 @@ awaitable<bool> Connection::ReadBody() {
       body.Append(piece);
     } else {
       const std::function<void()> write = [&] {
-        if (!body.spooled()) wrong = options_.server.AdmitBody(*this);
+        if (!body.spooled()) wrong = server_.hooks_.admit(*this);
         if (!wrong.has_value()) wrong = body.Write(piece);
       };
       co_await OnWorker(WorkKind::kDisk, write);
     }
     if (!wrong.has_value()) wrong = parser_.error();
     if (!wrong.has_value() && parser_.done()) co_return true;
-    if (!wrong.has_value() && options_.draining) wrong = kStoppingError;
+    if (!wrong.has_value() && server_.stopping_) wrong = kStoppingError;
     if (!wrong.has_value()) wrong = CountBody();
     if (wrong.has_value()) co_return Fail(*std::move(wrong));
     // Over the network, who sends more than comes with the head is asked first who they are.
@@ -147,7 +148,7 @@ awaitable<bool> Connection::Answer() {
   }
   Response response;
   const std::function<void()> serve = [&] {
-    options_.server.Serve(*this, response);
+    server_.Serve(*this, response);
     // The body's place is free before the client knows that it may send the next.
     body.Drop();
   };
@@ -166,7 +167,7 @@ awaitable<bool> Connection::Answer() {
   }
   Forget();
   Enter(State::kIdle);
-  options_.server.LetWaitingIn();
+  server_.LetWaitingIn();
   co_return true;
 }
 
@@ -193,7 +194,7 @@ awaitable<bool> Connection::SendFile(FilePart& file) {
 awaitable<void> Connection::SendStream(Stream& stream) {
   while (!closed_) {
     std::optional<std::string> more;
-    const std::function<void()> next = [&] { more = options_.server.Continue(*this, stream); };
+    const std::function<void()> next = [&] { more = server_.Continue(*this, stream); };
     co_await OnWorker(WorkKind::kServe, next);
     Enter(State::kAnswering);
     if (!more.has_value()) co_return;
@@ -263,7 +264,7 @@ awaitable<void> Connection::OnWorker(WorkKind kind, const std::function<void()>&
   const auto start = [&](auto handler) {
     // A job can be copied, which a handler can't.
     const auto done = std::make_shared<decltype(handler)>(std::move(handler));
-    options_.queue.Push({[work, done, executor = socket_.get_executor()] {
+    server_.queue_.Push({[work, done, executor = socket_.get_executor()] {
                            work();
                            asio::post(executor, [done] { std::move (*done)(); });
                          },
@@ -276,7 +277,7 @@ awaitable<void> Connection::OnWorker(WorkKind kind, const std::function<void()>&
 // --- ends -------------------------------------------------------------------------
 
 awaitable<void> Connection::Refuse() {
-  options_.server.CountRefusal(refusal_->http);
+  server_.hooks_.count_refusal(refusal_->http);
   Forget();
   in_ = std::string();
   Enter(left_to_read_ > 0 ? State::kRefused : State::kAnswering);

@@ -4,7 +4,6 @@
 // and a least speed, which CheckClock sees to.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -19,9 +18,7 @@
 #include <boost/asio/generic/stream_protocol.hpp>
 #include <boost/asio/ssl/stream.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <boost/asio/thread_pool.hpp>
 
-#include "protocol/base/fd.h"
 #include "server/http/body.h"
 #include "server/http/peer.h"
 #include "server/http/request.h"
@@ -31,38 +28,10 @@
 
 namespace myograde::server {
 
-class Connection;
+class HttpServer;
 
 inline const ApiError kStoppingError = {503, "stopping",
                                         "the daemon is about to stop; nothing was changed"};
-
-// What connections ask of their server.
-class ConnectionServer {
- public:
-  virtual ~ConnectionServer() = default;
-  // What the address of a request takes for a body.
-  virtual BodyRule RuleOf(const Request& head) const = 0;
-  // On a worker, before any of a large body goes to the disk: why its sender may not send it.
-  virtual std::optional<ApiError> AdmitBody(Connection& connection) = 0;
-  // On a worker: answers the request.
-  virtual void Serve(Connection& connection, Response& response) = 0;
-  // On a worker: the next part of a stream; nullopt ends it.
-  virtual std::optional<std::string> Continue(Connection& connection, const Stream& stream) = 0;
-  // Of a request that no handler sees.
-  virtual void CountRefusal(int http) = 0;
-  // An answer is sent. Those who wait for the connection's place come before its next request.
-  virtual void LetWaitingIn() = 0;
-};
-
-// What the connections of a server have in common.
-struct ConnectionOptions {
-  HttpLimits limits;
-  Spool& spool;
-  WorkQueue& queue;
-  boost::asio::thread_pool& handshakes;  // the arithmetic of handshakes would hold up all others
-  const std::atomic<bool>& draining;     // bodies are refused
-  ConnectionServer& server;
-};
 
 // For the thread of its executor; what a worker may touch is said.
 class Connection {
@@ -70,9 +39,9 @@ class Connection {
   enum class State { kHandshake, kIdle, kReceiving, kAnswering, kStreaming, kRefused };
   using Socket = boost::asio::generic::stream_protocol::socket;
 
-  // `options` must outlive it. `tls`: nullptr for plain HTTP.
+  // `server` must outlive it. `tls`: nullptr for plain HTTP.
   Connection(uint64_t id, Socket socket, std::shared_ptr<PeerLoad> peer,
-             std::shared_ptr<TlsContext> tls, const ConnectionOptions& options);
+             std::shared_ptr<TlsContext> tls, HttpServer& server);
   ~Connection();
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -148,7 +117,7 @@ class Connection {
   bool TooSlow(absl::Duration now);
   void Forget();
 
-  const ConnectionOptions& options_;
+  HttpServer& server_;
   Socket socket_;
   std::shared_ptr<TlsContext> tls_context_;
   std::unique_ptr<boost::asio::ssl::stream<Socket&>> tls_;  // nullptr: plain HTTP

@@ -8,6 +8,7 @@
 #include "server/base/ip_address.h"
 #include "server/http/connection.h"
 #include "server/http/connection_table.h"
+#include "server/http/http_server.h"
 
 namespace myograde::server {
 namespace {
@@ -38,8 +39,8 @@ std::optional<ApiError> Connection::CheckHost() const {
 }
 
 std::optional<ApiError> Connection::BeginBody() {
-  rule_ = options_.server.RuleOf(*head);
-  if (rule_.upload) deadline_ = since_ + options_.limits.upload;
+  rule_ = server_.RuleOf(*head);
+  if (rule_.upload) deadline_ = since_ + server_.limits_.upload;
   parser_.BeginBody(*head, rule_.most);
   const bool known = head->content_type.empty() ||
                      std::find(rule_.types.begin(), rule_.types.end(), head->content_type) !=
@@ -69,11 +70,11 @@ bool Connection::Fail(ApiError why, bool read_on) {
 
 bool Connection::FailUnfinished() {
   if (state_ != State::kReceiving) return false;
-  if (expired_ && options_.draining) return Fail(kStoppingError, false);
+  if (expired_ && server_.stopping_) return Fail(kStoppingError, false);
   if (expired_) {
     return Fail({408, "too_slow",
                  absl::StrCat("the request took too long to arrive: a connection brings at least ",
-                              options_.limits.min_bytes_per_s, " bytes a second; send it again")},
+                              server_.limits_.min_bytes_per_s, " bytes a second; send it again")},
                 false);
   }
   if (!ended_) return false;
@@ -86,7 +87,7 @@ void Connection::Enter(State state) {
   waited_ = absl::ZeroDuration();
   moved_ = 0;
   expired_ = false;
-  const HttpLimits& limits = options_.limits;
+  const HttpLimits& limits = server_.limits_;
   deadline_ = since_ + (state == State::kIdle        ? limits.idle
                         : state == State::kAnswering ? limits.upload
                         : state == State::kHandshake ? limits.handshake()
@@ -98,9 +99,9 @@ bool Connection::TooSlow(absl::Duration now) {
     return false;
   }
   const absl::Duration waited = waited_ + (now - waiting_since_);
-  if (waited < options_.limits.speed_window) return false;
+  if (waited < server_.limits_.speed_window) return false;
   const double least =
-      static_cast<double>(options_.limits.min_bytes_per_s) * absl::ToDoubleSeconds(waited);
+      static_cast<double>(server_.limits_.min_bytes_per_s) * absl::ToDoubleSeconds(waited);
   if (static_cast<double>(moved_) < least) return true;
   waited_ = absl::ZeroDuration();
   waiting_since_ = now;
@@ -112,7 +113,7 @@ void Connection::CheckClock(absl::Duration now) {
   new_ = false;
   if (at_work_ || closed_) return;
   const bool receiving = state_ == State::kReceiving;
-  const bool stops = receiving && options_.draining && parser_.in_body();
+  const bool stops = receiving && server_.stopping_ && parser_.in_body();
   if (!TooSlow(now) && !stops && now < deadline_) return;
   if (!receiving) return Close();
   expired_ = true;
@@ -124,7 +125,7 @@ std::optional<ApiError> Connection::CountBody() {
   if (receives_body_) return std::nullopt;
   receives_body_ = true;
   ++peer->bodies;
-  if (peer->bodies <= std::max(MaxConnections(peer->peer, options_.limits) / 2, 1)) {
+  if (peer->bodies <= std::max(MaxConnections(peer->peer, server_.limits_) / 2, 1)) {
     return std::nullopt;
   }
   return ApiError{429, "too_many",

@@ -32,6 +32,7 @@ constexpr std::chrono::milliseconds kClockEvery(200);
 constexpr std::chrono::milliseconds kBackOff(200);
 // Connections that an address may begin at once, as a multiple of those that it may each second.
 constexpr double kBurst = 2;
+constexpr size_t kMostArrivalKeys = 10'000;  // peers whose arrivals are remembered
 
 absl::Duration Now() { return SystemClock().Monotonic(); }
 
@@ -63,13 +64,7 @@ HttpServer::HttpServer(const HttpLimits& limits, std::string spool)
       spool_(std::move(spool), limits),
       queue_(QueueLimits(limits)),
       handshakes_(kHandshakeThreads),
-      options_{.limits = limits,
-               .spool = spool_,
-               .queue = queue_,
-               .handshakes = handshakes_,
-               .draining = stopping_,
-               .server = *this},
-      arrivals_(limits.address_clients, kBurst * limits.address_clients),
+      arrivals_(limits.address_clients, kBurst * limits.address_clients, kMostArrivalKeys),
       connections_(limits),
       waiting_(limits.waiting(), limits.peer_waiting()),
       io_(std::in_place) {}
@@ -96,7 +91,7 @@ void HttpServer::StartOn(Fd listener) {
   listener_ = std::move(listener);
   const auto peer_of = [this](int fd) {
     std::optional<Peer> peer = UserAt(fd);
-    if (peer.has_value() && is_organiser_ != nullptr && is_organiser_(*peer)) peer->organiser = true;
+    if (peer.has_value() && hooks_.is_organiser(*peer)) peer->organiser = true;
     return peer;
   };
   std::vector<Listener> listeners = {{.fd = listener_.get(), .peer_of = peer_of}};
@@ -186,12 +181,14 @@ void HttpServer::Receive(AcceptedSocket accepted) {
 
 bool HttpServer::MakeRoom(const Peer& peer) {
   const bool limited = peer.network && !peer.proxy;
-  if (limited && !arrivals_.Allows(peer.key, Now())) return false;
+  if (limited && arrivals_.Take(peer.key, Now(), /*count=*/false) > absl::ZeroDuration()) {
+    return false;
+  }
   return connections_.MakeRoom(peer);
 }
 
 void HttpServer::Admit(AcceptedSocket accepted) {
-  if (accepted.peer.network) arrivals_.Count(accepted.peer.key, Now());
+  if (accepted.peer.network) arrivals_.Take(accepted.peer.key, Now());
   const bool secure = accepted.from != nullptr && accepted.from->tls_of;
   Connection::Socket socket(*io_);
   boost::system::error_code error;
@@ -200,7 +197,7 @@ void HttpServer::Admit(AcceptedSocket accepted) {
   accepted.socket.release();
   const auto connection = std::make_shared<Connection>(
       ++last_id_, std::move(socket), connections_.LoadOf(accepted.peer),
-      secure ? accepted.from->tls_of() : nullptr, options_);
+      secure ? accepted.from->tls_of() : nullptr, *this);
   connections_.Add(connection);
   ++running_;
   asio::co_spawn(*io_, [&connection = *connection] { return connection.Run(); },
@@ -230,7 +227,6 @@ asio::awaitable<void> HttpServer::WatchClocks() {
 bool HttpServer::LookAtClocks() {
   const absl::Duration now = Now();
   waiting_.LookAtClocks(now);
-  arrivals_.LookAtClocks(now);
   for (const std::shared_ptr<Connection>& connection : connections_.all()) {
     connection->CheckClock(now);
   }

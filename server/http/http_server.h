@@ -20,6 +20,7 @@
 #include <boost/asio/thread_pool.hpp>
 
 #include "protocol/base/fd.h"
+#include "server/access/rate_limit.h"
 #include "server/config/server_config.h"
 #include "server/http/acceptor.h"
 #include "server/http/connection.h"
@@ -30,28 +31,32 @@
 
 namespace myograde::server {
 
-class HttpServer : private ConnectionServer {
+// What the server asks of whoever has it.
+struct HttpHooks {
+  // Who of this host's users is an organiser, besides root and the user that runs this process: has
+  // connections kept free.
+  std::function<bool(const Peer&)> is_organiser = [](const Peer&) { return false; };
+  // On a worker, before any of a large body goes to the disk: why its sender may not send it.
+  std::function<std::optional<ApiError>(Connection&)> admit = [](Connection&) {
+    return std::nullopt;
+  };
+  // Is told of each request that is refused before a handler sees it, with its status.
+  std::function<void(int http)> count_refusal = [](int) {};
+};
+
+class HttpServer {
  public:
   // Large bodies lie in the folder `spool`, which must be there.
   HttpServer(const HttpLimits& limits, std::string spool);
-  ~HttpServer() override;
+  ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
   // Who answers requests; add to it before Start.
   Router& router() { return router_; }
 
-  // Who of this host's users is an organiser, besides root and the user that runs this process: has
-  // connections kept free. Before Start.
-  void SetOrganisers(std::function<bool(const Peer&)> is_organiser) {
-    is_organiser_ = std::move(is_organiser);
-  }
-  // Asked before a large body is received. Before Start.
-  void SetAdmit(std::function<std::optional<ApiError>(Connection&)> admit) {
-    admit_ = std::move(admit);
-  }
-  // Is told of each request that is refused before a handler sees it, with its status. Before Start.
-  void SetRefusalCounter(std::function<void(int http)> count) { count_refusal_ = std::move(count); }
+  // Before Start.
+  void SetHooks(HttpHooks hooks) { hooks_ = std::move(hooks); }
 
   // Opens the port for the network; before Start, if at all. `handed` and errors as of
   // TcpListener::Open.
@@ -88,13 +93,15 @@ class HttpServer : private ConnectionServer {
   static Connection& RequestConnection();
 
  private:
+  friend class Connection;  // which is a part of it, and uses what all connections share
+
   // On the thread of the connections.
   boost::asio::awaitable<void> AcceptFrom(const Listener& listener);
   Acceptor::Outcome AcceptSome(const Listener& listener);
   void Receive(AcceptedSocket accepted);
   bool MakeRoom(const Peer& peer);
   void Admit(AcceptedSocket accepted);
-  void LetWaitingIn() override;
+  void LetWaitingIn();
   // While there is anybody to watch.
   boost::asio::awaitable<void> WatchClocks();
   bool LookAtClocks();
@@ -102,24 +109,18 @@ class HttpServer : private ConnectionServer {
   // False: all others have ended.
   bool CloseIdle();
 
-  // On workers.
-  void Serve(Connection& connection, Response& response) override;
-  std::optional<std::string> Continue(Connection& connection, const Stream& stream) override;
-  std::optional<ApiError> AdmitBody(Connection& connection) override {
-    return admit_ == nullptr ? std::nullopt : admit_(connection);
-  }
+  // What the address of a request takes for a body.
+  BodyRule RuleOf(const Request& head) const;
 
-  BodyRule RuleOf(const Request& head) const override;
-  void CountRefusal(int http) override {
-    if (count_refusal_ != nullptr) count_refusal_(http);
-  }
+  // On workers: answers the request.
+  void Serve(Connection& connection, Response& response);
+  // The next part of a stream; nullopt ends it.
+  std::optional<std::string> Continue(Connection& connection, const Stream& stream);
 
   const HttpLimits limits_;
   Router router_;
-  std::function<bool(const Peer&)> is_organiser_;
-  std::function<std::optional<ApiError>(Connection&)> admit_;
-  std::function<void(int http)> count_refusal_;
-  std::atomic<bool> stopping_ = false;
+  HttpHooks hooks_;
+  std::atomic<bool> stopping_ = false;  // bodies are refused
   std::string path_;
   Fd listener_;
   std::unique_ptr<TcpListener> network_;
@@ -127,10 +128,11 @@ class HttpServer : private ConnectionServer {
 
   Spool spool_;
   WorkQueue queue_;
-  boost::asio::thread_pool handshakes_;
-  const ConnectionOptions options_;
+  boost::asio::thread_pool handshakes_;  // whose arithmetic would hold up all other connections
   Acceptor acceptor_;
-  ArrivalRate arrivals_;  // from the network
+  // How many connections of each peer of the network may begin in a while: each costs a handshake,
+  // which is far more work for the server than for whoever asks for it.
+  RateLimit arrivals_;
   ConnectionTable connections_;
   WaitingConnections waiting_;
   uint64_t last_id_ = 0;

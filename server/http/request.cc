@@ -39,17 +39,6 @@ std::string_view Stripped(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
 }
 
-// A number of decimal digits; nothing else that number readers take.
-std::optional<int64_t> ParseLength(std::string_view text) {
-  if (text.empty() || text.size() > 18) return std::nullopt;
-  int64_t value = 0;
-  for (const char c : text) {
-    if (c < '0' || c > '9') return std::nullopt;
-    value = value * 10 + (c - '0');
-  }
-  return value;
-}
-
 // The values of a header, of which a request may have several.
 std::vector<std::string> ValuesOf(const Request& request, const char* name) {
   std::vector<std::string> values;
@@ -130,9 +119,11 @@ Refusal ReadFraming(Request& request) {
   }
   request.chunked = !encodings.empty();
   if (!lengths.empty()) {
-    const std::optional<int64_t> length = ParseLength(lengths[0]);
-    if (!length.has_value()) return Bad("Content-Length must be a number of bytes");
-    request.length = *length;
+    // SimpleAtoi alone takes signs and spaces too.
+    const bool digits = lengths[0].find_first_not_of("0123456789") == std::string::npos;
+    if (!digits || lengths[0].size() > 18 || !absl::SimpleAtoi(lengths[0], &request.length)) {
+      return Bad("Content-Length must be a number of bytes");
+    }
   }
   const std::string& method = request.method;
   if (request.has_body() && (method == "GET" || method == "HEAD" || method == "DELETE")) {
@@ -285,21 +276,6 @@ std::multimap<std::string, std::string> ParseQuery(std::string_view query) {
     params.emplace(DecodeUrl(pair.first, /*query=*/true), DecodeUrl(pair.second, /*query=*/true));
   }
   return params;
-}
-
-std::string EncodeForQuery(std::string_view text) {
-  std::string encoded;
-  for (const char c : text) {
-    const bool plain = absl::ascii_isalnum(static_cast<unsigned char>(c)) ||
-                       std::string_view("-_.~").find(c) != std::string_view::npos;
-    if (plain) {
-      encoded += c;
-    } else {
-      encoded += absl::AsciiStrToUpper(
-          absl::StrCat("%", absl::Hex(static_cast<unsigned char>(c), absl::kZeroPad2)));
-    }
-  }
-  return encoded;
 }
 
 RequestParser::RequestParser() = default;

@@ -11,11 +11,18 @@
 #include <string_view>
 #include <vector>
 
-#include "server/http/api_error.h"
-
 namespace myograde::server {
 
 class Body;
+
+// A refusal, as every client gets it.
+struct ApiError {
+  int http = 500;
+  std::string code;     // a word of README.md's table
+  std::string message;  // one sentence: what, where, and what to do
+  int64_t retry_after_s = 1;  // told with 429 and 503
+  std::string allow = "";     // the methods that the address has; told with 405
+};
 
 struct Request {
   std::string method;
@@ -50,8 +57,6 @@ struct Request {
 // Text of an address with %XX undone, and '+' in a query; a '%' that begins no code stays.
 std::string DecodeUrl(std::string_view text, bool query);
 std::multimap<std::string, std::string> ParseQuery(std::string_view query);
-// With %XX in place of all that has a meaning in a query.
-std::string EncodeForQuery(std::string_view text);
 
 // Takes one request out of a connection's bytes, by Boost.Beast, whatever pieces they come in.
 class RequestParser {

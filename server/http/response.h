@@ -13,7 +13,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
-#include "server/http/api_error.h"
+#include "server/http/request.h"
 
 namespace myograde::server {
 

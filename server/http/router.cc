@@ -1,5 +1,6 @@
 #include "server/http/router.h"
 
+#include <set>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -18,48 +19,38 @@ bool Router::IsAt(size_t address, const std::string& path, std::smatch& match) c
   return pattern.has_value() ? std::regex_match(path, match, *pattern) : path == addresses_[address].pattern;
 }
 
-const Address* Router::Find(const Request& request) const {
-  std::smatch match;
-  return Find(request, match);
-}
-
-const Address* Router::Find(const Request& request, std::smatch& match) const {
+const Address* Router::Find(const Request& request, std::vector<std::string>* matches) const {
   const std::string& method = request.method == "HEAD" ? "GET" : request.method;
+  std::smatch match;
   for (size_t i = 0; i < addresses_.size(); ++i) {
-    if (addresses_[i].method == method && IsAt(i, request.path, match)) return &addresses_[i];
+    if (addresses_[i].method != method || !IsAt(i, request.path, match)) continue;
+    if (matches != nullptr) matches->assign(match.begin(), match.end());
+    return &addresses_[i];
   }
   return nullptr;
 }
 
-std::set<std::string> Router::MethodsAt(const std::string& path) const {
-  std::set<std::string> methods;
+ApiError Router::WhyNone(const Request& request) const {
+  std::set<std::string> there;
   std::smatch match;
   for (size_t i = 0; i < addresses_.size(); ++i) {
-    if (!IsAt(i, path, match)) continue;
-    methods.insert({addresses_[i].method, "OPTIONS"});
-    if (addresses_[i].method == "GET") methods.insert("HEAD");
+    if (!IsAt(i, request.path, match)) continue;
+    there.insert({addresses_[i].method, "OPTIONS"});
+    if (addresses_[i].method == "GET") there.insert("HEAD");
   }
-  return methods;
-}
-
-ApiError Router::WhyNone(const Request& request) const {
-  const std::string methods = absl::StrJoin(MethodsAt(request.path), ", ");
-  if (methods.empty()) {
+  if (there.empty()) {
     return {404, "not_found", absl::StrCat("there is no ", request.path, "; see the API's description")};
   }
+  const std::string methods = absl::StrJoin(there, ", ");
   return {405, "method_not_allowed",
           absl::StrCat(request.path, " has no ", request.method, "; it has ", methods), 1, methods};
 }
 
 void Router::Serve(Request& request, Response& response) const {
-  std::smatch match;
-  const Address* address = Find(request, match);
-  if (address == nullptr) {
-    if (unknown_ != nullptr) return unknown_(request, response);
-    return response.SetError(WhyNone(request));
-  }
-  request.matches.assign(match.begin(), match.end());  // none of a path
-  address->serve(request, response);
+  const Address* address = Find(request, &request.matches);
+  if (address != nullptr) return address->serve(request, response);
+  if (unknown_ != nullptr) return unknown_(request, response);
+  response.SetError(WhyNone(request));
 }
 
 }  // namespace myograde::server

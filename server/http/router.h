@@ -4,7 +4,6 @@
 #include <functional>
 #include <optional>
 #include <regex>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -33,12 +32,10 @@ class Router {
   void SetUnknown(std::function<void(const Request&, Response&)> serve) { unknown_ = std::move(serve); }
 
   const std::vector<Address>& addresses() const { return addresses_; }
-  // What GET asks for, HEAD does too. nullptr: there is no such address. `match`: of its pattern.
-  const Address* Find(const Request& request, std::smatch& match) const;
-  const Address* Find(const Request& request) const;
-  // The methods of a path with HEAD and OPTIONS; none: nothing is there.
-  std::set<std::string> MethodsAt(const std::string& path) const;
-  // Why Find found nothing: 404, or 405 with the methods that the path has.
+  // What GET asks for, HEAD does too. nullptr: there is no such address. `matches`: is set to those
+  // of its pattern, of which a path has none.
+  const Address* Find(const Request& request, std::vector<std::string>* matches = nullptr) const;
+  // Why Find found nothing: 404, or 405 with the methods that the path has, HEAD and OPTIONS too.
   ApiError WhyNone(const Request& request) const;
 
   void Serve(Request& request, Response& response) const;

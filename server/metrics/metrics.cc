@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <prometheus/counter.h>
@@ -194,22 +193,6 @@ void Metrics::CountWebhookGivenUp(const std::string& webhook) {
 }
 
 std::vector<MetricFamily> Metrics::Collect() const { return families_->registry.Collect(); }
-
-MetricFamily GaugeFamily(std::string name, std::string help) {
-  MetricFamily family;
-  family.name = std::move(name);
-  family.help = std::move(help);
-  family.type = prometheus::MetricType::Gauge;
-  return family;
-}
-
-void AddValue(MetricFamily& family, const std::string& label, std::string_view value_of_label,
-              double value) {
-  prometheus::ClientMetric metric;
-  if (!label.empty()) metric.label.push_back({label, Text(value_of_label)});
-  metric.gauge.value = value;
-  family.metric.push_back(std::move(metric));
-}
 
 std::string MetricsText(std::vector<MetricFamily> families) {
   std::sort(families.begin(), families.end(),

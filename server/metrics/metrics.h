@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -72,11 +73,20 @@ class Metrics {
   const std::unique_ptr<Families> families_;
 };
 
-// A family of gauges to be filled by Add.
-MetricFamily GaugeFamily(std::string name, std::string help);
-// Adds a value, with a label unless `label` is "".
-void AddValue(MetricFamily& family, const std::string& label, std::string_view value_of_label,
-              double value);
+// Adds a family of gauges: a value for each of the label's, or one without a label if that is "".
+template <typename Number>
+void AddGauges(std::vector<MetricFamily>& families, const char* name, const char* help,
+               const std::string& label, const std::map<std::string, Number>& values) {
+  MetricFamily& family = families.emplace_back();
+  family.name = name;
+  family.help = help;
+  family.type = prometheus::MetricType::Gauge;
+  for (const auto& [key, value] : values) {
+    prometheus::ClientMetric& metric = family.metric.emplace_back();
+    if (!label.empty()) metric.label.push_back({label, key});
+    metric.gauge.value = static_cast<double>(value);
+  }
+}
 
 // The families as Prometheus' text format, version 0.0.4, in the order of their names.
 std::string MetricsText(std::vector<MetricFamily> families);

@@ -4,15 +4,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <set>
 #include <system_error>
 #include <tuple>
 #include <utility>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
@@ -33,11 +32,16 @@ constexpr std::array kPackingEndings = {"", ".zst", ".gz"};
 
 const char* EndingOf(Packing packing) { return kPackingEndings[static_cast<size_t>(packing)]; }
 
-struct Kept {
-  int64_t used_ns = 0;  // since 1970
-  std::string path;
-  int64_t bytes = 0;
-};
+absl::Status WriteWhole(const std::string& path, std::string_view bytes) {
+  const std::string draft = path + kDraft;
+  absl::Status written = WriteFile(draft, bytes);
+  if (written.ok() && rename(draft.c_str(), path.c_str()) != 0) {
+    written = absl::InternalError(std::strerror(errno));
+  }
+  if (written.ok()) return written;
+  unlink(draft.c_str());
+  return absl::InternalError(absl::StrCat(path, ": can't be written: ", written.message()));
+}
 
 }  // namespace
 
@@ -79,17 +83,6 @@ bool PictureFiles::Has(const PictureKey& key) const {
   return Find(key, packing).has_value();
 }
 
-absl::Status PictureFiles::WriteWhole(const std::string& path, std::string_view bytes) const {
-  const std::string draft = path + kDraft;
-  absl::Status written = WriteFile(draft, bytes);
-  if (written.ok() && rename(draft.c_str(), path.c_str()) != 0) {
-    written = absl::InternalError(std::strerror(errno));
-  }
-  if (written.ok()) return written;
-  unlink(draft.c_str());
-  return absl::InternalError(absl::StrCat(path, ": can't be written: ", written.message()));
-}
-
 absl::Status PictureFiles::Keep(const PictureKey& key, std::string_view bytes) const {
   absl::Status status;
   if (key.kind == PictureKind::kPicture) {
@@ -104,25 +97,22 @@ absl::Status PictureFiles::Keep(const PictureKey& key, std::string_view bytes) c
 }
 
 void PictureFiles::Trim() const {
-  std::vector<Kept> files;
+  std::set<std::tuple<int64_t, std::string, int64_t>> files;  // when used, in ns; path; bytes
   int64_t sum = 0;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
     struct stat info;
     if (lstat(entry.path().c_str(), &info) != 0 || !S_ISREG(info.st_mode)) continue;
     const int64_t used = info.st_mtim.tv_sec * 1'000'000'000 + info.st_mtim.tv_nsec;
-    files.push_back({used, entry.path(), info.st_size});
+    files.emplace(used, entry.path(), info.st_size);
     sum += info.st_size;
   }
-  std::sort(files.begin(), files.end(), [](const Kept& a, const Kept& b) {
-    return std::tie(a.used_ns, a.path) < std::tie(b.used_ns, b.path);
-  });
-  for (const Kept& file : files) {
+  for (const auto& [used, path, bytes] : files) {
     if (sum <= most_bytes_) return;
-    if (unlink(file.path.c_str()) == 0) {
-      sum -= file.bytes;
+    if (unlink(path.c_str()) == 0) {
+      sum -= bytes;
     } else {
-      spdlog::warn("{}: can't be removed: {}", file.path, std::strerror(errno));
+      spdlog::warn("{}: can't be removed: {}", path, std::strerror(errno));
     }
   }
 }

@@ -52,7 +52,6 @@ class PictureFiles {
  private:
   const std::string& Build() const;
   std::string PathOf(const PictureKey& key, Packing packing) const;
-  absl::Status WriteWhole(const std::string& path, std::string_view bytes) const;
   void Trim() const;
 
   const std::string folder_;

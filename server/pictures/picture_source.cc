@@ -8,7 +8,9 @@
 #include <system_error>
 #include <utility>
 
+#include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/strip.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/clock.h"
@@ -50,44 +52,40 @@ struct PicturedEpisode {
   std::vector<std::string> logs;  // a file for each
 };
 
-// An empty folder that is gone with its owner.
-class WorkFolder {
- public:
-  static absl::StatusOr<WorkFolder> Make(const std::string& path) {
-    std::error_code error;
-    fs::remove_all(path, error);
-    if (!error) fs::create_directories(path, error);
-    if (!error) fs::permissions(path, fs::perms::owner_all, error);
-    if (error) {
-      return absl::InternalError(absl::StrCat(path, ": can't be made: ", error.message()));
-    }
-    return WorkFolder(path);
-  }
-  WorkFolder(WorkFolder&& other) noexcept : path_(std::exchange(other.path_, "")) {}
-  WorkFolder& operator=(WorkFolder&&) = delete;
-  ~WorkFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
+void RemoveFolder(const std::string& path) {
+  std::error_code ignored;
+  fs::remove_all(path, ignored);
+}
 
- private:
-  explicit WorkFolder(std::string path) : path_(std::move(path)) {}
-  std::string path_;
-};
+absl::Status MakeEmptyFolder(const std::string& path) {
+  std::error_code error;
+  fs::remove_all(path, error);
+  if (!error) fs::create_directories(path, error);
+  if (!error) fs::permissions(path, fs::perms::owner_all, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat(path, ": can't be made: ", error.message()));
+}
+
+// A file that one of the grader's programs has written.
+absl::StatusOr<std::string> ReadMade(const std::string& path, size_t most = kAnySize) {
+  absl::StatusOr<std::string> bytes = ReadFile(path, most);
+  if (!bytes.ok()) return absl::InternalError(bytes.status().message());
+  return bytes;
+}
 
 // The first sentence of what a program printed as its reason.
 std::string ReasonOf(const ProgramEnd& end, const std::string& program) {
-  std::string text = end.errors;
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  const std::string own = program + ": ";
-  if (text.starts_with(own)) text.erase(0, own.size());
-  if (!text.empty()) return text;
+  absl::string_view text = end.errors;
+  while (absl::ConsumeSuffix(&text, "\n")) continue;
+  absl::ConsumePrefix(&text, program + ": ");
+  if (!text.empty()) return std::string(text);
   return absl::StrCat(program, " ended with status ", end.exit_status, " and no reason");
 }
 
 absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
                                            const MakerOptions& options, const Stopped& stopped) {
-  ASSIGN_OR_RETURN(const WorkFolder folder, WorkFolder::Make(options.work_dir));
+  RETURN_IF_ERROR(MakeEmptyFolder(options.work_dir));
+  const absl::Cleanup remove = [&] { RemoveFolder(options.work_dir); };
   const std::string file = options.work_dir + "/trajectory";
   ReplayOrder order;
   order.track = episode.track;
@@ -109,9 +107,7 @@ absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
         absl::StrCat("this build of the grader does not play the episode as it was recorded: ",
                      records->empty() ? "nothing was played" : records->back().detail));
   }
-  absl::StatusOr<std::string> bytes = ReadFile(file, kMostTrajectoryFileBytes);
-  if (!bytes.ok()) return absl::InternalError(bytes.status().message());
-  return bytes;
+  return ReadMade(file, kMostTrajectoryFileBytes);
 }
 
 absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const MakerOptions& options,
@@ -139,7 +135,8 @@ absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const Ma
 
 absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptions& options,
                                       const Stopped& stopped) {
-  ASSIGN_OR_RETURN(const WorkFolder folder, WorkFolder::Make(options.work_dir));
+  RETURN_IF_ERROR(MakeEmptyFolder(options.work_dir));
+  const absl::Cleanup remove = [&] { RemoveFolder(options.work_dir); };
   const std::string file = options.work_dir + "/model.glb";
   ASSIGN_OR_RETURN(const ProgramEnd end,
                    RunProgram({.program = "myograde-sim",
@@ -147,9 +144,7 @@ absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptio
                                .deadline = kPictureTime},
                               stopped));
   if (end.exit_status != 0) return absl::InternalError(ReasonOf(end, "myograde-sim"));
-  absl::StatusOr<std::string> bytes = ReadFile(file);
-  if (!bytes.ok()) return absl::InternalError(bytes.status().message());
-  return bytes;
+  return ReadMade(file);
 }
 
 // "" if it has none, or can't be read.

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/status_macros.h"
@@ -45,11 +44,6 @@ void Pictures::Stop() {
   wake_.NotifyAll();
 }
 
-bool Pictures::stopping() const {
-  const MutexLock lock(mutex_);
-  return stop_;
-}
-
 PictureState Pictures::Ask(const PictureKey& key, const std::string& who) {
   using Is = PictureState::Is;
   const MutexLock lock(mutex_);
@@ -82,18 +76,9 @@ PictureState Pictures::Ask(const PictureKey& key, const std::string& who) {
   return {Is::kWaiting, std::ssize(waiting_) - 1 + (playing_.has_value() ? 1 : 0), ""};
 }
 
-bool Pictures::WaitUntilIdle(absl::Duration timeout) {
-  const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
-  const MutexLock lock(mutex_);
-  while (!waiting_.empty() || playing_.has_value()) {
-    if (!wake_.WaitUntil(mutex_, deadline)) return waiting_.empty() && !playing_.has_value();
-  }
-  return true;
-}
-
 void Pictures::Loop() {
   files_.RemoveDrafts();
-  while (std::optional<Job> job = Next()) Make(*job, /*asked=*/true);
+  while (std::optional<Job> job = Next()) Make(*job);
 }
 
 std::optional<Pictures::Job> Pictures::Next() {
@@ -110,7 +95,7 @@ std::optional<Pictures::Job> Pictures::Next() {
       }
     }
     if (const std::optional<Job> job = NextSuggested()) {
-      Make(*job, /*asked=*/false);
+      Make(*job);
       continue;
     }
     const auto later = std::chrono::steady_clock::now() + kIdleLook;
@@ -141,13 +126,13 @@ std::optional<Pictures::Job> Pictures::NextSuggested() {
   return std::nullopt;
 }
 
-void Pictures::Make(const Job& job, bool asked) {
+void Pictures::Make(const Job& job) {
   // One that nobody asked for makes room for what people wait for.
-  const auto stopped = [this, asked] {
+  const auto stopped = [this] {
     {
       const MutexLock lock(mutex_);
       if (stop_) return true;
-      if (asked || playing_was_asked_) return false;
+      if (playing_was_asked_) return false;
       if (!waiting_.empty()) return true;
     }
     return options_.grading();
@@ -173,7 +158,6 @@ void Pictures::Make(const Job& job, bool asked) {
     NoteFailure(job.key, status);
   }
   playing_.reset();
-  wake_.NotifyAll();
 }
 
 void Pictures::NoteFailure(const PictureKey& key, const absl::Status& why) {

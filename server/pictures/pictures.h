@@ -66,9 +66,6 @@ class Pictures {
   // Makes nothing more, and gives up what is being made. Never waits.
   void Stop();
 
-  // Waits until nothing that was asked for waits or is made; for tests. False after `timeout`.
-  bool WaitUntilIdle(absl::Duration timeout);
-
  private:
   struct Job {
     PictureKey key;
@@ -83,16 +80,15 @@ class Pictures {
   // The next job, or nullopt when it is time to stop. Waits for one.
   std::optional<Job> Next() ABSL_LOCKS_EXCLUDED(mutex_);
   std::optional<Job> NextSuggested() ABSL_LOCKS_EXCLUDED(mutex_);
-  void Make(const Job& job, bool asked);
+  void Make(const Job& job);
   void NoteFailure(const PictureKey& key, const absl::Status& why)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  bool stopping() const;
 
   const PicturesOptions options_;
   const Clock& clock_;
   const PictureFiles files_;
 
-  mutable Mutex mutex_;
+  Mutex mutex_;
   Condition wake_;
   bool stop_ ABSL_GUARDED_BY(mutex_) = false;
   std::deque<Job> waiting_ ABSL_GUARDED_BY(mutex_);

@@ -1,7 +1,6 @@
 #include "server/webhook/sender.h"
 
 #include <algorithm>
-#include <chrono>
 #include <random>
 
 #include <absl/strings/escaping.h>
@@ -57,11 +56,7 @@ void WebhookSender::Start() {
 }
 
 void WebhookSender::Stop() {
-  {
-    const MutexLock lock(mutex_);
-    stop_ = true;
-  }
-  wake_.NotifyAll();
+  stop_.request_stop();
   for (std::thread& thread : threads_) thread.join();
   threads_.clear();
 }
@@ -85,37 +80,24 @@ absl::StatusOr<PostResult> WebhookSender::Test(const Webhook& webhook,
   return result;
 }
 
-bool WebhookSender::stopping() {
-  const MutexLock lock(mutex_);
-  return stop_;
-}
-
-bool WebhookSender::WaitFor(absl::Duration duration) {
-  const auto until = std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(duration);
-  const MutexLock lock(mutex_);
-  while (!stop_ && wake_.WaitUntil(mutex_, until)) {
-  }
-  return stop_;
-}
-
 void WebhookSender::Run(const Webhook& webhook) {
   const LogScope scope({.webhook = webhook.config.name});
   const bool prunes = &webhook == &options_.webhooks.front();
   absl::Duration pruned = -absl::InfiniteDuration();
-  while (!stopping()) {
+  while (!stop_.stop_requested()) {
     if (prunes && options_.clock.Monotonic() - pruned >= kPruneEvery) {
       pruned = options_.clock.Monotonic();
       Prune();
     }
     const std::optional<DeliveryRow> delivery = Next(webhook);
     if (!delivery.has_value()) {
-      if (WaitFor(kLookEvery)) return;
+      if (WaitForStop(stop_.get_token(), kLookEvery)) return;
       continue;
     }
     // The calendar may have been set back meanwhile, and no wait is longer than the longest.
     const absl::Duration wait =
         std::min(absl::FromUnixMillis(delivery->due_at) - options_.clock.Now(), kLongestRetry);
-    if (wait > absl::ZeroDuration() && WaitFor(wait)) return;
+    if (wait > absl::ZeroDuration() && WaitForStop(stop_.get_token(), wait)) return;
     Deliver(webhook, *delivery);
   }
 }
@@ -142,9 +124,9 @@ void WebhookSender::GiveUpDamaged(const Webhook& webhook, int64_t id, const std:
 
 void WebhookSender::Deliver(const Webhook& webhook, const DeliveryRow& delivery) {
   const PostResult result = Post(webhook, IdOf(delivery), delivery.body_json, options_.clock.Now(),
-                                 [this] { return stopping(); });
+                                 [this] { return stop_.stop_requested(); });
   // An attempt that the daemon's own end cut off says nothing about the receiver.
-  if (!result.delivered && stopping()) return;
+  if (!result.delivered && stop_.stop_requested()) return;
   options_.metrics.CountWebhook(webhook.config.name, result.delivered);
   Record(delivery.id, After(webhook, delivery, result));
 }
@@ -181,7 +163,7 @@ void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
       return writer.deliveries.Set(delivery, outcome);
     });
     if (status.ok()) return;
-  } while (!WaitFor(kRecordEvery));
+  } while (!WaitForStop(stop_.get_token(), kRecordEvery));
 }
 
 void WebhookSender::Prune() {

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -18,11 +19,9 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/mutex.h"
 #include "server/metrics/metrics.h"
 #include "server/store/reader_pool.h"
 #include "server/store/store.h"
-#include "server/webhook/post.h"
 #include "server/webhook/webhook.h"
 
 namespace myograde::server {
@@ -69,9 +68,6 @@ class WebhookSender {
 
  private:
   void Run(const Webhook& webhook);
-  // True: it is time to stop.
-  bool WaitFor(absl::Duration duration);
-  bool stopping();
   // Nullopt: nothing waits, or the store can't be read at the moment.
   std::optional<DeliveryRow> Next(const Webhook& webhook);
   void Deliver(const Webhook& webhook, const DeliveryRow& delivery);
@@ -83,9 +79,7 @@ class WebhookSender {
   void Prune();
 
   const Options options_;
-  Mutex mutex_;
-  Condition wake_;
-  bool stop_ ABSL_GUARDED_BY(mutex_) = false;
+  std::stop_source stop_;  // of all threads
   std::vector<std::thread> threads_;
 };
 

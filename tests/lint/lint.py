@@ -58,7 +58,7 @@ RULES = {
                        "server/scheduler", "server/store", "server/config"}, r"mujoco/|lcm/|boost/|CLI/"),
     # Who is connected and what they ask; it knows no address of the API.
     "server/http": ({"protocol/base", "server/base", "server/access/access.h",
-                     "server/config/server_config.h", "server/http"},
+                     "server/access/rate_limit.h", "server/config/server_config.h", "server/http"},
                     r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/grading": ({"protocol", "scoring", "server/base", "server/board", "server/store", "server/proof",
                         "server/grading"}, r"mujoco/|lcm/|boost/|CLI/|fstream$|filesystem$|unistd"),
@@ -128,7 +128,7 @@ CALENDAR_USERS = {
     "protocol/base/clock.cc": "is the port",
     "server/admission/admission.cc": "quotas are of a day, phases open and close at a date",
     "server/api/access_resource.cc": "tokens expire by the calendar",
-    "server/api/board_query.cc": "phases freeze at a date, and boards are asked for as of one",
+    "server/api/board_source.cc": "phases freeze at a date, and boards are asked for as of one",
     "server/api/challenges_resource.cc": "phases open and close at a date",
     "server/api/metrics_resource.cc": "compares with stored times of day",
     "server/api/guard.cc": "tokens expire at a time of day",

@@ -33,6 +33,14 @@ TEST(RateLimitTest, WhoIsRefusedWaitsNoLongerForAsking) {
   EXPECT_EQ(limit.Take("a", absl::Seconds(1)), kNone);
 }
 
+TEST(RateLimitTest, WhoOnlyAsksIsNotCounted) {
+  RateLimit limit(/*per_s=*/1, /*burst=*/1, /*most_keys=*/10);
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(limit.Take("a", kNone, /*count=*/false), kNone);
+  EXPECT_EQ(limit.Take("a", kNone), kNone);
+  EXPECT_EQ(limit.Take("a", absl::Milliseconds(500), /*count=*/false), absl::Milliseconds(500));
+  EXPECT_EQ(limit.Take("a", absl::Seconds(1), /*count=*/false), kNone);
+}
+
 TEST(RateLimitTest, WhatRoundingLeavesOfAWaitIsNoRequestForFree) {
   RateLimit limit(/*per_s=*/4, /*burst=*/2, /*most_keys=*/10);
   // The bucket of the fourth holds one less rounding: 1 - 2^-53.

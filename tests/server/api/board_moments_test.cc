@@ -16,12 +16,20 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
 #include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
 namespace {
+
+// The main board under the config that it had at that moment.
+absl::StatusOr<Leaderboard> BoardAt(const Transaction& reader, const TrackPtr& live,
+                                    const BoardMoment& moment) {
+  ASSIGN_OR_RETURN(const TrackPtr track, TrackAt(reader, live, moment.results_before_ms()));
+  return BoardUnder(reader, *track, scoring::kMainBoard, moment);
+}
 
 constexpr char kTrack[] = "locomotion";
 constexpr char kProfile[] = "paper";
@@ -224,7 +232,7 @@ class Board {
     std::string text;
     Read([&](const Transaction& reader) {
       const absl::StatusOr<Leaderboard> board =
-          BoardAt(reader, live_, scoring::kMainBoard, {.before_ms = before_ms});
+          BoardAt(reader, live_, {.before_ms = before_ms});
       if (!board.ok()) return board.status();
       for (const LeaderboardRow& row : board->rows) {
         absl::StrAppend(&text, row.ranked.rank, " ", row.source.team, " ", row.source.submission,
@@ -368,7 +376,7 @@ TEST_F(RejudgedBoard, AFreezeHidesAResultThatCameLater) {
   board_.Read([&](const Transaction& reader) {
     const BoardMoment frozen = {.freeze_ms = freeze};
     EXPECT_TRUE(BoardUnder(reader, *Configs()[1], "main", frozen).value().rows.empty());
-    EXPECT_EQ(BoardAt(reader, board_.live(), "main", frozen).value().rows.size(), 2u);
+    EXPECT_EQ(BoardAt(reader, board_.live(), frozen).value().rows.size(), 2u);
     return absl::OkStatus();
   });
 }

@@ -29,20 +29,23 @@ TEST(KeptBoards, KeepsTheLastUsedOnes) {
   kept.Keep(At(2), 1, Text(1));
   EXPECT_NE(kept.Find(At(1), 1), nullptr);
   kept.Keep(At(3), 1, Text(1));
-  EXPECT_EQ(kept.size(), 2u);
   EXPECT_NE(kept.Find(At(1), 1), nullptr);
   EXPECT_EQ(kept.Find(At(2), 1), nullptr);
+  EXPECT_NE(kept.Find(At(3), 1), nullptr);
 }
 
 TEST(KeptBoards, KeepsNoMoreBytesThanItMay) {
   KeptBoards kept(100, 10);
   for (int64_t at = 1; at <= 50; ++at) kept.Keep(At(at), 1, Text(4));
-  EXPECT_EQ(kept.size(), 2u);
+  EXPECT_EQ(kept.Find(At(48), 1), nullptr);
+  EXPECT_NE(kept.Find(At(49), 1), nullptr);
+  EXPECT_NE(kept.Find(At(50), 1), nullptr);
   kept.Keep(At(99), 1, Text(1000));
-  EXPECT_EQ(kept.size(), 1u) << "a board that is larger than all is kept alone";
+  EXPECT_EQ(kept.Find(At(50), 1), nullptr);
+  EXPECT_NE(kept.Find(At(99), 1), nullptr) << "a board that is larger than all is kept alone";
   kept.Keep(At(99), 2, Text(2));
   kept.Keep(At(98), 2, Text(2));
-  EXPECT_EQ(kept.size(), 2u) << "the bytes of what was replaced count no more";
+  EXPECT_NE(kept.Find(At(99), 2), nullptr) << "the bytes of what was replaced count no more";
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <rapidcheck.h>
 
 #include "protocol/lease/track_config.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {

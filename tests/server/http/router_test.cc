@@ -11,9 +11,7 @@
 namespace myograde::server {
 namespace {
 
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 class RouterTest : public ::testing::Test {
  protected:
@@ -49,8 +47,8 @@ TEST_F(RouterTest, TheAddressOfARequestAnswersIt) {
 }
 
 TEST_F(RouterTest, AnotherMethodIsToldTheMethodsOfItsPath) {
-  EXPECT_THAT(router_.MethodsAt("/v1/things"), ElementsAre("GET", "HEAD", "OPTIONS", "POST"));
-  EXPECT_THAT(router_.MethodsAt("/v1/things/7/end"), ElementsAre("OPTIONS", "POST"));
+  EXPECT_THAT(Ask("PUT", "/v1/things").text, HasSubstr("it has GET, HEAD, OPTIONS, POST\""));
+  EXPECT_THAT(Ask("GET", "/v1/things/7/end").text, HasSubstr("it has OPTIONS, POST\""));
   const Response response = Ask("GET", "/v1/things/7");
   EXPECT_EQ(response.status, 405);
   EXPECT_THAT(response.text, HasSubstr("it has DELETE, OPTIONS"));
@@ -59,7 +57,6 @@ TEST_F(RouterTest, AnotherMethodIsToldTheMethodsOfItsPath) {
 TEST_F(RouterTest, ThereIsNothingAtOtherPaths) {
   for (const char* path : {"", "/", "/v1/thing", "/v1/things/", "/v1/things/7/", "/v1/things/x",
                            "/v1/things/1234567890123456789", "x/v1/things/7"}) {
-    EXPECT_THAT(router_.MethodsAt(path), IsEmpty()) << path;
     EXPECT_EQ(Ask("GET", path).status, 404) << path;
   }
 }

@@ -38,11 +38,10 @@ TEST(MetricsTest, ReasonsFromOutsideAreNoLabels) {
 }
 
 TEST(MetricsTest, TextEscapesLabelsAndSortsFamilies) {
-  MetricFamily later = GaugeFamily("b", "second");
-  AddValue(later, "name", "x\"} 1\n\\", 2);
-  MetricFamily first = GaugeFamily("a", "first");
-  AddValue(first, "", "", 0.5);
-  EXPECT_EQ(MetricsText({later, first}),
+  std::vector<MetricFamily> families;
+  AddGauges<int>(families, "b", "second", "name", {{"x\"} 1\n\\", 2}});
+  AddGauges<double>(families, "a", "first", "", {{"", 0.5}});
+  EXPECT_EQ(MetricsText(families),
             "# HELP a first\n# TYPE a gauge\na 0.5\n"
             "# HELP b second\n# TYPE b gauge\nb{name=\"x\\\"} 1\\n\\\\\"} 2\n");
 }

@@ -94,6 +94,14 @@ class PicturesTest : public testing::Test {
     EXPECT_TRUE(fits());
   }
 
+  // Of what was asked for: until it is there, or failed.
+  void AwaitEnd(const PictureKey& key) {
+    WaitUntil([&] {
+      const Is is = pictures_->Ask(key, "uid 9").is;
+      return is != Is::kWaiting && is != Is::kPlaying;
+    });
+  }
+
   std::string folder_;
   int64_t most_bytes_ = kRoomy;
   absl::Duration quiet_ = absl::ZeroDuration();
@@ -110,7 +118,7 @@ class PicturesTest : public testing::Test {
 TEST_F(PicturesTest, WhatIsAskedForIsMadeOnceAndKept) {
   Pictures& pictures = Start();
   EXPECT_EQ(pictures.Ask(Trajectory("a"), "uid 1").is, Is::kWaiting);
-  ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
+  AwaitEnd(Trajectory("a"));
   EXPECT_EQ(pictures.Ask(Trajectory("a"), "uid 2").is, Is::kReady);
   EXPECT_THAT(made(), ElementsAre("a"));
   const auto found = pictures.files().Find(Trajectory("a"), Packing::kZstd);
@@ -132,7 +140,7 @@ TEST_F(PicturesTest, TellsPlacesAndKeepsTheOrder) {
   EXPECT_EQ(pictures.Ask(Trajectory("c"), "uid 1").place, 2);
   EXPECT_EQ(pictures.Ask(Trajectory("b"), "uid 9").place, 1) << "asking again changes nothing";
   go_ = true;
-  ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
+  AwaitEnd(Trajectory("c"));
   EXPECT_THAT(made(), ElementsAre("a", "b", "c"));
 }
 
@@ -156,7 +164,7 @@ TEST_F(PicturesTest, NobodyFillsTheQueue) {
 TEST_F(PicturesTest, FailuresAreToldAndNotRepeatedForEver) {
   Pictures& pictures = Start();
   for (const char* log : {"bad", "gone", "trouble"}) pictures.Ask(Trajectory(log), "uid 1");
-  ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
+  AwaitEnd(Trajectory("trouble"));
   for (int i = 0; i < 3; ++i) {
     const PictureState bad = pictures.Ask(Trajectory("bad"), "uid 1");
     EXPECT_EQ(bad.is, Is::kFailed);
@@ -184,7 +192,7 @@ TEST_F(PicturesTest, WhatNobodyAskedForNeverStandsInTheWay) {
   pictures.Ask(Trajectory("a"), "uid 1");
   WaitUntil([&] { return begun_ == 1; });
   go_ = true;
-  ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
+  AwaitEnd(Trajectory("a"));
   WaitUntil([&] { return made().size() == 3; });
   EXPECT_THAT(made(), ElementsAre("a", "s", "t"));
 }
@@ -197,7 +205,7 @@ TEST_F(PicturesTest, WhatNobodyAskedForMayNeverBeMade) {
   }
   Pictures& pictures = Start();
   pictures.Ask(Trajectory("a"), "uid 1");
-  ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
+  AwaitEnd(Trajectory("a"));
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
   EXPECT_THAT(made(), ElementsAre("a"));
 }
@@ -216,7 +224,7 @@ TEST_F(PicturesTest, ASuggestionGivesWayToGradingAndToPeople) {
   EXPECT_EQ(pictures.Ask(Trajectory("a"), "uid 1").is, Is::kWaiting);
   WaitUntil([&] { return begun_ >= 2; });
   go_ = true;
-  ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
+  AwaitEnd(Trajectory("a"));
   EXPECT_THAT(made(), testing::Contains("a"));
 }
 

@@ -12,7 +12,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/webhook/post.h"
 #include "server/webhook/sender.h"
 
 namespace myograde::server {
