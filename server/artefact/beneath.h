@@ -31,6 +31,11 @@ Fd OpenBeneath(int root, const std::string& path, int flags, mode_t mode = 0);
 // The same for the folder that holds `path`, with O_PATH; an error of HostError.
 absl::StatusOr<Fd> OpenFolderOf(int root, const std::string& path);
 
+// The parts of a path, "" for the top folder, and a name in a folder.
+std::string FolderName(const std::string& path);
+std::string LastName(const std::string& path);
+std::string Joined(const std::string& folder, const std::string& name);
+
 // The names in a folder, sorted, without "." and ".."; nullopt: errno says why it can't be read.
 std::optional<std::vector<std::string>> NamesIn(int folder);
 

@@ -147,12 +147,7 @@ absl::StatusOr<bool> ImageArchive::Equal(const Member& a, const Member& b) const
 
 bool ImageArchive::IsImage() const {
   if (members_.contains("policy.json")) return false;
-  return members_.contains("manifest.json") ||
-         (members_.contains("oci-layout") && members_.contains("index.json"));
-}
-
-std::unique_ptr<MemberStream> ImageArchive::Open(const std::string& member) const {
-  return std::make_unique<MemberStream>(file_, members_.at(member).position);
+  return members_.contains("manifest.json") || IsOci();
 }
 
 absl::StatusOr<std::string> ImageArchive::Find(const std::string& name) const {
@@ -169,13 +164,10 @@ absl::StatusOr<std::string> ImageArchive::Find(const std::string& name) const {
 
 absl::StatusOr<std::string> ImageArchive::TextOf(const std::string& name) const {
   ASSIGN_OR_RETURN(const std::string member, Find(name));
-  if (SizeOf(member) > kMaxImageJson) {
-    return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
-  }
-  const std::unique_ptr<MemberStream> stream = Open(member);
+  MemberStream stream = Open(member);
   std::string text;
   while (std::ssize(text) <= kMaxImageJson) {
-    ASSIGN_OR_RETURN(const std::string_view piece, stream->Next());
+    ASSIGN_OR_RETURN(const std::string_view piece, stream.Next());
     if (piece.empty()) return text;
     text += piece;
   }
@@ -211,16 +203,13 @@ absl::StatusOr<ImageArchive::Described> ImageArchive::Descriptor(const Json& jso
 
 absl::StatusOr<ImageContent> ImageArchive::Read() const {
   // Newer versions of Docker write both; OCI's has more digests.
-  const bool oci = members_.contains("oci-layout") && members_.contains("index.json");
-  absl::StatusOr<ImageContent> content = oci ? ReadOci() : ReadDocker();
-  if (!content.ok()) return content;
-  if (content->layers.size() != content->config.diff_ids.size()) {
-    return BadImage(absl::StrCat("has ", content->layers.size(), " layers, and its config lists ",
-                                 content->config.diff_ids.size(), "; save the image again"));
+  ASSIGN_OR_RETURN(ImageContent content, IsOci() ? ReadOci() : ReadDocker());
+  const std::vector<std::string>& diff_ids = content.config.diff_ids;
+  if (content.layers.size() != diff_ids.size()) {
+    return BadImage(absl::StrCat("has ", content.layers.size(), " layers, and its config lists ",
+                                 diff_ids.size(), "; save the image again"));
   }
-  for (size_t i = 0; i < content->layers.size(); ++i) {
-    content->layers[i].diff_id = content->config.diff_ids[i];
-  }
+  for (size_t i = 0; i < diff_ids.size(); ++i) content.layers[i].diff_id = diff_ids[i];
   return content;
 }
 
@@ -245,8 +234,8 @@ absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
     return BadImage("has a config whose digest is not its name; save the image again");
   }
   ASSIGN_OR_RETURN(const Json config, ParseJson(text, "the image's config"));
-  ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
-  ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
+  ImageContent content;
+  ASSIGN_OR_RETURN(content.config, ReadImageConfig(config));
   for (const Json& layer : At(image, "Layers")) {
     if (!layer.is_string()) return BadImage("lists a layer that is no name");
     ASSIGN_OR_RETURN(std::string member, Find(layer.get<std::string>()));
@@ -257,10 +246,9 @@ absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
 }
 
 absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const Json& entry) const {
-  absl::StatusOr<Described> described = Descriptor(entry, "index");
-  if (!described.ok()) return described;
-  RETURN_IF_ERROR(Find(BlobName(described->sha256)).status());
-  described->variant = TextAt(At(entry, "platform"), "variant");
+  ASSIGN_OR_RETURN(Described described, Descriptor(entry, "index"));
+  RETURN_IF_ERROR(Find(BlobName(described.sha256)).status());
+  described.variant = TextAt(At(entry, "platform"), "variant");
   return described;
 }
 
@@ -329,9 +317,8 @@ absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
     return absl::InvalidArgumentError(absl::StrCat("the archive's index.json lists ", fitting.size(),
                                                    " images; save exactly one"));
   }
-  absl::StatusOr<ImageContent> content = ReadManifest(fitting.begin()->second);
-  if (!content.ok()) return content;
-  content->tag = TagOfIndex(index);
+  ASSIGN_OR_RETURN(ImageContent content, ReadManifest(fitting.begin()->second));
+  content.tag = TagOfIndex(index);
   return content;
 }
 
@@ -354,8 +341,8 @@ absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
 absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& described) const {
   ASSIGN_OR_RETURN(const Json manifest, BlobOf(described, "manifest"));
   ASSIGN_OR_RETURN(const Json config, ConfigOf(manifest));
-  ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
-  ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
+  ImageContent content;
+  ASSIGN_OR_RETURN(content.config, ReadImageConfig(config));
   for (const Json& layer : At(manifest, "layers")) {
     const std::string kind = TextAt(layer, "mediaType");
     if (kind.find("encrypted") != std::string::npos || kind.find("foreign") != std::string::npos) {
@@ -364,10 +351,7 @@ absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& describ
     }
     ASSIGN_OR_RETURN(const Described stated, Descriptor(layer, "layer"));
     ASSIGN_OR_RETURN(std::string member, Find(BlobName(stated.sha256)));
-    content.layers.push_back({.member = std::move(member),
-                              .sha256 = stated.sha256,
-                              .size = stated.size,
-                              .diff_id = {}});
+    content.layers.push_back({std::move(member), stated.sha256, stated.size, {}});
   }
   return content;
 }

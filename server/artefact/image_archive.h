@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <map>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -93,7 +92,9 @@ class ImageArchive {
   absl::StatusOr<ImageContent> Read() const;
 
   // A member that Read() named.
-  std::unique_ptr<MemberStream> Open(const std::string& member) const;
+  MemberStream Open(const std::string& member) const {
+    return MemberStream(file_, members_.at(member).position);
+  }
   int64_t SizeOf(const std::string& member) const { return members_.at(member).size; }
 
  private:
@@ -114,6 +115,7 @@ class ImageArchive {
     absl::Status unusable;                     // why an entry that may fit can't be read
   };
 
+  bool IsOci() const { return members_.contains("oci-layout") && members_.contains("index.json"); }
   absl::Status Take(archive_entry* entry, int64_t position);
   // Whether two members have the same bytes.
   absl::StatusOr<bool> Equal(const Member& a, const Member& b) const;

@@ -77,9 +77,9 @@ absl::Status CheckLayer(const CheckedStream& packed, const CheckedStream& tar,
 // Adds one layer, which is decompressed and hashed on its way. `place`: "2 of 5".
 absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer,
                       const std::string& place, int64_t& left, ImageTree& tree) {
-  const std::unique_ptr<MemberStream> member = archive.Open(layer.member);
+  MemberStream member = archive.Open(layer.member);
   int64_t packed_left = archive.SizeOf(layer.member);
-  CheckedStream packed(*member, "it", packed_left);
+  CheckedStream packed(member, "it", packed_left);
   EntryStream decompressed(packed);
   CheckedStream tar(decompressed, "it", left);
   StreamArchive entries(tar, StreamArchive::Form::kTar);

@@ -34,17 +34,6 @@ std::string_view FromRoot(std::string_view path) {
   return path.substr(std::min(path.find_first_not_of('/'), path.size()));
 }
 
-std::string FolderName(const std::string& path) {
-  const size_t slash = path.rfind('/');
-  return slash == std::string::npos ? "" : path.substr(0, slash);
-}
-
-std::string LastName(const std::string& path) { return path.substr(path.rfind('/') + 1); }
-
-std::string Joined(const std::string& folder, const std::string& name) {
-  return folder.empty() ? name : folder + "/" + name;
-}
-
 bool IsReplaced(const std::string& path) {
   return IsReplacedByTheSandbox(std::string_view(path).substr(0, path.find('/')));
 }
@@ -328,11 +317,9 @@ absl::Status ImageTree::ListIn(Listing& listing) const {
   for (const auto& [path, node] : nodes_) {
     ASSIGN_OR_RETURN(const std::string clean,
                      listing.CleanPath(absl::StrCat(kImageFolder, "/", path)));
-    const absl::StatusOr<Entry*> entry = listing.Add(clean, node.entry.type);
-    if (!entry.ok()) return entry.status();
-    const bool stated = (*entry)->stated;
-    **entry = node.entry;
-    (*entry)->stated = stated;
+    ASSIGN_OR_RETURN(Entry* const entry, listing.Add(clean, node.entry.type));
+    *entry = node.entry;
+    entry->stated = true;
     RETURN_IF_ERROR(listing.AddBytes(clean, node.entry.size));
   }
   return absl::OkStatus();

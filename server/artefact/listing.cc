@@ -154,14 +154,6 @@ absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
   return absl::OkStatus();
 }
 
-std::string ArchiveReason(archive* reader) {
-  const char* text = archive_error_string(reader);
-  std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
-  std::ranges::replace_if(reason, std::not_fn(absl::ascii_isprint), ' ');
-  reason.erase(reason.find_last_not_of(' ') + 1);
-  return reason;
-}
-
 Utf8Names::Utf8Names() : utf8_(::newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr)) {
   before_ = ::uselocale(utf8_);  // a null locale changes nothing
 }

@@ -38,38 +38,10 @@ namespace {
 
 constexpr char kManifestFile[] = "policy.json";
 
-using TarHeader = std::unique_ptr<archive_entry, void (*)(archive_entry*)>;
-
-TarHeader MakeTarHeader(const std::string& path, const Entry& entry) {
-  TarHeader header(archive_entry_new(), archive_entry_free);
-  archive_entry_set_pathname(header.get(), path.c_str());
-  archive_entry_set_mtime(header.get(), entry.time, 0);
-  archive_entry_set_uid(header.get(), 0);
-  archive_entry_set_gid(header.get(), 0);
-  const bool open_to_all = entry.executable || entry.type == EntryType::kFolder;
-  archive_entry_set_perm(header.get(), open_to_all ? 0755 : 0644);
-  switch (entry.type) {
-    case EntryType::kFile:
-      archive_entry_set_filetype(header.get(), AE_IFREG);
-      archive_entry_set_size(header.get(), entry.size);
-      break;
-    case EntryType::kFolder:
-      archive_entry_set_filetype(header.get(), AE_IFDIR);
-      break;
-    case EntryType::kLink:
-      archive_entry_set_filetype(header.get(), AE_IFLNK);
-      archive_entry_set_symlink(header.get(), entry.target.c_str());
-      break;
-  }
-  return header;
-}
-
 // Writes a submission's entries as a tar: the same bytes for the same entries.
 class TarWriter {
  public:
-  // Gets the archive's bytes.
-  using Sink = std::function<absl::Status(std::string_view bytes)>;
-  explicit TarWriter(Sink sink);
+  explicit TarWriter(ByteSink sink);
   // Its archive refers to it.
   TarWriter(const TarWriter&) = delete;
   TarWriter& operator=(const TarWriter&) = delete;
@@ -88,12 +60,13 @@ class TarWriter {
  private:
   absl::Status Failed() const;
 
-  const Sink sink_;
+  const ByteSink sink_;
   absl::Status status_;
-  std::unique_ptr<archive, ArchiveWriter> writer_;
+  std::unique_ptr<archive, int (*)(archive*)> writer_;
 };
 
-TarWriter::TarWriter(Sink sink) : sink_(std::move(sink)), writer_(archive_write_new()) {
+TarWriter::TarWriter(ByteSink sink)
+    : sink_(std::move(sink)), writer_(archive_write_new(), archive_write_free) {
   archive_write_set_format_pax_restricted(writer_.get());
   archive_write_add_filter_none(writer_.get());
   archive_write_set_bytes_in_last_block(writer_.get(), 1);
@@ -107,9 +80,20 @@ TarWriter::TarWriter(Sink sink) : sink_(std::move(sink)), writer_(archive_write_
 }
 
 absl::Status TarWriter::Begin(const std::string& path, const Entry& entry) {
-  const TarHeader header = MakeTarHeader(path, entry);
-  const int result = archive_write_header(writer_.get(), header.get());
-  return result == ARCHIVE_OK ? absl::OkStatus() : Failed();
+  const std::unique_ptr<archive_entry, void (*)(archive_entry*)> owner(archive_entry_new(),
+                                                                       archive_entry_free);
+  archive_entry* const header = owner.get();
+  archive_entry_set_pathname(header, path.c_str());
+  archive_entry_set_mtime(header, entry.time, 0);
+  archive_entry_set_uid(header, 0);
+  archive_entry_set_gid(header, 0);
+  const bool folder = entry.type == EntryType::kFolder;
+  const bool link = entry.type == EntryType::kLink;
+  archive_entry_set_perm(header, entry.executable || folder ? 0755 : 0644);
+  archive_entry_set_filetype(header, folder ? AE_IFDIR : link ? AE_IFLNK : AE_IFREG);
+  if (link) archive_entry_set_symlink(header, entry.target.c_str());
+  if (entry.type == EntryType::kFile) archive_entry_set_size(header, entry.size);
+  return archive_write_header(writer_.get(), header) == ARCHIVE_OK ? absl::OkStatus() : Failed();
 }
 
 absl::Status TarWriter::Write(std::string_view bytes) {
@@ -158,18 +142,6 @@ struct Packing {
   const std::string& name;  // "": the submission's own
 };
 
-absl::StatusOr<Fd> NewArchive(const std::string& path) {
-  Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-  if (!file.valid()) return HostError(absl::StrCat("can't write the archive ", path));
-  return file;
-}
-
-TarWriter::Sink SinkOf(const Fd& file) {
-  return [fd = file.get()](std::string_view bytes) {
-    return WriteAll(fd, bytes).ok() ? absl::OkStatus() : HostError("can't write the archive");
-  };
-}
-
 // The text of a policy.json that is made or changed here.
 std::string ManifestText(const nlohmann::json& manifest) {
   return manifest.dump(2, ' ', false, nlohmann::json::error_handler_t::ignore) + "\n";
@@ -179,8 +151,13 @@ std::string ManifestText(const nlohmann::json& manifest) {
 // itself.
 absl::Status WriteListed(const Listing& listing, const std::string& about, const Packing& packing,
                          const std::function<Fd(const std::string& path)>& open) {
-  ASSIGN_OR_RETURN(const Fd archive, NewArchive(packing.archive));
-  TarWriter tar(SinkOf(archive));
+  const Fd archive(
+      ::open(packing.archive.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (!archive.valid()) return HostError(absl::StrCat("can't write the archive ", packing.archive));
+  TarWriter tar([&](std::string_view bytes) {
+    const bool written = WriteAll(archive.get(), bytes).ok();
+    return written ? absl::OkStatus() : HostError("can't write the archive");
+  });
   int64_t done = 0;
   const auto wrote = [&](std::string_view piece) {
     done += std::ssize(piece);
@@ -281,28 +258,19 @@ bool HasArchiveName(const std::string& path) {
   return false;
 }
 
-// What one file is, by its first bytes: a name says little, as of `podman save -o walker`.
-enum class FileKind { kProgram, kArchive, kForeignArchive, kOther };
-struct KnownFile {
-  FileKind kind = FileKind::kOther;
-  std::string_view name = {};  // kForeignArchive: of its format
-};
+// Its first bytes tell what a file is: a name says little, as of `podman save -o walker`.
+constexpr size_t kTarMagicAt = 257;
 
-KnownFile KindOf(int file) {
-  constexpr size_t kTarMagicAt = 257;
-  std::array<char, kTarMagicAt + 5> bytes = {};
-  const ssize_t got = ::pread(file, bytes.data(), bytes.size(), 0);
-  const std::string_view head(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
-  if (ReadProgramHead(file).kind != ProgramHead::Kind::kText) return {FileKind::kProgram};
-  if (head.starts_with("PK\3\4") || head.substr(std::min(head.size(), kTarMagicAt)) == "ustar" ||
-      IsCompressed(file)) {
-    return {FileKind::kArchive};
-  }
-  for (const auto& [magic, name] : {std::pair<std::string_view, std::string_view>{"7z\xbc\xaf", "7z"},
-                                    {"Rar!", "RAR"}, {"\x04\x22\x4d\x18", "LZ4"}}) {
-    if (head.starts_with(magic)) return {FileKind::kForeignArchive, name};
-  }
-  return {};
+bool IsArchive(int file, std::string_view head) {
+  return head.starts_with("PK\3\4") ||
+         head.substr(std::min(head.size(), kTarMagicAt)) == "ustar" || IsCompressed(file);
+}
+
+// The name of the format of an archive that is not accepted; "": it is none.
+std::string ForeignFormat(std::string_view head) {
+  if (head.starts_with("7z\xbc\xaf")) return "7z";
+  if (head.starts_with("Rar!")) return "RAR";
+  return head.starts_with("\x04\x22\x4d\x18") ? "LZ4" : "";
 }
 
 absl::Status NoProgram(const std::string& path) {
@@ -322,17 +290,20 @@ absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct 
                                           const Packing& packing) {
   const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));  // waits for a lease on it to end
   if (!file.valid()) return Unreadable(path, FolderOf::kParticipant);
-  const KnownFile known = KindOf(file.get());
-  if (known.kind == FileKind::kForeignArchive) {
+  std::array<char, kTarMagicAt + 5> bytes = {};
+  const ssize_t got = ::pread(file.get(), bytes.data(), bytes.size(), 0);
+  const std::string_view head(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+  const bool program = ReadProgramHead(file.get()).kind != ProgramHead::Kind::kText;
+  if (const std::string foreign = ForeignFormat(head); !foreign.empty()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("is packed by ", absl::string_view(known.name.data(), known.name.size()),
-                     ", which is not accepted; pack it as .tar.gz, .tar.zst, .tar.xz, .tar.bz2 or .zip"));
+        absl::StrCat("is packed by ", foreign, ", which is not accepted; pack it as .tar.gz, .tar.zst, "
+                     ".tar.xz, .tar.bz2 or .zip"));
   }
-  if (known.kind == FileKind::kArchive || HasArchiveName(path)) {
+  if ((!program && IsArchive(file.get(), head)) || HasArchiveName(path)) {
     return MayBeImageArchive(file.get()) ? PackImage(path, packing) : Repack(path, packing);
   }
   if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
-  if (known.kind != FileKind::kProgram) return NoProgram(path);
+  if (!program) return NoProgram(path);
   if ((info.st_mode & 0111) == 0) {
     return absl::InvalidArgumentError("is not executable; set its bit with chmod +x");
   }
@@ -377,7 +348,7 @@ absl::Status StreamArtefact(const std::string& folder, const std::string& digest
       Sha256 hash;
       RETURN_IF_ERROR(tar.Copy(file.get(), path, entry.size, FolderOf::kDaemon,
                                [&](std::string_view piece) { hash.Update(piece); }));
-      listing.SetSha256(path, hash.FinishHex());
+      listing.at(path).sha256 = hash.FinishHex();
     }
   }
   RETURN_IF_ERROR(tar.Close());

@@ -1,14 +1,12 @@
-#include <archive.h>
 #include <archive_entry.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cerrno>
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <set>
 #include <string>
 #include <utility>
@@ -16,11 +14,9 @@
 
 #include <absl/status/status.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/string_view.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/program_head.h"
-#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
@@ -31,31 +27,10 @@
 namespace myograde::server {
 namespace {
 
-constexpr size_t kBlockBytes = 64 << 10;
-
-// Whether the host failed to read, which says nothing about the archive.
-bool HostFailed(archive* reader) {
-  for (const int error : {EIO, EBADF, ENODEV, ENXIO, ESTALE}) {
-    if (archive_errno(reader) != error) continue;
-    errno = error;
-    return true;
-  }
-  return false;
-}
-
-std::string_view KindName(mode_t type) {
-  switch (type) {
-    case AE_IFBLK:
-    case AE_IFCHR:
-      return "a device node";
-    case AE_IFIFO:
-      return "a named pipe";
-    case AE_IFSOCK:
-      return "a socket";
-    default:
-      return "of an unknown kind";
-  }
-}
+constexpr std::pair<mode_t, const char*> kForbiddenKinds[] = {{AE_IFBLK, "a device node"},
+                                                              {AE_IFCHR, "a device node"},
+                                                              {AE_IFIFO, "a named pipe"},
+                                                              {AE_IFSOCK, "a socket"}};
 
 // What no entry of a submission may be, and what to do about it; "": it is nothing of this.
 std::string Forbidden(archive_entry* entry) {
@@ -72,30 +47,29 @@ std::string Forbidden(archive_entry* entry) {
   }
   const mode_t type = archive_entry_filetype(entry);
   if (type == AE_IFDIR || type == AE_IFREG || type == AE_IFLNK) return "";
-  return absl::StrCat("is ", std::string(KindName(type)),
+  const auto kind = std::ranges::find(kForbiddenKinds, type, &std::pair<mode_t, const char*>::first);
+  return absl::StrCat("is ", kind == std::end(kForbiddenKinds) ? "of an unknown kind" : kind->second,
                       "; only files, folders and symbolic links are allowed");
 }
 
 // Makes the files of an archive's entries, which a participant chose, in a folder.
 class Unpacker {
  public:
-  // Into the empty folder `root`. `whose`: whose archive it is. `read` is called after each block.
-  Unpacker(archive* reader, int root, const ArtefactLimits& limits, FolderOf whose,
+  // Into the empty folder `root`. `whose`: whose archive it is, which is open. `read` is called after
+  // each block.
+  Unpacker(StreamArchive& archive, int root, const ArtefactLimits& limits, FolderOf whose,
            std::function<void()> read)
-      : reader_(reader),
+      : archive_(archive),
         root_(root),
         limits_(limits),
         submitted_(whose == FolderOf::kParticipant),
         read_(std::move(read)),
         listing_(limits) {}
 
-  // Unpacks all entries of an opened archive. InvalidArgumentError: it is broken, or breaks a rule
-  // of submissions; an archive of the daemon's is not judged by those that no path depends on.
-  // Other codes: a problem of this host.
+  // Unpacks all entries. InvalidArgumentError: the archive is broken, or breaks a rule of
+  // submissions; one of the daemon's is not judged by those that no path depends on. Other codes: a
+  // problem of this host.
   absl::Status UnpackAll();
-
-  // Why the archive can't be read any further: `what`, and libarchive's reason.
-  absl::Status Failure(absl::string_view what) const;
 
   const Listing& listing() const { return listing_; }
 
@@ -104,7 +78,7 @@ class Unpacker {
   absl::Status TakeFile(const std::string& path, archive_entry* entry);
   absl::Status MakeFoldersOf(const std::string& path);
 
-  archive* const reader_;
+  StreamArchive& archive_;
   const int root_;
   const ArtefactLimits limits_;
   const bool submitted_;
@@ -114,23 +88,13 @@ class Unpacker {
   std::set<std::string> made_;  // folders
 };
 
-absl::Status Unpacker::Failure(absl::string_view what) const {
-  if (HostFailed(reader_)) return HostError("can't read the archive");
-  return absl::InvalidArgumentError(absl::StrCat(what, ": ", ArchiveReason(reader_)));
-}
-
 absl::Status Unpacker::UnpackAll() {
   for (;;) {
     archive_entry* entry = nullptr;
-    const int result = archive_read_next_header(reader_, &entry);
-    if (result == ARCHIVE_EOF) return absl::OkStatus();
-    // Also for ARCHIVE_RETRY: libarchive would continue after a damaged header, and a file would be
-    // missing.
-    if (result != ARCHIVE_OK && result != ARCHIVE_WARN) {
-      return Failure(
-          "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, "
-          "tar.xz, tar.bz2, zip)");
-    }
+    ASSIGN_OR_RETURN(const bool found,
+                     archive_.NextEntry(&entry, "the archive is broken or of a kind that is not "
+                                                "accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, zip)"));
+    if (!found) return absl::OkStatus();
     RETURN_IF_ERROR(Take(entry));
   }
 }
@@ -186,17 +150,13 @@ absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
     RETURN_IF_ERROR(listing_.CheckRoom(path, archive_entry_size(entry)));
   }
   RETURN_IF_ERROR(MakeFoldersOf(path));
-  std::string buffer(kBlockBytes, '\0');
+  const std::string broken = absl::StrCat("the archive is broken in the entry ", Quoted(path));
   return MakeFileBeneath(root_, path, *file, [&]() -> absl::StatusOr<std::string_view> {
     if (file->size > 0) read_();
     // Count the bytes as they come: the size in a header proves nothing. The holes of sparse files
     // arrive here as zeros and count too.
-    const la_ssize_t got = archive_read_data(reader_, buffer.data(), buffer.size());
-    if (got < 0) {
-      return Failure(absl::StrCat("the archive is broken in the entry ", Quoted(path)));
-    }
-    RETURN_IF_ERROR(listing_.AddBytes(path, got));
-    const std::string_view piece(buffer.data(), static_cast<size_t>(got));
+    ASSIGN_OR_RETURN(const std::string_view piece, archive_.NextData(broken));
+    RETURN_IF_ERROR(listing_.AddBytes(path, std::ssize(piece)));
     if (submitted_ && file->size == 0 &&
         piece.starts_with("version https://git-lfs.github.com/spec/")) {
       return absl::InvalidArgumentError(absl::StrCat(
@@ -225,35 +185,28 @@ absl::Status AddModes(int folder, Listing& listing) {
     if (!file.valid() || ::fchmod(file.get(), 0755) != 0) {
       return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
     }
-    listing.MakeExecutable(path);
+    listing.at(path).executable = true;
   }
   return absl::OkStatus();
 }
 
 // Unpacks an ordinary submission, which may hold an image's archive as a file.
-absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimits& limits,
+absl::StatusOr<Listing> UnpackFiles(int file, int folder, const ArtefactLimits& limits,
                                     const ByteProgress& progress) {
   const Utf8Names utf8_names;
-  // The documented kinds of archive only: each further parser of libarchive adds attack surface.
-  const std::unique_ptr<struct archive, ArchiveReader> reader(archive_read_new());
-  SupportCompression(reader.get());
-  archive_read_support_format_tar(reader.get());
-  archive_read_support_format_zip(reader.get());
-  struct stat info = {};
-  const int64_t total = progress && ::fstat(archive, &info) == 0 ? info.st_size : 0;
-  Unpacker unpacker(reader.get(), folder, limits, FolderOf::kParticipant, [&] {
-    // -1: the file's own bytes, below all filters.
-    if (progress) progress(archive_filter_bytes(reader.get(), -1), total);
-  });
-  if (archive_read_open_fd(reader.get(), archive, 64 << 10) != ARCHIVE_OK) {
-    return unpacker.Failure(
-        "this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, "
-        "zip)");
-  }
+  FileStream bytes(file);
+  StreamArchive archive(bytes, StreamArchive::Form::kSubmission);
+  RETURN_IF_ERROR(archive.Open("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, "
+                               "tar.xz, tar.bz2, zip)"));
   // One layer besides the file itself: nested bombs multiply.
-  if (archive_filter_count(reader.get()) > (IsCompressed(archive) ? 2 : 1)) {
+  if (archive.compressions() > (IsCompressed(file) ? 1 : 0)) {
     return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
   }
+  struct stat info = {};
+  const int64_t total = ::fstat(file, &info) == 0 ? info.st_size : 0;
+  Unpacker unpacker(archive, folder, limits, FolderOf::kParticipant, [&] {
+    if (progress) progress(archive.bytes_read(), total);
+  });
   RETURN_IF_ERROR(unpacker.UnpackAll());
   Listing listing = unpacker.listing();
   RETURN_IF_ERROR(AddModes(folder, listing));
@@ -273,34 +226,27 @@ absl::StatusOr<Artefact> UnpackImageFile(const SubmittedManifest& submitted, int
 }
 
 // The archive's bytes as they come.
-struct TarPieces {
-  const ByteSource& source;
-  std::string piece = {};
-  absl::Status status = {};
-
-  static la_ssize_t Read(archive*, void* self, const void** data) {
-    auto& pieces = *static_cast<TarPieces*>(self);
-    absl::StatusOr<std::string> piece = pieces.source();
-    pieces.status = piece.status();
-    if (!piece.ok()) return -1;
-    pieces.piece = *std::move(piece);
-    *data = pieces.piece.data();
-    return std::ssize(pieces.piece);
+class SourceStream : public ByteStream {
+ public:
+  explicit SourceStream(const ByteSource& source) : source_(source) {}
+  absl::StatusOr<std::string_view> Next() override {
+    ASSIGN_OR_RETURN(piece_, source_());
+    return piece_;
   }
+
+ private:
+  const ByteSource& source_;
+  std::string piece_;
 };
 
 absl::Status UnpackStream(const ByteSource& source, const std::string& digest, int root) {
   const Utf8Names utf8_names;
-  TarPieces pieces = {source};
-  const std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
-  archive_read_support_format_tar(reader.get());
-  if (archive_read_open(reader.get(), &pieces, nullptr, TarPieces::Read, nullptr) != ARCHIVE_OK) {
-    return pieces.status.ok() ? absl::DataLossError("the packed submission is no tar")
-                              : pieces.status;
-  }
-  Unpacker unpacker(reader.get(), root, kNoLimits, FolderOf::kDaemon, [] {});
-  const absl::Status status = unpacker.UnpackAll();
-  RETURN_IF_ERROR(pieces.status);
+  SourceStream bytes(source);
+  StreamArchive archive(bytes, StreamArchive::Form::kSent);
+  Unpacker unpacker(archive, root, kNoLimits, FolderOf::kDaemon, [] {});
+  absl::Status status = archive.Open();
+  if (status.ok()) status = unpacker.UnpackAll();
+  RETURN_IF_ERROR(archive.failure());
   if (absl::IsInvalidArgument(status)) {
     return absl::DataLossError(absl::StrCat("the packed submission is broken: ", status.message()));
   }
@@ -311,16 +257,11 @@ absl::Status UnpackStream(const ByteSource& source, const std::string& digest, i
                                           ", and is to be ", digest));
 }
 
-// What `unpack` makes of the opened archive and folder; after an error there is no folder.
-template <typename Result, typename Unpack>
-Result UnpackInto(const std::string& archive, const std::string& destination,
-                  const Unpack& unpack) {
-  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
-  Result result = unpack(place.archive.get(), place.folder.get());
-  if (!result.ok()) {
-    std::error_code ignored;  // the first error is the one to report
-    std::filesystem::remove_all(destination, ignored);
-  }
+// `result`, and after an error no `folder`.
+template <typename Result>
+Result OrRemoved(Result result, const std::string& folder) {
+  std::error_code ignored;  // the first error is the one to report
+  if (!result.ok()) std::filesystem::remove_all(folder, ignored);
   return result;
 }
 
@@ -353,26 +294,22 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
                                         const ArtefactLimits& limits,
                                         const ByteProgress& progress) {
-  return UnpackInto<absl::StatusOr<Artefact>>(archive, destination, [&](int file, int folder) {
-    return UnpackOpened(file, folder, limits, progress);
-  });
+  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
+  return OrRemoved(UnpackOpened(place.archive.get(), place.folder.get(), limits, progress),
+                   destination);
 }
 
 absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
                               const ArtefactLimits& limits, const ByteProgress& progress) {
-  return UnpackInto<absl::Status>(archive, destination, [&](int file, int folder) {
-    return UnpackFiles(file, folder, limits, progress).status();
-  });
+  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
+  return OrRemoved(UnpackFiles(place.archive.get(), place.folder.get(), limits, progress).status(),
+                   destination);
 }
 
 absl::Status PlaceStreamedArtefact(const ByteSource& source, const std::string& digest,
                                    const std::string& folder) {
   ASSIGN_OR_RETURN(const Fd root, MakeFolderToFill(folder));
-  const absl::Status status = UnpackStream(source, digest, root.get());
-  if (status.ok()) return status;
-  std::error_code ignored;
-  std::filesystem::remove_all(folder, ignored);
-  return status;
+  return OrRemoved(UnpackStream(source, digest, root.get()), folder);
 }
 
 }  // namespace myograde::server
