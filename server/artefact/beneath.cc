@@ -46,9 +46,6 @@ Fd OpenByNames(int root, const std::string& path, int flags, mode_t mode) {
   }
 }
 
-// Lists what is below `folder`, which is "" for the top.
-absl::Status ListBelow(int root, const std::string& folder, FolderOf whose, Listing& listing);
-
 // Lists one entry, and what is below it.
 absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Listing& listing) {
   const bool submitted = whose == FolderOf::kParticipant;
@@ -58,7 +55,7 @@ absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Li
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(path, whose);
   if (S_ISDIR(info.st_mode)) {
     RETURN_IF_ERROR(listing.Add(path, EntryType::kFolder).status());
-    return ListBelow(root, path, whose, listing);
+    return ListFolder(root, whose, listing, path);
   }
   if (S_ISLNK(info.st_mode)) {
     const std::string target = TargetOf(fd.get());
@@ -82,16 +79,6 @@ absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Li
   entry->time = KeptTime(info.st_mtim.tv_sec);
   entry->executable = (info.st_mode & 0111) != 0;
   return listing.AddBytes(path, info.st_size);
-}
-
-absl::Status ListBelow(int root, const std::string& folder, FolderOf whose, Listing& listing) {
-  const Fd fd = OpenBeneath(root, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
-  const auto names = fd.valid() ? NamesIn(fd.get()) : std::nullopt;
-  if (!names.has_value()) return Unreadable(folder.empty() ? "the folder" : folder, whose);
-  for (const std::string& name : *names) {
-    RETURN_IF_ERROR(ListEntry(root, Joined(folder, name), whose, listing));
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace
@@ -205,8 +192,14 @@ absl::Status MakeFileBeneath(int root, const std::string& path, Entry& entry,
   return absl::OkStatus();
 }
 
-absl::Status ListFolder(int root, FolderOf whose, Listing& listing) {
-  return ListBelow(root, "", whose, listing);
+absl::Status ListFolder(int root, FolderOf whose, Listing& listing, const std::string& folder) {
+  const Fd fd = OpenBeneath(root, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+  const auto names = fd.valid() ? NamesIn(fd.get()) : std::nullopt;
+  if (!names.has_value()) return Unreadable(folder.empty() ? "the folder" : folder, whose);
+  for (const std::string& name : *names) {
+    RETURN_IF_ERROR(ListEntry(root, Joined(folder, name), whose, listing));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status Unreadable(const std::string& path, FolderOf whose) {

@@ -63,9 +63,9 @@ enum class FolderOf {
 inline constexpr ArtefactLimits kNoLimits = {
     .bytes = int64_t{1} << 60, .files = int64_t{1} << 40, .depth = 200, .name_bytes = NAME_MAX};
 
-// Adds the entries below `root`, a descriptor, to `listing`; of files, all but the SHA-256. The
-// listing's limit bounds the depth.
-absl::Status ListFolder(int root, FolderOf whose, Listing& listing);
+// Adds the entries below `folder` of `root`, a descriptor, to `listing`; of files, all but the
+// SHA-256. "" is the top. The listing's limit bounds the depth.
+absl::Status ListFolder(int root, FolderOf whose, Listing& listing, const std::string& folder = "");
 
 // The error for an entry that errno says can't be read.
 absl::Status Unreadable(const std::string& path, FolderOf whose);

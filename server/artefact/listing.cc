@@ -113,21 +113,12 @@ std::string Listing::Digest() const {
   Sha256 hash;
   hash.Update(std::string_view("myograde artefact 1\n"));
   for (const auto& [path, entry] : entries_) {
-    nlohmann::json line = {{"path", path}};
-    switch (entry.type) {
-      case EntryType::kFile:
-        line["type"] = "file";
-        line["executable"] = entry.executable;
-        line["size"] = entry.size;
-        line["sha256"] = entry.sha256;
-        break;
-      case EntryType::kFolder:
-        line["type"] = "folder";
-        break;
-      case EntryType::kLink:
-        line["type"] = "link";
-        line["target"] = entry.target;
-        break;
+    nlohmann::json line = {{"path", path}, {"type", "folder"}};
+    if (entry.type == EntryType::kFile) {
+      line.update({{"type", "file"}, {"executable", entry.executable}, {"size", entry.size},
+                   {"sha256", entry.sha256}});
+    } else if (entry.type == EntryType::kLink) {
+      line.update({{"type", "link"}, {"target", entry.target}});
     }
     hash.Update(CanonicalJson(line) + "\n");
   }

@@ -11,7 +11,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -55,20 +54,20 @@ void DrainInto(Fd& fd, int reads, OutputTail& tail) {
   }
 }
 
+bool Drain(Fd& fd, std::string& out) {
+  char buffer[64 << 10];
+  const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
+  if (n > 0) out.append(buffer, static_cast<size_t>(n));
+  if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) fd.reset();
+  return n > 0;
+}
+
 namespace {
 
 constexpr int kMostReads = 16;
 constexpr absl::Duration kBurial = absl::Seconds(10);
 constexpr char kUsualPath[] = "/usr/local/bin:/usr/bin:/bin";
 constexpr int kPollMilliseconds = 100;
-
-// Takes what is there, and closes `fd` at the end of the stream.
-void Drain(Fd& fd, std::string& out) {
-  char buffer[64 << 10];
-  const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
-  if (n > 0) out.append(buffer, static_cast<size_t>(n));
-  if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) fd.reset();
-}
 
 absl::StatusOr<std::string> ProgramPath(const std::string& program) {
   std::string path = program;

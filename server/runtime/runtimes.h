@@ -75,18 +75,8 @@ class Runtimes {
   const std::string dir_;
 };
 
-// What a runtime's folder holds.
-struct RuntimeTree {
-  std::string digest;  // SHA-256 (hex) of the canonical listing, as of submissions
-  int64_t bytes = 0;   // of all files
-  int64_t files = 0;   // files, folders and links
-};
-
-// Reads everything below `folder` but its runtime.json; links are not followed. A GB takes a few
-// seconds. InternalError: something can't be read.
-absl::StatusOr<RuntimeTree> ReadRuntimeTree(const std::string& folder);
-
-// Whether a runtime still has the content that it was made with; one without a digest has.
+// Whether a runtime still has the content that it was made with: everything in its folder but its
+// runtime.json; links are not followed. One without a digest has. A GB takes a few seconds.
 // DataLossError: it has another; InternalError: it can't be read.
 absl::Status CheckRuntime(const Runtime& runtime);
 

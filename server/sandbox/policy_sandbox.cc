@@ -95,37 +95,29 @@ LeaseOrder OrderThatSays(const LeaseOrder& order, absl::string_view why) {
 
 constexpr char kPython[] = "/usr/bin/python3";
 
-// The libraries that runtimes bring for their modules (server/runtime/README.md).
-std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes) {
-  std::vector<std::string> folders;
-  for (const std::string& runtime : runtimes) {
-    const std::string folder = runtime + "/debian-lib";
-    if (access(folder.c_str(), F_OK) == 0) folders.push_back(folder);
-  }
-  return folders;
-}
-
 // What a submission sets comes before what its runtimes need.
 std::map<std::string, std::string> FolderEnvironment(const LeaseOrder& order) {
   std::map<std::string, std::string> environment = order.environment;
-  const auto join = [&](const char* name, const std::vector<std::string>& folders) {
+  const bool has_path = environment.contains("PYTHONPATH");
+  const auto append = [&](const char* name, const std::string& folder) {
     std::string& value = environment[name];
-    absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
+    absl::StrAppend(&value, value.empty() ? "" : ":", folder);
   };
-  if (environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
-    join("PYTHONPATH", order.runtimes);
+  for (const std::string& runtime : order.runtimes) {
+    if (has_path) append("PYTHONPATH", runtime);
+    // The libraries that it brings for its modules (server/runtime/README.md).
+    const std::string libraries = runtime + "/debian-lib";
+    if (access(libraries.c_str(), F_OK) == 0) append("LD_LIBRARY_PATH", libraries);
   }
-  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
-  if (!libraries.empty()) join("LD_LIBRARY_PATH", libraries);
   return environment;
 }
 
 // What the image sets, and policy.json over it.
 std::map<std::string, std::string> ImageEnvironment(const LeaseOrder& order) {
   // Programs that ask for the user's name find it here if the image does not know its number.
-  std::map<std::string, std::string> all = {{"USER", "policy"}, {"LOGNAME", "policy"}};
-  for (const auto& [name, value] : order.image->environment) all[name] = value;
-  for (const auto& [name, value] : order.environment) all[name] = value;
+  std::map<std::string, std::string> all = order.environment;
+  all.insert(order.image->environment.begin(), order.image->environment.end());
+  all.insert({{"USER", "policy"}, {"LOGNAME", "policy"}});
   return all;
 }
 

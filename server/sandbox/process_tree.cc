@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <optional>
 
 #include <absl/strings/str_cat.h>
@@ -49,18 +48,13 @@ std::optional<ProcessTimes> ReadStat(const std::string& path) {
   const size_t name_end = text->rfind(')');
   if (name_end == std::string::npos) return std::nullopt;
   ProcessTimes times;
-  long parent = 0;
-  long long user = 0, system = 0, children_user = 0, children_system = 0, threads = 0, start = 0;
+  int64_t user = 0, system = 0, children_user = 0, children_system = 0;
   if (std::sscanf(text->c_str() + name_end + 1,
-                  " %c %ld %*d %*d %*d %*d %*u %*u %*u %*u %*u %lld %lld %lld %lld %*d %*d %lld "
-                  "%*d %lld",
-                  &times.state, &parent, &user, &system, &children_user, &children_system,
-                  &threads, &start) != 8) {
+                  " %c %d %*d %*d %*d %*d %*u %*u %*u %*u %*u %ld %ld %ld %ld %*d %*d %ld %*d %ld",
+                  &times.state, &times.parent, &user, &system, &children_user, &children_system,
+                  &times.threads, &times.start) != 8) {
     return std::nullopt;
   }
-  times.parent = static_cast<pid_t>(parent);
-  times.start = start;
-  times.threads = threads;
   times.own_ticks = user + system;
   times.children_ticks = children_user + children_system;
   return times;

@@ -38,9 +38,6 @@ struct SandboxConfig {
   SimSandboxConfig sim;
 };
 
-// True if this host's architecture has a system call of that name.
-bool IsSystemCall(const std::string& name);
-
 // Reads policy.json and sim.json in `config_dir`/sandbox. An error names the file, the key and the
 // problem.
 absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir);
