@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/lease/policy_image.h"
+#include "server/artefact/artefact.h"
 #include "server/artefact/byte_stream.h"
 
 namespace myograde::server {
@@ -141,5 +142,16 @@ class ImageArchive {
   int file_ = -1;
   std::map<std::string, Member> members_;
 };
+
+// Makes the files of an image whose archive was read in the empty `folder`, and its policy.json, as
+// UnpackImage says (submission.h).
+absl::StatusOr<Artefact> MakeImage(const ImageArchive& archive, ImageContent content, int folder,
+                                   nlohmann::json manifest, const ArtefactLimits& limits);
+
+// All bytes that the image's layers and archive may yield, decompressed.
+int64_t StreamLimit(const ArtefactLimits& limits);
+
+// An InvalidArgumentError with `what` in front; any other status as it is.
+absl::Status About(absl::string_view what, const absl::Status& status);
 
 }  // namespace myograde::server
