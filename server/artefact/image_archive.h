@@ -92,7 +92,9 @@ class ImageArchive {
   // and what to do.
   absl::StatusOr<ImageContent> Read() const;
 
-  // A member that Read() named.
+  // The member that a name stands for, through links.
+  absl::StatusOr<std::string> Find(const std::string& name) const;
+  // A member that is there.
   MemberStream Open(const std::string& member) const {
     return MemberStream(file_, members_.at(member).position);
   }
@@ -104,41 +106,10 @@ class ImageArchive {
     int64_t size = 0;
     std::string link;  // "": a file
   };
-  struct Described {  // a content descriptor
-    std::string sha256;
-    int64_t size = 0;
-    std::string variant;  // of the platform's processor; "": the usual one
-  };
-
-  struct Candidates {  // what an index lists
-    std::map<std::string, Described> fitting;  // by digest
-    std::vector<std::string> others;           // platforms, quoted
-    absl::Status unusable;                     // why an entry that may fit can't be read
-  };
-
   bool IsOci() const { return members_.contains("oci-layout") && members_.contains("index.json"); }
   absl::Status Take(archive_entry* entry, int64_t position);
   // Whether two members have the same bytes.
   absl::StatusOr<bool> Equal(const Member& a, const Member& b) const;
-  // The member that a name stands for, through links.
-  absl::StatusOr<std::string> Find(const std::string& name) const;
-  absl::StatusOr<std::string> TextOf(const std::string& name) const;
-  absl::StatusOr<nlohmann::json> JsonOf(const std::string& name) const;
-  absl::StatusOr<nlohmann::json> BlobOf(const Described& described, const std::string& what) const;
-  absl::StatusOr<ImageContent> ReadDocker() const;
-  absl::StatusOr<ImageContent> ReadOci() const;
-  absl::StatusOr<ImageContent> ReadManifest(const Described& described) const;
-  // Whether a manifest is that of an image, and not of what builders add to one (signatures, bills of
-  // materials).
-  absl::StatusOr<bool> IsOfImage(const Described& described) const;
-  absl::StatusOr<Described> Descriptor(const nlohmann::json& json, const std::string& where) const;
-  // The descriptor of an index's entry, whose blob must be there.
-  absl::StatusOr<Described> Present(const nlohmann::json& entry) const;
-  absl::StatusOr<nlohmann::json> ConfigOf(const nlohmann::json& manifest) const;
-  // "SYSTEM/PROCESSOR" of an image by its config.
-  absl::StatusOr<std::string> PlatformOf(const Described& described) const;
-  absl::Status Collect(const nlohmann::json& index, int depth, Candidates& candidates) const;
-
   int file_ = -1;
   std::map<std::string, Member> members_;
 };

@@ -49,7 +49,8 @@ bool IsReplaced(const std::string& path) {
 class ImageTree {
  public:
   // `root`: an empty folder, which must outlive it.
-  ImageTree(int root, const ArtefactLimits& limits) : root_(root), limits_(limits), names_(limits) {}
+  ImageTree(int root, const ArtefactLimits& limits)
+      : root_(root), limits_(limits), names_(limits) {}
 
   // Adds a layer on top of those before.
   absl::Status AddLayer(StreamArchive& layer) {
@@ -68,8 +69,7 @@ class ImageTree {
   // a real one. After it nothing may be added.
   absl::Status Finish(std::string_view user, PolicyImage& image) {
     ++layer_;
-    const auto etc = nodes_.find("etc");
-    if (etc != nodes_.end() && etc->second.entry.type != EntryType::kFolder) {
+    if (nodes_.contains("etc") && !Has("etc", EntryType::kFolder)) {
       return BadEntry("/etc", "must be a folder, not a link or a file");
     }
     // The dynamic loader would load its libraries into the grader's programs too.
@@ -91,9 +91,8 @@ class ImageTree {
     // Without such a folder the sandbox's own HOME serves better, which can be written.
     const std::string& home = image.environment["HOME"];
     const absl::StatusOr<std::string> real = Real(home, /*last=*/true);
-    const auto folder = real.ok() ? nodes_.find(*real) : nodes_.end();
-    const bool root = real.ok() && real->empty();  // it has no node
-    const bool there = root || (folder != nodes_.end() && folder->second.entry.type == EntryType::kFolder);
+    // The root has no node.
+    const bool there = real.ok() && (real->empty() || Has(*real, EntryType::kFolder));
     if (!there || !home.starts_with('/')) image.environment.erase("HOME");
     return absl::OkStatus();
   }
@@ -150,10 +149,9 @@ class ImageTree {
   absl::Status Put(const std::string& path, StreamArchive& layer, archive_entry* entry) {
     const char* hard_link = archive_entry_hardlink(entry);
     const mode_t type = archive_entry_filetype(entry);
-    const auto known = nodes_.find(path);
     const bool folder = hard_link == nullptr && type == AE_IFDIR;
-    if (folder && known != nodes_.end() && known->second.entry.type == EntryType::kFolder) {
-      known->second.layer = layer_;
+    if (folder && Has(path, EntryType::kFolder)) {
+      nodes_.at(path).layer = layer_;
       return MakeFoldersOf(path);
     }
     if (hard_link != nullptr) return PutHardLink(path, hard_link);
@@ -167,6 +165,11 @@ class ImageTree {
     if (type == AE_IFREG) return PutFile(path, layer, entry);
     const char* target = archive_entry_symlink(entry);
     return PutLink(path, target == nullptr ? "" : target);
+  }
+
+  bool Has(const std::string& path, EntryType type) const {
+    const auto found = nodes_.find(path);
+    return found != nodes_.end() && found->second.entry.type == type;
   }
 
   absl::Status PutFile(const std::string& path, StreamArchive& layer,
@@ -185,16 +188,15 @@ class ImageTree {
     ASSIGN_OR_RETURN(const std::string real, Real(clean, /*last=*/false));
     if (real == path) return absl::OkStatus();
     RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
-    const auto found = nodes_.find(real);
-    if (found == nodes_.end() || found->second.entry.type == EntryType::kFolder) {
+    if (!nodes_.contains(real) || Has(real, EntryType::kFolder)) {
       return BadEntry(path, absl::StrCat("is a hard link to ", Quoted(target),
                                          ", which is no file of the image"));
     }
     RETURN_IF_ERROR(MakeFoldersOf(path));
-    const Entry original = found->second.entry;
+    const Entry original = nodes_.at(real).entry;
     if (original.type == EntryType::kLink) return PutLink(path, original.target);
-    // A copy: the file system's own links could be made to lead elsewhere, and need a further system
-    // call. Equal files share their place on the disk later (share_files.h).
+    // A copy: the file system's own links could be made to lead elsewhere, and need a further
+    // system call. Equal files share their place on the disk later (share_files.h).
     const Fd source = OpenBeneath(root_, real, O_RDONLY | O_NONBLOCK);
     if (!source.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(real)));
     FileStream bytes(source.get());
@@ -237,17 +239,15 @@ class ImageTree {
         continue;
       }
       const std::string next = Joined(at, name);
-      const auto found = nodes_.find(next);
-      const bool link = found != nodes_.end() && found->second.entry.type == EntryType::kLink;
-      if (!link || (names.empty() && !last)) {
-        if (found != nodes_.end() && found->second.entry.type == EntryType::kFile && !names.empty()) {
+      if (!Has(next, EntryType::kLink) || (names.empty() && !last)) {
+        if (Has(next, EntryType::kFile) && !names.empty()) {
           return BadEntry(path, absl::StrCat("lies below ", Quoted(next), ", which is no folder"));
         }
         at = next;
         continue;
       }
       if (++links > kMaxTreeLinks) return BadEntry(path, "leads through a loop of symbolic links");
-      const std::string& target = found->second.entry.target;
+      const std::string& target = nodes_.at(next).entry.target;
       if (target.starts_with('/')) at.clear();
       const std::vector<std::string> more = absl::StrSplit(target, '/');
       names.insert(names.begin(), more.begin(), more.end());
@@ -261,12 +261,8 @@ class ImageTree {
     for (size_t slash = path.find('/'); slash != std::string::npos;
          slash = path.find('/', slash + 1)) {
       const std::string above = path.substr(0, slash);
-      const auto found = nodes_.find(above);
-      if (found == nodes_.end()) {
-        RETURN_IF_ERROR(MakeFolder(above));
-      } else {
-        found->second.layer = layer_;
-      }
+      if (!nodes_.contains(above)) RETURN_IF_ERROR(MakeFolder(above));
+      nodes_.at(above).layer = layer_;
     }
     return absl::OkStatus();
   }
@@ -283,21 +279,16 @@ class ImageTree {
     return &node->second;
   }
 
-  std::vector<std::string> Below(const std::string& path) const {
-    std::vector<std::string> below;
-    // '0' follows '/'.
-    auto entry = path.empty() ? nodes_.begin() : nodes_.lower_bound(path + "/");
-    const auto end = path.empty() ? nodes_.end() : nodes_.lower_bound(path + "0");
-    for (; entry != end; ++entry) below.push_back(entry->first);
-    return below;
-  }
-
   // Removes what layers below this one have at or in `path`, or all of it.
   absl::Status Remove(const std::string& path, bool itself, bool of_this_layer) {
-    std::vector<std::string> chosen = Below(path);
-    if (itself && nodes_.contains(path)) chosen.insert(chosen.begin(), path);
-    // What is in a folder comes after it. A folder that this layer uses stays, and so do those above.
-    // (Without std::views, whose form in GCC 12's library clang 14 can't compile.)
+    std::vector<std::string> chosen;
+    if (itself && nodes_.contains(path)) chosen.push_back(path);
+    // '0' follows '/'.
+    auto below = path.empty() ? nodes_.begin() : nodes_.lower_bound(path + "/");
+    const auto end = path.empty() ? nodes_.end() : nodes_.lower_bound(path + "0");
+    for (; below != end; ++below) chosen.push_back(below->first);
+    // What is in a folder comes after it. A folder that this layer uses stays, and so do those
+    // above. (Without std::views, whose form in GCC 12's library clang 14 can't compile.)
     for (auto one = chosen.rbegin(); one != chosen.rend(); ++one) {
       if (!of_this_layer && nodes_.at(*one).layer == layer_) continue;
       RETURN_IF_ERROR(RemoveOne(*one));
@@ -307,8 +298,8 @@ class ImageTree {
 
   absl::Status RemoveOne(const std::string& path) {
     ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root_, path));
-    const bool is_folder = nodes_.at(path).entry.type == EntryType::kFolder;
-    if (::unlinkat(folder.get(), LastName(path).c_str(), is_folder ? AT_REMOVEDIR : 0) != 0) {
+    const int how = Has(path, EntryType::kFolder) ? AT_REMOVEDIR : 0;
+    if (::unlinkat(folder.get(), LastName(path).c_str(), how) != 0) {
       return HostError(absl::StrCat("can't remove ", Quoted(path)));
     }
     nodes_.erase(path);
@@ -318,9 +309,8 @@ class ImageTree {
   // The content of a file that may be missing; at most 1 MiB of it.
   absl::StatusOr<std::string> ReadText(const std::string& path) const {
     ASSIGN_OR_RETURN(const std::string real, Real(path, /*last=*/true));
-    const auto found = nodes_.find(real);
-    if (found == nodes_.end() || found->second.entry.type != EntryType::kFile) return std::string();
-    if (found->second.entry.size > kMaxUserFile) {
+    if (!Has(real, EntryType::kFile)) return std::string();
+    if (nodes_.at(real).entry.size > kMaxUserFile) {
       return BadEntry(path, absl::StrCat("has more than ", kMaxUserFile, " bytes"));
     }
     const Fd file = OpenBeneath(root_, real, O_RDONLY | O_NONBLOCK);
@@ -344,12 +334,12 @@ class ImageTree {
                                          "own; choose another WORKDIR");
     }
     // Engines make it if it is missing.
-    const auto found = nodes_.find(real);
-    if (found != nodes_.end() && found->second.entry.type != EntryType::kFolder) {
+    const bool there = nodes_.contains(real);
+    if (there && !Has(real, EntryType::kFolder)) {
       return BadEntry(image.working_dir, "is its working folder, but no folder");
     }
     RETURN_IF_ERROR(MakeFoldersOf(real));
-    return found == nodes_.end() ? MakeFolder(real) : absl::OkStatus();
+    return there ? absl::OkStatus() : MakeFolder(real);
   }
 
   const int root_;
@@ -363,8 +353,9 @@ class ImageTree {
 absl::Status CheckLayer(const CheckedStream& packed, const CheckedStream& tar,
                         const ImageLayer& layer) {
   if (layer.size >= 0 && packed.size() != layer.size) {
-    return absl::InvalidArgumentError(absl::StrCat("has ", packed.size(), " bytes where its archive "
-                                                   "states ", layer.size, "; save the image again"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "has ", packed.size(), " bytes where its archive states ", layer.size,
+        "; save the image again"));
   }
   if (!layer.sha256.empty() && packed.sha256() != layer.sha256) {
     return absl::InvalidArgumentError(
