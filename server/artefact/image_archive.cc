@@ -172,13 +172,14 @@ absl::Status Collect(const ImageArchive& archive, const Json& index, int depth,
     }
     ASSIGN_OR_RETURN(const bool image, IsOfImage(archive, *described));
     if (!image) continue;
-    ASSIGN_OR_RETURN(const std::string name,
-                     platform.is_object() ? PlatformName(platform) : PlatformOf(archive, *described));
-    if (name == kPlatform) {
-      candidates.fitting.emplace(described->sha256, *described);
-    } else {
-      other(name);
+    if (!platform.is_object()) {
+      ASSIGN_OR_RETURN(const std::string name, PlatformOf(archive, *described));
+      if (name != kPlatform) {
+        other(name);
+        continue;
+      }
     }
+    candidates.fitting.emplace(described->sha256, *described);
   }
   return absl::OkStatus();
 }

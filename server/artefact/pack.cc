@@ -41,7 +41,19 @@ constexpr char kManifestFile[] = "policy.json";
 // Writes a submission's entries as a tar: the same bytes for the same entries.
 class TarWriter {
  public:
-  explicit TarWriter(ByteSink sink);
+  explicit TarWriter(ByteSink sink)
+      : sink_(std::move(sink)), writer_(archive_write_new(), archive_write_free) {
+    archive_write_set_format_pax_restricted(writer_.get());
+    archive_write_add_filter_none(writer_.get());
+    archive_write_set_bytes_in_last_block(writer_.get(), 1);
+    const auto write = [](archive*, void* self, const void* data, size_t size) -> la_ssize_t {
+      auto& writer = *static_cast<TarWriter*>(self);
+      writer.status_ = writer.sink_({static_cast<const char*>(data), size});
+      return writer.status_.ok() ? static_cast<la_ssize_t>(size) : -1;
+    };
+    // What can't be opened fails at the first entry.
+    (void)archive_write_open(writer_.get(), this, nullptr, write, nullptr);
+  }
   // Its archive refers to it.
   TarWriter(const TarWriter&) = delete;
   TarWriter& operator=(const TarWriter&) = delete;
@@ -49,90 +61,68 @@ class TarWriter {
   // Begins an entry: without an owner, with the mode 0755 or 0644, and the time in whole seconds.
   // Of a file, entry.size bytes follow. Errors, of all four: the sink's; UnavailableError: another
   // one.
-  absl::Status Begin(const std::string& path, const Entry& entry);
-  absl::Status Write(std::string_view bytes);
+  absl::Status Begin(const std::string& path, const Entry& entry) {
+    const std::unique_ptr<archive_entry, void (*)(archive_entry*)> owner(archive_entry_new(),
+                                                                         archive_entry_free);
+    archive_entry* const header = owner.get();
+    archive_entry_set_pathname(header, path.c_str());
+    archive_entry_set_mtime(header, entry.time, 0);
+    archive_entry_set_uid(header, 0);
+    archive_entry_set_gid(header, 0);
+    const bool folder = entry.type == EntryType::kFolder;
+    const bool link = entry.type == EntryType::kLink;
+    archive_entry_set_perm(header, entry.executable || folder ? 0755 : 0644);
+    archive_entry_set_filetype(header, folder ? AE_IFDIR : link ? AE_IFLNK : AE_IFREG);
+    if (link) archive_entry_set_symlink(header, entry.target.c_str());
+    if (entry.type == EntryType::kFile) archive_entry_set_size(header, entry.size);
+    return archive_write_header(writer_.get(), header) == ARCHIVE_OK ? absl::OkStatus() : Failed();
+  }
+
+  absl::Status Write(std::string_view bytes) {
+    const la_ssize_t put = archive_write_data(writer_.get(), bytes.data(), bytes.size());
+    return put == static_cast<la_ssize_t>(bytes.size()) ? absl::OkStatus() : Failed();
+  }
+
   // Writes the content of a begun file `path` of `size` bytes from an open one, and tells `wrote`
   // of each piece. An error of FolderOf's kind if it can't be read, is no file or has another size.
   absl::Status Copy(int file, const std::string& path, int64_t size, FolderOf whose,
-                    const std::function<void(std::string_view piece)>& wrote);
-  absl::Status Close();
+                    const std::function<void(std::string_view piece)>& wrote) {
+    const auto changed = [&] {
+      const std::string what = absl::StrCat(Quoted(path), " changed while it was packed");
+      return whose == FolderOf::kParticipant
+                 ? absl::InvalidArgumentError(absl::StrCat(what, "; try again"))
+                 : absl::DataLossError(absl::StrCat("the submission's ", what));
+    };
+    struct stat info = {};
+    if (::fstat(file, &info) != 0) return Unreadable(path, whose);
+    if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
+    FileStream bytes(file);
+    for (int64_t left = size;;) {
+      const absl::StatusOr<std::string_view> piece = bytes.Next();
+      if (!piece.ok()) return Unreadable(path, whose);
+      left -= std::ssize(*piece);
+      if (left < 0 || (piece->empty() && left > 0)) return changed();
+      if (piece->empty()) return absl::OkStatus();
+      RETURN_IF_ERROR(Write(*piece));
+      wrote(*piece);
+    }
+  }
+
+  absl::Status Close() {
+    return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
+  }
 
  private:
-  absl::Status Failed() const;
+  absl::Status Failed() const {
+    if (!status_.ok()) return status_;
+    return absl::UnavailableError(
+        absl::StrCat("writing the archive failed: ", ArchiveReason(writer_.get())));
+  }
 
   const ByteSink sink_;
   absl::Status status_;
   std::unique_ptr<archive, int (*)(archive*)> writer_;
 };
-
-TarWriter::TarWriter(ByteSink sink)
-    : sink_(std::move(sink)), writer_(archive_write_new(), archive_write_free) {
-  archive_write_set_format_pax_restricted(writer_.get());
-  archive_write_add_filter_none(writer_.get());
-  archive_write_set_bytes_in_last_block(writer_.get(), 1);
-  const auto write = [](archive*, void* self, const void* data, size_t size) -> la_ssize_t {
-    auto& writer = *static_cast<TarWriter*>(self);
-    writer.status_ = writer.sink_({static_cast<const char*>(data), size});
-    return writer.status_.ok() ? static_cast<la_ssize_t>(size) : -1;
-  };
-  // What can't be opened fails at the first entry.
-  (void)archive_write_open(writer_.get(), this, nullptr, write, nullptr);
-}
-
-absl::Status TarWriter::Begin(const std::string& path, const Entry& entry) {
-  const std::unique_ptr<archive_entry, void (*)(archive_entry*)> owner(archive_entry_new(),
-                                                                       archive_entry_free);
-  archive_entry* const header = owner.get();
-  archive_entry_set_pathname(header, path.c_str());
-  archive_entry_set_mtime(header, entry.time, 0);
-  archive_entry_set_uid(header, 0);
-  archive_entry_set_gid(header, 0);
-  const bool folder = entry.type == EntryType::kFolder;
-  const bool link = entry.type == EntryType::kLink;
-  archive_entry_set_perm(header, entry.executable || folder ? 0755 : 0644);
-  archive_entry_set_filetype(header, folder ? AE_IFDIR : link ? AE_IFLNK : AE_IFREG);
-  if (link) archive_entry_set_symlink(header, entry.target.c_str());
-  if (entry.type == EntryType::kFile) archive_entry_set_size(header, entry.size);
-  return archive_write_header(writer_.get(), header) == ARCHIVE_OK ? absl::OkStatus() : Failed();
-}
-
-absl::Status TarWriter::Write(std::string_view bytes) {
-  const la_ssize_t put = archive_write_data(writer_.get(), bytes.data(), bytes.size());
-  return put == static_cast<la_ssize_t>(bytes.size()) ? absl::OkStatus() : Failed();
-}
-
-absl::Status TarWriter::Copy(int file, const std::string& path, int64_t size, FolderOf whose,
-                             const std::function<void(std::string_view piece)>& wrote) {
-  const auto changed = [&] {
-    const std::string what = absl::StrCat(Quoted(path), " changed while it was packed");
-    return whose == FolderOf::kParticipant
-               ? absl::InvalidArgumentError(absl::StrCat(what, "; try again"))
-               : absl::DataLossError(absl::StrCat("the submission's ", what));
-  };
-  struct stat info = {};
-  if (::fstat(file, &info) != 0) return Unreadable(path, whose);
-  if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
-  FileStream bytes(file);
-  for (int64_t left = size;;) {
-    const absl::StatusOr<std::string_view> piece = bytes.Next();
-    if (!piece.ok()) return Unreadable(path, whose);
-    left -= std::ssize(*piece);
-    if (left < 0 || (piece->empty() && left > 0)) return changed();
-    if (piece->empty()) return absl::OkStatus();
-    RETURN_IF_ERROR(Write(*piece));
-    wrote(*piece);
-  }
-}
-
-absl::Status TarWriter::Close() {
-  return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
-}
-
-absl::Status TarWriter::Failed() const {
-  if (!status_.ok()) return status_;
-  return absl::UnavailableError(
-      absl::StrCat("writing the archive failed: ", ArchiveReason(writer_.get())));
-}
 
 // What PackArtefact was asked for.
 struct Packing {

@@ -3,10 +3,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -27,10 +27,10 @@
 namespace myograde::server {
 namespace {
 
-constexpr std::pair<mode_t, const char*> kForbiddenKinds[] = {{AE_IFBLK, "a device node"},
-                                                              {AE_IFCHR, "a device node"},
-                                                              {AE_IFIFO, "a named pipe"},
-                                                              {AE_IFSOCK, "a socket"}};
+const std::map<mode_t, std::string> kForbiddenKinds = {{AE_IFBLK, "a device node"},
+                                                       {AE_IFCHR, "a device node"},
+                                                       {AE_IFIFO, "a named pipe"},
+                                                       {AE_IFSOCK, "a socket"}};
 
 // What no entry of a submission may be, and what to do about it; "": it is nothing of this.
 std::string Forbidden(archive_entry* entry) {
@@ -47,16 +47,20 @@ std::string Forbidden(archive_entry* entry) {
   }
   const mode_t type = archive_entry_filetype(entry);
   if (type == AE_IFDIR || type == AE_IFREG || type == AE_IFLNK) return "";
-  const auto kind = std::ranges::find(kForbiddenKinds, type, &std::pair<mode_t, const char*>::first);
-  return absl::StrCat("is ", kind == std::end(kForbiddenKinds) ? "of an unknown kind" : kind->second,
+  const auto kind = kForbiddenKinds.find(type);
+  return absl::StrCat("is ", kind == kForbiddenKinds.end() ? "of an unknown kind" : kind->second,
                       "; only files, folders and symbolic links are allowed");
 }
+
+constexpr char kBroken[] =
+    "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, "
+    "zip)";
 
 // Makes the files of an archive's entries, which a participant chose, in a folder.
 class Unpacker {
  public:
-  // Into the empty folder `root`. `whose`: whose archive it is, which is open. `read` is called after
-  // each block.
+  // Into the empty folder `root`. `whose`: whose archive it is, which is open. `read` is called
+  // after each block.
   Unpacker(StreamArchive& archive, int root, const ArtefactLimits& limits, FolderOf whose,
            std::function<void()> read)
       : archive_(archive),
@@ -69,14 +73,86 @@ class Unpacker {
   // Unpacks all entries. InvalidArgumentError: the archive is broken, or breaks a rule of
   // submissions; one of the daemon's is not judged by those that no path depends on. Other codes: a
   // problem of this host.
-  absl::Status UnpackAll();
+  absl::Status UnpackAll() {
+    for (;;) {
+      archive_entry* entry = nullptr;
+      ASSIGN_OR_RETURN(const bool found, archive_.NextEntry(&entry, kBroken));
+      if (!found) return absl::OkStatus();
+      RETURN_IF_ERROR(Take(entry));
+    }
+  }
 
   const Listing& listing() const { return listing_; }
 
  private:
-  absl::Status Take(archive_entry* entry);
-  absl::Status TakeFile(const std::string& path, archive_entry* entry);
-  absl::Status MakeFoldersOf(const std::string& path);
+  absl::Status Take(archive_entry* entry) {
+    // The top folder may be named any number of times without being listed.
+    if (++headers_ > limits_.files + 1) return listing_.TooManyEntries(std::string_view("./"));
+    const char* raw = archive_entry_pathname(entry);
+    if (raw == nullptr) {
+      return absl::InvalidArgumentError("an entry of the archive has no name that is UTF-8");
+    }
+    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
+    if (const std::string what = Forbidden(entry); !what.empty()) {
+      return absl::InvalidArgumentError(absl::StrCat("the entry ", Quoted(path), " ", what));
+    }
+    const mode_t type = archive_entry_filetype(entry);
+    if (path.empty()) {
+      return type == AE_IFDIR ? absl::OkStatus()
+                              : absl::InvalidArgumentError("the archive's top is not a folder");
+    }
+    if (type == AE_IFREG) return TakeFile(path, entry);
+    if (type == AE_IFDIR) {
+      RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
+      return MakeFoldersOf(path + "/");
+    }
+    const char* text = archive_entry_symlink(entry);
+    const std::string target = text == nullptr ? "" : text;
+    // An image's links lead where they like.
+    RETURN_IF_ERROR(submitted_ ? CheckLinkTarget(path, target) : CheckLinkText(path, target));
+    ASSIGN_OR_RETURN(Entry* const link, listing_.Add(path, EntryType::kLink));
+    link->target = target;
+    RETURN_IF_ERROR(MakeFoldersOf(path));
+    return MakeLinkBeneath(root_, path, target);
+  }
+
+  absl::Status TakeFile(const std::string& path, archive_entry* entry) {
+    ASSIGN_OR_RETURN(Entry* const file, listing_.Add(path, EntryType::kFile));
+    file->executable = (archive_entry_perm(entry) & 0111) != 0;
+    // Python uses a compiled module only if its source still has the time recorded in it.
+    file->time = KeptTime(archive_entry_mtime(entry));
+    // A claimed size proves nothing, but one above the limit can be rejected at once.
+    if (archive_entry_size_is_set(entry) != 0) {
+      RETURN_IF_ERROR(listing_.CheckRoom(path, archive_entry_size(entry)));
+    }
+    RETURN_IF_ERROR(MakeFoldersOf(path));
+    const std::string broken = absl::StrCat("the archive is broken in the entry ", Quoted(path));
+    return MakeFileBeneath(root_, path, *file, [&]() -> absl::StatusOr<std::string_view> {
+      if (file->size > 0) read_();
+      // Count the bytes as they come: the size in a header proves nothing. The holes of sparse
+      // files arrive here as zeros and count too.
+      ASSIGN_OR_RETURN(const std::string_view piece, archive_.NextData(broken));
+      RETURN_IF_ERROR(listing_.AddBytes(path, std::ssize(piece)));
+      if (submitted_ && file->size == 0 &&
+          piece.starts_with("version https://git-lfs.github.com/spec/")) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            "the file ", Quoted(path),
+            " is a pointer of Git LFS in place of its content; get that with \"git lfs pull\" "
+            "before you pack, or leave the file out"));
+      }
+      return piece;
+    });
+  }
+
+  // Makes the folders above `path` that are missing.
+  absl::Status MakeFoldersOf(const std::string& path) {
+    for (size_t slash = path.find('/'); slash != std::string::npos;
+         slash = path.find('/', slash + 1)) {
+      const std::string folder = path.substr(0, slash);
+      if (made_.insert(folder).second) RETURN_IF_ERROR(MakeFolderBeneath(root_, folder));
+    }
+    return absl::OkStatus();
+  }
 
   StreamArchive& archive_;
   const int root_;
@@ -87,86 +163,6 @@ class Unpacker {
   int64_t headers_ = 0;
   std::set<std::string> made_;  // folders
 };
-
-absl::Status Unpacker::UnpackAll() {
-  for (;;) {
-    archive_entry* entry = nullptr;
-    ASSIGN_OR_RETURN(const bool found,
-                     archive_.NextEntry(&entry, "the archive is broken or of a kind that is not "
-                                                "accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, zip)"));
-    if (!found) return absl::OkStatus();
-    RETURN_IF_ERROR(Take(entry));
-  }
-}
-
-absl::Status Unpacker::Take(archive_entry* entry) {
-  // The top folder may be named any number of times without being listed.
-  if (++headers_ > limits_.files + 1) return listing_.TooManyEntries(std::string_view("./"));
-  const char* raw = archive_entry_pathname(entry);
-  if (raw == nullptr) {
-    return absl::InvalidArgumentError("an entry of the archive has no name that is UTF-8");
-  }
-  ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
-  if (const std::string what = Forbidden(entry); !what.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("the entry ", Quoted(path), " ", what));
-  }
-  const mode_t type = archive_entry_filetype(entry);
-  if (path.empty()) {
-    return type == AE_IFDIR ? absl::OkStatus()
-                            : absl::InvalidArgumentError("the archive's top is not a folder");
-  }
-  if (type == AE_IFREG) return TakeFile(path, entry);
-  if (type == AE_IFDIR) {
-    RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
-    return MakeFoldersOf(path + "/");
-  }
-  const char* text = archive_entry_symlink(entry);
-  const std::string target = text == nullptr ? "" : text;
-  // An image's links lead where they like.
-  RETURN_IF_ERROR(submitted_ ? CheckLinkTarget(path, target) : CheckLinkText(path, target));
-  ASSIGN_OR_RETURN(Entry* const link, listing_.Add(path, EntryType::kLink));
-  link->target = target;
-  RETURN_IF_ERROR(MakeFoldersOf(path));
-  return MakeLinkBeneath(root_, path, target);
-}
-
-// Makes the folders above `path` that are missing.
-absl::Status Unpacker::MakeFoldersOf(const std::string& path) {
-  for (size_t slash = path.find('/'); slash != std::string::npos;
-       slash = path.find('/', slash + 1)) {
-    const std::string folder = path.substr(0, slash);
-    if (made_.insert(folder).second) RETURN_IF_ERROR(MakeFolderBeneath(root_, folder));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
-  ASSIGN_OR_RETURN(Entry* const file, listing_.Add(path, EntryType::kFile));
-  file->executable = (archive_entry_perm(entry) & 0111) != 0;
-  // Python uses a compiled module only if its source still has the time recorded in it.
-  file->time = KeptTime(archive_entry_mtime(entry));
-  // A claimed size proves nothing, but one above the limit can be rejected at once.
-  if (archive_entry_size_is_set(entry) != 0) {
-    RETURN_IF_ERROR(listing_.CheckRoom(path, archive_entry_size(entry)));
-  }
-  RETURN_IF_ERROR(MakeFoldersOf(path));
-  const std::string broken = absl::StrCat("the archive is broken in the entry ", Quoted(path));
-  return MakeFileBeneath(root_, path, *file, [&]() -> absl::StatusOr<std::string_view> {
-    if (file->size > 0) read_();
-    // Count the bytes as they come: the size in a header proves nothing. The holes of sparse files
-    // arrive here as zeros and count too.
-    ASSIGN_OR_RETURN(const std::string_view piece, archive_.NextData(broken));
-    RETURN_IF_ERROR(listing_.AddBytes(path, std::ssize(piece)));
-    if (submitted_ && file->size == 0 &&
-        piece.starts_with("version https://git-lfs.github.com/spec/")) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "the file ", Quoted(path),
-          " is a pointer of Git LFS in place of its content; get that with \"git lfs pull\" before "
-          "you pack, or leave the file out"));
-    }
-    return piece;
-  });
-}
 
 // Archives from Windows have no modes, or have them for .bat and the like. Where no program can be executed
 // and the submission needs one that can, its programs and scripts become executable.
