@@ -38,10 +38,6 @@ bool IsIndex(const std::string& media_type) {
 
 std::string BlobName(const std::string& sha256) { return "blobs/sha256/" + sha256; }
 
-std::string PlatformName(const Json& platform) {
-  return absl::StrCat(TextAt(platform, "os"), "/", TextAt(platform, "architecture"));
-}
-
 // Whether a member in a folder may belong to an image.
 bool MayBeMember(const std::string& name) {
   return name.starts_with("blobs/") || IsHexDigest(name) || name.find(".tar") != std::string::npos ||
@@ -258,6 +254,10 @@ absl::StatusOr<ImageContent> ReadDocker(const ImageArchive& archive) {
 }
 
 }  // namespace
+
+std::string PlatformName(const Json& json) {
+  return absl::StrCat(TextAt(json, "os"), "/", TextAt(json, "architecture"));
+}
 
 std::string PlainMemberName(const std::string& name) {
   std::string plain = std::filesystem::path("/" + name).lexically_normal().string().substr(1);

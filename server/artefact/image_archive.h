@@ -28,6 +28,9 @@ struct ImageConfig {
 // rule.
 absl::StatusOr<ImageConfig> ReadImageConfig(const nlohmann::json& json);
 
+// "SYSTEM/PROCESSOR" of a platform, or of an image's config.
+std::string PlatformName(const nlohmann::json& json);
+
 // Values of an object; harmless ones if `json` is no object or the value has another type.
 std::string TextAt(const nlohmann::json& json, std::string_view key);
 const nlohmann::json& At(const nlohmann::json& json, std::string_view key);

@@ -123,11 +123,9 @@ absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view whe
 }
 
 absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
-  const std::string system = TextAt(json, "os");
-  const std::string processor = TextAt(json, "architecture");
-  if (system != "linux" || processor != "amd64") {
+  if (PlatformName(json) != "linux/amd64") {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the image is for ", Quoted(system + "/" + processor),
+        "the image is for ", Quoted(PlatformName(json)),
         ", and the server runs linux/amd64; build it with --platform linux/amd64"));
   }
   ImageConfig read;

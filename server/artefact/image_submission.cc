@@ -10,11 +10,9 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/image_archive.h"
 #include "server/artefact/listing.h"

@@ -45,13 +45,12 @@ constexpr const char* kPrefixes[] = {
     "PYTHON",  "PYTORCH_", "TF_",    "TORCH_",   "XLA_"};
 
 bool MayBeSet(std::string_view name) {
+  if (name.empty() || name.size() > kMaxVariableNameBytes ||
+      name.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") != std::string_view::npos) {
+    return false;
+  }
   return std::ranges::any_of(kNames, [&](const char* known) { return name == known; }) ||
          std::ranges::any_of(kPrefixes, [&](const char* prefix) { return name.starts_with(prefix); });
-}
-
-bool IsName(std::string_view name) {
-  return !name.empty() && name.size() <= kMaxVariableNameBytes &&
-         name.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string_view::npos;
 }
 
 std::string Known() {
@@ -203,7 +202,7 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
   std::map<std::string, std::string> variables = reader.StringsByName("env");
   size_t bytes = 0;
   for (const auto& [name, value] : variables) {
-    if (!IsName(name) || !MayBeSet(name)) {
+    if (!MayBeSet(name)) {
       reader.Fail("env", absl::StrCat("sets ", Quoted(name), ", which it may not; it may set ",
                                       Known(), " (POLICY_* for names of your own)"));
     }

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -27,11 +26,6 @@
 namespace myograde::server {
 namespace {
 
-const std::map<mode_t, std::string> kForbiddenKinds = {{AE_IFBLK, "a device node"},
-                                                       {AE_IFCHR, "a device node"},
-                                                       {AE_IFIFO, "a named pipe"},
-                                                       {AE_IFSOCK, "a socket"}};
-
 // What no entry of a submission may be, and what to do about it; "": it is nothing of this.
 std::string Forbidden(archive_entry* entry) {
   const mode_t mode = archive_entry_perm(entry);
@@ -47,9 +41,11 @@ std::string Forbidden(archive_entry* entry) {
   }
   const mode_t type = archive_entry_filetype(entry);
   if (type == AE_IFDIR || type == AE_IFREG || type == AE_IFLNK) return "";
-  const auto kind = kForbiddenKinds.find(type);
-  return absl::StrCat("is ", kind == kForbiddenKinds.end() ? "of an unknown kind" : kind->second,
-                      "; only files, folders and symbolic links are allowed");
+  const std::string kind = type == AE_IFBLK || type == AE_IFCHR ? "a device node"
+                           : type == AE_IFIFO                   ? "a named pipe"
+                           : type == AE_IFSOCK                  ? "a socket"
+                                                                : "of an unknown kind";
+  return absl::StrCat("is ", kind, "; only files, folders and symbolic links are allowed");
 }
 
 constexpr char kBroken[] =

@@ -32,7 +32,6 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
-#include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
 #include "protocol/bridge/bus.h"
 #include "protocol/policy/channels.h"
@@ -95,7 +94,7 @@ std::string Mitigations() {
   std::error_code error;
   const char folder[] = "/sys/devices/system/cpu/vulnerabilities";
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const std::string state = ReadFile(entry.path().string()).value_or("");
+    const std::string state = ReadKernelFile(entry.path().string());
     // The mitigations that cost at each entry into the kernel or each process switch.
     for (const char* known : {"Safe RET", "Retpolines", "PTI", "IBRS", "IBPB", "untrained return",
                               "Clear CPU buffers", "prctl and seccomp"}) {

@@ -51,11 +51,6 @@ void AddHostFiles(const EtcFiles& etc, SandboxSpec& spec) {
   for (const std::string& path : SystemPlaces()) add(Kind::kReadOnly, path, path);
 }
 
-void AddKernelFiles(SandboxSpec& spec) {
-  spec.mounts.push_back({Kind::kProc, "", "/proc"});
-  spec.mounts.push_back({Kind::kDev, "", "/dev"});
-}
-
 // Identifies the sandbox' processes to the daemon; see slot_processes.h.
 void AddMark(const LeaseOrder& order, const Stage& stage, SandboxSpec& spec) {
   if (order.slot_mark.empty()) return;
@@ -96,8 +91,7 @@ LeaseOrder OrderThatSays(const LeaseOrder& order, absl::string_view why) {
 constexpr char kPython[] = "/usr/bin/python3";
 
 // What a submission sets comes before what its runtimes need.
-std::map<std::string, std::string> FolderEnvironment(const LeaseOrder& order) {
-  std::map<std::string, std::string> environment = order.environment;
+void AddRuntimes(const LeaseOrder& order, std::map<std::string, std::string>& environment) {
   const bool has_path = environment.contains("PYTHONPATH");
   const auto append = [&](const char* name, const std::string& folder) {
     std::string& value = environment[name];
@@ -109,25 +103,20 @@ std::map<std::string, std::string> FolderEnvironment(const LeaseOrder& order) {
     const std::string libraries = runtime + "/debian-lib";
     if (access(libraries.c_str(), F_OK) == 0) append("LD_LIBRARY_PATH", libraries);
   }
-  return environment;
-}
-
-// What the image sets, and policy.json over it.
-std::map<std::string, std::string> ImageEnvironment(const LeaseOrder& order) {
-  // Programs that ask for the user's name find it here if the image does not know its number.
-  std::map<std::string, std::string> all = order.environment;
-  all.insert(order.image->environment.begin(), order.image->environment.end());
-  all.insert({{"USER", "policy"}, {"LOGNAME", "policy"}});
-  return all;
 }
 
 // The variables of the policy's program that are not every policy's, as "NAME=value".
 std::vector<std::string> PolicyEnvironment(const LeaseOrder& order) {
-  std::vector<std::string> variables;
-  for (const auto& [name, value] :
-       order.image.has_value() ? ImageEnvironment(order) : FolderEnvironment(order)) {
-    variables.push_back(absl::StrCat(name, "=", value));
+  std::map<std::string, std::string> all = order.environment;
+  if (order.image.has_value()) {
+    all.insert(order.image->environment.begin(), order.image->environment.end());
+    // Programs that ask for the user's name find it here if the image does not know its number.
+    all.insert({{"USER", "policy"}, {"LOGNAME", "policy"}});
+  } else {
+    AddRuntimes(order, all);
   }
+  std::vector<std::string> variables;
+  for (const auto& [name, value] : all) variables.push_back(absl::StrCat(name, "=", value));
   return variables;
 }
 
@@ -311,7 +300,7 @@ absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
   } else {
     AddHostFiles(etc, spec);
   }
-  AddKernelFiles(spec);
+  spec.mounts.insert(spec.mounts.end(), {{Kind::kProc, "", "/proc"}, {Kind::kDev, "", "/dev"}});
   for (const auto& [name, path] : stage.devices()) {
     spec.mounts.push_back({Kind::kDevice, path, "/dev/" + name});
   }
@@ -386,7 +375,7 @@ SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& conf
                            const std::string& bin_dir, const Stage& stage, const EtcFiles& etc) {
   SandboxSpec spec;
   AddHostFiles(etc, spec);
-  AddKernelFiles(spec);
+  spec.mounts.insert(spec.mounts.end(), {{Kind::kProc, "", "/proc"}, {Kind::kDev, "", "/dev"}});
   const std::string sim = absl::StrCat(kPrograms, "/myograde-sim");
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-sim", sim});
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.cache_dir), order.cache_dir});

@@ -59,9 +59,6 @@ class SlotProcesses {
   std::map<int, std::string> Find(int first, int count) const;
 
  private:
-  std::map<int, std::string> FindUsers(int first, int count) const;
-  std::map<int, std::string> FindMarks(int first, int count) const;
-
   const int64_t uid_base_;
   const std::string folder_;
 };
