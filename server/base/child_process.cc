@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <sched.h>
-#include <signal.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/wait.h>
@@ -127,18 +126,6 @@ bool ChildProcess::Look() {
   return wait_status_.has_value();
 }
 
-void ChildProcess::Signal(int signal) const {
-  if (!wait_status_.has_value()) ::kill(pid_, signal);
-}
-
-void ChildProcess::KillNow() const {
-  if (pid_ > 0 && !wait_status_.has_value()) ::kill(-pid_, SIGKILL);
-}
-
-bool ChildProcess::succeeded() const {
-  return WIFEXITED(*wait_status_) && WEXITSTATUS(*wait_status_) == 0;
-}
-
 std::string ChildProcess::Failure() const {
   const std::string said = LastLineOf(said_.tail());
   if (WIFSIGNALED(*wait_status_)) {
@@ -164,8 +151,6 @@ std::string ProgramEnd::HowItEnded() const {
   return exit_status > 128 ? absl::StrCat("was killed by signal ", exit_status - 128)
                            : absl::StrCat("exited with status ", exit_status);
 }
-
-std::string ProgramEnd::LastError() const { return LastLineOf(errors); }
 
 std::string WhyItFailed(const absl::StatusOr<ProgramEnd>& end) {
   if (!end.ok()) return std::string(end.status().message());

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <map>
 #include <system_error>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -132,9 +130,6 @@ absl::StatusOr<Runtime> ReadRuntime(const std::string& folder) {
   if (!status.ok()) return absl::InvalidArgumentError(status.message());
   return runtime;
 }
-
-Runtimes::Runtimes(std::map<std::string, std::string> configured, std::string dir)
-    : configured_(std::move(configured)), dir_(std::move(dir)) {}
 
 std::vector<Runtime> Runtimes::List() const {
   std::vector<Runtime> all;

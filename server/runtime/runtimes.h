@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -50,7 +51,8 @@ class Runtimes {
  public:
   // `configured`: folders by name (`runtimes` of server.json), which hide those in `dir` of the same
   // name. `dir`: the runtimes' folder (`runtimes_dir`); "": there is none.
-  Runtimes(std::map<std::string, std::string> configured, std::string dir);
+  Runtimes(std::map<std::string, std::string> configured, std::string dir)
+      : configured_(std::move(configured)), dir_(std::move(dir)) {}
 
   // Sorted by name. What can't be read is left out.
   std::vector<Runtime> List() const;

@@ -45,9 +45,7 @@ void AddHostFiles(const EtcFiles& etc, SandboxSpec& spec) {
   for (const std::string& link : SystemLinks()) {
     add(Kind::kSymlink, absl::StrCat("usr/", link), absl::StrCat("/", link));
   }
-  add(Kind::kReadOnly, etc.passwd, "/etc/passwd");
-  add(Kind::kReadOnly, etc.group, "/etc/group");
-  add(Kind::kReadOnly, etc.hosts, "/etc/hosts");
+  spec.mounts.insert(spec.mounts.end(), etc.etc.begin(), etc.etc.end());
   for (const std::string& path : SystemPlaces()) add(Kind::kReadOnly, path, path);
 }
 
@@ -230,10 +228,12 @@ std::vector<std::string> SystemLinks() {
 
 absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& stage) {
   EtcFiles files;
-  ASSIGN_OR_RETURN(files.passwd, stage.AddFile("passwd",
-      "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"));
-  ASSIGN_OR_RETURN(files.group, stage.AddFile("group", "root:x:0:\npolicy:x:1000:\n"));
-  ASSIGN_OR_RETURN(files.hosts, stage.AddFile("hosts", kImageHosts));
+  for (const auto& [name, text] :
+       {std::pair("passwd", "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"),
+        std::pair("group", "root:x:0:\npolicy:x:1000:\n"), std::pair("hosts", kImageHosts)}) {
+    ASSIGN_OR_RETURN(const std::string path, stage.AddFile(name, text));
+    files.etc.push_back({Kind::kReadOnly, path, absl::StrCat("/etc/", name)});
+  }
   ASSIGN_OR_RETURN(files.kernel, StageKernelFiles(stage, order.track.budgets.memory_bytes));
   return files;
 }

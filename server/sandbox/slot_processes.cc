@@ -183,9 +183,6 @@ std::map<int, std::string> FindMarks(const std::string& folder, int first, int c
 
 }  // namespace
 
-SlotProcesses::SlotProcesses(int64_t uid_base, std::string folder)
-    : uid_base_(uid_base), folder_(std::move(folder)) {}
-
 absl::Status SlotProcesses::Claim(LeaseOrder& order) const {
   if (uid_base_ >= 0) {
     order.uid = uid_base_ + order.slot;
