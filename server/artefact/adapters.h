@@ -2,31 +2,44 @@
 // were written for another protocol than LCM's. The programs themselves are in policies/adapters.
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include <absl/status/status.h>
+#include <absl/strings/str_cat.h>
 
-namespace myograde {
-struct TrackKind;
-}  // namespace myograde
+#include "protocol/tracks/track_kind.h"
 
 namespace myograde::server {
 
 struct Adapter {
-  std::string_view name;         // in policy.json, and of its folder
-  std::string_view runtime;      // the server's runtime that it needs
+  const char* name;  // in policy.json, of its folder, and of the server's runtime that it needs
   bool TrackKind::*plays_track;  // of the kinds of track that it can play
 };
 
-// nullptr: there is none of that name. The result is never freed.
-const Adapter* FindAdapter(std::string_view name);
+inline constexpr Adapter kAdapters[] = {{"template-2024", &TrackKind::in_template_2024}};
 
-// The names of all of them.
-std::vector<std::string> AdapterNames();
+// nullptr: there is none of that name. The result is never freed.
+inline const Adapter* FindAdapter(std::string_view name) {
+  const auto found = std::ranges::find(kAdapters, name, &Adapter::name);
+  return found == std::end(kAdapters) ? nullptr : found;
+}
+
+inline std::vector<std::string> AdapterNames() {
+  std::vector<std::string> names;
+  for (const Adapter& adapter : kAdapters) names.emplace_back(adapter.name);
+  return names;
+}
 
 // InvalidArgumentError if the adapter of a policy.json can't play a kind of track. OK for "".
-absl::Status CheckAdapter(std::string_view name, const TrackKind& kind);
+inline absl::Status CheckAdapter(std::string_view name, const TrackKind& kind) {
+  const Adapter* adapter = FindAdapter(name);
+  if (adapter == nullptr || kind.*(adapter->plays_track)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "policy.json: \"adapter\" is \"", adapter->name, "\", which can't play tracks of the kind \"",
+      std::string(kind.name), "\"; submit to another track, or leave it out and speak LCM"));
+}
 
 }  // namespace myograde::server

@@ -26,8 +26,6 @@ struct CloseFolder {
   void operator()(DIR* folder) const { ::closedir(folder); }
 };
 
-const char* BaseNameOf(const std::string& path) { return path.c_str() + path.rfind('/') + 1; }
-
 // The same, one path component at a time, for kernels and container hosts without openat2.
 Fd OpenByNames(int root, const std::string& path, int flags, mode_t mode) {
   Fd folder;
@@ -48,9 +46,6 @@ Fd OpenByNames(int root, const std::string& path, int flags, mode_t mode) {
   }
 }
 
-// Lists what is below `folder`, which is "" for the top.
-absl::Status ListBelow(int root, const std::string& folder, FolderOf whose, Listing& listing);
-
 // Lists one entry, and what is below it.
 absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Listing& listing) {
   const bool submitted = whose == FolderOf::kParticipant;
@@ -60,7 +55,7 @@ absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Li
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(path, whose);
   if (S_ISDIR(info.st_mode)) {
     RETURN_IF_ERROR(listing.Add(path, EntryType::kFolder).status());
-    return ListBelow(root, path, whose, listing);
+    return ListFolder(root, whose, listing, path);
   }
   if (S_ISLNK(info.st_mode)) {
     const std::string target = TargetOf(fd.get());
@@ -84,16 +79,6 @@ absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Li
   entry->time = KeptTime(info.st_mtim.tv_sec);
   entry->executable = (info.st_mode & 0111) != 0;
   return listing.AddBytes(path, info.st_size);
-}
-
-absl::Status ListBelow(int root, const std::string& folder, FolderOf whose, Listing& listing) {
-  const Fd fd = OpenBeneath(root, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
-  const auto names = fd.valid() ? NamesIn(fd.get()) : std::nullopt;
-  if (!names.has_value()) return Unreadable(folder.empty() ? "the folder" : folder, whose);
-  for (const std::string& name : *names) {
-    RETURN_IF_ERROR(ListEntry(root, folder.empty() ? name : folder + "/" + name, whose, listing));
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace
@@ -122,11 +107,21 @@ Fd OpenBeneath(int root, const std::string& path, int flags, mode_t mode) {
 }
 
 absl::StatusOr<Fd> OpenFolderOf(int root, const std::string& path) {
-  const size_t slash = path.rfind('/');
-  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash);
+  const std::string folder = path.find('/') == std::string::npos ? "." : FolderName(path);
   Fd opened = OpenBeneath(root, folder, O_PATH | O_DIRECTORY);
   if (!opened.valid()) return HostError(absl::StrCat("can't open the folder ", Quoted(folder)));
   return opened;
+}
+
+std::string FolderName(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  return slash == std::string::npos ? "" : path.substr(0, slash);
+}
+
+std::string LastName(const std::string& path) { return path.substr(path.rfind('/') + 1); }
+
+std::string Joined(const std::string& folder, const std::string& name) {
+  return folder.empty() ? name : folder + "/" + name;
 }
 
 std::optional<std::vector<std::string>> NamesIn(int folder) {
@@ -155,8 +150,9 @@ std::string TargetOf(int link) {
 
 absl::Status MakeFolderBeneath(int root, const std::string& path) {
   ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root, path));
-  const char* name = BaseNameOf(path);
-  if (::mkdirat(folder.get(), name, 0755) != 0 || ::fchmodat(folder.get(), name, 0755, 0) != 0) {
+  const std::string name = LastName(path);
+  if (::mkdirat(folder.get(), name.c_str(), 0755) != 0 ||
+      ::fchmodat(folder.get(), name.c_str(), 0755, 0) != 0) {
     return HostError(absl::StrCat("can't make the folder ", Quoted(path)));
   }
   return absl::OkStatus();
@@ -164,14 +160,16 @@ absl::Status MakeFolderBeneath(int root, const std::string& path) {
 
 absl::Status MakeLinkBeneath(int root, const std::string& path, const std::string& target) {
   ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root, path));
-  if (::symlinkat(target.c_str(), folder.get(), BaseNameOf(path)) == 0) return absl::OkStatus();
+  if (::symlinkat(target.c_str(), folder.get(), LastName(path).c_str()) == 0) {
+    return absl::OkStatus();
+  }
   return HostError(absl::StrCat("can't make the link ", Quoted(path)));
 }
 
 absl::Status MakeFileBeneath(int root, const std::string& path, Entry& entry,
                              const std::function<absl::StatusOr<std::string_view>()>& next) {
   ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root, path));
-  const Fd file(::openat(folder.get(), BaseNameOf(path),
+  const Fd file(::openat(folder.get(), LastName(path).c_str(),
                          O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
   Sha256 hash;
@@ -194,8 +192,14 @@ absl::Status MakeFileBeneath(int root, const std::string& path, Entry& entry,
   return absl::OkStatus();
 }
 
-absl::Status ListFolder(int root, FolderOf whose, Listing& listing) {
-  return ListBelow(root, "", whose, listing);
+absl::Status ListFolder(int root, FolderOf whose, Listing& listing, const std::string& folder) {
+  const Fd fd = OpenBeneath(root, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+  const auto names = fd.valid() ? NamesIn(fd.get()) : std::nullopt;
+  if (!names.has_value()) return Unreadable(folder.empty() ? "the folder" : folder, whose);
+  for (const std::string& name : *names) {
+    RETURN_IF_ERROR(ListEntry(root, Joined(folder, name), whose, listing));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status Unreadable(const std::string& path, FolderOf whose) {

@@ -31,6 +31,11 @@ Fd OpenBeneath(int root, const std::string& path, int flags, mode_t mode = 0);
 // The same for the folder that holds `path`, with O_PATH; an error of HostError.
 absl::StatusOr<Fd> OpenFolderOf(int root, const std::string& path);
 
+// The parts of a path, "" for the top folder, and a name in a folder.
+std::string FolderName(const std::string& path);
+std::string LastName(const std::string& path);
+std::string Joined(const std::string& folder, const std::string& name);
+
 // The names in a folder, sorted, without "." and ".."; nullopt: errno says why it can't be read.
 std::optional<std::vector<std::string>> NamesIn(int folder);
 
@@ -58,9 +63,9 @@ enum class FolderOf {
 inline constexpr ArtefactLimits kNoLimits = {
     .bytes = int64_t{1} << 60, .files = int64_t{1} << 40, .depth = 200, .name_bytes = NAME_MAX};
 
-// Adds the entries below `root`, a descriptor, to `listing`; of files, all but the SHA-256. The
-// listing's limit bounds the depth.
-absl::Status ListFolder(int root, FolderOf whose, Listing& listing);
+// Adds the entries below `folder` of `root`, a descriptor, to `listing`; of files, all but the
+// SHA-256. "" is the top. The listing's limit bounds the depth.
+absl::Status ListFolder(int root, FolderOf whose, Listing& listing, const std::string& folder = "");
 
 // The error for an entry that errno says can't be read.
 absl::Status Unreadable(const std::string& path, FolderOf whose);

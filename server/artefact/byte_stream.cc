@@ -7,10 +7,13 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <functional>
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
+#include "server/artefact/listing.h"
 
 namespace myograde::server {
 namespace {
@@ -41,17 +44,21 @@ int64_t FileStream::Skip(int64_t bytes) {
   return passed;
 }
 
+int64_t FileStream::Seek(int64_t offset, int whence) {
+  const int64_t to = offset + (whence == SEEK_SET ? 0 : whence == SEEK_CUR ? at_ : size_);
+  return to < 0 ? -1 : at_ = to;
+}
+
 absl::StatusOr<std::string_view> CheckedStream::Next() {
-  absl::StatusOr<std::string_view> piece = from_.Next();
-  if (!piece.ok()) return piece;
-  const auto bytes = static_cast<int64_t>(piece->size());
+  ASSIGN_OR_RETURN(const std::string_view piece, from_.Next());
+  const int64_t bytes = std::ssize(piece);
   if (bytes > left_) {
     return absl::InvalidArgumentError(absl::StrCat(
         what_, " yields more bytes than the submission may have; make the image smaller"));
   }
   left_ -= bytes;
   size_ += bytes;
-  hash_.Update(*piece);
+  hash_.Update(piece);
   return piece;
 }
 
@@ -65,59 +72,80 @@ absl::Status CheckedStream::Finish() {
 }
 
 StreamArchive::StreamArchive(ByteStream& from, Form form)
-    : from_(from), form_(form), buffer_(kPiece, '\0'), reader_(archive_read_new()) {
-  archive* reader = reader_.get();
-  if (form == Form::kTar) {
-    archive_read_support_format_tar(reader);
-  } else {
-    SupportCompression(reader);
-    archive_read_support_format_raw(reader);
+    : from_(from),
+      form_(form),
+      buffer_(kPiece, '\0'),
+      reader_(archive_read_new(), archive_read_free) {
+  archive* const reader = reader_.get();
+  if (form == Form::kPacked || form == Form::kSubmission) {
+    archive_read_support_filter_gzip(reader);
+    archive_read_support_filter_zstd(reader);
+    archive_read_support_filter_xz(reader);
+    archive_read_support_filter_bzip2(reader);
   }
-  archive_read_support_format_empty(reader);
+  if (form == Form::kPacked) archive_read_support_format_raw(reader);
+  if (form != Form::kPacked) archive_read_support_format_tar(reader);
+  if (form == Form::kTar || form == Form::kPacked) archive_read_support_format_empty(reader);
+  archive_read_set_callback_data(reader, this);
+  archive_read_set_read_callback(reader, [](archive* a, void* self, const void** buffer) {
+    auto& stream = *static_cast<StreamArchive*>(self);
+    const absl::StatusOr<std::string_view> piece = stream.from_.Next();
+    if (!piece.ok()) {
+      stream.failure_ = piece.status();
+      archive_set_error(a, EINVAL, "unreadable");
+      return la_ssize_t{ARCHIVE_FATAL};
+    }
+    *buffer = piece->data();
+    return la_ssize_t{std::ssize(*piece)};
+  });
+  archive_read_set_skip_callback(reader, [](archive*, void* self, la_int64_t bytes) {
+    return la_int64_t{static_cast<StreamArchive*>(self)->from_.Skip(bytes)};
+  });
+  if (form != Form::kSubmission) return;
+  archive_read_support_format_zip(reader);
+  // The list of a zip's entries, with their modes and links, is at its end.
+  archive_read_set_seek_callback(reader, [](archive*, void* self, la_int64_t offset, int whence) {
+    const int64_t at = static_cast<StreamArchive*>(self)->from_.Seek(offset, whence);
+    return la_int64_t{at < 0 ? ARCHIVE_FATAL : at};
+  });
 }
 
-absl::Status StreamArchive::Open() {
-  if (archive_read_open2(reader_.get(), this, nullptr, Read, SkipSome, nullptr) != ARCHIVE_OK) {
-    return Failure(form_ == Form::kTar ? "it is no tar archive" : "it can't be decompressed");
+absl::Status StreamArchive::Open(std::string_view what) {
+  if (archive_read_open1(reader_.get()) != ARCHIVE_OK) {
+    const bool packed = form_ == Form::kPacked;
+    return Failure(!what.empty() ? what : packed ? "it can't be decompressed" : "it is no tar archive");
   }
-  if (archive_filter_count(reader_.get()) > (form_ == Form::kTar ? 1 : 2)) {
+  if (form_ != Form::kSubmission && compressions() > (form_ == Form::kPacked ? 1 : 0)) {
     return absl::InvalidArgumentError("it is compressed more than once; once is enough");
   }
   return absl::OkStatus();
 }
 
-absl::StatusOr<bool> StreamArchive::NextEntry(archive_entry** entry) {
+absl::StatusOr<bool> StreamArchive::NextEntry(archive_entry** entry, std::string_view what) {
   const int result = archive_read_next_header(reader_.get(), entry);
   if (result == ARCHIVE_EOF) return false;
   if (result == ARCHIVE_OK || result == ARCHIVE_WARN) return true;
-  return Failure("it is broken");
+  return Failure(what);
 }
 
-absl::StatusOr<std::string_view> StreamArchive::NextData() {
+absl::StatusOr<std::string_view> StreamArchive::NextData(std::string_view what) {
   const la_ssize_t got = archive_read_data(reader_.get(), buffer_.data(), buffer_.size());
-  if (got < 0) return Failure("it is broken");
+  if (got < 0) return Failure(what);
   return std::string_view(buffer_.data(), static_cast<size_t>(got));
 }
 
-la_ssize_t StreamArchive::Read(archive* reader, void* self, const void** buffer) {
-  auto& stream = *static_cast<StreamArchive*>(self);
-  const absl::StatusOr<std::string_view> piece = stream.from_.Next();
-  if (!piece.ok()) {
-    stream.failure_ = piece.status();
-    archive_set_error(reader, EINVAL, "unreadable");
-    return ARCHIVE_FATAL;
-  }
-  *buffer = piece->data();
-  return static_cast<la_ssize_t>(piece->size());
-}
-
-la_int64_t StreamArchive::SkipSome(archive*, void* self, la_int64_t bytes) {
-  return static_cast<StreamArchive*>(self)->from_.Skip(bytes);
-}
-
-absl::Status StreamArchive::Failure(absl::string_view what) const {
+absl::Status StreamArchive::Failure(std::string_view what) const {
   if (!failure_.ok()) return failure_;
-  return absl::InvalidArgumentError(absl::StrCat(what, ": ", ArchiveReason(reader_.get())));
+  return absl::InvalidArgumentError(
+      absl::StrCat(std::string(what), ": ", ArchiveReason(reader_.get())));
+}
+
+std::string ArchiveReason(archive* reader) {
+  const char* text = archive_error_string(reader);
+  std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
+  std::ranges::replace_if(reason, std::not_fn(absl::ascii_isprint), ' ');
+  reason.erase(reason.find_last_not_of(' ') + 1);
+  return reason;
 }
 
 absl::StatusOr<std::string_view> EntryStream::Next() {
@@ -143,13 +171,6 @@ bool IsCompressed(int file) {
   }
   // A skippable frame may precede zstd's own.
   return magic.size() >= 4 && (magic[0] & 0xf0) == 0x50 && magic.substr(1, 3) == "\x2a\x4d\x18";
-}
-
-void SupportCompression(archive* reader) {
-  archive_read_support_filter_gzip(reader);
-  archive_read_support_filter_zstd(reader);
-  archive_read_support_filter_xz(reader);
-  archive_read_support_filter_bzip2(reader);
 }
 
 }  // namespace myograde::server

@@ -10,10 +10,8 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
-#include <absl/strings/string_view.h>
 
 #include "protocol/base/sha256.h"
-#include "server/artefact/listing.h"
 
 namespace myograde::server {
 
@@ -25,6 +23,8 @@ class ByteStream {
   virtual absl::StatusOr<std::string_view> Next() = 0;
   // Passes over at most `bytes` without reading them; the number passed over.
   virtual int64_t Skip([[maybe_unused]] int64_t bytes) { return 0; }
+  // As lseek(2) within what it yields; below 0: it can't.
+  virtual int64_t Seek([[maybe_unused]] int64_t offset, [[maybe_unused]] int whence) { return -1; }
 };
 
 // A file from `offset` on. Does not own it, and does not use its position.
@@ -33,6 +33,7 @@ class FileStream : public ByteStream {
   explicit FileStream(int fd, int64_t offset = 0);
   absl::StatusOr<std::string_view> Next() override;
   int64_t Skip(int64_t bytes) override;
+  int64_t Seek(int64_t offset, int whence) override;  // REQUIRES: it begins at the file's first byte
 
  private:
   const int fd_;
@@ -68,30 +69,42 @@ class CheckedStream : public ByteStream {
 class StreamArchive {
  public:
   // Which parsers may read it: each more adds attack surface.
-  enum class Form { kTar, kPacked };  // a tar, uncompressed; any bytes, compressed at most once
+  enum class Form {
+    kTar,         // an uncompressed tar, which may be empty
+    kPacked,      // any bytes, compressed at most once
+    kSent,        // a tar of the daemon's
+    kSubmission,  // a tar or zip, compressed at most once
+  };
   StreamArchive(ByteStream& from, Form form);
 
-  // After construction: whether it could be opened.
-  absl::Status Open();
+  // After construction: whether it could be opened. Of the errors of these three, those that are the
+  // archive's say `what` in front of libarchive's reason.
+  absl::Status Open(std::string_view what = {});
   // False at the end of the archive. Also for damage that libarchive would pass over: a file would
   // be missing.
-  absl::StatusOr<bool> NextEntry(archive_entry** entry);
+  absl::StatusOr<bool> NextEntry(archive_entry** entry, std::string_view what = "it is broken");
   // The next bytes of the entry; empty at its end.
-  absl::StatusOr<std::string_view> NextData();
+  absl::StatusOr<std::string_view> NextData(std::string_view what = "it is broken");
   // Of the entry's header in the stream, which must have begun at its first byte.
   int64_t header_position() const { return archive_read_header_position(reader_.get()); }
+  // How much of the stream was read, and how often it turned out to be compressed.
+  int64_t bytes_read() const { return archive_filter_bytes(reader_.get(), -1); }
+  int compressions() const { return archive_filter_count(reader_.get()) - 1; }
+  // Of the stream, if that is why the archive can't be read any further.
+  const absl::Status& failure() const { return failure_; }
 
  private:
-  static la_ssize_t Read(archive* reader, void* self, const void** buffer);
-  static la_int64_t SkipSome(archive* reader, void* self, la_int64_t bytes);
-  absl::Status Failure(absl::string_view what) const;
+  absl::Status Failure(std::string_view what) const;
 
   ByteStream& from_;
   const Form form_;
-  absl::Status failure_;  // of `from_`
+  absl::Status failure_;
   std::string buffer_;
-  std::unique_ptr<archive, ArchiveReader> reader_;
+  std::unique_ptr<archive, int (*)(archive*)> reader_;
 };
+
+// Why libarchive can't read or write any further, in words that may be shown, as part of one line.
+std::string ArchiveReason(archive* archive);
 
 // The content of an archive's first entry; nothing if it has none. By default, what a stream yields
 // once it is decompressed, whatever of gzip, zstd, xz and bzip2 it is; the bytes themselves if they
@@ -110,7 +123,5 @@ class EntryStream : public ByteStream {
 
 // Whether a file is compressed in a way that is accepted, by its first bytes.
 bool IsCompressed(int file);
-// Lets a reader undo any of these ways.
-void SupportCompression(archive* reader);
 
 }  // namespace myograde::server

@@ -38,10 +38,6 @@ bool IsIndex(const std::string& media_type) {
 
 std::string BlobName(const std::string& sha256) { return "blobs/sha256/" + sha256; }
 
-std::string PlatformName(const Json& platform) {
-  return absl::StrCat(TextAt(platform, "os"), "/", TextAt(platform, "architecture"));
-}
-
 // Whether a member in a folder may belong to an image.
 bool MayBeMember(const std::string& name) {
   return name.starts_with("blobs/") || IsHexDigest(name) || name.find(".tar") != std::string::npos ||
@@ -57,7 +53,211 @@ bool ListsOneImage(const Json& images) {
          });
 }
 
+struct Described {  // a content descriptor
+  std::string sha256;
+  int64_t size = 0;
+  std::string variant;  // of the platform's processor; "": the usual one
+};
+
+struct Candidates {  // what an index lists
+  std::map<std::string, Described> fitting;  // by digest
+  std::vector<std::string> others;           // platforms, quoted
+  absl::Status unusable;                     // why an entry that may fit can't be read
+};
+
+absl::StatusOr<std::string> TextOf(const ImageArchive& archive, const std::string& name) {
+  ASSIGN_OR_RETURN(const std::string member, archive.Find(name));
+  MemberStream stream = archive.Open(member);
+  std::string text;
+  while (std::ssize(text) <= kMaxImageJson) {
+    ASSIGN_OR_RETURN(const std::string_view piece, stream.Next());
+    if (piece.empty()) return text;
+    text += piece;
+  }
+  return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
+}
+
+absl::StatusOr<Json> JsonOf(const ImageArchive& archive, const std::string& name) {
+  ASSIGN_OR_RETURN(const std::string text, TextOf(archive, name));
+  return ParseJson(text, absl::StrCat("the image's ", Quoted(name)));
+}
+
+absl::StatusOr<Json> BlobOf(const ImageArchive& archive, const Described& described,
+                            const std::string& what) {
+  ASSIGN_OR_RETURN(const std::string text, TextOf(archive, BlobName(described.sha256)));
+  if (std::ssize(text) != described.size) {
+    return BadImage(absl::StrCat("has a ", what, " of ", text.size(), " bytes where its archive states ",
+                                 described.size, "; save the image again"));
+  }
+  if (Sha256Hex(text) != described.sha256) {
+    return BadImage(absl::StrCat("has a ", what, " whose digest is not the stated one; save the image again"));
+  }
+  return ParseJson(text, absl::StrCat("the image's ", what));
+}
+
+absl::StatusOr<Described> Descriptor(const Json& json, const std::string& where) {
+  ASSIGN_OR_RETURN(const std::string sha256, DigestOf(TextAt(json, "digest"), where));
+  const Json& size = At(json, "size");
+  if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
+    return BadImage(absl::StrCat("states no size for its ", where));
+  }
+  return Described{sha256, size.get<int64_t>(), ""};
+}
+
+// The descriptor of an index's entry, whose blob must be there.
+absl::StatusOr<Described> Present(const ImageArchive& archive, const Json& entry) {
+  ASSIGN_OR_RETURN(Described described, Descriptor(entry, "index"));
+  RETURN_IF_ERROR(archive.Find(BlobName(described.sha256)).status());
+  described.variant = TextAt(At(entry, "platform"), "variant");
+  return described;
+}
+
+absl::StatusOr<Json> ConfigOf(const ImageArchive& archive, const Json& manifest) {
+  ASSIGN_OR_RETURN(const Described about, Descriptor(At(manifest, "config"), "config"));
+  return BlobOf(archive, about, "config");
+}
+
+// "SYSTEM/PROCESSOR" of an image by its config.
+absl::StatusOr<std::string> PlatformOf(const ImageArchive& archive, const Described& described) {
+  ASSIGN_OR_RETURN(const Json manifest, BlobOf(archive, described, "manifest"));
+  ASSIGN_OR_RETURN(const Json config, ConfigOf(archive, manifest));
+  return PlatformName(config);
+}
+
+// Whether a manifest is that of an image, and not of what builders add to one (signatures, bills of
+// materials).
+absl::StatusOr<bool> IsOfImage(const ImageArchive& archive, const Described& described) {
+  ASSIGN_OR_RETURN(const Json manifest, BlobOf(archive, described, "manifest"));
+  if (!TextAt(manifest, "artifactType").empty() || manifest.contains("subject")) return false;
+  const std::string kind = TextAt(At(manifest, "config"), "mediaType");
+  if (kind != "application/vnd.oci.image.config.v1+json" &&
+      kind != "application/vnd.docker.container.image.v1+json") {
+    return false;
+  }
+  // Signatures have an image's config, and layers that are no archives.
+  const Json& layers = At(manifest, "layers");
+  return std::all_of(layers.begin(), layers.end(), [](const Json& layer) {
+    const std::string layer_kind = TextAt(layer, "mediaType");
+    return layer_kind.find("layer") != std::string::npos || layer_kind.find("rootfs") != std::string::npos;
+  });
+}
+
+absl::Status Collect(const ImageArchive& archive, const Json& index, int depth,
+                     Candidates& candidates) {
+  const auto other = [&](const std::string& name) {
+    if (candidates.others.size() < 16) candidates.others.push_back(Quoted(name));
+  };
+  for (const Json& entry : At(index, "manifests")) {
+    const Json& platform = At(entry, "platform");
+    const bool is_index = IsIndex(TextAt(entry, "mediaType"));
+    if (TextAt(platform, "os") == "unknown") continue;  // attestations
+    if (!is_index && platform.is_object() && PlatformName(platform) != kPlatform) {
+      other(PlatformName(platform));
+      continue;
+    }
+    const absl::StatusOr<Described> described = Present(archive, entry);
+    if (!described.ok()) {
+      candidates.unusable = described.status();
+      continue;
+    }
+    if (is_index) {
+      if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
+      ASSIGN_OR_RETURN(const Json inner, BlobOf(archive, *described, "index"));
+      RETURN_IF_ERROR(Collect(archive, inner, depth + 1, candidates));
+      continue;
+    }
+    ASSIGN_OR_RETURN(const bool image, IsOfImage(archive, *described));
+    if (!image) continue;
+    if (!platform.is_object()) {
+      ASSIGN_OR_RETURN(const std::string name, PlatformOf(archive, *described));
+      if (name != kPlatform) {
+        other(name);
+        continue;
+      }
+    }
+    candidates.fitting.emplace(described->sha256, *described);
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ImageContent> ReadManifest(const ImageArchive& archive, const Described& described) {
+  ASSIGN_OR_RETURN(const Json manifest, BlobOf(archive, described, "manifest"));
+  ASSIGN_OR_RETURN(const Json config, ConfigOf(archive, manifest));
+  ImageContent content;
+  ASSIGN_OR_RETURN(content.config, ReadImageConfig(config));
+  for (const Json& layer : At(manifest, "layers")) {
+    const std::string kind = TextAt(layer, "mediaType");
+    if (kind.find("encrypted") != std::string::npos || kind.find("foreign") != std::string::npos) {
+      return BadImage(absl::StrCat("has a layer of the kind ", Quoted(kind),
+                                   ", which is not in the archive as it is; save it without"));
+    }
+    ASSIGN_OR_RETURN(const Described stated, Descriptor(layer, "layer"));
+    ASSIGN_OR_RETURN(std::string member, archive.Find(BlobName(stated.sha256)));
+    content.layers.push_back({std::move(member), stated.sha256, stated.size, {}});
+  }
+  return content;
+}
+
+absl::StatusOr<ImageContent> ReadOci(const ImageArchive& archive) {
+  ASSIGN_OR_RETURN(const Json index, JsonOf(archive, "index.json"));
+  Candidates candidates;
+  RETURN_IF_ERROR(Collect(archive, index, 1, candidates));
+  std::map<std::string, Described>& fitting = candidates.fitting;
+  if (fitting.empty() && !candidates.unusable.ok()) return candidates.unusable;
+  if (fitting.empty() && !candidates.others.empty()) {
+    return BadImage(absl::StrCat("is for ", absl::StrJoin(candidates.others, ", "), ", and the server runs "
+                                 "linux/amd64; build it with --platform linux/amd64"));
+  }
+  // Of variants for newer processors, the one that runs on most.
+  std::string least = fitting.empty() ? "" : fitting.begin()->second.variant;
+  for (const auto& [sha256, described] : fitting) least = std::min(least, described.variant);
+  std::erase_if(fitting, [&](const auto& one) { return one.second.variant != least; });
+  if (fitting.size() != 1) {
+    return absl::InvalidArgumentError(absl::StrCat("the archive's index.json lists ", fitting.size(),
+                                                   " images; save exactly one"));
+  }
+  ASSIGN_OR_RETURN(ImageContent content, ReadManifest(archive, fitting.begin()->second));
+  content.tag = TagOfIndex(index);
+  return content;
+}
+
+absl::StatusOr<ImageContent> ReadDocker(const ImageArchive& archive) {
+  ASSIGN_OR_RETURN(const Json images, JsonOf(archive, "manifest.json"));
+  if (images.contains("schemaVersion")) {
+    return absl::InvalidArgumentError(
+        "the archive holds an image as \"skopeo copy IMAGE dir:FOLDER\" writes it; save it with "
+        "\"skopeo copy IMAGE oci-archive:FILE.tar\"");
+  }
+  if (!ListsOneImage(images)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the archive's manifest.json lists ", images.is_array() ? images.size() : 0,
+        " images; save exactly one"));
+  }
+  const Json& image = images[0];
+  const std::string config_name = TextAt(image, "Config");
+  ASSIGN_OR_RETURN(const std::string text, TextOf(archive, config_name));
+  // Its name is its digest, wherever tools put it.
+  const std::string base = config_name.substr(config_name.rfind('/') + 1);
+  if (IsHexDigest(base) && Sha256Hex(text) != base.substr(0, kHexDigits)) {
+    return BadImage("has a config whose digest is not its name; save the image again");
+  }
+  ASSIGN_OR_RETURN(const Json config, ParseJson(text, "the image's config"));
+  ImageContent content;
+  ASSIGN_OR_RETURN(content.config, ReadImageConfig(config));
+  for (const Json& layer : At(image, "Layers")) {
+    if (!layer.is_string()) return BadImage("lists a layer that is no name");
+    ASSIGN_OR_RETURN(std::string member, archive.Find(layer.get<std::string>()));
+    content.layers.push_back({.member = std::move(member), .sha256 = {}, .diff_id = {}});
+  }
+  content.tag = TagOfDockerManifest(images);
+  return content;
+}
+
 }  // namespace
+
+std::string PlatformName(const Json& json) {
+  return absl::StrCat(TextAt(json, "os"), "/", TextAt(json, "architecture"));
+}
 
 std::string PlainMemberName(const std::string& name) {
   std::string plain = std::filesystem::path("/" + name).lexically_normal().string().substr(1);
@@ -147,12 +347,7 @@ absl::StatusOr<bool> ImageArchive::Equal(const Member& a, const Member& b) const
 
 bool ImageArchive::IsImage() const {
   if (members_.contains("policy.json")) return false;
-  return members_.contains("manifest.json") ||
-         (members_.contains("oci-layout") && members_.contains("index.json"));
-}
-
-std::unique_ptr<MemberStream> ImageArchive::Open(const std::string& member) const {
-  return std::make_unique<MemberStream>(file_, members_.at(member).position);
+  return members_.contains("manifest.json") || IsOci();
 }
 
 absl::StatusOr<std::string> ImageArchive::Find(const std::string& name) const {
@@ -167,208 +362,15 @@ absl::StatusOr<std::string> ImageArchive::Find(const std::string& name) const {
                                ", which is not in the archive; save the image again"));
 }
 
-absl::StatusOr<std::string> ImageArchive::TextOf(const std::string& name) const {
-  ASSIGN_OR_RETURN(const std::string member, Find(name));
-  if (SizeOf(member) > kMaxImageJson) {
-    return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
-  }
-  const std::unique_ptr<MemberStream> stream = Open(member);
-  std::string text;
-  while (std::ssize(text) <= kMaxImageJson) {
-    ASSIGN_OR_RETURN(const std::string_view piece, stream->Next());
-    if (piece.empty()) return text;
-    text += piece;
-  }
-  return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
-}
-
-absl::StatusOr<Json> ImageArchive::JsonOf(const std::string& name) const {
-  ASSIGN_OR_RETURN(const std::string text, TextOf(name));
-  return ParseJson(text, absl::StrCat("the image's ", Quoted(name)));
-}
-
-absl::StatusOr<Json> ImageArchive::BlobOf(const Described& described, const std::string& what) const {
-  ASSIGN_OR_RETURN(const std::string text, TextOf(BlobName(described.sha256)));
-  if (std::ssize(text) != described.size) {
-    return BadImage(absl::StrCat("has a ", what, " of ", text.size(), " bytes where its archive states ",
-                                 described.size, "; save the image again"));
-  }
-  if (Sha256Hex(text) != described.sha256) {
-    return BadImage(absl::StrCat("has a ", what, " whose digest is not the stated one; save the image again"));
-  }
-  return ParseJson(text, absl::StrCat("the image's ", what));
-}
-
-absl::StatusOr<ImageArchive::Described> ImageArchive::Descriptor(const Json& json,
-                                                                 const std::string& where) const {
-  ASSIGN_OR_RETURN(const std::string sha256, DigestOf(TextAt(json, "digest"), where));
-  const Json& size = At(json, "size");
-  if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
-    return BadImage(absl::StrCat("states no size for its ", where));
-  }
-  return Described{sha256, size.get<int64_t>(), ""};
-}
-
 absl::StatusOr<ImageContent> ImageArchive::Read() const {
   // Newer versions of Docker write both; OCI's has more digests.
-  const bool oci = members_.contains("oci-layout") && members_.contains("index.json");
-  absl::StatusOr<ImageContent> content = oci ? ReadOci() : ReadDocker();
-  if (!content.ok()) return content;
-  if (content->layers.size() != content->config.diff_ids.size()) {
-    return BadImage(absl::StrCat("has ", content->layers.size(), " layers, and its config lists ",
-                                 content->config.diff_ids.size(), "; save the image again"));
+  ASSIGN_OR_RETURN(ImageContent content, IsOci() ? ReadOci(*this) : ReadDocker(*this));
+  const std::vector<std::string>& diff_ids = content.config.diff_ids;
+  if (content.layers.size() != diff_ids.size()) {
+    return BadImage(absl::StrCat("has ", content.layers.size(), " layers, and its config lists ",
+                                 diff_ids.size(), "; save the image again"));
   }
-  for (size_t i = 0; i < content->layers.size(); ++i) {
-    content->layers[i].diff_id = content->config.diff_ids[i];
-  }
-  return content;
-}
-
-absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
-  ASSIGN_OR_RETURN(const Json images, JsonOf("manifest.json"));
-  if (images.contains("schemaVersion")) {
-    return absl::InvalidArgumentError(
-        "the archive holds an image as \"skopeo copy IMAGE dir:FOLDER\" writes it; save it with "
-        "\"skopeo copy IMAGE oci-archive:FILE.tar\"");
-  }
-  if (!ListsOneImage(images)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "the archive's manifest.json lists ", images.is_array() ? images.size() : 0,
-        " images; save exactly one"));
-  }
-  const Json& image = images[0];
-  const std::string config_name = TextAt(image, "Config");
-  ASSIGN_OR_RETURN(const std::string text, TextOf(config_name));
-  // Its name is its digest, wherever tools put it.
-  const std::string base = config_name.substr(config_name.rfind('/') + 1);
-  if (IsHexDigest(base) && Sha256Hex(text) != base.substr(0, kHexDigits)) {
-    return BadImage("has a config whose digest is not its name; save the image again");
-  }
-  ASSIGN_OR_RETURN(const Json config, ParseJson(text, "the image's config"));
-  ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
-  ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
-  for (const Json& layer : At(image, "Layers")) {
-    if (!layer.is_string()) return BadImage("lists a layer that is no name");
-    ASSIGN_OR_RETURN(std::string member, Find(layer.get<std::string>()));
-    content.layers.push_back({.member = std::move(member), .sha256 = {}, .diff_id = {}});
-  }
-  content.tag = TagOfDockerManifest(images);
-  return content;
-}
-
-absl::StatusOr<ImageArchive::Described> ImageArchive::Present(const Json& entry) const {
-  absl::StatusOr<Described> described = Descriptor(entry, "index");
-  if (!described.ok()) return described;
-  RETURN_IF_ERROR(Find(BlobName(described->sha256)).status());
-  described->variant = TextAt(At(entry, "platform"), "variant");
-  return described;
-}
-
-absl::StatusOr<Json> ImageArchive::ConfigOf(const Json& manifest) const {
-  ASSIGN_OR_RETURN(const Described about, Descriptor(At(manifest, "config"), "config"));
-  return BlobOf(about, "config");
-}
-
-absl::StatusOr<std::string> ImageArchive::PlatformOf(const Described& described) const {
-  ASSIGN_OR_RETURN(const Json manifest, BlobOf(described, "manifest"));
-  ASSIGN_OR_RETURN(const Json config, ConfigOf(manifest));
-  return PlatformName(config);
-}
-
-absl::Status ImageArchive::Collect(const Json& index, int depth, Candidates& candidates) const {
-  const auto other = [&](const std::string& name) {
-    if (candidates.others.size() < 16) candidates.others.push_back(Quoted(name));
-  };
-  for (const Json& entry : At(index, "manifests")) {
-    const Json& platform = At(entry, "platform");
-    const bool is_index = IsIndex(TextAt(entry, "mediaType"));
-    if (TextAt(platform, "os") == "unknown") continue;  // attestations
-    if (!is_index && platform.is_object() && PlatformName(platform) != kPlatform) {
-      other(PlatformName(platform));
-      continue;
-    }
-    const absl::StatusOr<Described> described = Present(entry);
-    if (!described.ok()) {
-      candidates.unusable = described.status();
-      continue;
-    }
-    if (is_index) {
-      if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
-      ASSIGN_OR_RETURN(const Json inner, BlobOf(*described, "index"));
-      RETURN_IF_ERROR(Collect(inner, depth + 1, candidates));
-      continue;
-    }
-    ASSIGN_OR_RETURN(const bool image, IsOfImage(*described));
-    if (!image) continue;
-    ASSIGN_OR_RETURN(const std::string name,
-                     platform.is_object() ? PlatformName(platform) : PlatformOf(*described));
-    if (name == kPlatform) {
-      candidates.fitting.emplace(described->sha256, *described);
-    } else {
-      other(name);
-    }
-  }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
-  ASSIGN_OR_RETURN(const Json index, JsonOf("index.json"));
-  Candidates candidates;
-  RETURN_IF_ERROR(Collect(index, 1, candidates));
-  std::map<std::string, Described>& fitting = candidates.fitting;
-  if (fitting.empty() && !candidates.unusable.ok()) return candidates.unusable;
-  if (fitting.empty() && !candidates.others.empty()) {
-    return BadImage(absl::StrCat("is for ", absl::StrJoin(candidates.others, ", "), ", and the server runs "
-                                 "linux/amd64; build it with --platform linux/amd64"));
-  }
-  // Of variants for newer processors, the one that runs on most.
-  std::string least = fitting.empty() ? "" : fitting.begin()->second.variant;
-  for (const auto& [sha256, described] : fitting) least = std::min(least, described.variant);
-  std::erase_if(fitting, [&](const auto& one) { return one.second.variant != least; });
-  if (fitting.size() != 1) {
-    return absl::InvalidArgumentError(absl::StrCat("the archive's index.json lists ", fitting.size(),
-                                                   " images; save exactly one"));
-  }
-  absl::StatusOr<ImageContent> content = ReadManifest(fitting.begin()->second);
-  if (!content.ok()) return content;
-  content->tag = TagOfIndex(index);
-  return content;
-}
-
-absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
-  ASSIGN_OR_RETURN(const Json manifest, BlobOf(described, "manifest"));
-  if (!TextAt(manifest, "artifactType").empty() || manifest.contains("subject")) return false;
-  const std::string kind = TextAt(At(manifest, "config"), "mediaType");
-  if (kind != "application/vnd.oci.image.config.v1+json" &&
-      kind != "application/vnd.docker.container.image.v1+json") {
-    return false;
-  }
-  // Signatures have an image's config, and layers that are no archives.
-  const Json& layers = At(manifest, "layers");
-  return std::all_of(layers.begin(), layers.end(), [](const Json& layer) {
-    const std::string layer_kind = TextAt(layer, "mediaType");
-    return layer_kind.find("layer") != std::string::npos || layer_kind.find("rootfs") != std::string::npos;
-  });
-}
-
-absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& described) const {
-  ASSIGN_OR_RETURN(const Json manifest, BlobOf(described, "manifest"));
-  ASSIGN_OR_RETURN(const Json config, ConfigOf(manifest));
-  ASSIGN_OR_RETURN(ImageConfig read, ReadImageConfig(config));
-  ImageContent content = {.config = std::move(read), .layers = {}, .tag = {}};
-  for (const Json& layer : At(manifest, "layers")) {
-    const std::string kind = TextAt(layer, "mediaType");
-    if (kind.find("encrypted") != std::string::npos || kind.find("foreign") != std::string::npos) {
-      return BadImage(absl::StrCat("has a layer of the kind ", Quoted(kind),
-                                   ", which is not in the archive as it is; save it without"));
-    }
-    ASSIGN_OR_RETURN(const Described stated, Descriptor(layer, "layer"));
-    ASSIGN_OR_RETURN(std::string member, Find(BlobName(stated.sha256)));
-    content.layers.push_back({.member = std::move(member),
-                              .sha256 = stated.sha256,
-                              .size = stated.size,
-                              .diff_id = {}});
-  }
+  for (size_t i = 0; i < diff_ids.size(); ++i) content.layers[i].diff_id = diff_ids[i];
   return content;
 }
 

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <map>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/lease/policy_image.h"
+#include "server/artefact/artefact.h"
 #include "server/artefact/byte_stream.h"
 
 namespace myograde::server {
@@ -27,6 +27,9 @@ struct ImageConfig {
 // Reads an image's config. InvalidArgumentError: it is for another system or processor, or breaks a
 // rule.
 absl::StatusOr<ImageConfig> ReadImageConfig(const nlohmann::json& json);
+
+// "SYSTEM/PROCESSOR" of a platform, or of an image's config.
+std::string PlatformName(const nlohmann::json& json);
 
 // Values of an object; harmless ones if `json` is no object or the value has another type.
 std::string TextAt(const nlohmann::json& json, std::string_view key);
@@ -92,8 +95,12 @@ class ImageArchive {
   // and what to do.
   absl::StatusOr<ImageContent> Read() const;
 
-  // A member that Read() named.
-  std::unique_ptr<MemberStream> Open(const std::string& member) const;
+  // The member that a name stands for, through links.
+  absl::StatusOr<std::string> Find(const std::string& name) const;
+  // A member that is there.
+  MemberStream Open(const std::string& member) const {
+    return MemberStream(file_, members_.at(member).position);
+  }
   int64_t SizeOf(const std::string& member) const { return members_.at(member).size; }
 
  private:
@@ -102,42 +109,23 @@ class ImageArchive {
     int64_t size = 0;
     std::string link;  // "": a file
   };
-  struct Described {  // a content descriptor
-    std::string sha256;
-    int64_t size = 0;
-    std::string variant;  // of the platform's processor; "": the usual one
-  };
-
-  struct Candidates {  // what an index lists
-    std::map<std::string, Described> fitting;  // by digest
-    std::vector<std::string> others;           // platforms, quoted
-    absl::Status unusable;                     // why an entry that may fit can't be read
-  };
-
+  bool IsOci() const { return members_.contains("oci-layout") && members_.contains("index.json"); }
   absl::Status Take(archive_entry* entry, int64_t position);
   // Whether two members have the same bytes.
   absl::StatusOr<bool> Equal(const Member& a, const Member& b) const;
-  // The member that a name stands for, through links.
-  absl::StatusOr<std::string> Find(const std::string& name) const;
-  absl::StatusOr<std::string> TextOf(const std::string& name) const;
-  absl::StatusOr<nlohmann::json> JsonOf(const std::string& name) const;
-  absl::StatusOr<nlohmann::json> BlobOf(const Described& described, const std::string& what) const;
-  absl::StatusOr<ImageContent> ReadDocker() const;
-  absl::StatusOr<ImageContent> ReadOci() const;
-  absl::StatusOr<ImageContent> ReadManifest(const Described& described) const;
-  // Whether a manifest is that of an image, and not of what builders add to one (signatures, bills of
-  // materials).
-  absl::StatusOr<bool> IsOfImage(const Described& described) const;
-  absl::StatusOr<Described> Descriptor(const nlohmann::json& json, const std::string& where) const;
-  // The descriptor of an index's entry, whose blob must be there.
-  absl::StatusOr<Described> Present(const nlohmann::json& entry) const;
-  absl::StatusOr<nlohmann::json> ConfigOf(const nlohmann::json& manifest) const;
-  // "SYSTEM/PROCESSOR" of an image by its config.
-  absl::StatusOr<std::string> PlatformOf(const Described& described) const;
-  absl::Status Collect(const nlohmann::json& index, int depth, Candidates& candidates) const;
-
   int file_ = -1;
   std::map<std::string, Member> members_;
 };
+
+// Makes the files of an image whose archive was read in the empty `folder`, and its policy.json, as
+// UnpackImage says (submission.h).
+absl::StatusOr<Artefact> MakeImage(const ImageArchive& archive, ImageContent content, int folder,
+                                   nlohmann::json manifest, const ArtefactLimits& limits);
+
+// All bytes that the image's layers and archive may yield, decompressed.
+int64_t StreamLimit(const ArtefactLimits& limits);
+
+// An InvalidArgumentError with `what` in front; any other status as it is.
+absl::Status About(absl::string_view what, const absl::Status& status);
 
 }  // namespace myograde::server

@@ -28,14 +28,14 @@ absl::Status BadConfig(absl::string_view what) {
 absl::StatusOr<std::vector<std::string>> Texts(const Json& json, std::string_view key) {
   std::vector<std::string> texts;
   const Json& list = At(json, key);
-  if (list.is_null()) return texts;
-  bool good = list.is_array();
-  for (size_t i = 0; good && i < list.size(); ++i) {
-    good = list[i].is_string() && list[i].get_ref<const std::string&>().find('\0') == std::string::npos;
-    if (good) texts.push_back(list[i]);
+  bool good = list.is_array() || list.is_null();
+  for (const Json& text : list) {
+    good = good && text.is_string() &&
+           text.get_ref<const std::string&>().find('\0') == std::string::npos;
+    if (good) texts.push_back(text);
   }
-  if (!good) return BadConfig(absl::StrCat("has a \"", std::string(key), "\" that is no list of texts"));
-  return texts;
+  if (good) return texts;
+  return BadConfig(absl::StrCat("has a \"", std::string(key), "\" that is no list of texts"));
 }
 
 absl::Status ReadVariables(const Json& config, PolicyImage& image) {
@@ -123,11 +123,9 @@ absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view whe
 }
 
 absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
-  const std::string system = TextAt(json, "os");
-  const std::string processor = TextAt(json, "architecture");
-  if (system != "linux" || processor != "amd64") {
+  if (PlatformName(json) != "linux/amd64") {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the image is for ", Quoted(system + "/" + processor),
+        "the image is for ", Quoted(PlatformName(json)),
         ", and the server runs linux/amd64; build it with --platform linux/amd64"));
   }
   ImageConfig read;

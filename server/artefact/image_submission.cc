@@ -10,14 +10,11 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/image_archive.h"
-#include "server/artefact/image_tree.h"
 #include "server/artefact/listing.h"
 #include "server/base/plain_text.h"
 
@@ -28,16 +25,6 @@ namespace {
 constexpr int64_t kHeaderBytes = 4096;
 constexpr int64_t kPaddingBytes = 8 << 20;
 constexpr char kDecompressed[] = ".decompressed";
-
-// All bytes that the image's layers and archive may yield, decompressed.
-int64_t StreamLimit(const ArtefactLimits& limits) {
-  return limits.bytes + 2 * limits.files * kHeaderBytes + kPaddingBytes;
-}
-
-absl::Status About(absl::string_view what, const absl::Status& status) {
-  if (!absl::IsInvalidArgument(status)) return status;
-  return absl::InvalidArgumentError(absl::StrCat(what, ": ", status.message()));
-}
 
 // The archive itself, decompressed into a file of `folder` that has no name, if it is compressed:
 // what it holds is read in another order.
@@ -55,83 +42,6 @@ absl::StatusOr<Fd> Decompressed(int file, int folder, int64_t limit) {
     if (piece->empty()) return plain;
     if (!WriteAll(plain.get(), *piece).ok()) return HostError("can't write the decompressed image");
   }
-}
-
-absl::Status CheckLayer(const CheckedStream& packed, const CheckedStream& tar,
-                        const ImageLayer& layer) {
-  if (layer.size >= 0 && packed.size() != layer.size) {
-    return absl::InvalidArgumentError(absl::StrCat("has ", packed.size(), " bytes where its archive "
-                                                   "states ", layer.size, "; save the image again"));
-  }
-  if (!layer.sha256.empty() && packed.sha256() != layer.sha256) {
-    return absl::InvalidArgumentError(
-        "has another digest than its archive states; save the image again");
-  }
-  if (tar.sha256() != layer.diff_id) {
-    return absl::InvalidArgumentError(
-        "has another content than the image's config states (diff_ids); save the image again");
-  }
-  return absl::OkStatus();
-}
-
-// Adds one layer, which is decompressed and hashed on its way. `place`: "2 of 5".
-absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer,
-                      const std::string& place, int64_t& left, ImageTree& tree) {
-  const std::unique_ptr<MemberStream> member = archive.Open(layer.member);
-  int64_t packed_left = archive.SizeOf(layer.member);
-  CheckedStream packed(*member, "it", packed_left);
-  EntryStream decompressed(packed);
-  CheckedStream tar(decompressed, "it", left);
-  StreamArchive entries(tar, StreamArchive::Form::kTar);
-  absl::Status status = entries.Open();
-  if (status.ok()) status = tree.AddLayer(entries);
-  if (status.ok()) status = tar.Finish();
-  if (status.ok()) status = packed.Finish();
-  if (status.ok()) status = CheckLayer(packed, tar, layer);
-  return About(absl::StrCat("the image's layer ", place), status);
-}
-
-// Writes the policy.json of the artefact and adds it to the listing.
-absl::Status WriteManifest(int folder, const std::string& text, Listing& listing) {
-  ASSIGN_OR_RETURN(Entry* const entry, listing.Add("policy.json", EntryType::kFile));
-  RETURN_IF_ERROR(listing.AddBytes("policy.json", std::ssize(text)));
-  std::string_view left = text;
-  return MakeFileBeneath(folder, "policy.json", *entry,
-                         [&] { return std::exchange(left, std::string_view()); });
-}
-
-absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent content, int folder,
-                                     nlohmann::json manifest, const ArtefactLimits& limits) {
-  RETURN_IF_ERROR(MakeFolderBeneath(folder, kImageFolder));
-  const Fd root = OpenBeneath(folder, kImageFolder, O_RDONLY | O_DIRECTORY);
-  if (!root.valid()) return HostError("can't open the image's folder");
-  ImageTree tree(root.get(), limits);
-  int64_t left = StreamLimit(limits);
-  for (size_t i = 0; i < content.layers.size(); ++i) {
-    const std::string place = absl::StrCat(i + 1, " of ", content.layers.size());
-    RETURN_IF_ERROR(AddLayer(archive, content.layers[i], place, left, tree));
-  }
-  PolicyImage& image = content.config.image;
-  RETURN_IF_ERROR(tree.Finish(content.config.user, image));
-  if (!manifest.contains("name")) {
-    manifest["name"] = content.tag.empty() ? "image" : NameOfTag(content.tag);
-  }
-  if (!manifest.contains("command")) manifest["command"] = content.config.command;
-  if (manifest["command"].empty()) {
-    return absl::InvalidArgumentError("the image has neither ENTRYPOINT nor CMD; build it with one, "
-                                      "or give a \"command\" in policy.json");
-  }
-  manifest.erase("image");
-  ASSIGN_OR_RETURN(ArtefactManifest parsed, ParseManifest(manifest));
-  parsed.image = image;
-  manifest["image"] = PolicyImageToJson(image);
-  Listing listing(limits);
-  RETURN_IF_ERROR(tree.ListIn(listing));
-  RETURN_IF_ERROR(WriteManifest(folder, CanonicalJson(manifest) + "\n", listing));
-  return Artefact{.digest = listing.Digest(),
-                  .manifest = std::move(parsed),
-                  .bytes = listing.bytes(),
-                  .files = static_cast<int64_t>(listing.entries().size())};
 }
 
 constexpr std::array kNaming = {"index.json", "manifest.json", "oci-layout"};
@@ -191,6 +101,15 @@ absl::StatusOr<OpenedImage> OpenImage(int file, int folder, const ArtefactLimits
 
 }  // namespace
 
+int64_t StreamLimit(const ArtefactLimits& limits) {
+  return limits.bytes + 2 * limits.files * kHeaderBytes + kPaddingBytes;
+}
+
+absl::Status About(absl::string_view what, const absl::Status& status) {
+  if (!absl::IsInvalidArgument(status)) return status;
+  return absl::InvalidArgumentError(absl::StrCat(what, ": ", status.message()));
+}
+
 bool IsImageArchive(int file, int folder, const ArtefactLimits& limits) {
   if (!ImageArchive::MayBe(file)) return false;
   const absl::StatusOr<OpenedImage> image = OpenImage(file, folder, limits);
@@ -212,7 +131,7 @@ absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manife
         "buildah push IMAGE oci-archive:FILE.tar");
   }
   ASSIGN_OR_RETURN(ImageContent content, image.archive.Read());
-  return FromContent(image.archive, std::move(content), folder, std::move(manifest), limits);
+  return MakeImage(image.archive, std::move(content), folder, std::move(manifest), limits);
 }
 
 std::string PolicyNameOf(const std::string& file) {

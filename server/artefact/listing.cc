@@ -113,21 +113,12 @@ std::string Listing::Digest() const {
   Sha256 hash;
   hash.Update(std::string_view("myograde artefact 1\n"));
   for (const auto& [path, entry] : entries_) {
-    nlohmann::json line = {{"path", path}};
-    switch (entry.type) {
-      case EntryType::kFile:
-        line["type"] = "file";
-        line["executable"] = entry.executable;
-        line["size"] = entry.size;
-        line["sha256"] = entry.sha256;
-        break;
-      case EntryType::kFolder:
-        line["type"] = "folder";
-        break;
-      case EntryType::kLink:
-        line["type"] = "link";
-        line["target"] = entry.target;
-        break;
+    nlohmann::json line = {{"path", path}, {"type", "folder"}};
+    if (entry.type == EntryType::kFile) {
+      line.update({{"type", "file"}, {"executable", entry.executable}, {"size", entry.size},
+                   {"sha256", entry.sha256}});
+    } else if (entry.type == EntryType::kLink) {
+      line.update({{"type", "link"}, {"target", entry.target}});
     }
     hash.Update(CanonicalJson(line) + "\n");
   }
@@ -152,14 +143,6 @@ absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
                                      "; targets with \"..\" are not allowed, put a copy there"));
   }
   return absl::OkStatus();
-}
-
-std::string ArchiveReason(archive* reader) {
-  const char* text = archive_error_string(reader);
-  std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
-  std::ranges::replace_if(reason, std::not_fn(absl::ascii_isprint), ' ');
-  reason.erase(reason.find_last_not_of(' ') + 1);
-  return reason;
 }
 
 Utf8Names::Utf8Names() : utf8_(::newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr)) {

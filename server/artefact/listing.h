@@ -2,8 +2,6 @@
 // folder.
 #pragma once
 
-#include <archive.h>
-
 #include <cstdint>
 #include <locale>
 #include <map>
@@ -46,11 +44,8 @@ class Listing {
   absl::Status AddBytes(const std::string& path, int64_t bytes);
   absl::Status CheckRoom(const std::string& path, int64_t bytes) const;
 
-  // REQUIRES, of both: there is a file at `path`.
-  void MakeExecutable(const std::string& path) { entries_.at(path).executable = true; }
-  void SetSha256(const std::string& path, std::string sha256) {
-    entries_.at(path).sha256 = std::move(sha256);
-  }
+  // An entry that is there, to be completed.
+  Entry& at(const std::string& path) { return entries_.at(path); }
 
   // The error for an archive with too many entries.
   absl::Status TooManyEntries(std::string_view where) const;
@@ -83,16 +78,6 @@ std::string Quoted(std::string_view path);
 
 // "what: reason of errno", with a code that blames the host.
 absl::Status HostError(std::string_view what);
-
-struct ArchiveReader {
-  void operator()(archive* a) const { archive_read_free(a); }
-};
-struct ArchiveWriter {
-  void operator()(archive* a) const { archive_write_free(a); }
-};
-
-// Why libarchive can't read or write any further, in words that may be shown, as part of one line.
-std::string ArchiveReason(archive* archive);
 
 // libarchive converts names by the calling thread's locale; while this object lives, that is UTF-8,
 // whatever the environment says.

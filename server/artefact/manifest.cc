@@ -2,12 +2,12 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <filesystem>
 #include <set>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/fd.h"
@@ -37,53 +37,45 @@ constexpr size_t kMaxEnvironmentBytes = 32 << 10;
 
 // An allow list, not a deny list: variables that mean something to the sandbox (PATH, HOME,
 // MYOGRADE_*) or to the C library's maths (GLIBC_TUNABLES) stay under the grader's control.
-constexpr std::array<std::string_view, 5> kNames = {"CUDA_VISIBLE_DEVICES", "GOTO_NUM_THREADS",
-                                                    "LD_LIBRARY_PATH", "MPLCONFIGDIR", "TZ"};
-constexpr std::array<std::string_view, 19> kPrefixes = {
+constexpr const char* kNames[] = {"CUDA_VISIBLE_DEVICES", "GOTO_NUM_THREADS", "LD_LIBRARY_PATH",
+                                  "MPLCONFIGDIR", "TZ"};
+constexpr const char* kPrefixes[] = {
     "BLIS_",   "JAX_",     "JULIA_", "KERAS_",   "KMP_", "MALLOC_",   "MKL_",
     "MUJOCO_", "NPY_",     "NUMBA_", "NUMEXPR_", "OMP_", "OPENBLAS_", "POLICY_",
     "PYTHON",  "PYTORCH_", "TF_",    "TORCH_",   "XLA_"};
 
 bool MayBeSet(std::string_view name) {
-  const auto begins = [&](std::string_view prefix) { return name.starts_with(prefix); };
-  return std::find(kNames.begin(), kNames.end(), name) != kNames.end() ||
-         std::any_of(kPrefixes.begin(), kPrefixes.end(), begins);
-}
-
-bool IsName(std::string_view name) {
-  return !name.empty() && name.size() <= kMaxVariableNameBytes &&
-         name.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string_view::npos;
+  if (name.empty() || name.size() > kMaxVariableNameBytes ||
+      name.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") != std::string_view::npos) {
+    return false;
+  }
+  return std::ranges::any_of(kNames, [&](const char* known) { return name == known; }) ||
+         std::ranges::any_of(kPrefixes, [&](const char* prefix) { return name.starts_with(prefix); });
 }
 
 std::string Known() {
-  std::string list;
-  for (const std::string_view name : kNames) absl::StrAppend(&list, std::string(name), ", ");
-  for (const std::string_view prefix : kPrefixes) {
-    absl::StrAppend(&list, std::string(prefix), "*", prefix == kPrefixes.back() ? "" : ", ");
-  }
-  return list;
+  return absl::StrCat(absl::StrJoin(kNames, ", "), ", ", absl::StrJoin(kPrefixes, "*, "), "*");
 }
 
 // "policy.json is missing", with the folder that contains it if somebody packed a folder instead of
 // its content.
 absl::Status MissingManifest(int root) {
   std::string hint;
-  if (OpenBeneath(root, ".dockerenv", O_PATH).valid() ||
-      (OpenBeneath(root, "usr/bin", O_PATH).valid() && OpenBeneath(root, "etc", O_PATH).valid())) {
+  const auto has = [&](const std::string& path) { return OpenBeneath(root, path, O_PATH).valid(); };
+  if (has(".dockerenv") || (has("usr/bin") && has("etc"))) {
     hint = "; it looks like the files of a container without the image's configuration, as \"docker "
            "export\" writes them: save the image, with \"docker save\" or \"podman save\"";
   }
-  if (OpenBeneath(root, "index.json", O_PATH).valid() && OpenBeneath(root, "blobs", O_PATH).valid()) {
+  if (has("index.json") && has("blobs")) {
     hint = "; it looks like a container image in OCI's layout that is no tar, or lacks the file oci-layout: "
            "write it with podman save, docker save or buildah push IMAGE oci-archive:FILE.tar";
   }
   for (const std::string& folder : NamesIn(root).value_or(std::vector<std::string>())) {
     if (folder.starts_with('.')) continue;
-    if (OpenBeneath(root, folder + "/policy.json", O_PATH).valid()) {
+    if (has(folder + "/policy.json")) {
       hint = absl::StrCat("; it is at ", Quoted(folder + "/policy.json"),
                           ", so submit that folder itself");
-    } else if (OpenBeneath(root, folder + "/index.json", O_PATH).valid() ||
-               OpenBeneath(root, folder + "/manifest.json", O_PATH).valid()) {
+    } else if (has(folder + "/index.json") || has(folder + "/manifest.json")) {
       hint = absl::StrCat("; the folder ", Quoted(folder),
                           " looks like a container image: pack what is in it and not the folder, "
                           "with \"tar -C ",
@@ -156,8 +148,7 @@ void CheckName(ConfigReader& reader, const std::string& name) {
                                      "seen; leave it out"));
   } else if (!IsPlainText(name, kMaxNameBytes)) {
     reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes,
-                                     " bytes without a space at its "
-                                     "ends"));
+                                     " bytes without a space at its ends"));
   }
 }
 
@@ -211,7 +202,7 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
   std::map<std::string, std::string> variables = reader.StringsByName("env");
   size_t bytes = 0;
   for (const auto& [name, value] : variables) {
-    if (!IsName(name) || !MayBeSet(name)) {
+    if (!MayBeSet(name)) {
       reader.Fail("env", absl::StrCat("sets ", Quoted(name), ", which it may not; it may set ",
                                       Known(), " (POLICY_* for names of your own)"));
     }
@@ -232,11 +223,9 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
 // What an adapter runs in is one of the submission's runtimes, named or not.
 void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
   manifest.adapter = reader.Choice("adapter", AdapterNames());
-  const Adapter* adapter = FindAdapter(manifest.adapter);
-  if (adapter == nullptr) return;
-  const std::string runtime(adapter->runtime);
-  if (std::ranges::find(manifest.runtimes, runtime) == manifest.runtimes.end()) {
-    manifest.runtimes.push_back(runtime);
+  if (FindAdapter(manifest.adapter) != nullptr &&
+      std::ranges::find(manifest.runtimes, manifest.adapter) == manifest.runtimes.end()) {
+    manifest.runtimes.push_back(manifest.adapter);
   }
 }
 

@@ -38,38 +38,22 @@ namespace {
 
 constexpr char kManifestFile[] = "policy.json";
 
-using TarHeader = std::unique_ptr<archive_entry, void (*)(archive_entry*)>;
-
-TarHeader MakeTarHeader(const std::string& path, const Entry& entry) {
-  TarHeader header(archive_entry_new(), archive_entry_free);
-  archive_entry_set_pathname(header.get(), path.c_str());
-  archive_entry_set_mtime(header.get(), entry.time, 0);
-  archive_entry_set_uid(header.get(), 0);
-  archive_entry_set_gid(header.get(), 0);
-  const bool open_to_all = entry.executable || entry.type == EntryType::kFolder;
-  archive_entry_set_perm(header.get(), open_to_all ? 0755 : 0644);
-  switch (entry.type) {
-    case EntryType::kFile:
-      archive_entry_set_filetype(header.get(), AE_IFREG);
-      archive_entry_set_size(header.get(), entry.size);
-      break;
-    case EntryType::kFolder:
-      archive_entry_set_filetype(header.get(), AE_IFDIR);
-      break;
-    case EntryType::kLink:
-      archive_entry_set_filetype(header.get(), AE_IFLNK);
-      archive_entry_set_symlink(header.get(), entry.target.c_str());
-      break;
-  }
-  return header;
-}
-
 // Writes a submission's entries as a tar: the same bytes for the same entries.
 class TarWriter {
  public:
-  // Gets the archive's bytes.
-  using Sink = std::function<absl::Status(std::string_view bytes)>;
-  explicit TarWriter(Sink sink);
+  explicit TarWriter(ByteSink sink)
+      : sink_(std::move(sink)), writer_(archive_write_new(), archive_write_free) {
+    archive_write_set_format_pax_restricted(writer_.get());
+    archive_write_add_filter_none(writer_.get());
+    archive_write_set_bytes_in_last_block(writer_.get(), 1);
+    const auto write = [](archive*, void* self, const void* data, size_t size) -> la_ssize_t {
+      auto& writer = *static_cast<TarWriter*>(self);
+      writer.status_ = writer.sink_({static_cast<const char*>(data), size});
+      return writer.status_.ok() ? static_cast<la_ssize_t>(size) : -1;
+    };
+    // What can't be opened fails at the first entry.
+    (void)archive_write_open(writer_.get(), this, nullptr, write, nullptr);
+  }
   // Its archive refers to it.
   TarWriter(const TarWriter&) = delete;
   TarWriter& operator=(const TarWriter&) = delete;
@@ -77,78 +61,68 @@ class TarWriter {
   // Begins an entry: without an owner, with the mode 0755 or 0644, and the time in whole seconds.
   // Of a file, entry.size bytes follow. Errors, of all four: the sink's; UnavailableError: another
   // one.
-  absl::Status Begin(const std::string& path, const Entry& entry);
-  absl::Status Write(std::string_view bytes);
+  absl::Status Begin(const std::string& path, const Entry& entry) {
+    const std::unique_ptr<archive_entry, void (*)(archive_entry*)> owner(archive_entry_new(),
+                                                                         archive_entry_free);
+    archive_entry* const header = owner.get();
+    archive_entry_set_pathname(header, path.c_str());
+    archive_entry_set_mtime(header, entry.time, 0);
+    archive_entry_set_uid(header, 0);
+    archive_entry_set_gid(header, 0);
+    const bool folder = entry.type == EntryType::kFolder;
+    const bool link = entry.type == EntryType::kLink;
+    archive_entry_set_perm(header, entry.executable || folder ? 0755 : 0644);
+    archive_entry_set_filetype(header, folder ? AE_IFDIR : link ? AE_IFLNK : AE_IFREG);
+    if (link) archive_entry_set_symlink(header, entry.target.c_str());
+    if (entry.type == EntryType::kFile) archive_entry_set_size(header, entry.size);
+    return archive_write_header(writer_.get(), header) == ARCHIVE_OK ? absl::OkStatus() : Failed();
+  }
+
+  absl::Status Write(std::string_view bytes) {
+    const la_ssize_t put = archive_write_data(writer_.get(), bytes.data(), bytes.size());
+    return put == static_cast<la_ssize_t>(bytes.size()) ? absl::OkStatus() : Failed();
+  }
+
   // Writes the content of a begun file `path` of `size` bytes from an open one, and tells `wrote`
   // of each piece. An error of FolderOf's kind if it can't be read, is no file or has another size.
   absl::Status Copy(int file, const std::string& path, int64_t size, FolderOf whose,
-                    const std::function<void(std::string_view piece)>& wrote);
-  absl::Status Close();
+                    const std::function<void(std::string_view piece)>& wrote) {
+    const auto changed = [&] {
+      const std::string what = absl::StrCat(Quoted(path), " changed while it was packed");
+      return whose == FolderOf::kParticipant
+                 ? absl::InvalidArgumentError(absl::StrCat(what, "; try again"))
+                 : absl::DataLossError(absl::StrCat("the submission's ", what));
+    };
+    struct stat info = {};
+    if (::fstat(file, &info) != 0) return Unreadable(path, whose);
+    if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
+    FileStream bytes(file);
+    for (int64_t left = size;;) {
+      const absl::StatusOr<std::string_view> piece = bytes.Next();
+      if (!piece.ok()) return Unreadable(path, whose);
+      left -= std::ssize(*piece);
+      if (left < 0 || (piece->empty() && left > 0)) return changed();
+      if (piece->empty()) return absl::OkStatus();
+      RETURN_IF_ERROR(Write(*piece));
+      wrote(*piece);
+    }
+  }
+
+  absl::Status Close() {
+    return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
+  }
 
  private:
-  absl::Status Failed() const;
-
-  const Sink sink_;
-  absl::Status status_;
-  std::unique_ptr<archive, ArchiveWriter> writer_;
-};
-
-TarWriter::TarWriter(Sink sink) : sink_(std::move(sink)), writer_(archive_write_new()) {
-  archive_write_set_format_pax_restricted(writer_.get());
-  archive_write_add_filter_none(writer_.get());
-  archive_write_set_bytes_in_last_block(writer_.get(), 1);
-  const auto write = [](archive*, void* self, const void* data, size_t size) -> la_ssize_t {
-    auto& writer = *static_cast<TarWriter*>(self);
-    writer.status_ = writer.sink_({static_cast<const char*>(data), size});
-    return writer.status_.ok() ? static_cast<la_ssize_t>(size) : -1;
-  };
-  // What can't be opened fails at the first entry.
-  (void)archive_write_open(writer_.get(), this, nullptr, write, nullptr);
-}
-
-absl::Status TarWriter::Begin(const std::string& path, const Entry& entry) {
-  const TarHeader header = MakeTarHeader(path, entry);
-  const int result = archive_write_header(writer_.get(), header.get());
-  return result == ARCHIVE_OK ? absl::OkStatus() : Failed();
-}
-
-absl::Status TarWriter::Write(std::string_view bytes) {
-  const la_ssize_t put = archive_write_data(writer_.get(), bytes.data(), bytes.size());
-  return put == static_cast<la_ssize_t>(bytes.size()) ? absl::OkStatus() : Failed();
-}
-
-absl::Status TarWriter::Copy(int file, const std::string& path, int64_t size, FolderOf whose,
-                             const std::function<void(std::string_view piece)>& wrote) {
-  const auto changed = [&] {
-    const std::string what = absl::StrCat(Quoted(path), " changed while it was packed");
-    return whose == FolderOf::kParticipant
-               ? absl::InvalidArgumentError(absl::StrCat(what, "; try again"))
-               : absl::DataLossError(absl::StrCat("the submission's ", what));
-  };
-  struct stat info = {};
-  if (::fstat(file, &info) != 0) return Unreadable(path, whose);
-  if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
-  FileStream bytes(file);
-  for (int64_t left = size;;) {
-    const absl::StatusOr<std::string_view> piece = bytes.Next();
-    if (!piece.ok()) return Unreadable(path, whose);
-    left -= std::ssize(*piece);
-    if (left < 0 || (piece->empty() && left > 0)) return changed();
-    if (piece->empty()) return absl::OkStatus();
-    RETURN_IF_ERROR(Write(*piece));
-    wrote(*piece);
+  absl::Status Failed() const {
+    if (!status_.ok()) return status_;
+    return absl::UnavailableError(
+        absl::StrCat("writing the archive failed: ", ArchiveReason(writer_.get())));
   }
-}
 
-absl::Status TarWriter::Close() {
-  return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
-}
-
-absl::Status TarWriter::Failed() const {
-  if (!status_.ok()) return status_;
-  return absl::UnavailableError(
-      absl::StrCat("writing the archive failed: ", ArchiveReason(writer_.get())));
-}
+  const ByteSink sink_;
+  absl::Status status_;
+  std::unique_ptr<archive, int (*)(archive*)> writer_;
+};
 
 // What PackArtefact was asked for.
 struct Packing {
@@ -157,18 +131,6 @@ struct Packing {
   const ByteProgress& progress;
   const std::string& name;  // "": the submission's own
 };
-
-absl::StatusOr<Fd> NewArchive(const std::string& path) {
-  Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-  if (!file.valid()) return HostError(absl::StrCat("can't write the archive ", path));
-  return file;
-}
-
-TarWriter::Sink SinkOf(const Fd& file) {
-  return [fd = file.get()](std::string_view bytes) {
-    return WriteAll(fd, bytes).ok() ? absl::OkStatus() : HostError("can't write the archive");
-  };
-}
 
 // The text of a policy.json that is made or changed here.
 std::string ManifestText(const nlohmann::json& manifest) {
@@ -179,8 +141,13 @@ std::string ManifestText(const nlohmann::json& manifest) {
 // itself.
 absl::Status WriteListed(const Listing& listing, const std::string& about, const Packing& packing,
                          const std::function<Fd(const std::string& path)>& open) {
-  ASSIGN_OR_RETURN(const Fd archive, NewArchive(packing.archive));
-  TarWriter tar(SinkOf(archive));
+  const Fd archive(
+      ::open(packing.archive.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (!archive.valid()) return HostError(absl::StrCat("can't write the archive ", packing.archive));
+  TarWriter tar([&](std::string_view bytes) {
+    const bool written = WriteAll(archive.get(), bytes).ok();
+    return written ? absl::OkStatus() : HostError("can't write the archive");
+  });
   int64_t done = 0;
   const auto wrote = [&](std::string_view piece) {
     done += std::ssize(piece);
@@ -281,28 +248,19 @@ bool HasArchiveName(const std::string& path) {
   return false;
 }
 
-// What one file is, by its first bytes: a name says little, as of `podman save -o walker`.
-enum class FileKind { kProgram, kArchive, kForeignArchive, kOther };
-struct KnownFile {
-  FileKind kind = FileKind::kOther;
-  std::string_view name = {};  // kForeignArchive: of its format
-};
+// Its first bytes tell what a file is: a name says little, as of `podman save -o walker`.
+constexpr size_t kTarMagicAt = 257;
 
-KnownFile KindOf(int file) {
-  constexpr size_t kTarMagicAt = 257;
-  std::array<char, kTarMagicAt + 5> bytes = {};
-  const ssize_t got = ::pread(file, bytes.data(), bytes.size(), 0);
-  const std::string_view head(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
-  if (ReadProgramHead(file).kind != ProgramHead::Kind::kText) return {FileKind::kProgram};
-  if (head.starts_with("PK\3\4") || head.substr(std::min(head.size(), kTarMagicAt)) == "ustar" ||
-      IsCompressed(file)) {
-    return {FileKind::kArchive};
-  }
-  for (const auto& [magic, name] : {std::pair<std::string_view, std::string_view>{"7z\xbc\xaf", "7z"},
-                                    {"Rar!", "RAR"}, {"\x04\x22\x4d\x18", "LZ4"}}) {
-    if (head.starts_with(magic)) return {FileKind::kForeignArchive, name};
-  }
-  return {};
+bool IsArchive(int file, std::string_view head) {
+  return head.starts_with("PK\3\4") ||
+         head.substr(std::min(head.size(), kTarMagicAt)) == "ustar" || IsCompressed(file);
+}
+
+// The name of the format of an archive that is not accepted; "": it is none.
+std::string ForeignFormat(std::string_view head) {
+  if (head.starts_with("7z\xbc\xaf")) return "7z";
+  if (head.starts_with("Rar!")) return "RAR";
+  return head.starts_with("\x04\x22\x4d\x18") ? "LZ4" : "";
 }
 
 absl::Status NoProgram(const std::string& path) {
@@ -322,17 +280,20 @@ absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct 
                                           const Packing& packing) {
   const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));  // waits for a lease on it to end
   if (!file.valid()) return Unreadable(path, FolderOf::kParticipant);
-  const KnownFile known = KindOf(file.get());
-  if (known.kind == FileKind::kForeignArchive) {
+  std::array<char, kTarMagicAt + 5> bytes = {};
+  const ssize_t got = ::pread(file.get(), bytes.data(), bytes.size(), 0);
+  const std::string_view head(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+  const bool program = ReadProgramHead(file.get()).kind != ProgramHead::Kind::kText;
+  if (const std::string foreign = ForeignFormat(head); !foreign.empty()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("is packed by ", absl::string_view(known.name.data(), known.name.size()),
-                     ", which is not accepted; pack it as .tar.gz, .tar.zst, .tar.xz, .tar.bz2 or .zip"));
+        absl::StrCat("is packed by ", foreign, ", which is not accepted; pack it as .tar.gz, .tar.zst, "
+                     ".tar.xz, .tar.bz2 or .zip"));
   }
-  if (known.kind == FileKind::kArchive || HasArchiveName(path)) {
+  if ((!program && IsArchive(file.get(), head)) || HasArchiveName(path)) {
     return MayBeImageArchive(file.get()) ? PackImage(path, packing) : Repack(path, packing);
   }
   if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
-  if (known.kind != FileKind::kProgram) return NoProgram(path);
+  if (!program) return NoProgram(path);
   if ((info.st_mode & 0111) == 0) {
     return absl::InvalidArgumentError("is not executable; set its bit with chmod +x");
   }
@@ -377,7 +338,7 @@ absl::Status StreamArtefact(const std::string& folder, const std::string& digest
       Sha256 hash;
       RETURN_IF_ERROR(tar.Copy(file.get(), path, entry.size, FolderOf::kDaemon,
                                [&](std::string_view piece) { hash.Update(piece); }));
-      listing.SetSha256(path, hash.FinishHex());
+      listing.at(path).sha256 = hash.FinishHex();
     }
   }
   RETURN_IF_ERROR(tar.Close());

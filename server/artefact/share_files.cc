@@ -21,6 +21,8 @@ namespace myograde::server {
 namespace {
 
 constexpr int kMostFolders = 80;  // in each other; unpacking allows fewer
+// Smaller files are not shared: each takes one block of the disk, as a name in the pool does.
+constexpr int64_t kLeastSharedBytes = 4096;
 
 Fd OpenFolder(int at, const char* name) {
   return Fd(::openat(at, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));

@@ -14,9 +14,6 @@
 
 namespace myograde::server {
 
-// Smaller files are not shared: each takes one block of the disk, as a name in the pool does.
-inline constexpr int64_t kLeastSharedBytes = 4096;
-
 // Shares the files of the image in the artefact's folder `artefact`, and does nothing if it has none.
 // Nothing may use it yet. Both folders are on one file system; the pool is made if it is missing. A
 // file that can't be shared stays as it is.

@@ -1,14 +1,11 @@
-#include <archive.h>
 #include <archive_entry.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <set>
 #include <string>
 #include <utility>
@@ -16,11 +13,9 @@
 
 #include <absl/status/status.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/string_view.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/program_head.h"
-#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
@@ -30,32 +25,6 @@
 
 namespace myograde::server {
 namespace {
-
-constexpr size_t kBlockBytes = 64 << 10;
-
-// Whether the host failed to read, which says nothing about the archive.
-bool HostFailed(archive* reader) {
-  for (const int error : {EIO, EBADF, ENODEV, ENXIO, ESTALE}) {
-    if (archive_errno(reader) != error) continue;
-    errno = error;
-    return true;
-  }
-  return false;
-}
-
-std::string_view KindName(mode_t type) {
-  switch (type) {
-    case AE_IFBLK:
-    case AE_IFCHR:
-      return "a device node";
-    case AE_IFIFO:
-      return "a named pipe";
-    case AE_IFSOCK:
-      return "a socket";
-    default:
-      return "of an unknown kind";
-  }
-}
 
 // What no entry of a submission may be, and what to do about it; "": it is nothing of this.
 std::string Forbidden(archive_entry* entry) {
@@ -72,39 +41,116 @@ std::string Forbidden(archive_entry* entry) {
   }
   const mode_t type = archive_entry_filetype(entry);
   if (type == AE_IFDIR || type == AE_IFREG || type == AE_IFLNK) return "";
-  return absl::StrCat("is ", std::string(KindName(type)),
-                      "; only files, folders and symbolic links are allowed");
+  const std::string kind = type == AE_IFBLK || type == AE_IFCHR ? "a device node"
+                           : type == AE_IFIFO                   ? "a named pipe"
+                           : type == AE_IFSOCK                  ? "a socket"
+                                                                : "of an unknown kind";
+  return absl::StrCat("is ", kind, "; only files, folders and symbolic links are allowed");
 }
+
+constexpr char kBroken[] =
+    "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, "
+    "zip)";
 
 // Makes the files of an archive's entries, which a participant chose, in a folder.
 class Unpacker {
  public:
-  // Into the empty folder `root`. `whose`: whose archive it is. `read` is called after each block.
-  Unpacker(archive* reader, int root, const ArtefactLimits& limits, FolderOf whose,
+  // Into the empty folder `root`. `whose`: whose archive it is, which is open. `read` is called
+  // after each block.
+  Unpacker(StreamArchive& archive, int root, const ArtefactLimits& limits, FolderOf whose,
            std::function<void()> read)
-      : reader_(reader),
+      : archive_(archive),
         root_(root),
         limits_(limits),
         submitted_(whose == FolderOf::kParticipant),
         read_(std::move(read)),
         listing_(limits) {}
 
-  // Unpacks all entries of an opened archive. InvalidArgumentError: it is broken, or breaks a rule
-  // of submissions; an archive of the daemon's is not judged by those that no path depends on.
-  // Other codes: a problem of this host.
-  absl::Status UnpackAll();
-
-  // Why the archive can't be read any further: `what`, and libarchive's reason.
-  absl::Status Failure(absl::string_view what) const;
+  // Unpacks all entries. InvalidArgumentError: the archive is broken, or breaks a rule of
+  // submissions; one of the daemon's is not judged by those that no path depends on. Other codes: a
+  // problem of this host.
+  absl::Status UnpackAll() {
+    for (;;) {
+      archive_entry* entry = nullptr;
+      ASSIGN_OR_RETURN(const bool found, archive_.NextEntry(&entry, kBroken));
+      if (!found) return absl::OkStatus();
+      RETURN_IF_ERROR(Take(entry));
+    }
+  }
 
   const Listing& listing() const { return listing_; }
 
  private:
-  absl::Status Take(archive_entry* entry);
-  absl::Status TakeFile(const std::string& path, archive_entry* entry);
-  absl::Status MakeFoldersOf(const std::string& path);
+  absl::Status Take(archive_entry* entry) {
+    // The top folder may be named any number of times without being listed.
+    if (++headers_ > limits_.files + 1) return listing_.TooManyEntries(std::string_view("./"));
+    const char* raw = archive_entry_pathname(entry);
+    if (raw == nullptr) {
+      return absl::InvalidArgumentError("an entry of the archive has no name that is UTF-8");
+    }
+    ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
+    if (const std::string what = Forbidden(entry); !what.empty()) {
+      return absl::InvalidArgumentError(absl::StrCat("the entry ", Quoted(path), " ", what));
+    }
+    const mode_t type = archive_entry_filetype(entry);
+    if (path.empty()) {
+      return type == AE_IFDIR ? absl::OkStatus()
+                              : absl::InvalidArgumentError("the archive's top is not a folder");
+    }
+    if (type == AE_IFREG) return TakeFile(path, entry);
+    if (type == AE_IFDIR) {
+      RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
+      return MakeFoldersOf(path + "/");
+    }
+    const char* text = archive_entry_symlink(entry);
+    const std::string target = text == nullptr ? "" : text;
+    // An image's links lead where they like.
+    RETURN_IF_ERROR(submitted_ ? CheckLinkTarget(path, target) : CheckLinkText(path, target));
+    ASSIGN_OR_RETURN(Entry* const link, listing_.Add(path, EntryType::kLink));
+    link->target = target;
+    RETURN_IF_ERROR(MakeFoldersOf(path));
+    return MakeLinkBeneath(root_, path, target);
+  }
 
-  archive* const reader_;
+  absl::Status TakeFile(const std::string& path, archive_entry* entry) {
+    ASSIGN_OR_RETURN(Entry* const file, listing_.Add(path, EntryType::kFile));
+    file->executable = (archive_entry_perm(entry) & 0111) != 0;
+    // Python uses a compiled module only if its source still has the time recorded in it.
+    file->time = KeptTime(archive_entry_mtime(entry));
+    // A claimed size proves nothing, but one above the limit can be rejected at once.
+    if (archive_entry_size_is_set(entry) != 0) {
+      RETURN_IF_ERROR(listing_.CheckRoom(path, archive_entry_size(entry)));
+    }
+    RETURN_IF_ERROR(MakeFoldersOf(path));
+    const std::string broken = absl::StrCat("the archive is broken in the entry ", Quoted(path));
+    return MakeFileBeneath(root_, path, *file, [&]() -> absl::StatusOr<std::string_view> {
+      if (file->size > 0) read_();
+      // Count the bytes as they come: the size in a header proves nothing. The holes of sparse
+      // files arrive here as zeros and count too.
+      ASSIGN_OR_RETURN(const std::string_view piece, archive_.NextData(broken));
+      RETURN_IF_ERROR(listing_.AddBytes(path, std::ssize(piece)));
+      if (submitted_ && file->size == 0 &&
+          piece.starts_with("version https://git-lfs.github.com/spec/")) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            "the file ", Quoted(path),
+            " is a pointer of Git LFS in place of its content; get that with \"git lfs pull\" "
+            "before you pack, or leave the file out"));
+      }
+      return piece;
+    });
+  }
+
+  // Makes the folders above `path` that are missing.
+  absl::Status MakeFoldersOf(const std::string& path) {
+    for (size_t slash = path.find('/'); slash != std::string::npos;
+         slash = path.find('/', slash + 1)) {
+      const std::string folder = path.substr(0, slash);
+      if (made_.insert(folder).second) RETURN_IF_ERROR(MakeFolderBeneath(root_, folder));
+    }
+    return absl::OkStatus();
+  }
+
+  StreamArchive& archive_;
   const int root_;
   const ArtefactLimits limits_;
   const bool submitted_;
@@ -113,100 +159,6 @@ class Unpacker {
   int64_t headers_ = 0;
   std::set<std::string> made_;  // folders
 };
-
-absl::Status Unpacker::Failure(absl::string_view what) const {
-  if (HostFailed(reader_)) return HostError("can't read the archive");
-  return absl::InvalidArgumentError(absl::StrCat(what, ": ", ArchiveReason(reader_)));
-}
-
-absl::Status Unpacker::UnpackAll() {
-  for (;;) {
-    archive_entry* entry = nullptr;
-    const int result = archive_read_next_header(reader_, &entry);
-    if (result == ARCHIVE_EOF) return absl::OkStatus();
-    // Also for ARCHIVE_RETRY: libarchive would continue after a damaged header, and a file would be
-    // missing.
-    if (result != ARCHIVE_OK && result != ARCHIVE_WARN) {
-      return Failure(
-          "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, "
-          "tar.xz, tar.bz2, zip)");
-    }
-    RETURN_IF_ERROR(Take(entry));
-  }
-}
-
-absl::Status Unpacker::Take(archive_entry* entry) {
-  // The top folder may be named any number of times without being listed.
-  if (++headers_ > limits_.files + 1) return listing_.TooManyEntries(std::string_view("./"));
-  const char* raw = archive_entry_pathname(entry);
-  if (raw == nullptr) {
-    return absl::InvalidArgumentError("an entry of the archive has no name that is UTF-8");
-  }
-  ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
-  if (const std::string what = Forbidden(entry); !what.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("the entry ", Quoted(path), " ", what));
-  }
-  const mode_t type = archive_entry_filetype(entry);
-  if (path.empty()) {
-    return type == AE_IFDIR ? absl::OkStatus()
-                            : absl::InvalidArgumentError("the archive's top is not a folder");
-  }
-  if (type == AE_IFREG) return TakeFile(path, entry);
-  if (type == AE_IFDIR) {
-    RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
-    return MakeFoldersOf(path + "/");
-  }
-  const char* text = archive_entry_symlink(entry);
-  const std::string target = text == nullptr ? "" : text;
-  // An image's links lead where they like.
-  RETURN_IF_ERROR(submitted_ ? CheckLinkTarget(path, target) : CheckLinkText(path, target));
-  ASSIGN_OR_RETURN(Entry* const link, listing_.Add(path, EntryType::kLink));
-  link->target = target;
-  RETURN_IF_ERROR(MakeFoldersOf(path));
-  return MakeLinkBeneath(root_, path, target);
-}
-
-// Makes the folders above `path` that are missing.
-absl::Status Unpacker::MakeFoldersOf(const std::string& path) {
-  for (size_t slash = path.find('/'); slash != std::string::npos;
-       slash = path.find('/', slash + 1)) {
-    const std::string folder = path.substr(0, slash);
-    if (made_.insert(folder).second) RETURN_IF_ERROR(MakeFolderBeneath(root_, folder));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
-  ASSIGN_OR_RETURN(Entry* const file, listing_.Add(path, EntryType::kFile));
-  file->executable = (archive_entry_perm(entry) & 0111) != 0;
-  // Python uses a compiled module only if its source still has the time recorded in it.
-  file->time = KeptTime(archive_entry_mtime(entry));
-  // A claimed size proves nothing, but one above the limit can be rejected at once.
-  if (archive_entry_size_is_set(entry) != 0) {
-    RETURN_IF_ERROR(listing_.CheckRoom(path, archive_entry_size(entry)));
-  }
-  RETURN_IF_ERROR(MakeFoldersOf(path));
-  std::string buffer(kBlockBytes, '\0');
-  return MakeFileBeneath(root_, path, *file, [&]() -> absl::StatusOr<std::string_view> {
-    if (file->size > 0) read_();
-    // Count the bytes as they come: the size in a header proves nothing. The holes of sparse files
-    // arrive here as zeros and count too.
-    const la_ssize_t got = archive_read_data(reader_, buffer.data(), buffer.size());
-    if (got < 0) {
-      return Failure(absl::StrCat("the archive is broken in the entry ", Quoted(path)));
-    }
-    RETURN_IF_ERROR(listing_.AddBytes(path, got));
-    const std::string_view piece(buffer.data(), static_cast<size_t>(got));
-    if (submitted_ && file->size == 0 &&
-        piece.starts_with("version https://git-lfs.github.com/spec/")) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "the file ", Quoted(path),
-          " is a pointer of Git LFS in place of its content; get that with \"git lfs pull\" before "
-          "you pack, or leave the file out"));
-    }
-    return piece;
-  });
-}
 
 // Archives from Windows have no modes, or have them for .bat and the like. Where no program can be executed
 // and the submission needs one that can, its programs and scripts become executable.
@@ -225,35 +177,28 @@ absl::Status AddModes(int folder, Listing& listing) {
     if (!file.valid() || ::fchmod(file.get(), 0755) != 0) {
       return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
     }
-    listing.MakeExecutable(path);
+    listing.at(path).executable = true;
   }
   return absl::OkStatus();
 }
 
 // Unpacks an ordinary submission, which may hold an image's archive as a file.
-absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimits& limits,
+absl::StatusOr<Listing> UnpackFiles(int file, int folder, const ArtefactLimits& limits,
                                     const ByteProgress& progress) {
   const Utf8Names utf8_names;
-  // The documented kinds of archive only: each further parser of libarchive adds attack surface.
-  const std::unique_ptr<struct archive, ArchiveReader> reader(archive_read_new());
-  SupportCompression(reader.get());
-  archive_read_support_format_tar(reader.get());
-  archive_read_support_format_zip(reader.get());
-  struct stat info = {};
-  const int64_t total = progress && ::fstat(archive, &info) == 0 ? info.st_size : 0;
-  Unpacker unpacker(reader.get(), folder, limits, FolderOf::kParticipant, [&] {
-    // -1: the file's own bytes, below all filters.
-    if (progress) progress(archive_filter_bytes(reader.get(), -1), total);
-  });
-  if (archive_read_open_fd(reader.get(), archive, 64 << 10) != ARCHIVE_OK) {
-    return unpacker.Failure(
-        "this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, "
-        "zip)");
-  }
+  FileStream bytes(file);
+  StreamArchive archive(bytes, StreamArchive::Form::kSubmission);
+  RETURN_IF_ERROR(archive.Open("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, "
+                               "tar.xz, tar.bz2, zip)"));
   // One layer besides the file itself: nested bombs multiply.
-  if (archive_filter_count(reader.get()) > (IsCompressed(archive) ? 2 : 1)) {
+  if (archive.compressions() > (IsCompressed(file) ? 1 : 0)) {
     return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
   }
+  struct stat info = {};
+  const int64_t total = ::fstat(file, &info) == 0 ? info.st_size : 0;
+  Unpacker unpacker(archive, folder, limits, FolderOf::kParticipant, [&] {
+    if (progress) progress(archive.bytes_read(), total);
+  });
   RETURN_IF_ERROR(unpacker.UnpackAll());
   Listing listing = unpacker.listing();
   RETURN_IF_ERROR(AddModes(folder, listing));
@@ -273,34 +218,27 @@ absl::StatusOr<Artefact> UnpackImageFile(const SubmittedManifest& submitted, int
 }
 
 // The archive's bytes as they come.
-struct TarPieces {
-  const ByteSource& source;
-  std::string piece = {};
-  absl::Status status = {};
-
-  static la_ssize_t Read(archive*, void* self, const void** data) {
-    auto& pieces = *static_cast<TarPieces*>(self);
-    absl::StatusOr<std::string> piece = pieces.source();
-    pieces.status = piece.status();
-    if (!piece.ok()) return -1;
-    pieces.piece = *std::move(piece);
-    *data = pieces.piece.data();
-    return std::ssize(pieces.piece);
+class SourceStream : public ByteStream {
+ public:
+  explicit SourceStream(const ByteSource& source) : source_(source) {}
+  absl::StatusOr<std::string_view> Next() override {
+    ASSIGN_OR_RETURN(piece_, source_());
+    return piece_;
   }
+
+ private:
+  const ByteSource& source_;
+  std::string piece_;
 };
 
 absl::Status UnpackStream(const ByteSource& source, const std::string& digest, int root) {
   const Utf8Names utf8_names;
-  TarPieces pieces = {source};
-  const std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
-  archive_read_support_format_tar(reader.get());
-  if (archive_read_open(reader.get(), &pieces, nullptr, TarPieces::Read, nullptr) != ARCHIVE_OK) {
-    return pieces.status.ok() ? absl::DataLossError("the packed submission is no tar")
-                              : pieces.status;
-  }
-  Unpacker unpacker(reader.get(), root, kNoLimits, FolderOf::kDaemon, [] {});
-  const absl::Status status = unpacker.UnpackAll();
-  RETURN_IF_ERROR(pieces.status);
+  SourceStream bytes(source);
+  StreamArchive archive(bytes, StreamArchive::Form::kSent);
+  Unpacker unpacker(archive, root, kNoLimits, FolderOf::kDaemon, [] {});
+  absl::Status status = archive.Open();
+  if (status.ok()) status = unpacker.UnpackAll();
+  RETURN_IF_ERROR(archive.failure());
   if (absl::IsInvalidArgument(status)) {
     return absl::DataLossError(absl::StrCat("the packed submission is broken: ", status.message()));
   }
@@ -311,16 +249,11 @@ absl::Status UnpackStream(const ByteSource& source, const std::string& digest, i
                                           ", and is to be ", digest));
 }
 
-// What `unpack` makes of the opened archive and folder; after an error there is no folder.
-template <typename Result, typename Unpack>
-Result UnpackInto(const std::string& archive, const std::string& destination,
-                  const Unpack& unpack) {
-  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
-  Result result = unpack(place.archive.get(), place.folder.get());
-  if (!result.ok()) {
-    std::error_code ignored;  // the first error is the one to report
-    std::filesystem::remove_all(destination, ignored);
-  }
+// `result`, and after an error no `folder`.
+template <typename Result>
+Result OrRemoved(Result result, const std::string& folder) {
+  std::error_code ignored;  // the first error is the one to report
+  if (!result.ok()) std::filesystem::remove_all(folder, ignored);
   return result;
 }
 
@@ -353,26 +286,22 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
                                         const ArtefactLimits& limits,
                                         const ByteProgress& progress) {
-  return UnpackInto<absl::StatusOr<Artefact>>(archive, destination, [&](int file, int folder) {
-    return UnpackOpened(file, folder, limits, progress);
-  });
+  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
+  return OrRemoved(UnpackOpened(place.archive.get(), place.folder.get(), limits, progress),
+                   destination);
 }
 
 absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
                               const ArtefactLimits& limits, const ByteProgress& progress) {
-  return UnpackInto<absl::Status>(archive, destination, [&](int file, int folder) {
-    return UnpackFiles(file, folder, limits, progress).status();
-  });
+  ASSIGN_OR_RETURN(const UnpackPlace place, OpenUnpackPlace(archive, destination));
+  return OrRemoved(UnpackFiles(place.archive.get(), place.folder.get(), limits, progress).status(),
+                   destination);
 }
 
 absl::Status PlaceStreamedArtefact(const ByteSource& source, const std::string& digest,
                                    const std::string& folder) {
   ASSIGN_OR_RETURN(const Fd root, MakeFolderToFill(folder));
-  const absl::Status status = UnpackStream(source, digest, root.get());
-  if (status.ok()) return status;
-  std::error_code ignored;
-  std::filesystem::remove_all(folder, ignored);
-  return status;
+  return OrRemoved(UnpackStream(source, digest, root.get()), folder);
 }
 
 }  // namespace myograde::server

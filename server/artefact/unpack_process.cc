@@ -14,7 +14,6 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <ctime>
 #include <filesystem>
 #include <memory>
@@ -28,7 +27,6 @@
 #include <seccomp.h>
 
 #include "protocol/base/config_reader.h"
-#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
@@ -62,10 +60,6 @@ constexpr std::array kSanitizerCalls = {
     SCMP_SYS(uname)};
 #endif
 
-struct Release {
-  void operator()(void* context) const { seccomp_release(context); }
-};
-
 // Libraries read system files on first use, which the filter would forbid.
 void UseLibrariesOnce() {
   ::setenv("TZ", "UTC0", 1);  // times in a zip have no zone, and UTC needs no file
@@ -94,27 +88,25 @@ absl::Status DropRights() {
 }
 
 absl::Status LoadFilter() {
-  const std::unique_ptr<void, Release> filter(seccomp_init(SCMP_ACT_KILL_PROCESS));
+  const std::unique_ptr<void, void (*)(void*)> filter(seccomp_init(SCMP_ACT_KILL_PROCESS),
+                                                      seccomp_release);
   if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
   int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
-  for (const int call : kAllowed) {
-    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
-  }
+  const auto allow = [&](int call, auto... conditions) {
+    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, sizeof...(conditions),
+                               conditions...);
+  };
+  for (const int call : kAllowed) allow(call);
   // Unpacking never needs executable memory.
   for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
-    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 1,
-                               SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
+    allow(call, SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   }
   // Sets the time of an open file only, never by name.
-  result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, SCMP_SYS(utimensat), 1,
-                             SCMP_A1(SCMP_CMP_EQ, 0));
+  allow(SCMP_SYS(utimensat), SCMP_A1(SCMP_CMP_EQ, 0));
   // abort() sends a signal to itself.
-  result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
-                             SCMP_A0(SCMP_CMP_EQ, static_cast<uint64_t>(::getpid())));
+  allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, static_cast<uint64_t>(::getpid())));
 #if defined(__SANITIZE_ADDRESS__)
-  for (const int call : kSanitizerCalls) {
-    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
-  }
+  for (const int call : kSanitizerCalls) allow(call);
 #endif
   if (result != 0) {
     return absl::InternalError("libseccomp refuses a rule of the unpacking's filter");
@@ -194,15 +186,13 @@ absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::st
 absl::StatusOr<ProgramEnd> RunUnpacking(std::vector<std::string> words,
                                         const UnpackBudget& budget) {
   absl::Status stop;
+  const auto stopped = [&] { return !(stop = budget.go_on()).ok(); };
   absl::StatusOr<ProgramEnd> end = RunProgram({.program = "myograde-unpack",
                                                .words = std::move(words),
                                                .most_output = kMaxAnswer,
                                                .deadline = budget.time,
                                                .nice = kNice},
-                                              [&] {
-                                                stop = budget.go_on();
-                                                return !stop.ok();
-                                              });
+                                              stopped);
   RETURN_IF_ERROR(stop);
   if (end.ok()) return end;
   if (!absl::IsDeadlineExceeded(end.status())) return absl::InternalError(end.status().message());
@@ -213,12 +203,7 @@ absl::StatusOr<ProgramEnd> RunUnpacking(std::vector<std::string> words,
 
 // Signals that a process causes itself. Any other comes from outside: a person, or a kernel out of
 // memory.
-bool IsOwnFault(int signal) {
-  for (const int own : {SIGABRT, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP}) {
-    if (signal == own) return true;
-  }
-  return false;
-}
+constexpr std::array kOwnFaults = {SIGABRT, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP};
 
 absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& budget) {
   const int signal = std::max(end.exit_status - 128, 0);
@@ -227,7 +212,7 @@ absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& b
         "the archive takes more than ", absl::FormatDuration(budget.cpu),
         " of processor time to unpack; make it smaller"));
   }
-  if (IsOwnFault(signal)) {
+  if (std::ranges::find(kOwnFaults, signal) != kOwnFaults.end()) {
     return absl::InvalidArgumentError(
         absl::StrCat("unpacking the archive was ended by signal ", signal,
                      "; pack it again with an ordinary tar or zip"));

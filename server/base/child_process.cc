@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <sched.h>
-#include <signal.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/wait.h>
@@ -11,7 +10,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -55,20 +53,20 @@ void DrainInto(Fd& fd, int reads, OutputTail& tail) {
   }
 }
 
+bool Drain(Fd& fd, std::string& out) {
+  char buffer[64 << 10];
+  const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
+  if (n > 0) out.append(buffer, static_cast<size_t>(n));
+  if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) fd.reset();
+  return n > 0;
+}
+
 namespace {
 
 constexpr int kMostReads = 16;
 constexpr absl::Duration kBurial = absl::Seconds(10);
 constexpr char kUsualPath[] = "/usr/local/bin:/usr/bin:/bin";
 constexpr int kPollMilliseconds = 100;
-
-// Takes what is there, and closes `fd` at the end of the stream.
-void Drain(Fd& fd, std::string& out) {
-  char buffer[64 << 10];
-  const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
-  if (n > 0) out.append(buffer, static_cast<size_t>(n));
-  if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) fd.reset();
-}
 
 absl::StatusOr<std::string> ProgramPath(const std::string& program) {
   std::string path = program;
@@ -128,18 +126,6 @@ bool ChildProcess::Look() {
   return wait_status_.has_value();
 }
 
-void ChildProcess::Signal(int signal) const {
-  if (!wait_status_.has_value()) ::kill(pid_, signal);
-}
-
-void ChildProcess::KillNow() const {
-  if (pid_ > 0 && !wait_status_.has_value()) ::kill(-pid_, SIGKILL);
-}
-
-bool ChildProcess::succeeded() const {
-  return WIFEXITED(*wait_status_) && WEXITSTATUS(*wait_status_) == 0;
-}
-
 std::string ChildProcess::Failure() const {
   const std::string said = LastLineOf(said_.tail());
   if (WIFSIGNALED(*wait_status_)) {
@@ -165,8 +151,6 @@ std::string ProgramEnd::HowItEnded() const {
   return exit_status > 128 ? absl::StrCat("was killed by signal ", exit_status - 128)
                            : absl::StrCat("exited with status ", exit_status);
 }
-
-std::string ProgramEnd::LastError() const { return LastLineOf(errors); }
 
 std::string WhyItFailed(const absl::StatusOr<ProgramEnd>& end) {
   if (!end.ok()) return std::string(end.status().message());

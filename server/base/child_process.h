@@ -2,6 +2,7 @@
 // that runs to its end, with text in, bytes out and a deadline. And how a program is asked to end.
 #pragma once
 
+#include <signal.h>
 #include <sys/types.h>
 
 #include <cstddef>
@@ -46,6 +47,10 @@ class OutputTail {
 // its end.
 void DrainInto(Fd& fd, int reads, OutputTail& tail);
 
+// Appends what such a descriptor has to `out`, 64 KiB at most, and closes it at its end; whether there
+// was anything.
+bool Drain(Fd& fd, std::string& out);
+
 // Has a process group of its own. Killed when this object goes.
 class ChildProcess {
  public:
@@ -62,9 +67,13 @@ class ChildProcess {
   bool Look();
 
   // Sends it a signal, unless it has ended.
-  void Signal(int signal) const;
+  void Signal(int signal) const {
+    if (!wait_status_.has_value()) ::kill(pid_, signal);
+  }
   // Kills it and what it started in its process group, unless it has ended.
-  void KillNow() const;
+  void KillNow() const {
+    if (pid_ > 0 && !wait_status_.has_value()) ::kill(-pid_, SIGKILL);
+  }
 
   pid_t pid() const { return pid_; }
 
@@ -72,7 +81,7 @@ class ChildProcess {
   int wait_status() const { return *wait_status_; }
   // Of it and all that it waited for, once it has ended; 0 before.
   double cpu_s() const { return cpu_s_; }
-  bool succeeded() const;
+  bool succeeded() const { return *wait_status_ == 0; }
   // The end of what it said, as valid UTF-8.
   std::string said() const { return said_.tail(); }
   // How it ended, in words; with the last line that it said if there is one.
@@ -111,7 +120,7 @@ struct ProgramEnd {
   std::string errors;  // the end of its standard error, as valid UTF-8
 
   std::string HowItEnded() const;  // "exited with status 2", "was killed by signal 11"
-  std::string LastError() const;   // the last line of `errors`; "" if there is none
+  std::string LastError() const { return LastLineOf(errors); }
 };
 
 // Of a program that failed: the last line of its errors, or how it ended, or why it was not run.

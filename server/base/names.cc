@@ -23,20 +23,22 @@ constexpr int kLooksRule = 2;
 // With more marks than this a letter reaches into the lines above and below.
 constexpr int kMaxMarks = 4;
 
-// ICU's data is part of its library, so these calls fail only if memory runs out.
-void Need(UErrorCode error) {
+// What a call of ICU gives. Its data is part of its library, so it fails only if memory runs out.
+template <typename Call>
+auto Sure(const Call& call) {
+  UErrorCode error = U_ZERO_ERROR;
+  auto result = call(error);
   if (U_FAILURE(error)) std::abort();
+  return result;
 }
 
 // Immutable, so any thread may use it.
 const USpoofChecker* Spoof() {
-  static const USpoofChecker* const checker = [] {
-    UErrorCode error = U_ZERO_ERROR;
+  static const USpoofChecker* const checker = Sure([](UErrorCode& error) {
     USpoofChecker* made = uspoof_open(&error);
     uspoof_setChecks(made, USPOOF_HIDDEN_OVERLAY, &error);
-    Need(error);
     return made;
-  }();
+  });
   return checker;
 }
 
@@ -47,12 +49,8 @@ constexpr Form kDecomposed = icu::Normalizer2::getNFDInstance;
 constexpr Form kCaseFolded = icu::Normalizer2::getNFKCCasefoldInstance;
 
 icu::UnicodeString Normal(Form form, const icu::UnicodeString& text) {
-  UErrorCode error = U_ZERO_ERROR;
-  const icu::Normalizer2* normalizer = form(error);
-  Need(error);
-  icu::UnicodeString normal = normalizer->normalize(text, error);
-  Need(error);
-  return normal;
+  const icu::Normalizer2* normalizer = Sure(form);
+  return Sure([&](UErrorCode& error) { return normalizer->normalize(text, error); });
 }
 
 // Decomposed first, as the iota below Greek letters becomes one beside them.
@@ -61,11 +59,10 @@ icu::UnicodeString Folded(const icu::UnicodeString& text) {
 }
 
 icu::UnicodeString Skeleton(const icu::UnicodeString& text) {
-  UErrorCode error = U_ZERO_ERROR;
-  icu::UnicodeString skeleton;
-  uspoof_getSkeletonUnicodeString(Spoof(), 0, text, skeleton, &error);
-  Need(error);
-  return skeleton;
+  return Sure([&](UErrorCode& error) {
+    icu::UnicodeString skeleton;
+    return uspoof_getSkeletonUnicodeString(Spoof(), 0, text, skeleton, &error);
+  });
 }
 
 icu::UnicodeString FromUtf8(std::string_view text) {
@@ -100,10 +97,7 @@ int32_t SyllabicCategory(UChar32 c) {
 }
 
 UScriptCode ScriptOf(UChar32 c) {
-  UErrorCode error = U_ZERO_ERROR;
-  const UScriptCode script = uscript_getScript(c, &error);
-  Need(error);
-  return script;
+  return Sure([&](UErrorCode& error) { return uscript_getScript(c, &error); });
 }
 
 // Whether the character at `at` is a virama that puts the next letter below the one before, and
@@ -172,12 +166,11 @@ absl::Status CheckShape(const icu::UnicodeString& text, std::string_view what) {
     }
     before = c;
   }
-  UErrorCode error = U_ZERO_ERROR;
-  if (uspoof_checkUnicodeString(Spoof(), text, nullptr, &error) != 0) {
-    return Bad(what, 0x307, "a dot that is not seen on the letter before it; leave it out");
-  }
-  Need(error);
-  return absl::OkStatus();
+  const int32_t faults = Sure([&](UErrorCode& error) {
+    return uspoof_checkUnicodeString(Spoof(), text, nullptr, &error);
+  });
+  if (faults == 0) return absl::OkStatus();
+  return Bad(what, 0x307, "a dot that is not seen on the letter before it; leave it out");
 }
 
 void JoinSpaces(icu::UnicodeString& text) {

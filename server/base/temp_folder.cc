@@ -27,9 +27,7 @@ void Remove(const std::string& path) {
 // the parent's does not end it.
 [[noreturn]] void WaitAndRemove(int alive, const std::string& path) {
   setpgid(0, 0);
-  signal(SIGHUP, SIG_IGN);
-  signal(SIGINT, SIG_IGN);
-  signal(SIGTERM, SIG_IGN);
+  for (const int stop : {SIGHUP, SIGINT, SIGTERM}) signal(stop, SIG_IGN);
   dup2(alive, STDIN_FILENO);
   syscall(SYS_close_range, 1U, ~0U, 0U);
   char byte = 0;

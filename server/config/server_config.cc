@@ -3,7 +3,6 @@
 #include <grp.h>
 #include <pwd.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <system_error>
 #include <thread>
@@ -25,9 +24,9 @@ constexpr int64_t kTiB = int64_t{1} << 40;
 constexpr int64_t kMany = 1'000'000'000;
 
 // Keys that may be left out.
-int64_t IntegerOr(ConfigReader& reader, std::string_view key, int64_t usual, int64_t min,
-                  int64_t max) {
-  return reader.Has(key) ? reader.Integer(key, min, max) : usual;
+template <typename Int>
+Int IntegerOr(ConfigReader& reader, std::string_view key, Int usual, int64_t min, int64_t max) {
+  return reader.Has(key) ? static_cast<Int>(reader.Integer(key, min, max)) : usual;
 }
 
 absl::Duration SecondsOr(ConfigReader& reader, std::string_view key, absl::Duration usual,
@@ -78,12 +77,11 @@ absl::Status ReadScheduler(const nlohmann::json& json, const std::string& where,
 absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
                            ServerConfig& config) {
   ConfigReader reader(json, where);
-  config.artefacts.archive_bytes = reader.Integer("archive_bytes", 4096, kTiB);
-  config.artefacts.bytes = reader.Integer("bytes", 4096, kTiB);
-  config.artefacts.files = reader.Integer("files", 1, 10'000'000);
-  config.artefacts.unpack_memory_bytes =
-      reader.Integer("unpack_memory_bytes", int64_t{128} << 20, kTiB);
   UploadLimits& limits = config.artefacts;
+  limits.archive_bytes = reader.Integer("archive_bytes", 4096, kTiB);
+  limits.bytes = reader.Integer("bytes", 4096, kTiB);
+  limits.files = reader.Integer("files", 1, 10'000'000);
+  limits.unpack_memory_bytes = reader.Integer("unpack_memory_bytes", int64_t{128} << 20, kTiB);
   limits.uploads = static_cast<int>(reader.Integer("uploads", 1, 1000));
   limits.unpack_cpu = SecondsOr(reader, "unpack_cpu_s", limits.unpack_cpu, {1, 86400});
   limits.disk_reserve = IntegerOr(reader, "disk_reserve_bytes", limits.disk_reserve, 1, kTiB);
@@ -93,8 +91,7 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
   unsubmitted.of_one = IntegerOr(reader, "uploader_unsubmitted", unsubmitted.of_one, 1, kMany);
   unsubmitted.bytes_of_one =
       IntegerOr(reader, "uploader_unsubmitted_bytes", unsubmitted.bytes_of_one, 1, 1024 * kTiB);
-  unsubmitted.age =
-      SecondsOr(reader, "unsubmitted_s", unsubmitted.age, {1, 36500.0 * 86400});
+  unsubmitted.age = SecondsOr(reader, "unsubmitted_s", unsubmitted.age, {1, 36500.0 * 86400});
   return reader.Finish();
 }
 
@@ -138,23 +135,25 @@ absl::Status ReadListen(const nlohmann::json& json, const std::string& where,
 
 absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, ServerConfig& config) {
   ConfigReader reader(json, where);
-  // At least two, so that an upload does not keep everybody else waiting.
-  config.http.workers = static_cast<int>(reader.Integer("workers", 2, 1000));
-  config.http.clients = static_cast<int>(reader.Integer("clients", 1, 100'000));
-  config.http.request = absl::Seconds(reader.Number("request_s", {0.1, 3600}));
-  config.http.upload = absl::Seconds(reader.Number("upload_s", {1, 86400}));
-  config.http.idle = absl::Seconds(reader.Number("idle_s", {1, 86400}));
-  config.http.body_bytes = reader.Integer("body_bytes", 1024, int64_t{1} << 30);
   HttpLimits& limits = config.http;
+  // At least two, so that an upload does not keep everybody else waiting.
+  limits.workers = static_cast<int>(reader.Integer("workers", 2, 1000));
+  limits.clients = static_cast<int>(reader.Integer("clients", 1, 100'000));
+  limits.request = absl::Seconds(reader.Number("request_s", {0.1, 3600}));
+  limits.upload = absl::Seconds(reader.Number("upload_s", {1, 86400}));
+  limits.idle = absl::Seconds(reader.Number("idle_s", {1, 86400}));
+  limits.body_bytes = reader.Integer("body_bytes", 1024, int64_t{1} << 30);
   const int64_t archive = config.artefacts.archive_bytes;
-  limits.organiser_workers = static_cast<int>(
-      IntegerOr(reader, "organiser_workers", std::min(4, limits.workers / 2), 1, limits.workers / 2));
-  limits.organiser_clients = static_cast<int>(IntegerOr(
-      reader, "organiser_clients", std::min(16, limits.clients / 2), 1, std::max(limits.clients - 1, 1)));
-  limits.peer_clients = static_cast<int>(
-      IntegerOr(reader, "peer_clients", std::max(limits.clients / 2, 1), 1, limits.clients));
-  limits.address_clients = static_cast<int>(
-      IntegerOr(reader, "address_clients", std::min(32, limits.clients), 1, limits.clients));
+  const int half_workers = limits.workers / 2;
+  const int half_clients = limits.clients / 2;
+  limits.organiser_workers =
+      IntegerOr(reader, "organiser_workers", std::min(4, half_workers), 1, half_workers);
+  limits.organiser_clients = IntegerOr(reader, "organiser_clients", std::min(16, half_clients), 1,
+                                       std::max(limits.clients - 1, 1));
+  limits.peer_clients =
+      IntegerOr(reader, "peer_clients", std::max(half_clients, 1), 1, limits.clients);
+  limits.address_clients =
+      IntegerOr(reader, "address_clients", std::min(32, limits.clients), 1, limits.clients);
   limits.min_bytes_per_s =
       IntegerOr(reader, "min_bytes_per_s", limits.min_bytes_per_s, 1, int64_t{1} << 30);
   limits.speed_window = SecondsOr(reader, "speed_window_s", limits.speed_window, {1, 86400});
@@ -172,7 +171,7 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
       mode.find_first_not_of("01234567") != std::string::npos) {
     reader.Fail("socket_mode", "must be four octal digits that begin with 0, as in \"0660\"");
   } else {
-    config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
+    limits.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
   }
   reader.Ignore("listen");
   const bool listens = reader.Has("listen") && !json["listen"].is_null();
@@ -241,15 +240,15 @@ absl::Status ReadRetention(const nlohmann::json& json, const std::string& where,
                            ServerConfig& config) {
   constexpr double kCentury = 36500;
   ConfigReader reader(json, where);
-  config.retention.artefact_age = absl::Hours(24 * reader.Number("artefact_days", {1, kCentury}));
-  config.retention.artefact_bytes = reader.Integer("artefact_bytes", 1, 1024 * kTiB);
-  config.retention.log_age = absl::Hours(24 * reader.Number("log_days", {1, kCentury}));
-  config.retention.log_bytes = reader.Integer("log_bytes", 1, 1024 * kTiB);
   RetentionLimits& limits = config.retention;
+  limits.artefact_age = absl::Hours(24 * reader.Number("artefact_days", {1, kCentury}));
+  limits.artefact_bytes = reader.Integer("artefact_bytes", 1, 1024 * kTiB);
+  limits.log_age = absl::Hours(24 * reader.Number("log_days", {1, kCentury}));
+  limits.log_bytes = reader.Integer("log_bytes", 1, 1024 * kTiB);
   limits.picture_bytes =
       IntegerOr(reader, "picture_bytes", limits.picture_bytes, int64_t{16} << 20, 1024 * kTiB);
-  config.retention.every = absl::Seconds(reader.Number("every_s", {1, 86400}));
-  config.retention.upload_age = config.artefacts.unsubmitted.age;
+  limits.every = absl::Seconds(reader.Number("every_s", {1, 86400}));
+  limits.upload_age = config.artefacts.unsubmitted.age;
   return reader.Finish();
 }
 
@@ -261,15 +260,14 @@ absl::Status ReadMetrics(const nlohmann::json& json, const std::string& where,
 }
 
 absl::StatusOr<AdmissionRules> ReadAdmission(ConfigReader& reader) {
-  constexpr int64_t kMax = 1'000'000'000;
   AdmissionRules rules;
-  rules.quota.ranked.per_day = reader.Integer("official_per_day", 1, kMax);
-  rules.quota.ranked.total = reader.Integer("official_total", 1, kMax);
-  rules.quota.practice.per_day = reader.Integer("practice_per_day", 1, kMax);
-  rules.quota.practice.total = reader.Integer("practice_total", 1, kMax);
-  rules.quota.failed.per_day = reader.Integer("failed_per_day", 1, kMax);
-  rules.quota.failed.total = reader.Integer("failed_total", 1, kMax);
-  rules.quota.waiting = reader.Integer("waiting", 1, kMax);
+  rules.quota.ranked.per_day = reader.Integer("official_per_day", 1, kMany);
+  rules.quota.ranked.total = reader.Integer("official_total", 1, kMany);
+  rules.quota.practice.per_day = reader.Integer("practice_per_day", 1, kMany);
+  rules.quota.practice.total = reader.Integer("practice_total", 1, kMany);
+  rules.quota.failed.per_day = reader.Integer("failed_per_day", 1, kMany);
+  rules.quota.failed.total = reader.Integer("failed_total", 1, kMany);
+  rules.quota.waiting = reader.Integer("waiting", 1, kMany);
   rules.one_for_everyone = reader.Choice("same_artefact", {"team", "everyone"}) == "everyone";
   RETURN_IF_ERROR(reader.Finish());
   return rules;

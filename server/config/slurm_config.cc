@@ -42,11 +42,6 @@ int IntegerOr(ConfigReader& reader, const char* key, int usual, int64_t min, int
   return reader.Has(key) ? static_cast<int>(reader.Integer(key, min, max)) : usual;
 }
 
-absl::Duration SecondsOr(ConfigReader& reader, const char* key, absl::Duration usual,
-                         NumberRange range) {
-  return reader.Has(key) ? absl::Seconds(reader.Number(key, range)) : usual;
-}
-
 bool IsOwn(const std::string& option) {
   return std::any_of(std::begin(kOwnOptions), std::end(kOwnOptions), [&](const std::string& own) {
     return option == own || option.starts_with(own + "=");
@@ -69,13 +64,6 @@ void ReadOptions(ConfigReader& reader, SlurmConfig& config) {
   }
 }
 
-void ReadPlaces(ConfigReader& reader, SlurmConfig& config) {
-  config.bin_dir = PathOr(reader, "bin_dir");
-  config.cache_dir = PathOr(reader, "cache_dir");
-  config.node_dir = PathOr(reader, "node_dir");
-  config.slurm_bin_dir = PathOr(reader, "slurm_bin_dir");
-}
-
 }  // namespace
 
 absl::StatusOr<SlurmConfig> ReadSlurm(const nlohmann::json& json, const std::string& where) {
@@ -91,8 +79,13 @@ absl::StatusOr<SlurmConfig> ReadSlurm(const nlohmann::json& json, const std::str
   config.memory_mib = IntegerOr(reader, "memory_mib", 0, 0, int64_t{64} << 20);
   config.cpus = IntegerOr(reader, "cpus", config.cpus, 0, 1024);
   config.most_jobs = IntegerOr(reader, "most_jobs", config.most_jobs, 1, 20'000);
-  ReadPlaces(reader, config);
-  config.queue_wait = SecondsOr(reader, "queue_wait_s", config.queue_wait, {1, 30.0 * 86400});
+  config.bin_dir = PathOr(reader, "bin_dir");
+  config.cache_dir = PathOr(reader, "cache_dir");
+  config.node_dir = PathOr(reader, "node_dir");
+  config.slurm_bin_dir = PathOr(reader, "slurm_bin_dir");
+  if (reader.Has("queue_wait_s")) {
+    config.queue_wait = absl::Seconds(reader.Number("queue_wait_s", {1, 30.0 * 86400}));
+  }
   RETURN_IF_ERROR(reader.Finish());
   return config;
 }

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <map>
 #include <system_error>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -133,9 +131,6 @@ absl::StatusOr<Runtime> ReadRuntime(const std::string& folder) {
   return runtime;
 }
 
-Runtimes::Runtimes(std::map<std::string, std::string> configured, std::string dir)
-    : configured_(std::move(configured)), dir_(std::move(dir)) {}
-
 std::vector<Runtime> Runtimes::List() const {
   std::vector<Runtime> all;
   const auto add = [&](absl::StatusOr<Runtime> runtime) {
@@ -204,25 +199,21 @@ std::vector<Runtime> Runtimes::Former() const {
   return all;
 }
 
-absl::StatusOr<RuntimeTree> ReadRuntimeTree(const std::string& folder) {
+absl::Status CheckRuntime(const Runtime& runtime) {
+  if (runtime.digest.empty()) return absl::OkStatus();
   Listing listing(kAny);
   std::error_code error;
-  fs::recursive_directory_iterator found(folder, error);
+  fs::recursive_directory_iterator found(runtime.folder, error);
   for (; !error && found != fs::recursive_directory_iterator(); found.increment(error)) {
-    const std::string path = found->path().lexically_relative(folder).string();
+    const std::string path = found->path().lexically_relative(runtime.folder).string();
     if (path == kRuntimeFile) continue;
     RETURN_IF_ERROR(AddEntry(*found, path, listing));
   }
-  if (error) return Unreadable(folder, error.message());
-  return RuntimeTree{listing.Digest(), listing.bytes(), std::ssize(listing.entries())};
-}
-
-absl::Status CheckRuntime(const Runtime& runtime) {
-  if (runtime.digest.empty()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const RuntimeTree tree, ReadRuntimeTree(runtime.folder));
-  if (tree.digest == runtime.digest) return absl::OkStatus();
+  if (error) return Unreadable(runtime.folder, error.message());
+  const std::string digest = listing.Digest();
+  if (digest == runtime.digest) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(
-      runtime.folder, ": was changed: its files have the digest ", tree.digest.substr(0, 12),
+      runtime.folder, ": was changed: its files have the digest ", digest.substr(0, 12),
       ", and it was made with ", runtime.digest.substr(0, 12)));
 }
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -50,7 +51,8 @@ class Runtimes {
  public:
   // `configured`: folders by name (`runtimes` of server.json), which hide those in `dir` of the same
   // name. `dir`: the runtimes' folder (`runtimes_dir`); "": there is none.
-  Runtimes(std::map<std::string, std::string> configured, std::string dir);
+  Runtimes(std::map<std::string, std::string> configured, std::string dir)
+      : configured_(std::move(configured)), dir_(std::move(dir)) {}
 
   // Sorted by name. What can't be read is left out.
   std::vector<Runtime> List() const;
@@ -75,18 +77,8 @@ class Runtimes {
   const std::string dir_;
 };
 
-// What a runtime's folder holds.
-struct RuntimeTree {
-  std::string digest;  // SHA-256 (hex) of the canonical listing, as of submissions
-  int64_t bytes = 0;   // of all files
-  int64_t files = 0;   // files, folders and links
-};
-
-// Reads everything below `folder` but its runtime.json; links are not followed. A GB takes a few
-// seconds. InternalError: something can't be read.
-absl::StatusOr<RuntimeTree> ReadRuntimeTree(const std::string& folder);
-
-// Whether a runtime still has the content that it was made with; one without a digest has.
+// Whether a runtime still has the content that it was made with: everything in its folder but its
+// runtime.json; links are not followed. One without a digest has. A GB takes a few seconds.
 // DataLossError: it has another; InternalError: it can't be read.
 absl::Status CheckRuntime(const Runtime& runtime);
 

@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <set>
 #include <sstream>
 #include <thread>
 #include <utility>
@@ -39,6 +40,47 @@ std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const Cgrou
     groups.emplace_back(std::move(names), parts[2]);
   }
   return groups;
+}
+
+// A mounted hierarchy, and this process' place in it.
+struct CgroupHierarchy {
+  int version = 0;
+  std::set<std::string> controllers;  // version 1 only
+  std::string folder;                 // this process' own group
+  std::string top;                    // the hierarchy's mount point
+};
+
+// A mount may show only a part of its hierarchy (in a container): its root says which.
+std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host) {
+  const auto own = OwnGroups(host);
+  std::vector<CgroupHierarchy> found;
+  for (const KernelMount& mount : MountsIn(ReadKernelFile(host.mounts))) {
+    const bool v2 = mount.type == "cgroup2";
+    if (!v2 && mount.type != "cgroup") continue;
+    for (const auto& [names, path] : own) {
+      const bool mine = v2 ? names.empty()
+                           : !names.empty() && std::ranges::includes(mount.options, names);
+      if (!mine) continue;
+      std::string below = path;
+      if (mount.root != "/" && below.starts_with(mount.root)) below.erase(0, mount.root.size());
+      if (below == "/") below.clear();
+      found.push_back({v2 ? 2 : 1, names, mount.point + below, mount.point});
+    }
+  }
+  return found;
+}
+
+// Where groups for a sandbox may be created, best first. Version 1: below this process' own group.
+// Version 2, where a group whose children have controllers can't hold processes itself: beside the
+// own group, or at the top.
+std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy) {
+  if (hierarchy.version == 1) return {hierarchy.folder};
+  std::vector<std::string> parents;
+  if (hierarchy.folder.size() > hierarchy.top.size()) {
+    parents.push_back(hierarchy.folder.substr(0, hierarchy.folder.rfind('/')));
+  }
+  if (parents.empty() || parents.back() != hierarchy.top) parents.push_back(hierarchy.top);
+  return parents;
 }
 
 absl::Status CantDivide(const std::string& path) {
@@ -86,36 +128,6 @@ const CgroupHost& ThisCgroupHost() {
       .remove = [](const std::string& folder) { return rmdir(folder.c_str()) == 0; },
       .delegated = IsDelegated};
   return host;
-}
-
-// A mount may show only a part of its hierarchy (in a container): its root says which.
-std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host) {
-  const auto own = OwnGroups(host);
-  std::vector<CgroupHierarchy> found;
-  for (const KernelMount& mount : MountsIn(ReadKernelFile(host.mounts))) {
-    const bool v2 = mount.type == "cgroup2";
-    if (!v2 && mount.type != "cgroup") continue;
-    for (const auto& [names, path] : own) {
-      const bool mine = v2 ? names.empty()
-                           : !names.empty() && std::ranges::includes(mount.options, names);
-      if (!mine) continue;
-      std::string below = path;
-      if (mount.root != "/" && below.starts_with(mount.root)) below.erase(0, mount.root.size());
-      if (below == "/") below.clear();
-      found.push_back({v2 ? 2 : 1, names, mount.point + below, mount.point});
-    }
-  }
-  return found;
-}
-
-std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy) {
-  if (hierarchy.version == 1) return {hierarchy.folder};
-  std::vector<std::string> parents;
-  if (hierarchy.folder.size() > hierarchy.top.size()) {
-    parents.push_back(hierarchy.folder.substr(0, hierarchy.folder.rfind('/')));
-  }
-  if (parents.empty() || parents.back() != hierarchy.top) parents.push_back(hierarchy.top);
-  return parents;
 }
 
 absl::Status DivideDelegatedGroup(const CgroupHost& host) {
@@ -271,14 +283,13 @@ std::vector<int> ControlGroup::join_fds() const {
 }
 
 bool ControlGroup::Withhold(int64_t bytes) {
-  if (memory_.empty() || version_ == 2) {
-    return version_ == 2 || bytes <= memory_bytes_;
-  }
+  if (memory_.empty() || version_ == 2) return version_ == 2 || bytes <= memory_bytes_;
   // Small changes are not worth the kernel's work.
   const int64_t rounded = bytes & ~int64_t{0xfffff};
   if (rounded == withheld_) return true;
-  const bool fits = rounded < memory_bytes_ && WriteKernelFile(memory_ + "/memory.limit_in_bytes",
-                                                     std::to_string(memory_bytes_ - rounded));
+  const bool fits =
+      rounded < memory_bytes_ && WriteKernelFile(memory_ + "/memory.limit_in_bytes",
+                                                 std::to_string(memory_bytes_ - rounded));
   if (fits) withheld_ = rounded;
   return fits;
 }
@@ -291,9 +302,8 @@ int64_t ControlGroup::cpu_ns() const {
 
 int64_t ControlGroup::peak_memory_bytes() const {
   if (memory_.empty()) return 0;
-  return KernelNumber(
-      ReadKernelFile(memory_ + (version_ == 2 ? "/memory.peak"
-                                                          : "/memory.max_usage_in_bytes")), "");
+  const char* file = version_ == 2 ? "/memory.peak" : "/memory.max_usage_in_bytes";
+  return KernelNumber(ReadKernelFile(memory_ + file), "");
 }
 
 int64_t ControlGroup::oom_kills() const {

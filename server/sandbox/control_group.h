@@ -10,7 +10,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -35,26 +34,10 @@ struct CgroupHost {
 
 const CgroupHost& ThisCgroupHost();
 
-// A mounted hierarchy, and this process' place in it.
-struct CgroupHierarchy {
-  int version = 0;
-  std::set<std::string> controllers;  // version 1 only
-  std::string folder;                 // this process' own group
-  std::string top;                    // the hierarchy's mount point
-};
-std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host);
-
-// Where groups for a sandbox may be created, best first. Version 1: below this process' own group.
-// Version 2, where a group whose children have controllers can't hold processes itself: beside the
-// own group, or at the top.
-std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy);
-
 // If a service manager has delegated this process' own group of version 2 to it (systemd's
-// Delegate=): moves this process into a group `daemon` in it and passes memory, pids and cpu on, as
-// far as they are there, so that ControlGroup can make the sandboxes' groups beside it. Version 2
-// has no processes in a group whose children have controllers, and systemd only from 254 on makes
-// such a group itself. Otherwise does nothing. Call while this process has no
-// children, which would stay behind.
+// Delegate=): moves this process into a group `daemon` in it, as systemd itself does from 254 on,
+// and passes memory, pids and cpu on, as far as they are there, so that ControlGroup can make the
+// sandboxes' groups beside it. Call while this process has no children, which would stay behind.
 // FailedPreconditionError: the group was delegated but can't be divided; this process stays in it.
 absl::Status DivideDelegatedGroup(const CgroupHost& host = ThisCgroupHost());
 

@@ -7,7 +7,6 @@
 #include <pwd.h>
 #include <sys/prctl.h>
 #include <sys/ptrace.h>
-#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -19,6 +18,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
 #include "server/sandbox/control_group.h"
@@ -38,7 +38,7 @@ constexpr absl::Duration kSandboxTime = absl::Seconds(30);
 std::string Trouble(const ChildEnd& end) {
   if (!end.in_time && end.exit_code < 0 && end.output.empty()) return "no answer in time";
   // The cause, and what it led to.
-  const std::string words = LastWords(end.output, 2);
+  const std::string words = LastWords(end.output);
   if (!end.in_time) return absl::StrCat("no answer in time; last words: ", words);
   return words.empty() ? absl::StrCat("exit status ", end.exit_code) : words;
 }
@@ -130,42 +130,26 @@ void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks
         "ended unseen");
 }
 
-// Loads the filter into this process permanently. 0: it denies what it should.
-int TryFilter(const PolicySandboxConfig& config) {
-  const absl::StatusOr<Fd> filter = MakeSeccompFilter(config);
-  if (!filter.ok()) {
-    dprintf(STDERR_FILENO, "%s\n", std::string(filter.status().message()).c_str());
-    return 1;
-  }
-  struct stat facts;
-  if (fstat(filter->get(), &facts) != 0) return 1;
-  std::vector<sock_filter> program(static_cast<size_t>(facts.st_size) / sizeof(sock_filter));
-  if (pread(filter->get(), program.data(), program.size() * sizeof(sock_filter), 0) !=
-      facts.st_size) {
-    return 1;
-  }
+// Loads the policy's filter into this process permanently. OK: it denies what it should.
+absl::Status TryFilter(const std::string& config_dir) {
+  ASSIGN_OR_RETURN(const SandboxConfig config, LoadSandboxConfig(config_dir));
+  ASSIGN_OR_RETURN(const Fd filter, MakeSeccompFilter(config.policy));
+  ASSIGN_OR_RETURN(const std::string bytes, ReadAll(filter.get(), "the filter"));
+  std::vector<sock_filter> program(bytes.size() / sizeof(sock_filter));
+  std::memcpy(program.data(), bytes.data(), bytes.size());
   const sock_fprog loaded = {static_cast<uint16_t>(program.size()), program.data()};
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
       syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0, &loaded) != 0) {
-    dprintf(STDERR_FILENO, "the kernel refuses the filter: %s\n", std::strerror(errno));
-    return 1;
+    return absl::InternalError(absl::StrCat("the kernel refuses the filter: ", std::strerror(errno)));
   }
   if (ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0 || errno != EPERM) {
-    dprintf(STDERR_FILENO, "the filter is loaded but lets ptrace through\n");
-    return 1;
+    return absl::InternalError("the filter is loaded but lets ptrace through");
   }
-  return 0;
+  return absl::OkStatus();
 }
 
 Check CheckSeccomp(const DoctorOptions& options) {
-  const ChildEnd end = RunInChild(
-      [&options] {
-        const absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(options.config_dir);
-        if (config.ok()) return TryFilter(config->policy);
-        dprintf(STDERR_FILENO, "%s\n", std::string(config.status().message()).c_str());
-        return 1;
-      },
-      kQuick);
+  const ChildEnd end = RunInChild([&] { return ExitOf(TryFilter(options.config_dir)); }, kQuick);
   if (end.exit_code == 0) return Fine("seccomp", "the policy's filter loads and denies");
   return Missing(
       "seccomp", Trouble(end), "no sandbox can be built",
@@ -229,14 +213,7 @@ absl::Status WithSandboxes(const DoctorOptions& options,
 // Runs WithSandboxes in a child, so that this process stays in its namespaces.
 ChildEnd InSandboxChild(const DoctorOptions& options,
                         const std::function<absl::Status(const Sandboxes&)>& use) {
-  ChildEnd end = RunInChild(
-      [&] {
-        const absl::Status status = WithSandboxes(options, use);
-        if (status.ok()) return 0;
-        dprintf(STDERR_FILENO, "%s\n", std::string(status.message()).c_str());
-        return 1;
-      },
-      kSandboxTime);
+  ChildEnd end = RunInChild([&] { return ExitOf(WithSandboxes(options, use)); }, kSandboxTime);
   // A child that was killed at its deadline could not remove its own groups.
   if (!end.in_time) ControlGroup::RemoveStale();
   return end;
@@ -338,12 +315,8 @@ nlohmann::json Describe(const Sandboxes& sandboxes) {
 }  // namespace
 
 std::string_view CheckStateName(CheckState state) {
-  switch (state) {
-    case CheckState::kOk: return "ok";
-    case CheckState::kDegraded: return "degraded";
-    case CheckState::kMissing: return "missing";
-  }
-  return "";
+  constexpr std::string_view kNames[] = {"ok", "degraded", "missing"};
+  return kNames[static_cast<int>(state)];
 }
 
 std::vector<Check> ExamineHost(const DoctorOptions& options) {

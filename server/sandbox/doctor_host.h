@@ -22,8 +22,11 @@ struct ChildEnd {
 // Kills the child's process group at `timeout`. REQUIRES: a single thread.
 ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout);
 
-// The last `lines` non-empty lines, joined by "; ", without control characters.
-std::string LastWords(const std::string& output, int lines = 1);
+// The exit code of a child's work; tells an error on stderr.
+int ExitOf(const absl::Status& status);
+
+// The last two non-empty lines, joined by "; ", without control characters.
+std::string LastWords(const std::string& output);
 
 // A check with the state kOk, kDegraded or kMissing.
 Check Fine(std::string name, std::string found);

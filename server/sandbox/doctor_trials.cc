@@ -18,7 +18,6 @@
 #include <filesystem>
 #include <optional>
 #include <set>
-#include <sstream>
 #include <string>
 #include <string_view>
 
@@ -33,18 +32,19 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
-#include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
 #include "protocol/bridge/bus.h"
 #include "protocol/policy/channels.h"
+#include "server/base/child_process.h"
+#include "server/base/counted.h"
 #include "server/sandbox/doctor_host.h"
+#include "server/sandbox/kernel_files.h"
 #include "server/sandbox/network.h"
 #include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr size_t kMaxOutputBytes = 1 << 20;
 constexpr int kPollMs = 10;
 
 [[noreturn]] void BecomeChild(const std::function<int()>& work, int output) {
@@ -56,18 +56,6 @@ constexpr int kPollMs = 10;
   dup2(output, STDERR_FILENO);
   // Skips this process' exit handlers and buffers, which are the parent's.
   _exit(work());
-}
-
-// Reads what is available; false at end of file.
-bool Drain(int fd, std::string& output) {
-  char buffer[16 << 10];
-  while (true) {
-    const ssize_t n = read(fd, buffer, sizeof(buffer));
-    if (n < 0) return errno == EAGAIN || errno == EINTR;
-    if (n == 0) return false;
-    const size_t room = kMaxOutputBytes - output.size();
-    output.append(buffer, std::min(room, static_cast<size_t>(n)));
-  }
 }
 
 constexpr int kBatches = 5;
@@ -106,7 +94,7 @@ std::string Mitigations() {
   std::error_code error;
   const char folder[] = "/sys/devices/system/cpu/vulnerabilities";
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const std::string state = ReadFile(entry.path().string()).value_or("");
+    const std::string state = ReadKernelFile(entry.path().string());
     // The mitigations that cost at each entry into the kernel or each process switch.
     for (const char* known : {"Safe RET", "Retpolines", "PTI", "IBRS", "IBPB", "untrained return",
                               "Clear CPU buffers", "prctl and seccomp"}) {
@@ -117,9 +105,7 @@ std::string Mitigations() {
 }
 
 int BusComplaint(absl::string_view problem) {
-  dprintf(STDERR_FILENO, "the bus of the sandbox: %.*s\n", static_cast<int>(problem.size()),
-          problem.data());
-  return 1;
+  return ExitOf(absl::InternalError(absl::StrCat("the bus of the sandbox: ", problem)));
 }
 
 // The largest datagram; the kernel accepts one whenever a buffer is not full yet.
@@ -129,16 +115,6 @@ constexpr int64_t kDescriptorsOfAMessage = 253;
 
 std::string MiB(int64_t bytes) {
   return absl::StrFormat("%.0f MiB", static_cast<double>(bytes) / 1048576);
-}
-
-// The number at `index` in a kernel file; 0 if there is none.
-int64_t Setting(const char* path, int index) {
-  std::istringstream file(ReadFile(path).value_or(""));
-  int64_t value = 0;
-  for (int i = 0; i <= index; ++i) {
-    if (!(file >> value)) return 0;
-  }
-  return value;
 }
 
 // Tried in a child, as an ordinary user can create networks only in a user namespace.
@@ -154,6 +130,12 @@ bool CanBoundBuffers() {
 }
 
 }  // namespace
+
+int ExitOf(const absl::Status& status) {
+  if (status.ok()) return 0;
+  dprintf(STDERR_FILENO, "%s\n", std::string(status.message()).c_str());
+  return 1;
+}
 
 ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
   ChildEnd end;
@@ -173,12 +155,12 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
 
   const Deadline deadline(timeout);
   int status = 0;
-  bool open = true;
   while (!end.in_time && !deadline.over()) {
-    pollfd entry = {open ? output->read.get() : -1, POLLIN, 0};
+    pollfd entry = {output->read.get(), POLLIN, 0};
     poll(&entry, 1, kPollMs);
     end.in_time = waitpid(child, &status, WNOHANG) == child;
-    if (open) open = Drain(output->read.get(), end.output);
+    while (Drain(output->read, end.output)) continue;
+    end.output.resize(std::min(end.output.size(), kMostPrinted));
   }
   kill(-child, SIGKILL);  // it, or what it left behind
   if (end.in_time) {
@@ -189,14 +171,14 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
   return end;
 }
 
-std::string LastWords(const std::string& output, int lines) {
-  std::vector<std::string> last;
+std::string LastWords(const std::string& output) {
+  std::string last, words;
   for (absl::string_view line : absl::StrSplit(output, '\n')) {
     line = absl::StripTrailingAsciiWhitespace(line);
-    if (!line.empty()) last.emplace_back(line);
+    if (line.empty()) continue;
+    words = last.empty() ? std::string(line) : absl::StrCat(last, "; ", line);
+    last = std::string(line);
   }
-  last.erase(last.begin(), last.end() - std::min<std::ptrdiff_t>(lines, std::ssize(last)));
-  std::string words = absl::StrJoin(last, "; ");
   std::replace_if(words.begin(), words.end(), absl::ascii_iscntrl, '?');
   return words;
 }
@@ -266,7 +248,7 @@ Check JudgeSocketMemory(const SocketMemory& memory) {
   const int64_t udp = all * (memory.usual_buffer + kDatagramBytes);
   const int64_t tcp = all * 2 * kStreamBufferBytes;
   const std::string found = absl::StrCat(
-      "policies on ", memory.slots, memory.slots == 1 ? " slot" : " slots", " can fill ", MiB(udp),
+      "policies on ", Counted(memory.slots, "slot"), " can fill ", MiB(udp),
       " of the ", MiB(memory.udp_total), " that all UDP sockets of the host may hold",
       memory.bounded ? absl::StrCat(", and ", MiB(tcp), " of ", MiB(memory.tcp_total), " of TCP's")
                      : "; of TCP's memory without a bound");
@@ -294,8 +276,7 @@ Check JudgeFlight(const FlightLimits& limits) {
       limits.open_files + limits.slots * limits.tasks * kDescriptorsOfAMessage;
   const std::string found =
       absl::StrCat("this user's processes may open ", limits.own, " files; policies on ",
-                   limits.slots, limits.slots == 1 ? " slot" : " slots", " can have ", flight,
-                   " descriptors in flight");
+                   Counted(limits.slots, "slot"), " can have ", flight, " descriptors in flight");
   if (limits.own >= flight) return Fine(name, found);
   return Poorer(name, found,
                 "they count for the user: a policy that keeps very many in flight makes other "
@@ -311,9 +292,9 @@ void CheckSharedLimits(const DoctorOptions& options, std::vector<Check>& checks)
   if (!config.ok() || !options.track.has_value()) return;
   const int64_t page = sysconf(_SC_PAGESIZE);
   checks.push_back(JudgeSocketMemory({options.slots, config->policy.sockets,
-                                      Setting("/proc/sys/net/core/rmem_default", 0),
-                                      Setting("/proc/sys/net/ipv4/udp_mem", 2) * page,
-                                      Setting("/proc/sys/net/ipv4/tcp_mem", 2) * page,
+                                      KernelSetting("net/core/rmem_default", 0),
+                                      KernelSetting("net/ipv4/udp_mem", 2) * page,
+                                      KernelSetting("net/ipv4/tcp_mem", 2) * page,
                                       CanBoundBuffers()}));
   rlimit files = {};
   getrlimit(RLIMIT_NOFILE, &files);

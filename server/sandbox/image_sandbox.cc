@@ -61,7 +61,7 @@ class ImageMounts {
     if (!names.has_value()) return Unreadable("/" + folder, "can't be read");
     for (const std::string& name : *names) {
       if (folder.empty() && IsReplacedByTheSandbox(name)) continue;
-      RETURN_IF_ERROR(Show(folder.empty() ? name : folder + "/" + name));
+      RETURN_IF_ERROR(Show(Joined(folder, name)));
     }
     return absl::OkStatus();
   }
@@ -100,11 +100,9 @@ class ImageMounts {
 
   // Without runtimes there can't be as many: the unpacking limits the names at the top.
   absl::Status TooMany(const std::string& path) const {
-    const size_t slash = path.rfind('/');
-    const std::string folder = path.substr(0, slash == std::string::npos ? 0 : slash);
     return absl::InvalidArgumentError(absl::StrCat(
         "the image has more than ", kMaxImageMounts, " names on the way to a runtime of policy.json, "
-        "the last of them in ", Quoted("/" + folder), "; leave \"runtimes\" out and install its "
+        "the last of them in ", Quoted("/" + FolderName(path)), "; leave \"runtimes\" out and install its "
         "packages in the image, or put those files into a subfolder"));
   }
 

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <optional>
+#include <sstream>
 #include <utility>
 
 #include <absl/strings/ascii.h>
@@ -137,6 +138,15 @@ int64_t KernelNumber(std::string_view text, std::string_view key, int64_t otherw
   value.resize(std::min(value.find_first_of(" \t"), value.size()));
   int64_t number = 0;
   return absl::SimpleAtoi(value, &number) ? number : otherwise;
+}
+
+int64_t KernelSetting(const std::string& name, int index) {
+  std::istringstream file(ReadKernelFile("/proc/sys/" + name));
+  int64_t value = 0;
+  for (int i = 0; i <= index; ++i) {
+    if (!(file >> value)) return 0;
+  }
+  return value;
 }
 
 // ID PARENT MAJOR:MINOR ROOT POINT OPTIONS TAGS... - TYPE SOURCE OPTIONS

@@ -30,6 +30,9 @@ std::string KernelValue(std::string_view text, std::string_view key);
 // The same as a number, which ends at a blank; `otherwise` if there is none.
 int64_t KernelNumber(std::string_view text, std::string_view key, int64_t otherwise = 0);
 
+// The number at `index` of a setting below /proc/sys; 0 if there is none.
+int64_t KernelSetting(const std::string& name, int index);
+
 // A mount, from a line of a mountinfo file, whose escapes are undone.
 struct KernelMount {
   int64_t id = 0;

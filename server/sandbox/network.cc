@@ -19,7 +19,6 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
-#include <sstream>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -46,27 +45,22 @@ sockaddr Address(uint32_t address) {
   return generic;
 }
 
-int SetUp(int socket) {
+// An error number, 0 if none.
+int SetUpLoopback() {
+  const Fd socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   ifreq request = {};
-  std::memcpy(request.ifr_name, "lo", 3);
-  if (ioctl(socket, SIOCGIFFLAGS, &request) != 0) return errno;
+  char device[] = "lo";
+  std::memcpy(request.ifr_name, device, sizeof(device));
+  if (!socket.valid() || ioctl(socket.get(), SIOCGIFFLAGS, &request) != 0) return errno;
   request.ifr_flags =
       static_cast<int16_t>(request.ifr_flags | IFF_UP | IFF_RUNNING | IFF_MULTICAST);
-  if (ioctl(socket, SIOCSIFFLAGS, &request) != 0) return errno;
-  char device[] = "lo";
+  if (ioctl(socket.get(), SIOCSIFFLAGS, &request) != 0) return errno;
   rtentry route = {};
   route.rt_dst = Address(kBusNetwork);
   route.rt_genmask = Address(kBusMask);
   route.rt_flags = RTF_UP;
   route.rt_dev = device;
-  if (ioctl(socket, SIOCADDRT, &route) != 0) return errno;
-  return 0;
-}
-
-// An error number, 0 if none.
-int SetUpLoopback() {
-  const Fd socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  return socket.valid() ? SetUp(socket.get()) : errno;
+  return ioctl(socket.get(), SIOCADDRT, &route) == 0 ? 0 : errno;
 }
 
 // For the calling thread's network. Someone filling the host's UDP memory must not block anybody's
@@ -165,21 +159,13 @@ std::vector<absl::string_view> Words(absl::string_view line) {
   return absl::StrSplit(line, ' ', absl::SkipEmpty());
 }
 
-int64_t NumberOf(absl::string_view word) {
-  int64_t number = 0;
-  return absl::SimpleAtoi(word, &number) ? number : 0;
-}
-
 }  // namespace
 
 int64_t SocketStatistic(const std::string& text, const std::string& name,
                         const std::string& field) {
-  const std::string line = KernelValue(text, name);
-  const std::vector<absl::string_view> words = Words(line);
-  for (size_t i = 0; i + 1 < words.size(); i += 2) {
-    if (words[i] == field) return NumberOf(words[i + 1]);
-  }
-  return 0;
+  const std::string line = absl::StrCat(" ", KernelValue(text, name));
+  const size_t at = line.find(absl::StrCat(" ", field, " "));
+  return at == std::string::npos ? 0 : KernelNumber(line.substr(at + 1), field);
 }
 
 int64_t CounterBelow(const std::string& text, const std::string& name,
@@ -192,8 +178,10 @@ int64_t CounterBelow(const std::string& text, const std::string& name,
       names = words;
       continue;
     }
-    for (size_t i = 1; i < names.size() && i < words.size(); ++i) {
-      if (names[i] == field) return NumberOf(words[i]);
+    const auto at = static_cast<size_t>(std::ranges::find(names, field) - names.begin());
+    int64_t number = 0;
+    if (at < std::min(names.size(), words.size()) && absl::SimpleAtoi(words[at], &number)) {
+      return number;
     }
   }
   return 0;
@@ -227,9 +215,7 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
       }
     }
   }).join();
-  std::istringstream pages(ReadKernelFile("/proc/sys/net/ipv4/udp_mem"));
-  int64_t least = 0;
-  if (!(pages >> least >> network.full_pages_)) network.full_pages_ = 0;
+  network.full_pages_ = KernelSetting("net/ipv4/udp_mem", 1);
   if (refused == nullptr) return network;
   return absl::UnavailableError(
       absl::StrCat("sandbox: ", refused, ": ", std::strerror(error)));

@@ -45,15 +45,8 @@ void AddHostFiles(const EtcFiles& etc, SandboxSpec& spec) {
   for (const std::string& link : SystemLinks()) {
     add(Kind::kSymlink, absl::StrCat("usr/", link), absl::StrCat("/", link));
   }
-  add(Kind::kReadOnly, etc.passwd, "/etc/passwd");
-  add(Kind::kReadOnly, etc.group, "/etc/group");
-  add(Kind::kReadOnly, etc.hosts, "/etc/hosts");
+  spec.mounts.insert(spec.mounts.end(), etc.etc.begin(), etc.etc.end());
   for (const std::string& path : SystemPlaces()) add(Kind::kReadOnly, path, path);
-}
-
-void AddKernelFiles(SandboxSpec& spec) {
-  spec.mounts.push_back({Kind::kProc, "", "/proc"});
-  spec.mounts.push_back({Kind::kDev, "", "/dev"});
 }
 
 // Identifies the sandbox' processes to the daemon; see slot_processes.h.
@@ -95,47 +88,33 @@ LeaseOrder OrderThatSays(const LeaseOrder& order, absl::string_view why) {
 
 constexpr char kPython[] = "/usr/bin/python3";
 
-// The libraries that runtimes bring for their modules (server/runtime/README.md).
-std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes) {
-  std::vector<std::string> folders;
-  for (const std::string& runtime : runtimes) {
-    const std::string folder = runtime + "/debian-lib";
-    if (access(folder.c_str(), F_OK) == 0) folders.push_back(folder);
-  }
-  return folders;
-}
-
 // What a submission sets comes before what its runtimes need.
-std::map<std::string, std::string> FolderEnvironment(const LeaseOrder& order) {
-  std::map<std::string, std::string> environment = order.environment;
-  const auto join = [&](const char* name, const std::vector<std::string>& folders) {
+void AddRuntimes(const LeaseOrder& order, std::map<std::string, std::string>& environment) {
+  const bool has_path = environment.contains("PYTHONPATH");
+  const auto append = [&](const char* name, const std::string& folder) {
     std::string& value = environment[name];
-    absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
+    absl::StrAppend(&value, value.empty() ? "" : ":", folder);
   };
-  if (environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
-    join("PYTHONPATH", order.runtimes);
+  for (const std::string& runtime : order.runtimes) {
+    if (has_path) append("PYTHONPATH", runtime);
+    // The libraries that it brings for its modules (server/runtime/README.md).
+    const std::string libraries = runtime + "/debian-lib";
+    if (access(libraries.c_str(), F_OK) == 0) append("LD_LIBRARY_PATH", libraries);
   }
-  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
-  if (!libraries.empty()) join("LD_LIBRARY_PATH", libraries);
-  return environment;
-}
-
-// What the image sets, and policy.json over it.
-std::map<std::string, std::string> ImageEnvironment(const LeaseOrder& order) {
-  // Programs that ask for the user's name find it here if the image does not know its number.
-  std::map<std::string, std::string> all = {{"USER", "policy"}, {"LOGNAME", "policy"}};
-  for (const auto& [name, value] : order.image->environment) all[name] = value;
-  for (const auto& [name, value] : order.environment) all[name] = value;
-  return all;
 }
 
 // The variables of the policy's program that are not every policy's, as "NAME=value".
 std::vector<std::string> PolicyEnvironment(const LeaseOrder& order) {
-  std::vector<std::string> variables;
-  for (const auto& [name, value] :
-       order.image.has_value() ? ImageEnvironment(order) : FolderEnvironment(order)) {
-    variables.push_back(absl::StrCat(name, "=", value));
+  std::map<std::string, std::string> all = order.environment;
+  if (order.image.has_value()) {
+    all.insert(order.image->environment.begin(), order.image->environment.end());
+    // Programs that ask for the user's name find it here if the image does not know its number.
+    all.insert({{"USER", "policy"}, {"LOGNAME", "policy"}});
+  } else {
+    AddRuntimes(order, all);
   }
+  std::vector<std::string> variables;
+  for (const auto& [name, value] : all) variables.push_back(absl::StrCat(name, "=", value));
   return variables;
 }
 
@@ -249,10 +228,12 @@ std::vector<std::string> SystemLinks() {
 
 absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& stage) {
   EtcFiles files;
-  ASSIGN_OR_RETURN(files.passwd, stage.AddFile("passwd",
-      "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"));
-  ASSIGN_OR_RETURN(files.group, stage.AddFile("group", "root:x:0:\npolicy:x:1000:\n"));
-  ASSIGN_OR_RETURN(files.hosts, stage.AddFile("hosts", kImageHosts));
+  for (const auto& [name, text] :
+       {std::pair("passwd", "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"),
+        std::pair("group", "root:x:0:\npolicy:x:1000:\n"), std::pair("hosts", kImageHosts)}) {
+    ASSIGN_OR_RETURN(const std::string path, stage.AddFile(name, text));
+    files.etc.push_back({Kind::kReadOnly, path, absl::StrCat("/etc/", name)});
+  }
   ASSIGN_OR_RETURN(files.kernel, StageKernelFiles(stage, order.track.budgets.memory_bytes));
   return files;
 }
@@ -319,7 +300,7 @@ absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
   } else {
     AddHostFiles(etc, spec);
   }
-  AddKernelFiles(spec);
+  spec.mounts.insert(spec.mounts.end(), {{Kind::kProc, "", "/proc"}, {Kind::kDev, "", "/dev"}});
   for (const auto& [name, path] : stage.devices()) {
     spec.mounts.push_back({Kind::kDevice, path, "/dev/" + name});
   }
@@ -394,7 +375,7 @@ SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& conf
                            const std::string& bin_dir, const Stage& stage, const EtcFiles& etc) {
   SandboxSpec spec;
   AddHostFiles(etc, spec);
-  AddKernelFiles(spec);
+  spec.mounts.insert(spec.mounts.end(), {{Kind::kProc, "", "/proc"}, {Kind::kDev, "", "/dev"}});
   const std::string sim = absl::StrCat(kPrograms, "/myograde-sim");
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-sim", sim});
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.cache_dir), order.cache_dir});

@@ -12,11 +12,9 @@
 
 namespace myograde::server {
 
-// Small files that a C library expects, staged once per lease.
+// Small files, staged once per lease.
 struct EtcFiles {
-  std::string passwd;
-  std::string group;
-  std::string hosts;
+  std::vector<SandboxMount> etc;     // that a C library expects
   std::vector<SandboxMount> kernel;  // of kernel_files.h, for the policy
 };
 absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& stage);

@@ -8,13 +8,12 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <optional>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/file.h"
+#include "server/sandbox/kernel_files.h"
 
 namespace myograde::server {
 namespace {
@@ -43,24 +42,18 @@ struct ProcessTimes {
 };
 
 std::optional<ProcessTimes> ReadStat(const std::string& path) {
-  const absl::StatusOr<std::string> text = ReadFile(path);
-  if (!text.ok()) return std::nullopt;
+  const std::string text = ReadKernelFile(path);
   // The name, in brackets, may contain anything; the numbers follow the last bracket.
-  const size_t name_end = text->rfind(')');
+  const size_t name_end = text.rfind(')');
   if (name_end == std::string::npos) return std::nullopt;
   ProcessTimes times;
-  long parent = 0;
-  long long user = 0, system = 0, children_user = 0, children_system = 0, threads = 0, start = 0;
-  if (std::sscanf(text->c_str() + name_end + 1,
-                  " %c %ld %*d %*d %*d %*d %*u %*u %*u %*u %*u %lld %lld %lld %lld %*d %*d %lld "
-                  "%*d %lld",
-                  &times.state, &parent, &user, &system, &children_user, &children_system,
-                  &threads, &start) != 8) {
+  int64_t user = 0, system = 0, children_user = 0, children_system = 0;
+  if (std::sscanf(text.c_str() + name_end + 1,
+                  " %c %d %*d %*d %*d %*d %*u %*u %*u %*u %*u %ld %ld %ld %ld %*d %*d %ld %*d %ld",
+                  &times.state, &times.parent, &user, &system, &children_user, &children_system,
+                  &times.threads, &times.start) != 8) {
     return std::nullopt;
   }
-  times.parent = static_cast<pid_t>(parent);
-  times.start = start;
-  times.threads = threads;
   times.own_ticks = user + system;
   times.children_ticks = children_user + children_system;
   return times;
@@ -84,9 +77,9 @@ std::optional<int64_t> OwnNs(pid_t pid, int64_t otherwise) {
 // tells how likely it is on one now. For a thread in `folder`.
 double OnProcessor(const std::string& folder, char state) {
   if (state != 'R') return 0;
-  const absl::StatusOr<std::string> text = ReadFile(folder + "/schedstat");
   unsigned long long ran = 0, waited = 0;
-  if (!text.ok() || std::sscanf(text->c_str(), "%llu %llu", &ran, &waited) != 2) return 1;
+  const std::string text = ReadKernelFile(folder + "/schedstat");
+  if (std::sscanf(text.c_str(), "%llu %llu", &ran, &waited) != 2) return 1;
   if (ran == 0) return 0;
   return static_cast<double>(ran) / (static_cast<double>(ran) + static_cast<double>(waited));
 }

@@ -89,11 +89,8 @@ class SandboxView {
 
   // Opens a file that Find returned, for reading.
   Fd Open(const std::string& path) const {
-    if (IsInImage(path)) {
-      return OpenBeneath(artefact_, path.substr(1), O_RDONLY | O_NONBLOCK);
-    }
-    if (IsAtOrBelow(path, kPolicy)) {
-      return OpenBeneath(artefact_, path.substr(sizeof(kPolicy)), O_RDONLY | O_NONBLOCK);
+    if (const std::string inside = InArtefact(path); !inside.empty()) {
+      return OpenBeneath(artefact_, inside, O_RDONLY | O_NONBLOCK);
     }
     return Fd(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC));
   }
@@ -105,12 +102,9 @@ class SandboxView {
     for (const std::string& link : links_) {
       if (path == "/" + link) return target = "usr/" + link, S_IFLNK;
     }
-    if (IsInImage(path)) {
-      return ModeOf(OpenBeneath(artefact_, path.substr(1), O_PATH), target);
-    }
     if (!image_ && path == kPolicy) return S_IFDIR | 0755;
-    if (!image_ && IsAtOrBelow(path, kPolicy)) {
-      return ModeOf(OpenBeneath(artefact_, path.substr(sizeof(kPolicy)), O_PATH), target);
+    if (const std::string inside = InArtefact(path); !inside.empty()) {
+      return ModeOf(OpenBeneath(artefact_, inside, O_PATH), target);
     }
     for (const std::string& place : host_) {
       if (IsAtOrBelow(path, place)) {
@@ -121,14 +115,15 @@ class SandboxView {
     return 0;
   }
 
-  // Whether it is a path of the image, which a runtime or the sandbox' own parts may replace.
-  bool IsInImage(const std::string& path) const {
-    if (!image_) return false;
+  // Where the artefact has it, "" if it does not: runtimes and the sandbox' own parts replace what an
+  // image has.
+  std::string InArtefact(const std::string& path) const {
+    if (!image_) return path.starts_with("/policy/") ? path.substr(sizeof(kPolicy)) : "";
     for (const std::string& place : host_) {
-      if (IsAtOrBelow(path, place) || IsAtOrBelow(place, path)) return false;
+      if (IsAtOrBelow(path, place) || IsAtOrBelow(place, path)) return "";
     }
     const std::string_view top = std::string_view(path).substr(1, path.find('/', 1) - 1);
-    return !IsReplacedByTheSandbox(top);
+    return IsReplacedByTheSandbox(top) ? "" : path.substr(1);
   }
 
   static mode_t ModeOf(const Fd& fd, std::string& target) {

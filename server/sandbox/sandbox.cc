@@ -227,8 +227,6 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
   return sandbox;
 }
 
-void Sandbox::Release() { gate_.reset(); }  // its reader sees end of file
-
 void Sandbox::ReadStatus() {
   char buffer[1024];
   for (ssize_t n; status_.valid() && (n = read(status_.get(), buffer, sizeof(buffer))) > 0;) {

@@ -33,7 +33,7 @@ std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
   std::vector<std::string> names = reader.Strings(key);
   if (names.empty()) reader.Fail(key, "must hold at least one system call");
   for (const std::string& name : names) {
-    if (IsSystemCall(name)) continue;
+    if (seccomp_syscall_resolve_name(name.c_str()) != __NR_SCMP_ERROR) continue;
     reader.Fail(key,
                 absl::StrCat("holds \"", name, "\", which is no system call; see syscalls(2)"));
   }
@@ -79,11 +79,6 @@ absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
   RETURN_IF_ERROR(reader.Finish());
   return config;
 }
-
-struct Release {
-  void operator()(void* context) const { seccomp_release(context); }
-};
-using Filter = std::unique_ptr<void, Release>;
 
 constexpr uint64_t kNamespaceFlags = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC |
                                      CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
@@ -170,7 +165,7 @@ int DenySockets(scmp_filter_ctx filter, const std::vector<int>& families) {
 // groups of version 1.
 int PretendTo(scmp_filter_ctx filter) {
   int result = 0;
-  for (const int call : {SCMP_SYS(fadvise64), SCMP_SYS(readahead)}) {
+  for (const int call : {SCMP_SYS(fadvise64), SCMP_SYS(readahead), SCMP_SYS(mbind)}) {
     result |= Answer(filter, 0, call);
   }
   for (const uint64_t advice : {MADV_COLD, MADV_PAGEOUT, MADV_MERGEABLE}) {
@@ -179,7 +174,6 @@ int PretendTo(scmp_filter_ctx filter) {
   for (const uint64_t command : {F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW}) {
     result |= Answer(filter, 0, SCMP_SYS(fcntl), Is(1, command));
   }
-  result |= Answer(filter, 0, SCMP_SYS(mbind));
   for (const uint64_t option : {SO_RCVBUF, SO_SNDBUF}) {
     result |= Answer(filter, 0, SCMP_SYS(setsockopt), Is(1, SOL_SOCKET), Is(2, option));
   }
@@ -252,10 +246,6 @@ absl::StatusOr<Fd> Export(scmp_filter_ctx filter) {
 
 }  // namespace
 
-bool IsSystemCall(const std::string& name) {
-  return seccomp_syscall_resolve_name(name.c_str()) != __NR_SCMP_ERROR;
-}
-
 absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
   ASSIGN_OR_RETURN(PolicySandboxConfig policy, LoadPolicy(config_dir + "/sandbox/policy.json"));
   ASSIGN_OR_RETURN(SimSandboxConfig sim, LoadSim(config_dir + "/sandbox/sim.json"));
@@ -263,14 +253,11 @@ absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
 }
 
 absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config) {
-  Filter filter(seccomp_init(SCMP_ACT_ALLOW));
+  const std::unique_ptr<void, void (*)(void*)> filter(seccomp_init(SCMP_ACT_ALLOW), seccomp_release);
   if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
   int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_ERRNO(EPERM));
-  for (const auto& [names, error] :
-       {std::pair(&config.denied_system_calls, EPERM),
-        std::pair(&config.unimplemented_system_calls, ENOSYS)}) {
-    RETURN_IF_ERROR(DenyByName(filter.get(), *names, error));
-  }
+  RETURN_IF_ERROR(DenyByName(filter.get(), config.denied_system_calls, EPERM));
+  RETURN_IF_ERROR(DenyByName(filter.get(), config.unimplemented_system_calls, ENOSYS));
   result |= DenyByArgument(filter.get()) | PretendTo(filter.get()) |
             DenySockets(filter.get(), config.socket_families);
   if (result != 0) return absl::InternalError("libseccomp refuses a rule of the filter");

@@ -38,19 +38,12 @@ struct SandboxConfig {
   SimSandboxConfig sim;
 };
 
-// True if this host's architecture has a system call of that name.
-bool IsSystemCall(const std::string& name);
-
 // Reads policy.json and sim.json in `config_dir`/sandbox. An error names the file, the key and the
 // problem.
 absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir);
 
 // A program for bubblewrap's --seccomp: a memory file with BPF, positioned at its start. Allows
-// what the config does not deny. Whatever the config says, it denies new namespaces through clone,
-// terminal injection, ways to learn of other users of a shared file (leases, locks, hints in its
-// inode, directory notification), foreign execution domains, core scheduling cookies, sockets other
-// than stream, datagram and seqpacket sockets over TCP, UDP or no protocol, and all calls of other
-// architectures (32-bit, x32); calls newer than Linux 6.1 do not exist behind it.
+// what the config does not deny, but for what README.md says no config can allow.
 // InvalidArgumentError names an unknown system call.
 absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config);
 

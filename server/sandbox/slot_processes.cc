@@ -105,16 +105,6 @@ std::optional<Place> PlaceOf(const std::string& folder) {
 // Slots by the places of their marks.
 using Marks = std::map<Place, int>;
 
-std::optional<int> MarkedAmong(const std::vector<KernelMount>& mounts, const Marks& marks) {
-  for (const KernelMount& mount : mounts) {
-    std::string_view path = mount.root;
-    if (path.ends_with(kDeleted)) path.remove_suffix(kDeleted.size());
-    const auto mark = marks.find({mount.device, std::string(path)});
-    if (mark != marks.end()) return mark->second;
-  }
-  return std::nullopt;
-}
-
 // Examines each mount namespace once, however many processes live in it.
 class MarkSearch {
  public:
@@ -146,17 +136,52 @@ class MarkSearch {
     const std::vector<KernelMount> mounts = MountsOf(path);
     // It has just died, which says nothing about the others.
     if (mounts.empty()) return std::nullopt;
-    return known_[space] = MarkedAmong(mounts, marks_);
+    std::optional<int>& slot = known_[space];
+    for (const KernelMount& mount : mounts) {
+      std::string_view place = mount.root;
+      if (place.ends_with(kDeleted)) place.remove_suffix(kDeleted.size());
+      const auto mark = marks_.find({mount.device, std::string(place)});
+      if (mark != marks_.end() && !slot.has_value()) slot = mark->second;
+    }
+    return slot;
   }
 
   const Marks marks_;
   std::map<std::string, std::optional<int>> known_;
 };
 
-}  // namespace
+std::map<int, std::string> FindUsers(int64_t uid_base, int first, int count) {
+  std::map<int, std::string> found;
+  for (const pid_t pid : NumbersIn("/proc")) {
+    const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
+    if (!facts.has_value()) continue;
+    int64_t slot = facts->user - uid_base;
+    if (slot >= kSimUsers) slot -= kSimUsers;
+    if (slot >= first && slot < first + count) Append(pid, *facts, found[static_cast<int>(slot)]);
+  }
+  return found;
+}
 
-SlotProcesses::SlotProcesses(int64_t uid_base, std::string folder)
-    : uid_base_(uid_base), folder_(std::move(folder)) {}
+std::map<int, std::string> FindMarks(const std::string& folder, int first, int count) {
+  std::map<int, std::string> found;
+  // Without a mark folder there has never been a lease.
+  const std::optional<Place> place = PlaceOf(folder);
+  if (!place.has_value()) return found;
+  Marks marks;
+  for (int slot = first; slot < first + count; ++slot) {
+    marks[{place->first, absl::StrCat(place->second, "/", slot)}] = slot;
+  }
+  MarkSearch search(std::move(marks));
+  for (const pid_t pid : NumbersIn("/proc")) {
+    const std::optional<int> slot = search.SlotOf(pid);
+    if (!slot.has_value()) continue;
+    const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
+    if (facts.has_value()) Append(pid, *facts, found[*slot]);
+  }
+  return found;
+}
+
+}  // namespace
 
 absl::Status SlotProcesses::Claim(LeaseOrder& order) const {
   if (uid_base_ >= 0) {
@@ -172,38 +197,7 @@ absl::Status SlotProcesses::Claim(LeaseOrder& order) const {
 }
 
 std::map<int, std::string> SlotProcesses::Find(int first, int count) const {
-  return uid_base_ >= 0 ? FindUsers(first, count) : FindMarks(first, count);
-}
-
-std::map<int, std::string> SlotProcesses::FindUsers(int first, int count) const {
-  std::map<int, std::string> found;
-  for (const pid_t pid : NumbersIn("/proc")) {
-    const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
-    if (!facts.has_value()) continue;
-    int64_t slot = facts->user - uid_base_;
-    if (slot >= kSimUsers) slot -= kSimUsers;
-    if (slot >= first && slot < first + count) Append(pid, *facts, found[static_cast<int>(slot)]);
-  }
-  return found;
-}
-
-std::map<int, std::string> SlotProcesses::FindMarks(int first, int count) const {
-  std::map<int, std::string> found;
-  // Without a mark folder there has never been a lease.
-  const std::optional<Place> place = PlaceOf(folder_);
-  if (!place.has_value()) return found;
-  Marks marks;
-  for (int slot = first; slot < first + count; ++slot) {
-    marks[{place->first, absl::StrCat(place->second, "/", slot)}] = slot;
-  }
-  MarkSearch search(std::move(marks));
-  for (const pid_t pid : NumbersIn("/proc")) {
-    const std::optional<int> slot = search.SlotOf(pid);
-    if (!slot.has_value()) continue;
-    const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
-    if (facts.has_value()) Append(pid, *facts, found[*slot]);
-  }
-  return found;
+  return uid_base_ >= 0 ? FindUsers(uid_base_, first, count) : FindMarks(folder_, first, count);
 }
 
 }  // namespace myograde::server

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 
 #include <absl/status/status.h>
 
@@ -48,7 +49,8 @@ class SlotProcesses {
  public:
   // `uid_base`: first of the slots' users; -1 if they have none. Then their marks lie in `folder`,
   // which is absolute, created on demand and used by this daemon's data folder alone.
-  SlotProcesses(int64_t uid_base, std::string folder);
+  SlotProcesses(int64_t uid_base, std::string folder)
+      : uid_base_(uid_base), folder_(std::move(folder)) {}
 
   // Marks an order's processes as its slot's. An error: the mark can't be created.
   absl::Status Claim(LeaseOrder& order) const;
@@ -59,9 +61,6 @@ class SlotProcesses {
   std::map<int, std::string> Find(int first, int count) const;
 
  private:
-  std::map<int, std::string> FindUsers(int first, int count) const;
-  std::map<int, std::string> FindMarks(int first, int count) const;
-
   const int64_t uid_base_;
   const std::string folder_;
 };

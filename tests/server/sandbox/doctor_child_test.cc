@@ -77,9 +77,9 @@ TEST(Child, TellsSignals) {
 TEST(LastWords, AreTheLastLinesWithoutControlCharacters) {
   EXPECT_EQ(LastWords(""), "");
   EXPECT_EQ(LastWords("\n\n"), "");
-  EXPECT_EQ(LastWords("one\ntwo\r\n\n"), "two");
-  EXPECT_EQ(LastWords("one\n\ntwo\nthree", 2), "two; three");
-  EXPECT_EQ(LastWords("one", 2), "one");
+  EXPECT_EQ(LastWords("one\ntwo\r\n\n"), "one; two");
+  EXPECT_EQ(LastWords("one\n\ntwo\nthree"), "two; three");
+  EXPECT_EQ(LastWords("one"), "one");
   EXPECT_EQ(LastWords("a\x1b[2J"), "a?[2J");
 }
 
