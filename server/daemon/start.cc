@@ -1,4 +1,4 @@
-#include "server/daemon/start.h"
+#include "server/daemon/daemon.h"
 
 #include <sys/resource.h>
 #include <unistd.h>
@@ -20,7 +20,6 @@
 #include "server/base/paths.h"
 #include "server/base/this_host.h"
 #include "server/challenge/board_configs.h"
-#include "server/executor/executor.h"
 #include "server/executor/slurm/slurm_executor.h"
 #include "server/proof/grader_build.h"
 #include "server/sandbox/control_group.h"
@@ -35,20 +34,14 @@ namespace fs = std::filesystem;
 
 constexpr size_t kStoreIdDigits = 12;
 
-// Work in progress of an earlier daemon that died is useless.
-void Empty(const std::string& folder) {
+// Work in progress of an earlier daemon that died is useless: all that the folder holds, or what has a
+// name that begins so.
+void RemoveWork(const std::string& folder, std::string_view prefix = "") {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    if (!entry.path().filename().string().starts_with(prefix)) continue;
     fs::remove_all(entry.path(), error);
     if (error) spdlog::warn("{}: can't be removed: {}", entry.path().string(), error.message());
-  }
-}
-
-// Drafts of episode logs that were being written; finished logs have other names.
-void RemoveDrafts(const std::string& folder) {
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.path().filename().string().starts_with(".draft-")) fs::remove(entry.path(), error);
   }
 }
 
@@ -134,9 +127,9 @@ absl::Status PrepareFolder(const std::string& data, const ServerConfig& config) 
   StartLog(config.log_level, config.log_format);
   CheckSandboxes(config);
   ControlGroup::RemoveStale();
-  Empty(data + "/work");
-  Empty(data + "/spool");
-  RemoveDrafts(data + "/logs");
+  RemoveWork(data + "/work");
+  RemoveWork(data + "/spool");
+  RemoveWork(data + "/logs", ".draft-");  // finished logs have other names
   return absl::OkStatus();
 }
 

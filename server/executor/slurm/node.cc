@@ -19,7 +19,6 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/child_process.h"
 #include "server/base/plain_text.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/node_dir.h"

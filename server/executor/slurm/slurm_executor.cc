@@ -1,7 +1,5 @@
 #include "server/executor/slurm/slurm_executor.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <utility>
