@@ -153,7 +153,7 @@ CALENDAR_USERS = {
     "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
     "tests/server/admission/submit_phase_test.cc": "sets it",
     "tests/server/api/board_moments_test.cc": "compares with stored times of day",
-    "tests/server/challenge/calendar_watch_test.cc": "sets it",
+    "tests/server/admission/calendar_watch_test.cc": "sets it",
     "tests/server/daemon/phases_test.py": "phases open and close at a date",
     "tests/server/daemon/secrets_test.py": "sets dates in a challenge file",
     "tests/server/engine/retention_test.cc": "compares with times of files",
