@@ -17,7 +17,7 @@
 #include "server/api/rejudge_plan.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/challenge/board_configs.h"
+#include "server/challenge/phases.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 
