@@ -22,7 +22,6 @@
 #include "server/base/plain_text.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/node_dir.h"
-#include "server/executor/slurm/node_proof.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
 #include "server/runner/runner_process.h"
@@ -137,7 +136,7 @@ class NodeLease {
       more = !piece.empty();
       return piece;
     };
-    absl::StatusOr<HeldArtefact> held = NodeArtefacts(options_.node_dir).Hold(order_.artefact, next);
+    absl::StatusOr<HeldArtefact> held = HoldArtefact(options_.node_dir, order_.artefact, next);
     // An archive tells its end itself; what follows it is on its way.
     while (held.ok() && more) RETURN_IF_ERROR(next().status());
     if (!held.ok()) {
@@ -145,7 +144,7 @@ class NodeLease {
                                                              held.status().message()));
     }
     artefact_.emplace(*std::move(held));
-    order_.order.artefact_dir = artefact_->folder();
+    order_.order.artefact_dir = artefact_->folder;
     return absl::OkStatus();
   }
 

@@ -26,6 +26,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr absl::Duration kLockPoll = absl::Milliseconds(100);
+// For another lease to unpack a submission.
+constexpr absl::Duration kUnpacking = absl::Minutes(10);
+constexpr char kHeldTooLong[] =
+    "another lease has been unpacking this submission for too long on this node";
 
 SlotProcesses ProcessesOf(const std::string& node_dir, int64_t uid_base) {
   return SlotProcesses(geteuid() == 0 ? uid_base : -1, node_dir + "/marks");
@@ -38,15 +42,6 @@ absl::Status MakePrivate(const std::string& path) {
   }
   fs::permissions(path, fs::perms::owner_all, error);
   return absl::OkStatus();
-}
-
-constexpr char kLockEnding[] = ".lock";
-constexpr char kHeldTooLong[] =
-    "another lease has been unpacking this submission for too long on this node";
-
-bool IsFolder(const std::string& path) {
-  struct stat info;
-  return lstat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
 }
 
 }  // namespace
@@ -111,36 +106,16 @@ void NodeSlot::CleanUp() const {
   fs::remove_all(work_dir_, ignored);
 }
 
-std::string NodeArtefacts::LockPath(const std::string& digest) const {
-  return absl::StrCat(folder_, "/", digest, kLockEnding);
+namespace {
+
+bool IsFolder(const std::string& path) {
+  struct stat info;
+  return lstat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
 }
 
-absl::StatusOr<HeldArtefact> NodeArtefacts::Hold(const std::string& digest,
-                                                 const ByteSource& source,
-                                                 absl::Duration patience) const {
-  if (::mkdir(folder_.c_str(), 0700) != 0 && errno != EEXIST) {
-    return HostError(absl::StrCat("can't make ", folder_));
-  }
-  const std::string folder = folder_ + "/" + digest;
-  ASSIGN_OR_RETURN(Fd lock, OpenLock(LockPath(digest)));
-  const Deadline deadline(patience);
-  for (;;) {
-    RETURN_IF_ERROR(TakeLock(lock, LOCK_SH, deadline, kHeldTooLong));
-    if (IsFolder(folder)) {
-      // When it was used last; the lock's own time, as the folder's is part of what is played.
-      futimens(lock.get(), nullptr);
-      return HeldArtefact(folder, std::move(lock));
-    }
-    RETURN_IF_ERROR(TakeLock(lock, LOCK_EX, deadline, kHeldTooLong));
-    if (IsFolder(folder)) continue;
-    MakeRoom();
-    RETURN_IF_ERROR(Unpack(digest, source));
-  }
-}
-
-// REQUIRES: its lock is this process' alone.
-absl::Status NodeArtefacts::Unpack(const std::string& digest, const ByteSource& source) const {
-  const std::string part = absl::StrCat(folder_, "/", digest, ".part");
+// REQUIRES: the lock of `place` is this process' alone.
+absl::Status Unpack(const std::string& place, const std::string& digest, const ByteSource& source) {
+  const std::string part = place + ".part";
   std::error_code ignored;
   fs::remove_all(part, ignored);
   RETURN_IF_ERROR(PlaceStreamedArtefact(source, digest, part));
@@ -149,32 +124,60 @@ absl::Status NodeArtefacts::Unpack(const std::string& digest, const ByteSource& 
   if (!placed.valid() || syncfs(placed.get()) != 0) {
     return HostError(absl::StrCat("can't write ", part, " to the disk"));
   }
-  if (rename(part.c_str(), (folder_ + "/" + digest).c_str()) != 0) {
+  if (rename(part.c_str(), place.c_str()) != 0) {
     return HostError(absl::StrCat("can't put ", part, " in place"));
   }
   return absl::OkStatus();
 }
 
-void NodeArtefacts::MakeRoom() const {
-  std::vector<std::tuple<int64_t, std::string, int64_t>> known;  // last use, digest, bytes
+void MakeRoom(const std::string& artefacts, int64_t most_bytes) {
+  std::vector<std::tuple<int64_t, std::string, int64_t>> known;  // last use, place, bytes
   int64_t total = 0;
   std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
-    const std::string digest = entry.path().filename();
+  for (const fs::directory_entry& entry : fs::directory_iterator(artefacts, error)) {
+    const std::string place = entry.path();
     struct stat info;
-    if (!IsSha256Hex(digest) || stat(LockPath(digest).c_str(), &info) != 0) continue;
-    const int64_t bytes = DiskBytes(entry.path());
-    known.emplace_back(info.st_mtim.tv_sec, digest, bytes);
+    if (!IsSha256Hex(entry.path().filename().string()) ||
+        stat((place + ".lock").c_str(), &info) != 0) {
+      continue;
+    }
+    const int64_t bytes = DiskBytes(place);
+    known.emplace_back(info.st_mtim.tv_sec, place, bytes);
     total += bytes;
   }
   std::sort(known.begin(), known.end());
-  for (const auto& [used, digest, bytes] : known) {
-    if (total <= most_bytes_) return;
-    const absl::StatusOr<Fd> lock = OpenLock(LockPath(digest));
+  for (const auto& [used, place, bytes] : known) {
+    if (total <= most_bytes) return;
+    const absl::StatusOr<Fd> lock = OpenLock(place + ".lock");
     // One that is played stays.
     if (!lock.ok() || flock(lock->get(), LOCK_EX | LOCK_NB) != 0) continue;
-    fs::remove_all(folder_ + "/" + digest, error);
+    fs::remove_all(place, error);
     total -= bytes;
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<HeldArtefact> HoldArtefact(const std::string& node_dir, const std::string& digest,
+                                          const ByteSource& source, int64_t most_bytes) {
+  const std::string artefacts = node_dir + "/artefacts";
+  if (::mkdir(artefacts.c_str(), 0700) != 0 && errno != EEXIST) {
+    return HostError(absl::StrCat("can't make ", artefacts));
+  }
+  const std::string place = absl::StrCat(artefacts, "/", digest);
+  ASSIGN_OR_RETURN(Fd lock, OpenLock(place + ".lock"));
+  const Deadline deadline(kUnpacking);
+  for (;;) {
+    RETURN_IF_ERROR(TakeLock(lock, LOCK_SH, deadline, kHeldTooLong));
+    if (IsFolder(place)) {
+      // When it was used last; the lock's own time, as the folder's is part of what is played.
+      futimens(lock.get(), nullptr);
+      return HeldArtefact{place, std::move(lock)};
+    }
+    RETURN_IF_ERROR(TakeLock(lock, LOCK_EX, deadline, kHeldTooLong));
+    if (IsFolder(place)) continue;
+    MakeRoom(artefacts, most_bytes);
+    RETURN_IF_ERROR(Unpack(place, digest, source));
   }
 }
 

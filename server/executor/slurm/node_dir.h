@@ -5,11 +5,9 @@
 
 #include <cstdint>
 #include <string>
-#include <utility>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
-#include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
@@ -37,7 +35,6 @@ class NodeSlot {
   // Removes the work folder; what can't be removed is left to the next lease of the slot.
   void CleanUp() const;
 
-  int number() const { return number_; }
   const std::string& work_dir() const { return work_dir_; }
 
  private:
@@ -50,37 +47,18 @@ class NodeSlot {
   int64_t uid_base_;
 };
 
-// An unpacked submission, which stays as long as this object does.
-class HeldArtefact {
- public:
-  HeldArtefact(std::string folder, Fd lock) : folder_(std::move(folder)), lock_(std::move(lock)) {}
-  const std::string& folder() const { return folder_; }
-
- private:
-  std::string folder_;
-  Fd lock_;  // shared
+// An unpacked submission, which stays as long as this value does.
+struct HeldArtefact {
+  std::string folder;
+  Fd lock;  // shared
 };
 
-// The submissions that a node has unpacked: each once, for all leases that play it there, and the
-// least recently used go when they take too much of the disk.
-class NodeArtefacts {
- public:
-  // Below `node_dir`, which must be there. `most_bytes`: of all that no lease plays.
-  explicit NodeArtefacts(std::string node_dir, int64_t most_bytes = int64_t{20} << 30)
-      : folder_(std::move(node_dir) + "/artefacts"), most_bytes_(most_bytes) {}
-
-  // Unpacks the submission of that digest unless it is there. Waits for another lease that does the
-  // same, for `patience` at most (DeadlineExceededError). Errors as of PlaceStreamedArtefact.
-  absl::StatusOr<HeldArtefact> Hold(const std::string& digest, const ByteSource& source,
-                                    absl::Duration patience = absl::Minutes(10)) const;
-
- private:
-  absl::Status Unpack(const std::string& digest, const ByteSource& source) const;
-  void MakeRoom() const;
-  std::string LockPath(const std::string& digest) const;
-
-  const std::string folder_;
-  const int64_t most_bytes_;
-};
+// The submission of that digest, below `node_dir`, which must be there: unpacked once for all leases
+// that play it on the node. The least recently used that no lease plays go while all of those have more
+// than `most_bytes`. Waits for another lease that unpacks the same (DeadlineExceededError: too long).
+// Errors as of PlaceStreamedArtefact.
+absl::StatusOr<HeldArtefact> HoldArtefact(const std::string& node_dir, const std::string& digest,
+                                          const ByteSource& source,
+                                          int64_t most_bytes = int64_t{20} << 30);
 
 }  // namespace myograde::server

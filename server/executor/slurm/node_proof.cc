@@ -1,4 +1,4 @@
-#include "server/executor/slurm/node_proof.h"
+#include "server/executor/slurm/lease_ends.h"
 
 #include <sys/file.h>
 

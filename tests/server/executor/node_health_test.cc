@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/executor/slurm/node_proof.h"
+#include "server/executor/slurm/lease_ends.h"
 
 namespace myograde::server {
 namespace {
