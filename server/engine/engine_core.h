@@ -274,7 +274,6 @@ class EngineCore {
   void GiveWay();
   // NotFoundError, InternalError: a runtime is not there any more.
   absl::StatusOr<LeaseOrder> OrderFor(const LeaseRun& run) const;
-  LeaseSubject SubjectOf(const LeaseRun& run, absl::Duration wall) const;
   static LogFields FieldsOf(const LeaseRun& run);
   // Writes that the lease is to be played again.
   void WriteReturn(const LeaseRun& run, bool fault, const std::string& why);

@@ -7,7 +7,7 @@
 #include "server/engine/engine_core.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
-#include "server/runner/lease_order.h"
+#include "server/runner/runner_process.h"
 
 namespace myograde::server {
 
@@ -41,16 +41,6 @@ absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
        .work_dir = run.work_dir,
        .cache_dir = options_.cache_dir,
        .log_dir = options_.data_dir + "/logs"});
-}
-
-LeaseSubject EngineCore::SubjectOf(const LeaseRun& run, absl::Duration wall) const {
-  const Context& context = *run.context;
-  return {.evaluation = context.evaluation.id,
-          .lease = run.lease,
-          .attempt = run.attempt,
-          .artefact = context.artefact.hash,
-          .runtimes = context.runtimes,
-          .wall = wall};
 }
 
 void EngineCore::StartLeases() {
@@ -99,7 +89,9 @@ void EngineCore::StartLease(const Start& start) {
   // The scheduler watches for lateness and silence.
   if (order.ok()) run.report = LeaseReport(order->episodes, {}, clock_.Monotonic());
   absl::StatusOr<std::unique_ptr<Runner>> runner =
-      order.ok() ? executor_.Start(*order, SubjectOf(run, start.lease_wall))
+      order.ok() ? executor_.Start(*order, {.artefact = run.context->artefact.hash,
+                                          .runtimes = run.context->runtimes,
+                                          .wall = start.lease_wall})
                  : absl::StatusOr<std::unique_ptr<Runner>>(order.status());
   const LogScope scope(FieldsOf(run));
   if (!runner.ok()) {

@@ -4,7 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/runner/lease_order.h"
+#include "server/runner/runner_process.h"
 
 namespace myograde::server {
 namespace {

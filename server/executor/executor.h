@@ -19,9 +19,6 @@ namespace myograde::server {
 
 // What an executor needs to know of a lease beside its order.
 struct LeaseSubject {
-  int64_t evaluation = 0;  // 0: none, a self-test
-  int64_t lease = 0;
-  int64_t attempt = 0;
   std::string artefact;    // digest of the files in order.artefact_dir; "": not a submission's
   std::vector<std::pair<std::string, std::string>> runtimes;  // those of the order: name and digest
   absl::Duration wall;     // longest run

@@ -15,7 +15,6 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
 #include "server/grading/results.h"
-#include "server/runner/lease_order.h"
 #include "server/runner/lease_report.h"
 #include "server/runner/runner_process.h"
 #include "server/sandbox/slot_processes.h"

@@ -29,8 +29,8 @@ struct NodeOptions {
 // it could not be.
 int PlayOnNode(const NodeOptions& options);
 
-// A node's proof that its results are the daemon's (node_proof.cc): its grader's build, the reference
-// episodes played on it, and what the doctor misses.
+// A node's proof that its results are the daemon's (node_proof.cc): its grader's build, the
+// reference episodes played on it, and what the doctor misses.
 struct ProofOptions : NodeOptions {
   std::string adapter = {};  // whose files are part of the build; "": none's
   int64_t uid_base = -1;     // of the sandboxes; -1: none

@@ -18,7 +18,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/share_files.h"
-#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 namespace {
@@ -30,10 +29,6 @@ constexpr absl::Duration kLockPoll = absl::Milliseconds(100);
 constexpr absl::Duration kUnpacking = absl::Minutes(10);
 constexpr char kHeldTooLong[] =
     "another lease has been unpacking this submission for too long on this node";
-
-SlotProcesses ProcessesOf(const std::string& node_dir, int64_t uid_base) {
-  return SlotProcesses(geteuid() == 0 ? uid_base : -1, node_dir + "/marks");
-}
 
 absl::Status MakePrivate(const std::string& path) {
   std::error_code error;
@@ -61,30 +56,22 @@ absl::Status TakeLock(const Fd& lock, int how, const Deadline& deadline, const s
   return absl::OkStatus();
 }
 
-NodeSlot::NodeSlot(int number, Fd lock, std::string node_dir, int64_t uid_base)
-    : number_(number),
-      lock_(std::move(lock)),
-      node_dir_(std::move(node_dir)),
-      work_dir_(absl::StrCat(node_dir_, "/work/", number)),
-      uid_base_(uid_base) {}
-
 absl::StatusOr<NodeSlot> NodeSlot::Take(const std::string& node_dir, int64_t uid_base) {
   if (geteuid() == 0 && uid_base < 0) {
     return absl::InvalidArgumentError(
-        "this node runs leases as root and was given no users for their sandboxes; run the daemon "
-        "as "
+        "this node runs leases as root and was given no users for their sandboxes; run the daemon as "
         "root too, or let the cluster run its jobs as an ordinary user");
   }
   for (const char* name : {"/slots", "/work"}) {
     RETURN_IF_ERROR(MakePrivate(node_dir + name));
   }
-  const SlotProcesses processes = ProcessesOf(node_dir, uid_base);
+  const SlotProcesses processes(geteuid() == 0 ? uid_base : -1, node_dir + "/marks");
   for (int number = 0; number < kMostSlots; ++number) {
     ASSIGN_OR_RETURN(Fd lock, OpenLock(absl::StrCat(node_dir, "/slots/", number)));
     if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) continue;
     // What a killed lease left in it must be dead first.
     if (!processes.Find(number, 1).empty()) continue;
-    return NodeSlot(number, std::move(lock), node_dir, uid_base);
+    return NodeSlot(number, std::move(lock), absl::StrCat(node_dir, "/work/", number), processes);
   }
   return absl::ResourceExhaustedError(
       absl::StrCat("all ", kMostSlots, " slots of this node are taken"));
@@ -96,9 +83,9 @@ absl::Status NodeSlot::Prepare(LeaseOrder& order) const {
     RETURN_IF_ERROR(MakePrivate(path));
   }
   order.slot = number_;
-  order.uid = geteuid() == 0 ? uid_base_ + number_ : -1;
+  order.uid = -1;
   order.work_dir = work_dir_ + "/lease";
-  return ProcessesOf(node_dir_, uid_base_).Claim(order);
+  return processes_.Claim(order);
 }
 
 void NodeSlot::CleanUp() const {

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -13,6 +14,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
 #include "server/artefact/artefact.h"
+#include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 
@@ -38,13 +40,16 @@ class NodeSlot {
   const std::string& work_dir() const { return work_dir_; }
 
  private:
-  NodeSlot(int number, Fd lock, std::string node_dir, int64_t uid_base);
+  NodeSlot(int number, Fd lock, std::string work_dir, const SlotProcesses& processes)
+      : number_(number),
+        lock_(std::move(lock)),
+        work_dir_(std::move(work_dir)),
+        processes_(processes) {}
 
   int number_;
   Fd lock_;
-  std::string node_dir_;
   std::string work_dir_;
-  int64_t uid_base_;
+  SlotProcesses processes_;
 };
 
 // An unpacked submission, which stays as long as this value does.
@@ -54,9 +59,9 @@ struct HeldArtefact {
 };
 
 // The submission of that digest, below `node_dir`, which must be there: unpacked once for all leases
-// that play it on the node. The least recently used that no lease plays go while all of those have more
-// than `most_bytes`. Waits for another lease that unpacks the same (DeadlineExceededError: too long).
-// Errors as of PlaceStreamedArtefact.
+// that play it on the node. Those that no lease plays go, the least recently used first, while all
+// have more than `most_bytes`. Waits for another lease that unpacks the same (DeadlineExceededError:
+// for too long). Errors as of PlaceStreamedArtefact.
 absl::StatusOr<HeldArtefact> HoldArtefact(const std::string& node_dir, const std::string& digest,
                                           const ByteSource& source,
                                           int64_t most_bytes = int64_t{20} << 30);

@@ -130,9 +130,8 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
     return absl::FailedPreconditionError("only leases of submissions run on the cluster");
   }
   ASSIGN_OR_RETURN(const std::string random, RandomBytes(kCommentBytes));
-  const std::string comment =
-      absl::StrCat(subject.lease, "-", subject.attempt, "-",
-                   HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
+  const std::string comment = absl::StrCat(
+      order.lease, "-", HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
   ASSIGN_OR_RETURN(const std::string text, OrderText(order, subject, comment));
   RETURN_IF_ERROR(MakeWorkDir(order.work_dir));
   {

@@ -40,8 +40,7 @@ TEST(Slots, AreHeldByOneEach) {
   second->CleanUp();
   EXPECT_FALSE(fs::exists(order.work_dir));
   first = absl::UnavailableError("released");
-  first = NodeSlot::Take(temp.path(), uid_base);
-  ASSERT_EQ(first->Prepare(order), absl::OkStatus());
+  EXPECT_EQ(NodeSlot::Take(temp.path(), uid_base)->Prepare(order), absl::OkStatus());
   EXPECT_EQ(order.slot, 0);
   if (geteuid() == 0) {
     EXPECT_TRUE(absl::IsInvalidArgument(NodeSlot::Take(temp.path(), -1).status()));
