@@ -47,6 +47,56 @@ std::vector<fs::path> ChallengeFiles(const std::string& dir, std::vector<std::st
   return paths;
 }
 
+bool Fits(const PhaseConfig& phase, const PhaseQuery& query) {
+  return phase.track == query.track && (query.profile.empty() || phase.profile == query.profile);
+}
+
+// None of the phases that fit is open.
+absl::Status NoneOpen(const std::vector<PhasePtr>& fitting, const PhaseQuery& query,
+                      absl::Time now) {
+  std::string what = absl::StrCat(
+      "no phase of track \"", query.track, "\"",
+      query.profile.empty() ? "" : absl::StrCat(" in the profile \"", query.profile, "\""),
+      " is open");
+  // They are in order of opening.
+  const auto next = std::find_if(fitting.begin(), fitting.end(),
+                                 [&](const PhasePtr& phase) { return now < phase->config.opens; });
+  if (next != fitting.end()) {
+    absl::StrAppend(&what, "; \"", (*next)->config.name, "\" opens at ",
+                    UtcText((*next)->config.opens));
+  } else {
+    absl::StrAppend(&what, ", and none opens later");
+  }
+  absl::StrAppend(&what, "; give \"episodes\" to practise");
+  return WithErrorCode(absl::FailedPreconditionError(what), "phase_closed");
+}
+
+// What the files say of each board.
+std::vector<TrackPtr> TracksOfFiles(const Tracks& tracks, const Phases& phases) {
+  std::vector<TrackPtr> found;
+  for (const auto& [name, entry] : tracks.entries()) {
+    for (const auto& [profile, track] : entry.profiles) found.push_back(track);
+  }
+  for (const PhasePtr& phase : phases.entries()) found.push_back(phase->track);
+  return found;
+}
+
+std::string ShownBoard(const BoardName& board) {
+  return board.phase.empty() ? absl::StrCat("track \"", board.track, "\" in the profile \"",
+                                            board.profile, "\"")
+                             : absl::StrCat("phase \"", board.phase, "\"");
+}
+
+// What the file may say without meaning anything new: what it said before the rejudges that are
+// behind the newest row, and what each of them made of it.
+std::set<std::string> FileConfigsBehind(const std::vector<BoardConfigRow>& rows) {
+  std::set<std::string> configs;
+  for (auto row = rows.rbegin(); row != rows.rend() && row->rejudge != 0; ++row) {
+    configs.insert({row->config, row->from_config});
+  }
+  return configs;
+}
+
 }  // namespace
 
 std::vector<ChallengeConfig> ReadChallenges(const std::string& dir,
@@ -242,34 +292,6 @@ absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now) {
       "phase_closed");
 }
 
-namespace {
-
-bool Fits(const PhaseConfig& phase, const PhaseQuery& query) {
-  return phase.track == query.track && (query.profile.empty() || phase.profile == query.profile);
-}
-
-// None of the phases that fit is open.
-absl::Status NoneOpen(const std::vector<PhasePtr>& fitting, const PhaseQuery& query,
-                      absl::Time now) {
-  std::string what = absl::StrCat(
-      "no phase of track \"", query.track, "\"",
-      query.profile.empty() ? "" : absl::StrCat(" in the profile \"", query.profile, "\""),
-      " is open");
-  // They are in order of opening.
-  const auto next = std::find_if(fitting.begin(), fitting.end(),
-                                 [&](const PhasePtr& phase) { return now < phase->config.opens; });
-  if (next != fitting.end()) {
-    absl::StrAppend(&what, "; \"", (*next)->config.name, "\" opens at ",
-                    UtcText((*next)->config.opens));
-  } else {
-    absl::StrAppend(&what, ", and none opens later");
-  }
-  absl::StrAppend(&what, "; give \"episodes\" to practise");
-  return WithErrorCode(absl::FailedPreconditionError(what), "phase_closed");
-}
-
-}  // namespace
-
 bool HasPhases(const Phases& phases, const std::string& track) {
   const auto& challenges = phases.challenges();
   return std::any_of(challenges.begin(), challenges.end(), [&](const ChallengeConfig& challenge) {
@@ -301,36 +323,6 @@ absl::StatusOr<PhasePtr> FindPhase(const Phases& phases, const PhaseQuery& query
         out->append(phase->config.name);
       })));
 }
-
-namespace {
-
-// What the files say of each board.
-std::vector<TrackPtr> TracksOfFiles(const Tracks& tracks, const Phases& phases) {
-  std::vector<TrackPtr> found;
-  for (const auto& [name, entry] : tracks.entries()) {
-    for (const auto& [profile, track] : entry.profiles) found.push_back(track);
-  }
-  for (const PhasePtr& phase : phases.entries()) found.push_back(phase->track);
-  return found;
-}
-
-std::string ShownBoard(const BoardName& board) {
-  return board.phase.empty() ? absl::StrCat("track \"", board.track, "\" in the profile \"",
-                                            board.profile, "\"")
-                             : absl::StrCat("phase \"", board.phase, "\"");
-}
-
-// What the file may say without meaning anything new: what it said before the rejudges that are
-// behind the newest row, and what each of them made of it.
-std::set<std::string> FileConfigsBehind(const std::vector<BoardConfigRow>& rows) {
-  std::set<std::string> configs;
-  for (auto row = rows.rbegin(); row != rows.rend() && row->rejudge != 0; ++row) {
-    configs.insert({row->config, row->from_config});
-  }
-  return configs;
-}
-
-}  // namespace
 
 absl::Status SwitchConfig(const TrackPtr& track, Tracks& tracks, Phases& phases) {
   if (track->config.phase.empty()) return tracks.Replace(track);

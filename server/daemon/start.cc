@@ -104,69 +104,6 @@ void CheckSandboxes(const ServerConfig& config) {
       geteuid());
 }
 
-}  // namespace
-
-absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
-  const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
-  rlimit limit = {};
-  getrlimit(RLIMIT_NOFILE, &limit);
-  if (limit.rlim_cur >= needed) return absl::OkStatus();
-  const rlim_t allowed = limit.rlim_max;
-  limit = {needed, std::max(needed, allowed)};
-  if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
-      config.http.workers, " workers may need ", needed, " open files at once, and this process ",
-      "may have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of ",
-      "the three"));
-}
-
-absl::Status PrepareFolder(const std::string& data, const ServerConfig& config) {
-  RETURN_IF_ERROR(MakeFolders(data));
-  StartLog(config.log_level, config.log_format);
-  CheckSandboxes(config);
-  ControlGroup::RemoveStale();
-  RemoveWork(data + "/work");
-  RemoveWork(data + "/spool");
-  RemoveWork(data + "/logs", ".draft-");  // finished logs have other names
-  return absl::OkStatus();
-}
-
-void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
-  std::error_code error;
-  const std::string artefacts = data_dir + "/artefacts";
-  const bool there = fs::exists(path, error) && fs::file_size(path, error) > 0;
-  if (there || fs::is_empty(artefacts, error)) return;
-  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
-                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
-}
-
-absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
-  const std::string store = data + "/store.db";
-  ASSIGN_OR_RETURN(DataHome here, HomeOf(data));
-  ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
-  HomeFound found = {std::move(here), ""};
-  const bool copied = recorded.has_value() && recorded->key != found.home.key;
-  if (copied && on_cluster && !adopt) {
-    found.held_back = absl::StrCat(
-        found.home.place, " is a copy of the data folder ", recorded->place,
-        ", which may still grade, so this daemon touches no job; if it takes that one's place, stop "
-        "it, run \"myograde serve --data ", data, " --adopt\" once, and start it again");
-    spdlog::error("{}", found.held_back);
-    return found;
-  }
-  if (copied && !adopt) {
-    spdlog::warn("{} is a copy of the data folder {}, and a server of its own from now on",
-                 found.home.place, recorded->place);
-  }
-  if (!recorded.has_value() || copied || recorded->place != found.home.place) {
-    RETURN_IF_ERROR(RecordHome(store, found.home));
-  }
-  return found;
-}
-
-namespace {
-
 absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
   const auto secret_of = [&](const PhaseConfig& phase) {
     std::string secret;
@@ -228,6 +165,65 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now
 }
 
 }  // namespace
+
+absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
+  const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
+  rlimit limit = {};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_cur >= needed) return absl::OkStatus();
+  const rlim_t allowed = limit.rlim_max;
+  limit = {needed, std::max(needed, allowed)};
+  if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
+      config.http.workers, " workers may need ", needed, " open files at once, and this process ",
+      "may have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of ",
+      "the three"));
+}
+
+absl::Status PrepareFolder(const std::string& data, const ServerConfig& config) {
+  RETURN_IF_ERROR(MakeFolders(data));
+  StartLog(config.log_level, config.log_format);
+  CheckSandboxes(config);
+  ControlGroup::RemoveStale();
+  RemoveWork(data + "/work");
+  RemoveWork(data + "/spool");
+  RemoveWork(data + "/logs", ".draft-");  // finished logs have other names
+  return absl::OkStatus();
+}
+
+void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
+  std::error_code error;
+  const std::string artefacts = data_dir + "/artefacts";
+  const bool there = fs::exists(path, error) && fs::file_size(path, error) > 0;
+  if (there || fs::is_empty(artefacts, error)) return;
+  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
+                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
+}
+
+absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
+  const std::string store = data + "/store.db";
+  ASSIGN_OR_RETURN(DataHome here, HomeOf(data));
+  ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
+  HomeFound found = {std::move(here), ""};
+  const bool copied = recorded.has_value() && recorded->key != found.home.key;
+  if (copied && on_cluster && !adopt) {
+    found.held_back = absl::StrCat(
+        found.home.place, " is a copy of the data folder ", recorded->place,
+        ", which may still grade, so this daemon touches no job; if it takes that one's place, stop "
+        "it, run \"myograde serve --data ", data, " --adopt\" once, and start it again");
+    spdlog::error("{}", found.held_back);
+    return found;
+  }
+  if (copied && !adopt) {
+    spdlog::warn("{} is a copy of the data folder {}, and a server of its own from now on",
+                 found.home.place, recorded->place);
+  }
+  if (!recorded.has_value() || copied || recorded->place != found.home.place) {
+    RETURN_IF_ERROR(RecordHome(store, found.home));
+  }
+  return found;
+}
 
 absl::StatusOr<Phases> TakePhases(DaemonConfigs& configs, Store& store, ReaderPool& readers,
                                   absl::Time now) {

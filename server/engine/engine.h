@@ -115,9 +115,6 @@ class Engine {
       std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act, absl::Duration timeout,
       AfterRejudge after);
 
-  const std::string data_dir_;
-  const std::string cache_dir_;
-  const Runtimes runtimes_;
   ReaderPool& readers_;
   const Clock& clock_;
   CommandQueue commands_;

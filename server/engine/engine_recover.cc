@@ -10,7 +10,6 @@
 #include "server/grading/results.h"
 
 namespace myograde::server {
-
 namespace {
 
 Priority PriorityOf(const StoredEvaluation& stored) {
@@ -38,10 +37,7 @@ std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluati
 }  // namespace
 
 EngineCore::ContextPtr EngineCore::ContextOf(StoredEvaluation stored) const {
-  const auto context = std::make_shared<Context>(Context{std::move(stored), "", {}, {}});
-  // An organiser submits on behalf of many people, so it counts for no party.
-  const std::string& who = context->submission.accepted_by;
-  context->party = IsOrganiser(who) ? "" : who;
+  const auto context = std::make_shared<Context>(Context{std::move(stored), {}, {}});
   context->runtimes = RuntimesOf(*context);
   // Their rows change, and those that have ended are large.
   for (const LeaseRow& lease : std::exchange(context->leases, {})) {
@@ -75,7 +71,9 @@ absl::Status EngineCore::Enqueue(int64_t id) {
   }
   spec.id = id;
   spec.team = context->submission.team;
-  spec.party = context->party;
+  // An organiser submits on behalf of many people, so it counts for no party.
+  const std::string& who = context->submission.accepted_by;
+  spec.party = IsOrganiser(who) ? "" : who;
   spec.priority = PriorityOf(*context);
   spec.lease_wall =
       absl::Seconds(context->track->config.budgets.lease_wall_s) + options_.config.lease_grace;

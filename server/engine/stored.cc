@@ -29,6 +29,54 @@ absl::StatusOr<SubmissionRow> SubmissionOf(const Transaction& reader,
   return submission;
 }
 
+// Whether a list left nothing out.
+template <typename Row>
+absl::Status StatusOfList(const Listed<Row>& list) {
+  return list.left_out ? DamagedRow(*list.left_out) : absl::OkStatus();
+}
+
+// An evaluation with all that belongs to it.
+absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredContent& content) {
+  ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, id, content));
+  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.episodes.Of(id);
+  if (rows.ok() && stored.evaluation.state == EvaluationState::kDone) {
+    rows = WholeEpisodes(reader, stored.evaluation, *stored.seeds);
+  }
+  if (!rows.ok()) return rows.status();
+  for (const EpisodeRow& row : *rows) {
+    const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
+    if (judged.ok()) continue;
+    return DamageOf(judged).has_value()
+               ? judged
+               : Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
+  }
+  absl::Status status =
+      CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt);
+  status.Update(reader.episodes.Details(id).status());
+  status.Update(reader.episodes.Repeats(id).status());
+  status.Update(reader.leases.RunsOf(id).status());
+  status.Update(reader.evaluations.Transitions("evaluation", id).status());
+  return status;
+}
+
+absl::Status CheckTeams(const Transaction& reader) {
+  const Listed<TeamRow> teams = reader.teams.List();
+  absl::Status status = StatusOfList(teams);
+  for (const TeamRow& team : teams.rows) {
+    RETURN_IF_ERROR(status);
+    status.Update(StatusOfList(reader.teams.Members(team.name)));
+    status.Update(StatusOfList(reader.quotas.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
+  }
+  return status;
+}
+
+absl::Status CheckRejudges(const Transaction& reader) {
+  for (const auto& [id, rejudge] : reader.Board().rejudges()) {
+    RETURN_IF_ERROR(reader.evaluations.OfRejudge(id).status());
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<TrackPtr> StoredContent::Track(const Transaction& reader, const std::string& hash) {
@@ -122,58 +170,6 @@ absl::Status CheckResults(const Transaction& reader, const EvaluationRow& evalua
   const nlohmann::json recorded = ParsedText(entry->entry_json).value("results", nlohmann::json());
   return !recorded.is_string() || recorded == hash ? absl::OkStatus() : damaged("the public record");
 }
-
-namespace {
-
-// Whether a list left nothing out.
-template <typename Row>
-absl::Status StatusOfList(const Listed<Row>& list) {
-  return list.left_out ? DamagedRow(*list.left_out) : absl::OkStatus();
-}
-
-// An evaluation with all that belongs to it.
-absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredContent& content) {
-  ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, id, content));
-  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.episodes.Of(id);
-  if (rows.ok() && stored.evaluation.state == EvaluationState::kDone) {
-    rows = WholeEpisodes(reader, stored.evaluation, *stored.seeds);
-  }
-  if (!rows.ok()) return rows.status();
-  for (const EpisodeRow& row : *rows) {
-    const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
-    if (judged.ok()) continue;
-    return DamageOf(judged).has_value()
-               ? judged
-               : Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
-  }
-  absl::Status status =
-      CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt);
-  status.Update(reader.episodes.Details(id).status());
-  status.Update(reader.episodes.Repeats(id).status());
-  status.Update(reader.leases.RunsOf(id).status());
-  status.Update(reader.evaluations.Transitions("evaluation", id).status());
-  return status;
-}
-
-absl::Status CheckTeams(const Transaction& reader) {
-  const Listed<TeamRow> teams = reader.teams.List();
-  absl::Status status = StatusOfList(teams);
-  for (const TeamRow& team : teams.rows) {
-    RETURN_IF_ERROR(status);
-    status.Update(StatusOfList(reader.teams.Members(team.name)));
-    status.Update(StatusOfList(reader.quotas.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
-  }
-  return status;
-}
-
-absl::Status CheckRejudges(const Transaction& reader) {
-  for (const auto& [id, rejudge] : reader.Board().rejudges()) {
-    RETURN_IF_ERROR(reader.evaluations.OfRejudge(id).status());
-  }
-  return absl::OkStatus();
-}
-
-}  // namespace
 
 absl::Status CheckReadable(const Transaction& reader) {
   StoredContent content;

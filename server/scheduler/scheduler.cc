@@ -132,7 +132,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   if (evaluation.priority != Priority::kRejudge) {
     CountTurn(teams_.at(evaluation.spec.team), evaluation.spec.id, starts_);
   }
-  return Start{best->evaluation, best->id, best->attempt, best->slot, evaluation.spec.lease_wall};
+  return StartOf(*best);
 }
 
 int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
@@ -153,7 +153,7 @@ int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
   return ready;
 }
 
-std::optional<GivesWay> Scheduler::GiveWay(absl::Duration now) {
+std::optional<Start> Scheduler::GiveWay(absl::Duration now) {
   if (!free_slots_.empty()) return std::nullopt;
   // The one that started last has the least to lose.
   if (running_rejudges_.empty()) return std::nullopt;
@@ -166,7 +166,7 @@ std::optional<GivesWay> Scheduler::GiveWay(absl::Duration now) {
   StopRunning(*last);
   evaluation.waiting.insert(last->id);
   UpdateLine(evaluation);
-  return GivesWay{last->evaluation, last->id, last->attempt};
+  return StartOf(*last);
 }
 
 Scheduler::Lease* Scheduler::Current(int64_t lease, int64_t attempt) {

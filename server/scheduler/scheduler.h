@@ -68,7 +68,7 @@ struct EvaluationSpec {
   std::vector<LeaseSpec> leases;  // leases that have not ended; played in order of id
 };
 
-// A lease to start now.
+// A lease to start now, or that has started and gives way.
 struct Start {
   int64_t evaluation = 0;
   int64_t lease = 0;
@@ -83,13 +83,6 @@ struct Overdue {
   int64_t attempt = 0;
   bool silent = false;  // its runner was not heard for too long; else it is over its time
   std::string why;
-};
-
-// A running lease of a rejudge to reclaim, which waits again.
-struct GivesWay {
-  int64_t evaluation = 0;
-  int64_t lease = 0;
-  int64_t attempt = 0;
 };
 
 // What follows from a lease's end.
@@ -139,9 +132,9 @@ class Scheduler {
   // nothing may start yet. Call until nullopt.
   std::optional<Start> Next(absl::Duration now);
 
-  // The lease that must give way now, already counted as waiting; nullopt: none. Its slot stays taken
-  // until Free() or Close(). Call until nullopt, after Next().
-  std::optional<GivesWay> GiveWay(absl::Duration now);
+  // The start of a running lease that must give way now, already counted as waiting; nullopt: none.
+  // Its slot stays taken until Free() or Close(). Call until nullopt, after Next().
+  std::optional<Start> GiveWay(absl::Duration now);
 
   // The attempt has a processor now: its deadlines begin. Only with `begins_later`.
   void Begun(int64_t lease, int64_t attempt, absl::Duration now);
@@ -253,6 +246,10 @@ class Scheduler {
   };
 
   Lease* Current(int64_t lease, int64_t attempt);
+  Start StartOf(const Lease& lease) const {
+    return {lease.evaluation, lease.id, lease.attempt, lease.slot,
+            evaluations_.at(lease.evaluation).spec.lease_wall};
+  }
   void SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at);
   void WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now);
   void StopRunning(Lease& lease);

@@ -39,6 +39,54 @@ absl::Status MakePrivate(const std::string& path) {
   return absl::OkStatus();
 }
 
+bool IsFolder(const std::string& path) {
+  struct stat info;
+  return lstat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
+}
+
+// REQUIRES: the lock of `place` is this process' alone.
+absl::Status Unpack(const std::string& place, const std::string& digest, const ByteSource& source) {
+  const std::string part = place + ".part";
+  std::error_code ignored;
+  fs::remove_all(part, ignored);
+  RETURN_IF_ERROR(PlaceStreamedArtefact(source, digest, part));
+  // A node that loses its power must not find half a submission under the whole one's name.
+  const Fd placed(open(part.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!placed.valid() || syncfs(placed.get()) != 0) {
+    return HostError(absl::StrCat("can't write ", part, " to the disk"));
+  }
+  if (rename(part.c_str(), place.c_str()) != 0) {
+    return HostError(absl::StrCat("can't put ", part, " in place"));
+  }
+  return absl::OkStatus();
+}
+
+void MakeRoom(const std::string& artefacts, int64_t most_bytes) {
+  std::vector<std::tuple<int64_t, std::string, int64_t>> known;  // last use, place, bytes
+  int64_t total = 0;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(artefacts, error)) {
+    const std::string place = entry.path();
+    struct stat info;
+    if (!IsSha256Hex(entry.path().filename().string()) ||
+        stat((place + ".lock").c_str(), &info) != 0) {
+      continue;
+    }
+    const int64_t bytes = DiskBytes(place);
+    known.emplace_back(info.st_mtim.tv_sec, place, bytes);
+    total += bytes;
+  }
+  std::sort(known.begin(), known.end());
+  for (const auto& [used, place, bytes] : known) {
+    if (total <= most_bytes) return;
+    const absl::StatusOr<Fd> lock = OpenLock(place + ".lock");
+    // One that is played stays.
+    if (!lock.ok() || flock(lock->get(), LOCK_EX | LOCK_NB) != 0) continue;
+    fs::remove_all(place, error);
+    total -= bytes;
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<Fd> OpenLock(const std::string& path) {
@@ -92,58 +140,6 @@ void NodeSlot::CleanUp() const {
   std::error_code ignored;
   fs::remove_all(work_dir_, ignored);
 }
-
-namespace {
-
-bool IsFolder(const std::string& path) {
-  struct stat info;
-  return lstat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
-}
-
-// REQUIRES: the lock of `place` is this process' alone.
-absl::Status Unpack(const std::string& place, const std::string& digest, const ByteSource& source) {
-  const std::string part = place + ".part";
-  std::error_code ignored;
-  fs::remove_all(part, ignored);
-  RETURN_IF_ERROR(PlaceStreamedArtefact(source, digest, part));
-  // A node that loses its power must not find half a submission under the whole one's name.
-  const Fd placed(open(part.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
-  if (!placed.valid() || syncfs(placed.get()) != 0) {
-    return HostError(absl::StrCat("can't write ", part, " to the disk"));
-  }
-  if (rename(part.c_str(), place.c_str()) != 0) {
-    return HostError(absl::StrCat("can't put ", part, " in place"));
-  }
-  return absl::OkStatus();
-}
-
-void MakeRoom(const std::string& artefacts, int64_t most_bytes) {
-  std::vector<std::tuple<int64_t, std::string, int64_t>> known;  // last use, place, bytes
-  int64_t total = 0;
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(artefacts, error)) {
-    const std::string place = entry.path();
-    struct stat info;
-    if (!IsSha256Hex(entry.path().filename().string()) ||
-        stat((place + ".lock").c_str(), &info) != 0) {
-      continue;
-    }
-    const int64_t bytes = DiskBytes(place);
-    known.emplace_back(info.st_mtim.tv_sec, place, bytes);
-    total += bytes;
-  }
-  std::sort(known.begin(), known.end());
-  for (const auto& [used, place, bytes] : known) {
-    if (total <= most_bytes) return;
-    const absl::StatusOr<Fd> lock = OpenLock(place + ".lock");
-    // One that is played stays.
-    if (!lock.ok() || flock(lock->get(), LOCK_EX | LOCK_NB) != 0) continue;
-    fs::remove_all(place, error);
-    total -= bytes;
-  }
-}
-
-}  // namespace
 
 absl::StatusOr<HeldArtefact> HoldArtefact(const std::string& node_dir, const std::string& digest,
                                           const ByteSource& source, int64_t most_bytes) {
