@@ -24,11 +24,7 @@ void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   evaluation.priority = spec.priority;
   evaluation.waits_since = now;
   for (const LeaseSpec& entry : spec.leases) {
-    Lease& lease = leases_[entry.id];
-    lease.id = entry.id;
-    lease.evaluation = spec.id;
-    lease.attempt = entry.attempt;
-    lease.faults = entry.faults;
+    leases_[entry.id] = {entry, spec.id};
     evaluation.waiting.insert(entry.id);
   }
   Team& team = teams_[spec.team];
@@ -70,23 +66,14 @@ std::optional<int> Scheduler::TakeSlot() {
 }
 
 Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation& evaluation) const {
-  const bool goes_on = team.turn_left > 0 && team.turn_of == evaluation.spec.id;
-  Precedence turn = {team.running, goes_on ? team.turn_began : INT64_MAX, team.last_start,
+  const bool goes_on = team.turn.left > 0 && team.turn.of == evaluation.spec.id;
+  Precedence turn = {team.running, goes_on ? team.turn.began : INT64_MAX, team.last_start,
                      team.joined};
   const auto party = parties_.find(evaluation.spec.party);
   if (party == parties_.end()) return turn;
   turn.running = std::max(turn.running, party->second.running);
   turn.last_start = std::max(turn.last_start, party->second.last_start);
   return turn;
-}
-
-void Scheduler::CountTurn(Team& team, int64_t evaluation, int64_t start) {
-  if (team.turn_left == 0 || team.turn_of != evaluation) {
-    team.turn_of = evaluation;
-    team.turn_began = start;
-    team.turn_left = kLongestTurn;
-  }
-  --team.turn_left;
 }
 
 std::optional<Start> Scheduler::Next(absl::Duration now) {
@@ -97,7 +84,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
     for (auto& [name, team] : teams_) {
       if (!MayStart(team, Priority(priority))) continue;
       // A party's running leases, or another evaluation's turn, can only move it back.
-      const Precedence earliest = {team.running, team.turn_left > 0 ? team.turn_began : INT64_MAX,
+      const Precedence earliest = {team.running, team.turn.left > 0 ? team.turn.began : INT64_MAX,
                                    team.last_start, team.joined};
       if (best != nullptr && first <= earliest) continue;
       Lease* lease = FirstReady(team, Priority(priority), now);
@@ -116,7 +103,6 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
   evaluation.waits_since = now;
-  best->running = true;
   best->attempt += 1;
   best->slot = *TakeSlot();
   best->started = ++starts_;
@@ -130,7 +116,10 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
     share->last_start = starts_;
   }
   if (evaluation.priority != Priority::kRejudge) {
-    CountTurn(teams_.at(evaluation.spec.team), evaluation.spec.id, starts_);
+    const int64_t id = evaluation.spec.id;
+    Turn& turn = teams_.at(evaluation.spec.team).turn;
+    if (turn.left == 0 || turn.of != id) turn = {id, starts_, kLongestTurn};
+    --turn.left;
   }
   return StartOf(*best);
 }
@@ -170,9 +159,9 @@ std::optional<Start> Scheduler::GiveWay(absl::Duration now) {
 }
 
 Scheduler::Lease* Scheduler::Current(int64_t lease, int64_t attempt) {
-  const auto it = leases_.find(lease);
-  if (it == leases_.end() || !it->second.running || it->second.attempt != attempt) return nullptr;
-  return &it->second;
+  if (!running_.contains(lease)) return nullptr;
+  Lease& found = leases_.at(lease);
+  return found.attempt == attempt ? &found : nullptr;
 }
 
 void Scheduler::SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at) {
@@ -200,7 +189,6 @@ void Scheduler::Heartbeat(int64_t id, int64_t attempt, absl::Duration now) {
 // The slot stays taken.
 void Scheduler::StopRunning(Lease& lease) {
   Evaluation& evaluation = evaluations_.at(lease.evaluation);
-  lease.running = false;
   running_.erase(lease.id);
   running_rejudges_.erase({lease.started, lease.id});
   SetDeadlines(lease, absl::InfiniteDuration(), absl::InfiniteDuration());
@@ -299,11 +287,7 @@ void Scheduler::MoveTeam(const std::string& from, const std::string& to) {
   Team& team = teams_[to];
   const int64_t joined = old->second.joined;
   if (team.joined == 0 || (joined != 0 && joined < team.joined)) team.joined = joined;
-  if (team.turn_left == 0) {
-    team.turn_of = old->second.turn_of;
-    team.turn_began = old->second.turn_began;
-    team.turn_left = old->second.turn_left;
-  }
+  if (team.turn.left == 0) team.turn = old->second.turn;
   team.running += old->second.running;
   team.last_start = std::max(team.last_start, old->second.last_start);
   for (auto& [id, evaluation] : evaluations_) {

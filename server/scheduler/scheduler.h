@@ -204,13 +204,9 @@ class Scheduler {
   std::optional<absl::Duration> DeadlineOf(int64_t evaluation) const;
 
  private:
-  struct Lease {
-    int64_t id = 0;
+  struct Lease : LeaseSpec {
     int64_t evaluation = 0;
-    int64_t attempt = 0;
-    int64_t faults = 0;
     int64_t returns = 0;
-    bool running = false;
     int slot = 0;  // while it runs
     int64_t started = 0;  // sequence number of the last start
     absl::Duration not_before = -absl::InfiniteDuration();
@@ -229,12 +225,15 @@ class Scheduler {
     int running = 0;
     int64_t last_start = 0;  // sequence number of the start, 0 before the first
   };
+  struct Turn {
+    int64_t of = 0;     // the evaluation whose turn it is
+    int64_t began = 0;  // sequence number of the start
+    int left = 0;       // leases
+  };
   struct Team : Share {
     TeamLine line;
     int64_t joined = 0;  // sequence number of its first evaluation; 0: it has had rejudges only
-    int64_t turn_of = 0;     // the evaluation whose turn it is
-    int64_t turn_began = 0;  // sequence number of the start
-    int turn_left = 0;       // leases
+    Turn turn;
   };
   // The key that teams are compared by; the least goes next.
   struct Precedence {
@@ -256,7 +255,6 @@ class Scheduler {
   void Wait(Evaluation& evaluation, absl::Duration until);
   void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
-  static void CountTurn(Team& team, int64_t evaluation, int64_t start);
   Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
   // Whose shares an evaluation's running leases count in: none for a rejudge.
   std::vector<Share*> SharesOf(const Evaluation& evaluation);
