@@ -247,29 +247,19 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
   return CreatedRejudge{std::move(created), std::move(plan)};
 }
 
-absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
-                                                 const std::string& who, absl::Duration timeout,
-                                                 AfterRejudge after) {
-  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Apply(act, sign, who); },
-                      timeout, std::move(after));
-}
-
-absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignDocument& sign,
-                                                const std::string& who, absl::Duration timeout,
-                                                AfterRejudge after) {
-  return ActOnRejudge([=](Transaction& writer) { return writer.rejudges.Drop(act, sign, who); },
-                      timeout, std::move(after));
-}
-
-absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
-    std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act, absl::Duration timeout,
-    AfterRejudge after) {
-  return Change<RejudgeDone>(std::move(act), timeout,
-                             [this, after = std::move(after)](const RejudgeDone& done) {
-                               core_.StopEnded(done.cancelled);
-                               if (after) after(done);
-                               return absl::OkStatus();
-                             });
+absl::StatusOr<RejudgeDone> Engine::EndRejudge(bool apply, const RejudgeAct& act,
+                                               const SignDocument& sign, const std::string& who,
+                                               absl::Duration timeout, AfterRejudge after) {
+  return Change<RejudgeDone>(
+      [=](Transaction& writer) {
+        return apply ? writer.rejudges.Apply(act, sign, who) : writer.rejudges.Drop(act, sign, who);
+      },
+      timeout,
+      [this, after = std::move(after)](const RejudgeDone& done) {
+        core_.StopEnded(done.cancelled);
+        if (after) after(done);
+        return absl::OkStatus();
+      });
 }
 
 absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(

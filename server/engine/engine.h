@@ -74,13 +74,10 @@ class Engine {
   // wait for it, and in the order of the acts. It must own what it touches.
   absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignDocument& sign,
                                                const std::string& who, absl::Duration timeout);
-  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
-                                           const std::string& who, absl::Duration timeout,
-                                           AfterRejudge after = nullptr);
-  // The leases that still run of it are killed.
-  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignDocument& sign,
-                                          const std::string& who, absl::Duration timeout,
-                                          AfterRejudge after = nullptr);
+  // Applies it, or drops it: the leases that still run of it are then killed.
+  absl::StatusOr<RejudgeDone> EndRejudge(bool apply, const RejudgeAct& act, const SignDocument& sign,
+                                         const std::string& who, absl::Duration timeout,
+                                         AfterRejudge after = nullptr);
   // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
   // each became, the judged ones first.
   absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(
@@ -111,9 +108,6 @@ class Engine {
 
   absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Transaction&)> add,
                                  absl::Duration timeout);
-  absl::StatusOr<RejudgeDone> ActOnRejudge(
-      std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act, absl::Duration timeout,
-      AfterRejudge after);
 
   ReaderPool& readers_;
   const Clock& clock_;

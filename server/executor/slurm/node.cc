@@ -20,7 +20,6 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/plain_text.h"
-#include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/node_dir.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
@@ -102,11 +101,7 @@ class NodeLease {
 
   // Makes everything ready; an error says why the node can't play it.
   absl::Status Prepare() {
-    const bool again = std::find(order_.prove_again.begin(), order_.prove_again.end(), me_.node) !=
-                       order_.prove_again.end();
-    ASSIGN_OR_RETURN(
-        std::string unfit,
-        WhyUnfit({options_, order_.order.adapter, order_.uid_base, again}, order_.grader));
+    ASSIGN_OR_RETURN(const std::string unfit, WhyUnfit(options_, order_));
     if (!unfit.empty()) {
       me_.unfit = absl::StrCat("it ", unfit);
       return absl::FailedPreconditionError(me_.unfit);

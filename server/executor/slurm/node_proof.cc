@@ -2,6 +2,7 @@
 
 #include <sys/file.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
@@ -16,7 +17,6 @@
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "protocol/lease/lease.h"
 #include "server/base/paths.h"
 #include "server/base/plain_text.h"
 #include "server/base/this_host.h"
@@ -60,7 +60,7 @@ std::optional<TrackConfig> LargestTrack(const std::string& config_dir) {
   return largest;
 }
 
-std::string FirstMissing(const ProofOptions& options) {
+std::string FirstMissing(const NodeOptions& options, int64_t uid_base) {
   DoctorOptions doctor;
   const absl::StatusOr<std::string> bin_dir = BinDir();
   if (bin_dir.ok()) doctor.bin_dir = fs::absolute(*bin_dir).lexically_normal();
@@ -68,7 +68,7 @@ std::string FirstMissing(const ProofOptions& options) {
   doctor.cache_dir = options.cache_dir;
   doctor.data_dir = options.node_dir;
   doctor.track = LargestTrack(options.config_dir);
-  doctor.uid_base = options.uid_base < 0 ? 0 : options.uid_base;
+  doctor.uid_base = std::max<int64_t>(uid_base, 0);
   for (const Check& check : ExamineHost(doctor)) {
     if (check.state == CheckState::kMissing) {
       return absl::StrCat("can't grade: ", check.name, ": ", check.found,
@@ -79,21 +79,21 @@ std::string FirstMissing(const ProofOptions& options) {
 }
 
 // The file that tells that this boot and this build were proved.
-std::string ProvedPath(const ProofOptions& options, const std::string& build) {
+std::string ProvedPath(const NodeOptions& options, const std::string& build) {
   const std::string boot = ReadFile("/proc/sys/kernel/random/boot_id").value_or("");
   return absl::StrCat(options.node_dir, "/proved-",
                       Sha256Hex(absl::StrCat(boot, build, options.config_dir)).substr(0, 16));
 }
 
 // What is wrong with this host, whatever the daemon's build.
-std::string WhyNotEqual(const ProofOptions& options) {
+std::string WhyNotEqual(const NodeOptions& options, int64_t uid_base) {
   // Where sandboxes can't start, no episode can be played either.
-  if (std::string missing = FirstMissing(options); !missing.empty()) return missing;
+  if (std::string why = FirstMissing(options, uid_base); !why.empty()) return why;
   const absl::StatusOr<std::string> differs = PlayReference(
       {.folder = options.config_dir + "/reference",
        .work_dir = options.node_dir + "/reference",
        .cache_dir = options.cache_dir,
-       .uid = options.uid_base < 0 ? -1 : options.uid_base + kReferenceUsers},
+       .uid = uid_base < 0 ? -1 : uid_base + kReferenceUsers},
       /*stop=*/{});
   if (!differs.ok()) {
     return absl::StrCat("can't play the reference episodes: ", differs.status().message());
@@ -137,9 +137,9 @@ std::string BuildDifference(const std::string& expected, const std::string& foun
   return "build is of another form than the daemon's";
 }
 
-absl::StatusOr<std::string> WhyUnfit(const ProofOptions& options, const std::string& grader) {
-  const std::string build = CanonicalJson(GraderBuild(options.cache_dir, {options.adapter}));
-  if (const std::string other = BuildDifference(grader, build); !other.empty()) {
+absl::StatusOr<std::string> WhyUnfit(const NodeOptions& options, const ClusterOrder& order) {
+  const std::string build = CanonicalJson(GraderBuild(options.cache_dir, {order.order.adapter}));
+  if (const std::string other = BuildDifference(order.grader, build); !other.empty()) {
     return absl::StrCat("has another grader: its ", other,
                         "; install the daemon's version and models there");
   }
@@ -148,11 +148,13 @@ absl::StatusOr<std::string> WhyUnfit(const ProofOptions& options, const std::str
   RETURN_IF_ERROR(TakeLock(lock, LOCK_EX, Deadline(kOthersProof),
                            absl::StrCat("another process has been making this node's proof for ",
                                         absl::FormatDuration(kOthersProof))));
-  if (!options.again && fs::exists(path)) return "";
+  const std::vector<std::string>& again = order.prove_again;
+  const bool anew = std::find(again.begin(), again.end(), NodeName()) != again.end();
+  if (!anew && fs::exists(path)) return "";
   // With problems it is made again until they are mended.
   std::error_code ignored;
   fs::remove(path, ignored);
-  std::string why = PrintableUtf8(WhyNotEqual(options));
+  std::string why = PrintableUtf8(WhyNotEqual(options, order.uid_base));
   // Without it the next lease proves the node anew, so an error does no harm.
   if (why.empty()) WriteFile(path, "").IgnoreError();
   return why;
