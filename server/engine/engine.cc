@@ -2,6 +2,7 @@
 #include "server/engine/engine.h"
 
 #include <poll.h>
+#include <sys/eventfd.h>
 
 #include <algorithm>
 
@@ -16,6 +17,10 @@ constexpr size_t kMaxCommands = 1024;
 // After its grace a stopping runner is killed, and dead soon after.
 constexpr absl::Duration kAfterGrace = absl::Milliseconds(250);
 constexpr char kRejudger[] = "daemon";  // in audit rows
+
+absl::Status Stopping() {
+  return absl::CancelledError("the daemon is stopping; try again when it is back");
+}
 
 // Makes the submitter the first member of the submission's team, where that is asked for.
 absl::Status Found(Transaction& writer, const NewSubmission& submission) {
@@ -63,6 +68,54 @@ absl::Status EnqueueAll(EngineCore& core, const EvaluationIds& evaluations) {
 }
 
 }  // namespace
+
+CommandQueue::CommandQueue(size_t capacity)
+    : capacity_(capacity), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+
+void CommandQueue::Wake() {
+  const uint64_t one = 1;
+  [[maybe_unused]] const ssize_t n = write(wake_.get(), &one, sizeof(one));
+}
+
+absl::Status CommandQueue::Call(std::function<void(Answer)> command, absl::Duration timeout) {
+  std::future<absl::Status> answer;
+  {
+    const MutexLock lock(mutex_);
+    if (closed_) return Stopping();
+    if (entries_.size() >= capacity_) {
+      return absl::ResourceExhaustedError("too many commands wait already; try again in a second");
+    }
+    entries_.push_back({std::move(command), std::make_shared<std::promise<absl::Status>>()});
+    answer = entries_.back().answer->get_future();
+  }
+  Wake();
+  if (answer.wait_for(absl::ToChronoNanoseconds(timeout)) != std::future_status::ready) {
+    return absl::DeadlineExceededError(
+        "the daemon did not get to it in time; ask for the status before you try again");
+  }
+  return answer.get();
+}
+
+int CommandQueue::RunAll() {
+  uint64_t count = 0;
+  [[maybe_unused]] const ssize_t n = read(wake_.get(), &count, sizeof(count));
+  std::deque<Entry> entries;
+  {
+    const MutexLock lock(mutex_);
+    entries.swap(entries_);
+  }
+  for (Entry& entry : entries) {
+    entry.command([answer = entry.answer](absl::Status status) { answer->set_value(status); });
+  }
+  return static_cast<int>(entries.size());
+}
+
+void CommandQueue::Close() {
+  const MutexLock lock(mutex_);
+  closed_ = true;
+  for (Entry& entry : entries_) entry.answer->set_value(Stopping());
+  entries_.clear();
+}
 
 Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
                const Clock& clock)

@@ -2,17 +2,13 @@
 // only: no clock, no process, no disk. The caller reports what happened and when; the answers say
 // what to start, kill and record. Times are monotonic, as a duration since an arbitrary start.
 //
-// Order: a free slot goes to the highest class that has a lease ready (overdue, ranked, practice,
-// re-run, rejudge); within it to the team with the fewest running leases; of those to the one whose turn
-// began first; of those to the one whose last start is longest ago; of those to the one that came
-// first. A turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at
-// most: so evaluations end one after the other and not all at last, and a long one holds nobody up
-// for long. A team's count is its own running
-// leases or those of the party that submitted its evaluation (a person with several teams is one
-// party), whichever is more: neither several teams of a party nor several members of a team get
-// more than one share. Within a team: the older evaluation, then the earlier lease. So a team with
-// a thousand submissions delays another team's first lease by one turn at most, and an evaluation
-// that has waited longer than `queue_wait` goes ahead of all classes.
+// Order (server/daemon/README.md says why): a free slot goes to the highest class that has a lease
+// ready; within it to the team with the fewest running leases; of those to the one whose turn began
+// first; of those to the one whose last start is longest ago; of those to the one that came first. A
+// turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at most. A
+// team's count is its own running leases or those of the party that submitted its evaluation (a person
+// with several teams is one party), whichever is more. Within a team: the older evaluation, then the
+// earlier lease. An evaluation that has waited longer than `queue_wait` goes ahead of all classes.
 //
 // Rejudges are nobody's: they count for no team, wait without a deadline, and give way. While all
 // slots are taken and a lease of another class is ready, GiveWay() names a running lease of theirs to

@@ -170,7 +170,7 @@ absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
   ASSIGN_OR_RETURN(const std::string setpriv, FindProgram("setpriv"));
   // Ends srun, and so the job, should the lease's process be killed.
   sent.srun = {setpriv, "--pdeathsig", "TERM", command("srun")};
-  for (std::string& word : JobWords(config, NeedsOf(config, order.track.budgets, subject.wall))) {
+  for (std::string& word : JobWords(config, order.track.budgets, subject.wall)) {
     sent.srun.push_back(std::move(word));
   }
   {
