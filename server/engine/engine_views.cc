@@ -76,7 +76,8 @@ std::map<int64_t, LiveLease> EngineCore::Running(const std::set<int64_t>* among)
 LiveHealth EngineCore::Health() const {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
-  LiveHealth health = {troubles_};
+  LiveHealth health;
+  static_cast<EngineTroubles&>(health) = troubles_;
   health.running = scheduler_.running();
   health.pending = scheduler_.pending();
   if (lost_in_a_row_ >= kManyLosses) {

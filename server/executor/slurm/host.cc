@@ -22,6 +22,7 @@
 #include "server/base/child_process.h"
 #include "server/base/plain_text.h"
 #include "server/config/slurm_config.h"
+#include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
 

@@ -3,10 +3,6 @@
 
 #include <string>
 
-#include <absl/status/statusor.h>
-
-#include "server/executor/slurm/lease_stream.h"
-
 namespace myograde::server {
 
 // The end on the daemon's host: has Slurm start the other one on a node, and prints for the daemon
@@ -29,25 +25,5 @@ struct NodeOptions {
 // output (lease_stream.h), and returns an exit status: 0 once all was said, whatever it says; 4 if
 // it could not be.
 int PlayOnNode(const NodeOptions& options);
-
-// A node's proof that its results are the daemon's (node_proof.cc): its grader's build, the
-// reference episodes played on it, and what the doctor misses.
-
-// The node's name: what the cluster calls it (SLURMD_NODENAME), else this host's, with "-" for what
-// no name may have.
-std::string NodeName();
-
-// As the kernel names it; "unknown": it does not.
-std::string ProcessorName();
-
-// Why this node must not play for the daemon that has sent the order, in one sentence without a
-// subject; "": it may. Unless it has proved itself since it booted, with this build, and need not
-// again, the host is examined and the reference episodes are played, which takes up to a minute; one
-// process of the node at a time. An error: it can't be told. REQUIRES: a single thread.
-absl::StatusOr<std::string> WhyUnfit(const NodeOptions& options, const ClusterOrder& order);
-
-// Why the build `found` is not `expected` (as canonical JSON), to follow "its": one part that
-// differs. "" if they are equal.
-std::string BuildDifference(const std::string& expected, const std::string& found);
 
 }  // namespace myograde::server

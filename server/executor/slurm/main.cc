@@ -26,6 +26,7 @@
 #include "server/base/plain_text.h"
 #include "server/base/child_process.h"
 #include "server/executor/slurm/lease_ends.h"
+#include "server/executor/slurm/node_state.h"
 #include "server/sandbox/doctor.h"
 
 namespace myograde::server {

@@ -20,7 +20,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/plain_text.h"
-#include "server/executor/slurm/node_dir.h"
+#include "server/executor/slurm/node_state.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
 #include "server/runner/runner_process.h"

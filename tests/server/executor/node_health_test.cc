@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/executor/slurm/lease_ends.h"
+#include "server/executor/slurm/node_state.h"
 
 namespace myograde::server {
 namespace {

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
-#include "server/executor/slurm/node_dir.h"
+#include "server/executor/slurm/node_state.h"
 #include "server/executor/slurm/srun.h"
 #include "tests/server/artefact/archives.h"
 

@@ -1,6 +1,7 @@
-// What a node's folder holds, which several jobs may share: slots to play leases in, and the
-// submissions that it has unpacked. Each is held by a lock that the kernel releases when the
-// process ends.
+// What a node of a cluster is: its name, and its proof that its results are the daemon's, which are its
+// grader's build, the reference episodes played on it, and what the doctor misses. And what its folder
+// holds, which several jobs may share: slots to play leases in, and the submissions that it has
+// unpacked. Each is held by a lock that the kernel releases when the process ends.
 #pragma once
 
 #include <cstdint>
@@ -10,19 +11,31 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
 #include "server/artefact/artefact.h"
+#include "server/executor/slurm/lease_ends.h"
+#include "server/executor/slurm/lease_stream.h"
 #include "server/sandbox/slot_processes.h"
 
 namespace myograde::server {
 
-// A file of a node's to lock by flock(2), made if it is not there. Errors of HostError.
-absl::StatusOr<Fd> OpenLock(const std::string& path);
-// Takes the lock: LOCK_SH or LOCK_EX. DeadlineExceededError(`why`): another process has it for too
-// long.
-absl::Status TakeLock(const Fd& lock, int how, const Deadline& deadline, const std::string& why);
+// The node's name: what the cluster calls it (SLURMD_NODENAME), else this host's, with "-" for what
+// no name may have.
+std::string NodeName();
+
+// As the kernel names it; "unknown": it does not.
+std::string ProcessorName();
+
+// Why this node must not play for the daemon that has sent the order, in one sentence without a
+// subject; "": it may. Unless it has proved itself since it booted, with this build, and need not
+// again, the host is examined and the reference episodes are played, which takes up to a minute; one
+// process of the node at a time. An error: it can't be told. REQUIRES: a single thread.
+absl::StatusOr<std::string> WhyUnfit(const NodeOptions& options, const ClusterOrder& order);
+
+// Why the build `found` is not `expected` (as canonical JSON), to follow "its": one part that
+// differs. "" if they are equal.
+std::string BuildDifference(const std::string& expected, const std::string& found);
 
 // A place for one lease: its users of the sandboxes, and a folder to work in.
 class NodeSlot {
