@@ -101,19 +101,6 @@ absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& fol
   return CheckProgram(manifest, folder, runtimes);
 }
 
-ArtefactRow RowOf(const Artefact& artefact) {
-  return {artefact.digest,
-          artefact.manifest.name,
-          artefact.manifest.command,
-          artefact.manifest.runtimes,
-          artefact.bytes,
-          artefact.files,
-          artefact.manifest.environment,
-          artefact.manifest.adapter,
-          artefact.manifest.extra_observations,
-          artefact.manifest.image};
-}
-
 }  // namespace
 
 absl::StatusOr<ReceivedArtefact> Admission::Take(const UploadRequest& request,
@@ -183,7 +170,10 @@ absl::StatusOr<Artefact> Admission::Unpack(const std::string& file, const std::s
 
 absl::StatusOr<ReceivedArtefact> Admission::Keep(const Artefact& artefact,
                                                  const std::string& folder, const NewUpload& from) {
-  ReceivedArtefact received{RowOf(artefact)};
+  const ArtefactManifest& manifest = artefact.manifest;
+  ReceivedArtefact received{{artefact.digest, manifest.name, manifest.command, manifest.runtimes,
+                             artefact.bytes, artefact.files, manifest.environment, manifest.adapter,
+                             manifest.extra_observations, manifest.image}};
   ArtefactRow& row = received.artefact;
   const absl::Status known = readers_.Read(
       [&](const Transaction& reader) { return reader.content.Artefact(row.hash).status(); });

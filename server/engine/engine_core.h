@@ -7,15 +7,12 @@
 // of a lease) can't be refused: they go through a journal that is written in order and retried
 // every second while the store can't be written; no lease starts meanwhile.
 //
-// An evaluation with rows that can't be read, or can't be written though the store can, ends as
-// grader_error with the reason, and the others go on. If it can't even be ended, Health() reports
-// it, and it is left alone until the next start. Only a broken database file stops the engine
-// (store/damage.h).
+// What can't be read or written ends its evaluation alone; only a broken database file stops the engine
+// (store/damage.h, server/daemon/README.md).
 //
 // A reclaimed lease (silent, over its time, wrong records, cancelled) has ended at that moment:
 // anything its runner says later is rejected. Its slot stays taken until the runner is dead and no
-// process of the slot's sandboxes lives, even one that another daemon started: a process that can't
-// be killed yet still holds memory, disk and perhaps a processor.
+// process of the slot's sandboxes lives, even one that another daemon started.
 //
 // On other hosts (Executor::remote) a slot is a job. A lease begins when its job has a processor; one
 // whose node, job or way back was lost, or that is silent, is returned: it is played again, and counts

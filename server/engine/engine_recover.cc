@@ -114,34 +114,27 @@ absl::Status EngineCore::Recover() {
   CloseSlots(0, options_.config.scheduler.slots);
   RETURN_IF_ERROR(RecallDrained());
   UnfinishedRows unfinished;
-  std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
-  RETURN_IF_ERROR(readers_.Read([&](const Transaction& reader) {
-    unfinished = reader.evaluations.Unfinished();
-    for (const EvaluationRow& evaluation : unfinished.rows) {
-      const absl::StatusOr<std::vector<LeaseRow>> leases = reader.leases.Of(evaluation.id);
-      if (!leases.ok()) continue;  // Enqueue runs into the same error
-      for (const LeaseRow& lease : *leases) {
-        if (lease.state == LeaseState::kRunning) interrupted[evaluation.id].push_back(lease);
-      }
-    }
-    return absl::OkStatus();
-  }));
-  std::map<int64_t, absl::Status> refused;
+  std::map<int64_t, absl::Status> interrupted;  // evaluations with leases that are returned
   RETURN_IF_ERROR(disk_.Write([&](Transaction& writer) {
-    refused.clear();
-    for (const auto& [evaluation, open] : interrupted) {
-      refused[evaluation] = writer.Part([&leases = open, this](Transaction& part) {
+    unfinished = writer.evaluations.Unfinished();
+    interrupted.clear();
+    for (const EvaluationRow& evaluation : unfinished.rows) {
+      absl::StatusOr<std::vector<LeaseRow>> leases = writer.leases.Of(evaluation.id);
+      if (!leases.ok()) continue;  // Enqueue runs into the same error
+      std::erase_if(*leases, [](const LeaseRow& row) { return row.state != LeaseState::kRunning; });
+      if (leases->empty()) continue;
+      interrupted[evaluation.id] = writer.Part([&](Transaction& part) {
         absl::Status returned;
-        for (const LeaseRow& lease : leases) {
+        for (const LeaseRow& lease : *leases) {
           returned.Update(part.leases.Return(lease.id, lease.attempt, /*fault=*/false, owner_,
-                                           "an earlier daemon ended while it ran"));
+                                             "an earlier daemon ended while it ran"));
         }
         return returned;
       });
     }
     return absl::OkStatus();
   }));
-  for (const auto& [evaluation, why] : refused) {
+  for (const auto& [evaluation, why] : interrupted) {
     if (!why.ok()) GiveUpUnreadable(evaluation, std::string(why.message()));
   }
   for (const Damage& damage : unfinished.damaged) {

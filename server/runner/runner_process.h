@@ -1,13 +1,5 @@
 // A lease as its caller sees it: an order, and a runner whose records arrive on a pipe. Used by the
 // daemon's poll loop, by its self-test, by `myograde local` and by replays.
-//
-//   absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
-//   while (!(*runner)->finished()) {
-//     poll(stdout_fd and stderr_fd of all runners, timeout);
-//     auto records = (*runner)->Read();             // never blocks
-//     if (!records.ok()) (*runner)->Kill();         // the grader's fault, see status
-//     ...
-//   }
 #pragma once
 
 #include <sys/types.h>

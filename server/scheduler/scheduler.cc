@@ -29,17 +29,13 @@ void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   }
   Team& team = teams_[spec.team];
   if (team.joined == 0 && spec.priority != Priority::kRejudge) team.joined = ++joins_;
-  UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
 }
 
-void Scheduler::UpdateLine(Evaluation& evaluation) {
-  teams_.at(evaluation.spec.team)
-      .line.Set(evaluation.priority, evaluation.spec.id,
-                static_cast<int64_t>(evaluation.waiting.size()));
-}
-
+// Takes note of which of its leases wait.
 void Scheduler::Wait(Evaluation& evaluation, absl::Duration until) {
+  teams_.at(evaluation.spec.team)
+      .line.Set(evaluation.priority, evaluation.spec.id, std::ssize(evaluation.waiting));
   waits_.erase({evaluation.wait_over, evaluation.spec.id});
   const bool waits = !evaluation.waiting.empty() && evaluation.priority != Priority::kRejudge;
   evaluation.wait_over = waits ? until : absl::InfiniteDuration();
@@ -100,7 +96,6 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   delayed_.erase({best->not_before, best->id});
   evaluation.waiting.erase(best->id);
   evaluation.running.insert(best->id);
-  UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
   evaluation.waits_since = now;
   best->attempt += 1;
@@ -154,7 +149,7 @@ std::optional<Start> Scheduler::GiveWay(absl::Duration now) {
   giving_way_.insert(last->slot);
   StopRunning(*last);
   evaluation.waiting.insert(last->id);
-  UpdateLine(evaluation);
+  Wait(evaluation, absl::InfiniteDuration());
   return StartOf(*last);
 }
 
@@ -207,7 +202,6 @@ void Scheduler::Remove(int64_t id) {
   const auto it = evaluations_.find(id);
   Evaluation& evaluation = it->second;
   evaluation.waiting.clear();
-  UpdateLine(evaluation);
   Wait(evaluation, absl::InfiniteDuration());
   evaluations_.erase(it);
 }
@@ -260,7 +254,6 @@ void Scheduler::WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now
   lease.not_before = now + delay;
   delayed_.emplace(lease.not_before, lease.id);
   evaluation.waiting.insert(lease.id);
-  UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
 }
 
@@ -293,7 +286,7 @@ void Scheduler::MoveTeam(const std::string& from, const std::string& to) {
   for (auto& [id, evaluation] : evaluations_) {
     if (evaluation.spec.team != from) continue;
     evaluation.spec.team = to;
-    UpdateLine(evaluation);
+    Wait(evaluation, evaluation.wait_over);
   }
   teams_.erase(old);
 }
@@ -328,7 +321,6 @@ std::vector<int64_t> Scheduler::Escalate(absl::Duration now) {
     Evaluation& evaluation = evaluations_.at(id);
     teams_.at(evaluation.spec.team).line.Set(evaluation.priority, id, 0);
     evaluation.priority = Priority::kOverdue;
-    UpdateLine(evaluation);
     Wait(evaluation, now + limits_.queue_wait);
     late.push_back(id);
   }

@@ -249,7 +249,6 @@ class Scheduler {
   void WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now);
   void StopRunning(Lease& lease);
   void Wait(Evaluation& evaluation, absl::Duration until);
-  void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
   Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
   // Whose shares an evaluation's running leases count in: none for a rejudge.
