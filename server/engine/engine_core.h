@@ -267,8 +267,6 @@ class EngineCore {
     LiveLease lease;  // but for its times, which follow from these
     absl::Duration since;
     absl::Duration heard;
-
-    LiveLease At(absl::Duration now) const;
   };
 
   // An event of one evaluation that is still to be written.

@@ -50,25 +50,21 @@ std::vector<int64_t> EngineCore::QueueOf(const std::set<std::string>* teams) con
   return scheduler_.QueueOf(teams);
 }
 
-LiveLease EngineCore::Live::At(absl::Duration now) const {
-  LiveLease shown = lease;
-  shown.running = now - since;
-  shown.silent = now - heard;
-  return shown;
-}
-
 std::map<int64_t, LiveLease> EngineCore::Running(const std::set<int64_t>* among) const {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   std::map<int64_t, LiveLease> leases;
+  const auto add = [&](int64_t id, const Live& live) {
+    LiveLease& shown = leases.emplace_hint(leases.end(), id, live.lease)->second;
+    shown.running = now - live.since;
+    shown.silent = now - live.heard;
+  };
   if (among == nullptr) {
-    for (const auto& [id, live] : live_) leases.emplace_hint(leases.end(), id, live.At(now));
+    for (const auto& [id, live] : live_) add(id, live);
     return leases;
   }
   for (const int64_t id : *among) {
-    if (const auto live = live_.find(id); live != live_.end()) {
-      leases.emplace_hint(leases.end(), id, live->second.At(now));
-    }
+    if (const auto live = live_.find(id); live != live_.end()) add(id, live->second);
   }
   return leases;
 }

@@ -93,10 +93,11 @@ class SlurmExecutor::Lease : public RunnerProcess {
     if (record.node.empty()) return;
     if (!record.unfit.empty()) health.Unfit(record.node, record.unfit);
     if (record.blamed) health.Ended(record.node, /*badly=*/true, record.lost);
-    const std::string why = health.WhyDrained(record.node);
-    if (!why.empty()) executor_.news_.NotifyAll();
-    if (!why.empty() && !begun_) {
-      here_.lost = absl::StrCat("the node ", record.node, " is drained: ", why);
+    const std::map<std::string, std::string> drained = health.Drained();
+    const auto found = drained.find(record.node);
+    if (found != drained.end()) executor_.news_.NotifyAll();
+    if (found != drained.end() && !begun_) {
+      here_.lost = absl::StrCat("the node ", record.node, " is drained: ", found->second);
     } else if (!record.processor.empty()) {
       health.Proved(record.node, record.processor);
     }
@@ -176,8 +177,9 @@ absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
   {
     const MutexLock lock(mutex_);
     sent.prove_again = health_.ToProveAgain();
-    if (const std::vector<std::string> drained = health_.Drained(); !drained.empty()) {
-      sent.srun.push_back("--exclude=" + absl::StrJoin(drained, ","));
+    if (const auto drained = health_.Drained(); !drained.empty()) {
+      const auto name = [](std::string* out, const auto& node) { out->append(node.first); };
+      sent.srun.push_back("--exclude=" + absl::StrJoin(drained, ",", name));
     }
   }
   sent.srun.insert(
@@ -268,12 +270,12 @@ std::string SlurmExecutor::CannotStart() const {
   if (!options_.held_back.empty()) return options_.held_back;
   const MutexLock lock(mutex_);
   if (!unseen_.empty()) return unseen_;
-  const std::vector<std::string> drained = health_.Drained();
+  const std::map<std::string, std::string> drained = health_.Drained();
   if (!usable_.empty() && std::all_of(usable_.begin(), usable_.end(), [&](const std::string& node) {
-        return std::find(drained.begin(), drained.end(), node) != drained.end();
+        return drained.contains(node);
       })) {
-    return absl::StrCat("all nodes of the cluster are drained or down; ", drained.front(), ": ",
-                        health_.WhyDrained(drained.front()),
+    const auto& [node, why] = *drained.begin();
+    return absl::StrCat("all nodes of the cluster are drained or down; ", node, ": ", why,
                         "; repair them, then \"myograde cluster admit NODE\"");
   }
   for (const auto& [comment, lease] : leases_) {
