@@ -1,4 +1,4 @@
-#include "server/executor/slurm/lease_ends.h"
+#include "server/executor/slurm/lease_stream.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -22,7 +22,6 @@
 #include "server/base/child_process.h"
 #include "server/base/plain_text.h"
 #include "server/config/slurm_config.h"
-#include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
 

@@ -1,4 +1,4 @@
-#include "server/executor/slurm/lease_ends.h"
+#include "server/executor/slurm/lease_stream.h"
 
 #include <poll.h>
 #include <unistd.h>

@@ -14,7 +14,6 @@
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
 #include "server/artefact/artefact.h"
-#include "server/executor/slurm/lease_ends.h"
 #include "server/executor/slurm/lease_stream.h"
 #include "server/sandbox/slot_processes.h"
 
