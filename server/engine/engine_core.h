@@ -295,7 +295,6 @@ class EngineCore {
 
   // Evaluations.
   absl::Status EnqueueDeferred();
-  ContextPtr ContextOf(StoredEvaluation stored) const;
   // Ends it as grader_error, whatever else the engine knows about it.
   void GiveUpUnreadable(int64_t evaluation, const std::string& why);
   std::set<int64_t> Forget(int64_t evaluation);
@@ -331,8 +330,7 @@ class EngineCore {
   // `permanent`: what the lease needs is not on this server, so no attempt can go otherwise, and its
   // host is well.
   void Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent = false);
-  std::string AfterRetries(const std::string& why) const;
-  void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
+  void GiveUp(const Decision& decision, int64_t lease, const std::string& last, bool permanent = false);
   void FreeSlot(int slot);
   // Closes those of the slots that processes still live on; false: none.
   bool CloseSlots(int first, int count);

@@ -201,17 +201,16 @@ void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why, 
   if (decision.kind == Decision::Kind::kRetry) {
     WriteReturn(run, /*fault=*/true, why);
   } else if (decision.kind == Decision::Kind::kGiveUp) {
-    GiveUp(decision, run.lease, permanent ? why : AfterRetries(why));
+    GiveUp(decision, run.lease, why, permanent);
   }
 }
 
-std::string EngineCore::AfterRetries(const std::string& why) const {
-  return absl::StrCat("a block of episodes failed ",
-                      Counted(options_.config.scheduler.max_retries + 1, "time"),
-                      " by the grader's fault, the last time: ", why);
-}
-
-void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::string& why) {
+void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::string& last,
+                        bool permanent) {
+  const std::string times = Counted(options_.config.scheduler.max_retries + 1, "time");
+  const std::string why =
+      permanent ? last : absl::StrCat("a block of episodes failed ", times,
+                                      " by the grader's fault, the last time: ", last);
   std::vector<int64_t> others = decision.pending;
   others.insert(others.end(), decision.running.begin(), decision.running.end());
   AddToJournal(decision.evaluation,

@@ -245,7 +245,7 @@ void EngineCore::Return(LeaseRun& run, const char* kind, const std::string& why)
     last_loss_ = why;
     decision = scheduler_.Returned(run.lease, run.attempt, clock_.Monotonic());
   }
-  if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, AfterRetries(why));
+  if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, why);
   if (decision.kind == Decision::Kind::kRetry) WriteReturn(run, decision.fault, why);
 }
 

@@ -36,16 +36,6 @@ std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluati
 
 }  // namespace
 
-EngineCore::ContextPtr EngineCore::ContextOf(StoredEvaluation stored) const {
-  const auto context = std::make_shared<Context>(Context{std::move(stored), {}, {}});
-  context->runtimes = RuntimesOf(*context);
-  // Their rows change, and those that have ended are large.
-  for (const LeaseRow& lease : std::exchange(context->leases, {})) {
-    context->blocks[lease.id] = {lease.first, lease.last};
-  }
-  return context;
-}
-
 absl::Status EngineCore::Enqueue(int64_t id) {
   absl::StatusOr<StoredEvaluation> stored = readers_.Read<StoredEvaluation>(
       [&](const Transaction& reader) { return LoadEvaluation(reader, id, content_); });
@@ -60,10 +50,13 @@ absl::Status EngineCore::Enqueue(int64_t id) {
     return absl::OkStatus();
   }
   EvaluationSpec spec;
-  for (const LeaseRow& lease : stored->leases) {
+  const auto context = std::make_shared<Context>(Context{*std::move(stored), {}, {}});
+  context->runtimes = RuntimesOf(*context);
+  // Their rows change, and those that have ended are large.
+  for (const LeaseRow& lease : std::exchange(context->leases, {})) {
+    context->blocks[lease.id] = {lease.first, lease.last};
     if (!IsFinal(lease.state)) spec.leases.push_back({lease.id, lease.attempt, lease.faults});
   }
-  const ContextPtr context = ContextOf(*std::move(stored));
   contexts_[id] = context;
   if (spec.leases.empty()) {
     to_settle_.insert(id);
