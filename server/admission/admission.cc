@@ -11,7 +11,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/base/counted.h"
-#include "server/challenge/phases.h"
 #include "server/engine/stored.h"
 #include "server/proof/grader_build.h"
 
@@ -83,23 +82,19 @@ Admission::Admission(AdmissionOptions options, const Tracks& tracks, const Phase
       engine_(engine),
       readers_(readers),
       clock_(clock),
-      runtimes_(options_.config.runtimes, options_.config.runtimes_dir),
-      uploads_(options_.config, options_.data_dir, engine, readers) {}
+      runtimes_(options_.config.runtimes, options_.config.runtimes_dir) {}
 
 absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request,
                                                     IncomingArchive& archive) {
   const std::string& team = request.from.team;
-  ArtefactCheck check = [](const std::string&) { return absl::OkStatus(); };
+  const TrackKind* kind = nullptr;
   if (!team.empty()) {
     ASSIGN_OR_RETURN(const TrackPtr track, tracks_.Find(request.track, ""));
     RETURN_IF_ERROR(CheckTries(team, request.track));
     if (request.founding.has_value()) RETURN_IF_ERROR(Found(team, *request.founding));
-    check = [kind = track->config.kind](const std::string& adapter) {
-      return CheckAdapter(adapter, *kind);
-    };
+    kind = track->config.kind;
   }
-  absl::StatusOr<ReceivedArtefact> received =
-      uploads_.Take(archive, request.from, check, request.stopping);
+  absl::StatusOr<ReceivedArtefact> received = Take(request, archive, kind);
   if (!absl::IsInvalidArgument(received.status())) return received;
   RETURN_IF_ERROR(ChargeRefusal(request, received.status()));
   return WithErrorCode(received.status(), "bad_artefact");

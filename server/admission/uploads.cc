@@ -1,14 +1,10 @@
-#include "server/admission/uploads.h"
-
+// Turns an uploaded archive into an artefact: a row in the store and a folder of files.
 #include <fcntl.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
-#include <optional>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -19,11 +15,12 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/admission/admission.h"
+#include "server/artefact/adapters.h"
 #include "server/artefact/share_files.h"
 #include "server/artefact/unpack_process.h"
 #include "server/base/names.h"
 #include "server/engine/stored.h"
-#include "server/runtime/runtimes.h"
 #include "server/sandbox/program.h"
 
 namespace myograde::server {
@@ -104,35 +101,24 @@ absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& fol
   return CheckProgram(manifest, folder, runtimes);
 }
 
-ArtefactRow RowOf(const Artefact& artefact) {
-  return {artefact.digest,
-          artefact.manifest.name,
-          artefact.manifest.command,
-          artefact.manifest.runtimes,
-          artefact.bytes,
-          artefact.files,
-          artefact.manifest.environment,
-          artefact.manifest.adapter,
-          artefact.manifest.extra_observations,
-          artefact.manifest.image};
-}
-
 }  // namespace
 
-absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const NewUpload& from,
-                                               const ArtefactCheck& check,
-                                               const std::function<bool()>& stopping) {
+absl::StatusOr<ReceivedArtefact> Admission::Take(const UploadRequest& request,
+                                                 IncomingArchive& archive, const TrackKind* kind) {
+  const auto check = [kind](const std::string& adapter) {
+    return kind == nullptr ? absl::OkStatus() : CheckAdapter(adapter, *kind);
+  };
   if (archive.size() == 0) return absl::InvalidArgumentError("the archive is empty");
-  ASSIGN_OR_RETURN(const std::string sha256, HashOf(archive, stopping));
+  ASSIGN_OR_RETURN(const std::string sha256, HashOf(archive, request.stopping));
   absl::StatusOr<ArtefactRow> known = Known(sha256);
   if (known.ok()) {
     RETURN_IF_ERROR(check(known->adapter));
-    RETURN_IF_ERROR(Hold(*known, from).status());
+    RETURN_IF_ERROR(Hold(*known, request.from, /*here=*/true).status());
     return ReceivedArtefact{*std::move(known)};
   }
   if (!absl::IsNotFound(known.status())) return known.status();
 
-  const std::string name = absl::StrCat(data_dir_, "/spool/", ++names_);
+  const std::string name = absl::StrCat(options_.data_dir, "/spool/", ++spooled_);
   const std::string file = name + ".archive";
   const std::string folder = name + ".folder";
   const absl::Cleanup remove = [&] {
@@ -141,68 +127,66 @@ absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const N
     fs::remove_all(folder, error);
   };
   RETURN_IF_ERROR(archive.MoveTo(file));
-  ASSIGN_OR_RETURN(const Artefact artefact, Unpack(file, folder, stopping));
+  ASSIGN_OR_RETURN(const Artefact artefact, Unpack(file, folder, request.stopping));
   RETURN_IF_ERROR(check(artefact.manifest.adapter));
-  absl::StatusOr<ReceivedArtefact> kept = Keep(artefact, folder, from);
+  absl::StatusOr<ReceivedArtefact> kept = Keep(artefact, folder, request.from);
   if (kept.ok()) known_archives_.Learn(sha256, kept->artefact.hash);
   return kept;
 }
 
-absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
+absl::StatusOr<ArtefactRow> Admission::Known(const std::string& archive_sha256) {
   const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
   if (!artefact.has_value()) return absl::NotFoundError("not seen before");
-  RETURN_IF_ERROR(HasArtefactFiles(data_dir_, *artefact));
+  RETURN_IF_ERROR(HasArtefactFiles(options_.data_dir, *artefact));
   return readers_.Read<ArtefactRow>(
       [&](const Transaction& reader) { return reader.content.Artefact(*artefact); });
 }
 
-absl::StatusOr<bool> Uploads::Hold(const ArtefactRow& row, const NewUpload& from) {
+absl::StatusOr<bool> Admission::Hold(const ArtefactRow& row, const NewUpload& from, bool here) {
   ASSIGN_OR_RETURN(const bool held, readers_.Read<bool>([&](const Transaction& reader) {
-    return reader.content.UploadedArtefact(row.hash, from.uploader) &&
+    return here && reader.content.UploadedArtefact(row.hash, from.uploader) &&
            (from.team.empty() || reader.content.TeamHoldsArtefact(row.hash, from.team));
   }));
   if (held) return false;
-  return engine_.AddArtefact(row, from, config_.artefacts.unsubmitted, config_.http.request);
+  const ServerConfig& config = options_.config;
+  return engine_.AddArtefact(row, from, config.artefacts.unsubmitted, config.http.request);
 }
 
-absl::StatusOr<Artefact> Uploads::Unpack(const std::string& file, const std::string& folder,
-                                         const std::function<bool()>& stopping) const {
-  const UploadLimits& limits = config_.artefacts;
+absl::StatusOr<Artefact> Admission::Unpack(const std::string& file, const std::string& folder,
+                                           const std::function<bool()>& stopping) const {
+  const UploadLimits& limits = options_.config.artefacts;
+  const std::string spool = options_.data_dir + "/spool";
   const UnpackBudget budget{
-      .time = config_.http.upload,
+      .time = options_.config.http.upload,
       .memory_bytes = limits.unpack_memory_bytes,
       .cpu = limits.unpack_cpu,
-      .go_on = [&] { return MayGoOn(data_dir_ + "/spool", limits.disk_reserve, stopping); }};
+      .go_on = [&] { return MayGoOn(spool, limits.disk_reserve, stopping); }};
   absl::StatusOr<Artefact> artefact =
       UnpackInProcess(file, folder, {.bytes = limits.bytes, .files = limits.files}, budget);
   if (!artefact.ok()) return TroubleOf(artefact.status());
-  RETURN_IF_ERROR(
-      CheckStart(artefact->manifest, folder, Runtimes(config_.runtimes, config_.runtimes_dir)));
+  RETURN_IF_ERROR(CheckStart(artefact->manifest, folder, runtimes_));
   return artefact;
 }
 
-absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const std::string& folder,
-                                               const NewUpload& from) {
-  ReceivedArtefact received{RowOf(artefact)};
+absl::StatusOr<ReceivedArtefact> Admission::Keep(const Artefact& artefact,
+                                                 const std::string& folder, const NewUpload& from) {
+  const ArtefactManifest& manifest = artefact.manifest;
+  ReceivedArtefact received{{artefact.digest, manifest.name, manifest.command, manifest.runtimes,
+                             artefact.bytes, artefact.files, manifest.environment, manifest.adapter,
+                             manifest.extra_observations, manifest.image}};
   ArtefactRow& row = received.artefact;
-  // One that came before keeps its name.
-  absl::Status status = readers_.Read(
+  const absl::Status known = readers_.Read(
       [&](const Transaction& reader) { return reader.content.Artefact(row.hash).status(); });
-  if (absl::IsNotFound(status)) {
+  if (absl::IsNotFound(known)) {  // one that came before keeps its name
     ASSIGN_OR_RETURN(row.name, CleanName(row.name, "policy.json: \"name\""));
+  } else if (!known.ok()) {
+    return known;
   }
   // The row comes first: whose the files are is known before there are any.
-  if (status.ok()) status = HasArtefactFiles(data_dir_, row.hash);
-  if (status.ok()) {
-    ASSIGN_OR_RETURN(received.is_new, Hold(row, from));
-  } else if (absl::IsNotFound(status)) {
-    ASSIGN_OR_RETURN(received.is_new, engine_.AddArtefact(row, from, config_.artefacts.unsubmitted,
-                                                          config_.http.request));
-  } else {
-    return status;
-  }
-  RETURN_IF_ERROR(ShareImage(folder, SharedFolder(data_dir_)));
-  RETURN_IF_ERROR(Settle(folder, ArtefactFolder(data_dir_, row.hash)));
+  const bool here = known.ok() && HasArtefactFiles(options_.data_dir, row.hash).ok();
+  ASSIGN_OR_RETURN(received.is_new, Hold(row, from, here));
+  RETURN_IF_ERROR(ShareImage(folder, SharedFolder(options_.data_dir)));
+  RETURN_IF_ERROR(Settle(folder, ArtefactFolder(options_.data_dir, row.hash)));
   return received;
 }
 

@@ -28,7 +28,7 @@ struct ApiContext {
   std::string data_dir;
   std::string cache_dir;
   std::string tracks_dir;  // where "extends" of a config that a client sends is looked up
-  Tracks& tracks;  // rejudges give boards other configs (server/challenge/board_configs.h)
+  Tracks& tracks;  // rejudges give boards other configs (server/challenge/phases.h)
   Phases& phases;
   Admission& admission;
   Engine& engine;

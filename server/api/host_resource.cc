@@ -32,10 +32,10 @@ Json HostToJson(const ApiContext& context, const LiveHealth& health) {
                        {"step", live.step},
                        {"running_wall_s", absl::ToDoubleSeconds(live.running)},
                        {"silent_wall_s", absl::ToDoubleSeconds(live.silent)},
-                       {"node", TextOrNull(live.node)},
-                       {"job", TextOrNull(live.job)},
+                       {"node", TextOrNull(live.site.node)},
+                       {"job", TextOrNull(live.site.job)},
                        {"begun", live.begun},
-                       {"cpu_s", live.cpu_s}});
+                       {"cpu_s", live.site.cpu_s}});
   }
   Json unreadable = Json::array();
   for (const auto& [evaluation, why] : health.unreadable) {

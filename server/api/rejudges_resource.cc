@@ -17,7 +17,7 @@
 #include "server/api/rejudge_plan.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/challenge/board_configs.h"
+#include "server/challenge/phases.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 
@@ -294,11 +294,10 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
 ApiResult ActOnRejudge(const ApiContext& context, int64_t id, ApplyRequest asked, bool apply) {
   ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
-  const auto act = apply ? &Engine::ApplyRejudge : &Engine::DropRejudge;
   const RejudgeAct what{id, std::move(asked.reason), std::move(asked.without), std::move(in_force)};
   ASSIGN_OR_RETURN(const RejudgeDone done,
-                   (context.engine.*act)(what, sign, CallerKey(), context.config.http.request,
-                                         PlayFromNowOn(context)));
+                   context.engine.EndRejudge(apply, what, sign, CallerKey(),
+                                             context.config.http.request, PlayFromNowOn(context)));
   NoteAct(SubjectOf(id), apply ? "applied" : "dropped");
   Json more = {{"config_before", done.config_before}, {"config_after", done.config_after}};
   if (!apply) more["accepted_under_to_config"] = done.stay;

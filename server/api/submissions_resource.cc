@@ -156,8 +156,8 @@ absl::StatusOr<Json> HistoryToJson(const Transaction& reader, int64_t submission
 // Null as long as a job waits for a node.
 Json HostOf(const LiveLease* live) {
   if (live == nullptr) return HostName();
-  if (live->job.empty()) return live->begun ? Json(HostName()) : Json();  // it waits for a node
-  return TextOrNull(live->node);
+  if (live->site.job.empty()) return live->begun ? Json(HostName()) : Json();  // it waits for a node
+  return TextOrNull(live->site.node);
 }
 
 // The attempts of a lease that have ended.
@@ -189,7 +189,7 @@ Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
           {"episode", running && live ? Json(live->episode) : Json()},
           {"step", running && live ? Json(live->step) : Json()},
           {"host", running ? HostOf(live) : Json()},
-          {"job", running && live ? TextOrNull(live->job) : Json()},
+          {"job", running && live ? TextOrNull(live->site.job) : Json()},
           {"begun", running && live ? Json(live->begun) : Json()},
           {"process", running && live ? Json(live->process) : Json()},
           {"started_at", TimeToJson(lease.started_at)},

@@ -19,6 +19,8 @@ namespace {
 constexpr int64_t kForm = 1;
 constexpr size_t kMaxTeams = 10'000;
 constexpr size_t kMaxTeamBytes = 64;
+// Failed tries of a team in a phase that withholds anything, unless the phase says otherwise.
+constexpr int64_t kHiddenFailures = 20;
 constexpr std::array kTeamRules = {"best", "last", "chosen"};
 
 // A phase's own keys fit a server with these; whether they fit the server that has them is checked
@@ -142,35 +144,25 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   if (reader.Has("statistics")) phase.statistics = reader.Object("statistics");
   const bool has_seeds = reader.Has("seeds");
   reader.Ignore("seeds");  // ReadSeedsOfPhase reads them
-  absl::Status status = reader.Finish();
-  if (status.ok() && has_seeds) {
-    status = ReadSeedsOfPhase(json["seeds"], where + ": seeds", phase);
-  }
+  RETURN_IF_ERROR(reader.Finish());
+  if (has_seeds) RETURN_IF_ERROR(ReadSeedsOfPhase(json["seeds"], where + ": seeds", phase));
   // A log holds the seed of its episode.
   phase.shown.logs = phase.committed == 0;
   phase.shown.seeds = phase.committed == 0;
-  if (status.ok()) status = ReadQuotaOfPhase(quota, where + ": quota", phase.quota);
-  if (status.ok()) status = ReadShown(shown, where + ": show", phase.shown);
-  if (status.ok()) {
-    status = scoring::ParseStatistics(phase.statistics, where + ": statistics", kAnyStatistics)
-                 .status();
-  }
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(ReadQuotaOfPhase(quota, where + ": quota", phase.quota));
+  RETURN_IF_ERROR(ReadShown(shown, where + ": show", phase.shown));
+  RETURN_IF_ERROR(
+      scoring::ParseStatistics(phase.statistics, where + ": statistics", kAnyStatistics).status());
   return phase;
 }
 
 // How mistakes name a phase: by its name if it has one.
 std::string PlaceOfPhase(const nlohmann::json& json, size_t index) {
-  if (json.is_object()) {
-    const auto name = json.find("name");
-    if (name != json.end() && name->is_string() && IsTrackName(name->get<std::string>())) {
-      return absl::StrCat("phase \"", name->get<std::string>(), "\"");
-    }
-  }
-  return absl::StrCat("phases[", index, "]");
+  const auto name = json.is_object() ? json.find("name") : json.end();
+  return name != json.end() && name->is_string() && IsTrackName(name->get<std::string>())
+             ? absl::StrCat("phase \"", name->get<std::string>(), "\"")
+             : absl::StrCat("phases[", index, "]");
 }
-
-std::string MessageOf(const absl::Status& status) { return std::string(status.message()); }
 
 }  // namespace
 
@@ -186,13 +178,13 @@ ChallengeConfig ReadChallenge(const nlohmann::json& json, const std::string& nam
                                        kMaxPhases));
   }
   if (const absl::Status status = reader.Finish(); !status.ok()) {
-    mistakes.push_back(MessageOf(status));
+    mistakes.emplace_back(status.message());
   }
   for (size_t i = 0; i < phases.size() && i < kMaxPhases; ++i) {
     const std::string place = absl::StrCat(where, ": ", PlaceOfPhase(phases[i], i));
     absl::StatusOr<PhaseConfig> phase = ParsePhase(phases[i], place);
     if (!phase.ok()) {
-      mistakes.push_back(MessageOf(phase.status()));
+      mistakes.emplace_back(phase.status().message());
       continue;
     }
     phase->challenge = name;
@@ -207,13 +199,6 @@ absl::Status MistakesToStatus(const std::vector<std::string>& mistakes) {
       mistakes.front(), " (the first of ", mistakes.size(),
       " mistakes; \"myograde phase check\" lists them all)"));
 }
-
-namespace {
-
-// Failed tries of a team in a phase that withholds anything, unless the phase says otherwise.
-constexpr int64_t kHiddenFailures = 20;
-
-}  // namespace
 
 AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual) {
   const PhaseQuota& own = phase.quota;

@@ -19,12 +19,13 @@ struct CheckedPhase {
 
 class Checks {
  public:
-  Checks(const Tracks& tracks, absl::Time now) : tracks_(tracks), now_(now) {}
-
-  void Add(const ChallengeConfig& challenge) {
-    for (const PhaseConfig& phase : challenge.phases) {
-      phases_.push_back({&phase, absl::StrCat(challenge.where, ": phase \"", phase.name, "\""),
-                         nullptr, {}});
+  Checks(const std::vector<ChallengeConfig>& challenges, const Tracks& tracks, absl::Time now)
+      : tracks_(tracks), now_(now) {
+    for (const ChallengeConfig& challenge : challenges) {
+      for (const PhaseConfig& phase : challenge.phases) {
+        phases_.push_back({&phase, absl::StrCat(challenge.where, ": phase \"", phase.name, "\""),
+                           nullptr, {}});
+      }
     }
   }
 
@@ -199,9 +200,7 @@ class Checks {
 
 ChallengeFindings CheckChallenges(const std::vector<ChallengeConfig>& challenges,
                                   const Tracks& tracks, absl::Time now) {
-  Checks checks(tracks, now);
-  for (const ChallengeConfig& challenge : challenges) checks.Add(challenge);
-  return checks.Run();
+  return Checks(challenges, tracks, now).Run();
 }
 
 }  // namespace myograde::server

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -44,6 +45,56 @@ std::vector<fs::path> ChallengeFiles(const std::string& dir, std::vector<std::st
   if (error) mistakes.push_back(CantBeRead(dir, error));
   std::sort(paths.begin(), paths.end());
   return paths;
+}
+
+bool Fits(const PhaseConfig& phase, const PhaseQuery& query) {
+  return phase.track == query.track && (query.profile.empty() || phase.profile == query.profile);
+}
+
+// None of the phases that fit is open.
+absl::Status NoneOpen(const std::vector<PhasePtr>& fitting, const PhaseQuery& query,
+                      absl::Time now) {
+  std::string what = absl::StrCat(
+      "no phase of track \"", query.track, "\"",
+      query.profile.empty() ? "" : absl::StrCat(" in the profile \"", query.profile, "\""),
+      " is open");
+  // They are in order of opening.
+  const auto next = std::find_if(fitting.begin(), fitting.end(),
+                                 [&](const PhasePtr& phase) { return now < phase->config.opens; });
+  if (next != fitting.end()) {
+    absl::StrAppend(&what, "; \"", (*next)->config.name, "\" opens at ",
+                    UtcText((*next)->config.opens));
+  } else {
+    absl::StrAppend(&what, ", and none opens later");
+  }
+  absl::StrAppend(&what, "; give \"episodes\" to practise");
+  return WithErrorCode(absl::FailedPreconditionError(what), "phase_closed");
+}
+
+// What the files say of each board.
+std::vector<TrackPtr> TracksOfFiles(const Tracks& tracks, const Phases& phases) {
+  std::vector<TrackPtr> found;
+  for (const auto& [name, entry] : tracks.entries()) {
+    for (const auto& [profile, track] : entry.profiles) found.push_back(track);
+  }
+  for (const PhasePtr& phase : phases.entries()) found.push_back(phase->track);
+  return found;
+}
+
+std::string ShownBoard(const BoardName& board) {
+  return board.phase.empty() ? absl::StrCat("track \"", board.track, "\" in the profile \"",
+                                            board.profile, "\"")
+                             : absl::StrCat("phase \"", board.phase, "\"");
+}
+
+// What the file may say without meaning anything new: what it said before the rejudges that are
+// behind the newest row, and what each of them made of it.
+std::set<std::string> FileConfigsBehind(const std::vector<BoardConfigRow>& rows) {
+  std::set<std::string> configs;
+  for (auto row = rows.rbegin(); row != rows.rend() && row->rejudge != 0; ++row) {
+    configs.insert({row->config, row->from_config});
+  }
+  return configs;
 }
 
 }  // namespace
@@ -241,34 +292,6 @@ absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now) {
       "phase_closed");
 }
 
-namespace {
-
-bool Fits(const PhaseConfig& phase, const PhaseQuery& query) {
-  return phase.track == query.track && (query.profile.empty() || phase.profile == query.profile);
-}
-
-// None of the phases that fit is open.
-absl::Status NoneOpen(const std::vector<PhasePtr>& fitting, const PhaseQuery& query,
-                      absl::Time now) {
-  std::string what = absl::StrCat(
-      "no phase of track \"", query.track, "\"",
-      query.profile.empty() ? "" : absl::StrCat(" in the profile \"", query.profile, "\""),
-      " is open");
-  // They are in order of opening.
-  const auto next = std::find_if(fitting.begin(), fitting.end(),
-                                 [&](const PhasePtr& phase) { return now < phase->config.opens; });
-  if (next != fitting.end()) {
-    absl::StrAppend(&what, "; \"", (*next)->config.name, "\" opens at ",
-                    UtcText((*next)->config.opens));
-  } else {
-    absl::StrAppend(&what, ", and none opens later");
-  }
-  absl::StrAppend(&what, "; give \"episodes\" to practise");
-  return WithErrorCode(absl::FailedPreconditionError(what), "phase_closed");
-}
-
-}  // namespace
-
 bool HasPhases(const Phases& phases, const std::string& track) {
   const auto& challenges = phases.challenges();
   return std::any_of(challenges.begin(), challenges.end(), [&](const ChallengeConfig& challenge) {
@@ -299,6 +322,52 @@ absl::StatusOr<PhasePtr> FindPhase(const Phases& phases, const PhaseQuery& query
       absl::StrJoin(open, ", ", [](std::string* out, const PhasePtr& phase) {
         out->append(phase->config.name);
       })));
+}
+
+absl::Status SwitchConfig(const TrackPtr& track, Tracks& tracks, Phases& phases) {
+  if (track->config.phase.empty()) return tracks.Replace(track);
+  const absl::Status replaced = phases.Replace(track);
+  return absl::IsNotFound(replaced) ? absl::OkStatus() : replaced;
+}
+
+absl::Status SwitchConfig(const Transaction& reader, const std::string& config_hash, Tracks& tracks,
+                          Phases& phases) {
+  ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, config_hash));
+  return SwitchConfig(track, tracks, phases);
+}
+
+absl::StatusOr<Overlaid> OverlayConfigs(const Transaction& reader, Tracks& tracks, Phases& phases) {
+  Overlaid overlaid;
+  for (const TrackPtr& track : TracksOfFiles(tracks, phases)) {
+    const TrackConfig& config = track->config;
+    const std::string& hash = config.hash;
+    const BoardName board = {config.phase, config.id, config.profile};
+    const std::vector<BoardConfigRow>& own = reader.Board().ConfigsOf(board);
+    const std::string before = reader.Board().ConfigAt(board);
+    if (before.empty() || before == hash) continue;
+    if (!FileConfigsBehind(own).contains(hash)) {
+      overlaid.changed.push_back({board, hash, CanonicalJson(config.effective)});
+      overlaid.warnings.push_back(absl::StrCat(
+          ShownBoard(board), " was changed after it got submissions: they stand under its "
+          "earlier config ", before, ", and not on its board"));
+      continue;
+    }
+    const absl::Status switched = SwitchConfig(reader, before, tracks, phases);
+    if (switched.ok()) {
+      overlaid.notes.push_back(absl::StrCat(ShownBoard(board), " has the config ", before,
+                                            " of rejudge ", own.back().rejudge,
+                                            ", not that of its files, ", hash));
+      continue;
+    }
+    if (!board.phase.empty()) {
+      phases.Close(board.phase, switched);
+      continue;
+    }
+    overlaid.errors.push_back(absl::StrCat(ShownBoard(board), " has the config of its files, "
+                                           "and not the one of rejudge ", own.back().rejudge, ": ",
+                                           switched.message()));
+  }
+  return overlaid;
 }
 
 }  // namespace myograde::server

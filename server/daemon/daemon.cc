@@ -20,8 +20,6 @@
 #include "server/api/api.h"
 #include "server/base/paths.h"
 #include "server/base/service_manager.h"
-#include "server/challenge/phases.h"
-#include "server/daemon/start.h"
 #include "server/engine/engine.h"
 #include "server/engine/rejudges.h"
 #include "server/engine/retention.h"
@@ -30,12 +28,7 @@
 #include "server/pictures/picture_source.h"
 #include "server/pictures/pictures.h"
 #include "server/proof/reference_check.h"
-#include "server/proof/signing_key.h"
-#include "server/runtime/runtimes.h"
-#include "server/sandbox/control_group.h"
 #include "server/sandbox/slot_processes.h"
-#include "server/sandbox/stage.h"
-#include "server/store/data_folder.h"
 #include "server/webhook/sender.h"
 
 namespace myograde::server {

@@ -1,15 +1,24 @@
-// The program myograded, from options to exit.
+// The program myograded, from options to exit: what it is started with, and the steps of its start
+// (start.cc), which say what it takes from its folder, host and store and tells them.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/time/time.h>
 
-#include "server/challenge/challenge.h"
+#include "server/api/record_log.h"
+#include "server/challenge/phases.h"
 #include "server/config/server_config.h"
+#include "server/executor/executor.h"
 #include "server/grading/tracks.h"
+#include "server/proof/signing_key.h"
+#include "server/store/data_folder.h"
+#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 #include "server/webhook/webhook.h"
 
 namespace myograde::server {
@@ -21,12 +30,6 @@ struct DaemonOptions {
   std::string cache_dir;
 };
 
-// Fills in empty options: --data from MYOGRADE_DATA, else /var/lib/myograde for root and the XDG
-// data folder for others; --configs from MYOGRADE_CONFIG_DIR, else the folder that the program was
-// built with; --cache from MYOGRADE_CACHE, else UsualCacheDir() (server/base/paths.h): the XDG cache
-// folder for others. Paths become absolute.
-DaemonOptions WithDefaults(DaemonOptions options);
-
 struct DaemonConfigs {
   ServerConfig server;
   Tracks tracks;
@@ -35,9 +38,6 @@ struct DaemonConfigs {
   std::string metrics_token;  // its SHA-256; "": there is none
 };
 
-// Reads everything in options.configs_dir. An error names the file and the key.
-absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options);
-
 // Makes a copy of another daemon's data folder, which must have a store and no running daemon, one of
 // its own, and returns a sentence that says so.
 absl::StatusOr<std::string> AdoptData(const std::string& data_dir);
@@ -45,5 +45,47 @@ absl::StatusOr<std::string> AdoptData(const std::string& data_dir);
 // Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error says why it could not
 // start or continue.
 absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs);
+
+// Raises the limit to the number of descriptors that the config may use.
+absl::Status RaiseDescriptorLimit(const ServerConfig& config);
+// Makes the folders below `data`, which are private to the daemon, starts the log, and removes what
+// an earlier daemon that died was working on.
+absl::Status PrepareFolder(const std::string& data, const ServerConfig& config);
+// Whoever lost the store should hear of it before the next submission gets number 1.
+void WarnOfLostStore(const std::string& data_dir, const std::string& path);
+
+// Finds out whether the data folder `data` is a copy of the one that its store was last used in. Where
+// leases run on this host alone, or with `adopt`, it is then a store of its own; elsewhere `held_back`
+// says why this daemon must not touch the cluster.
+struct HomeFound {
+  DataHome home;
+  std::string held_back;  // "": nothing is
+};
+absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt);
+
+// The phases of the configs; a phase's secret is drawn when a daemon first loads it. Phases and
+// tracks get the configs that boards have by the store, where that is not what the files say. Logs
+// what an organiser may have changed without meaning to.
+absl::StatusOr<Phases> TakePhases(DaemonConfigs& configs, Store& store, ReaderPool& readers,
+                                  absl::Time now);
+
+// What waits for webhooks that are no more is given up.
+absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store);
+
+// Adds the key that signs to the public record, and logs where the record was changed. A record
+// without entries stays so, as an import needs an empty store.
+absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
+                         RecordLog& record);
+
+// Logs a warning if the configs want the network, but the service manager filters what this process
+// sends to other hosts (systemd's IPAddressDeny=). `handed`: the TCP port is the service manager's,
+// whose own filter counts.
+void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed);
+
+// Where leases run, by the config. The store's home tells its jobs from another's, copies of the same
+// store included.
+absl::StatusOr<std::unique_ptr<Executor>> MakeExecutor(const DaemonOptions& options,
+                                                       const ServerConfig& config,
+                                                       const HomeFound& home);
 
 }  // namespace myograde::server

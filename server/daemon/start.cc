@@ -1,4 +1,4 @@
-#include "server/daemon/start.h"
+#include "server/daemon/daemon.h"
 
 #include <sys/resource.h>
 #include <unistd.h>
@@ -19,8 +19,6 @@
 #include "server/base/log_line.h"
 #include "server/base/paths.h"
 #include "server/base/this_host.h"
-#include "server/challenge/board_configs.h"
-#include "server/executor/executor.h"
 #include "server/executor/slurm/slurm_executor.h"
 #include "server/proof/grader_build.h"
 #include "server/sandbox/control_group.h"
@@ -35,20 +33,14 @@ namespace fs = std::filesystem;
 
 constexpr size_t kStoreIdDigits = 12;
 
-// Work in progress of an earlier daemon that died is useless.
-void Empty(const std::string& folder) {
+// Work in progress of an earlier daemon that died is useless: all that the folder holds, or what has a
+// name that begins so.
+void RemoveWork(const std::string& folder, std::string_view prefix = "") {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    if (!entry.path().filename().string().starts_with(prefix)) continue;
     fs::remove_all(entry.path(), error);
     if (error) spdlog::warn("{}: can't be removed: {}", entry.path().string(), error.message());
-  }
-}
-
-// Drafts of episode logs that were being written; finished logs have other names.
-void RemoveDrafts(const std::string& folder) {
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.path().filename().string().starts_with(".draft-")) fs::remove(entry.path(), error);
   }
 }
 
@@ -112,69 +104,6 @@ void CheckSandboxes(const ServerConfig& config) {
       geteuid());
 }
 
-}  // namespace
-
-absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
-  const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
-  rlimit limit = {};
-  getrlimit(RLIMIT_NOFILE, &limit);
-  if (limit.rlim_cur >= needed) return absl::OkStatus();
-  const rlim_t allowed = limit.rlim_max;
-  limit = {needed, std::max(needed, allowed)};
-  if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
-      config.http.workers, " workers may need ", needed, " open files at once, and this process ",
-      "may have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of ",
-      "the three"));
-}
-
-absl::Status PrepareFolder(const std::string& data, const ServerConfig& config) {
-  RETURN_IF_ERROR(MakeFolders(data));
-  StartLog(config.log_level, config.log_format);
-  CheckSandboxes(config);
-  ControlGroup::RemoveStale();
-  Empty(data + "/work");
-  Empty(data + "/spool");
-  RemoveDrafts(data + "/logs");
-  return absl::OkStatus();
-}
-
-void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
-  std::error_code error;
-  const std::string artefacts = data_dir + "/artefacts";
-  const bool there = fs::exists(path, error) && fs::file_size(path, error) > 0;
-  if (there || fs::is_empty(artefacts, error)) return;
-  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
-                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
-}
-
-absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
-  const std::string store = data + "/store.db";
-  ASSIGN_OR_RETURN(DataHome here, HomeOf(data));
-  ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
-  HomeFound found = {std::move(here), ""};
-  const bool copied = recorded.has_value() && recorded->key != found.home.key;
-  if (copied && on_cluster && !adopt) {
-    found.held_back = absl::StrCat(
-        found.home.place, " is a copy of the data folder ", recorded->place,
-        ", which may still grade, so this daemon touches no job; if it takes that one's place, stop "
-        "it, run \"myograde serve --data ", data, " --adopt\" once, and start it again");
-    spdlog::error("{}", found.held_back);
-    return found;
-  }
-  if (copied && !adopt) {
-    spdlog::warn("{} is a copy of the data folder {}, and a server of its own from now on",
-                 found.home.place, recorded->place);
-  }
-  if (!recorded.has_value() || copied || recorded->place != found.home.place) {
-    RETURN_IF_ERROR(RecordHome(store, found.home));
-  }
-  return found;
-}
-
-namespace {
-
 absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
   const auto secret_of = [&](const PhaseConfig& phase) {
     std::string secret;
@@ -236,6 +165,65 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now
 }
 
 }  // namespace
+
+absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
+  const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
+  rlimit limit = {};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_cur >= needed) return absl::OkStatus();
+  const rlim_t allowed = limit.rlim_max;
+  limit = {needed, std::max(needed, allowed)};
+  if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
+      config.http.workers, " workers may need ", needed, " open files at once, and this process ",
+      "may have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of ",
+      "the three"));
+}
+
+absl::Status PrepareFolder(const std::string& data, const ServerConfig& config) {
+  RETURN_IF_ERROR(MakeFolders(data));
+  StartLog(config.log_level, config.log_format);
+  CheckSandboxes(config);
+  ControlGroup::RemoveStale();
+  RemoveWork(data + "/work");
+  RemoveWork(data + "/spool");
+  RemoveWork(data + "/logs", ".draft-");  // finished logs have other names
+  return absl::OkStatus();
+}
+
+void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
+  std::error_code error;
+  const std::string artefacts = data_dir + "/artefacts";
+  const bool there = fs::exists(path, error) && fs::file_size(path, error) > 0;
+  if (there || fs::is_empty(artefacts, error)) return;
+  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
+                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
+}
+
+absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
+  const std::string store = data + "/store.db";
+  ASSIGN_OR_RETURN(DataHome here, HomeOf(data));
+  ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
+  HomeFound found = {std::move(here), ""};
+  const bool copied = recorded.has_value() && recorded->key != found.home.key;
+  if (copied && on_cluster && !adopt) {
+    found.held_back = absl::StrCat(
+        found.home.place, " is a copy of the data folder ", recorded->place,
+        ", which may still grade, so this daemon touches no job; if it takes that one's place, stop "
+        "it, run \"myograde serve --data ", data, " --adopt\" once, and start it again");
+    spdlog::error("{}", found.held_back);
+    return found;
+  }
+  if (copied && !adopt) {
+    spdlog::warn("{} is a copy of the data folder {}, and a server of its own from now on",
+                 found.home.place, recorded->place);
+  }
+  if (!recorded.has_value() || copied || recorded->place != found.home.place) {
+    RETURN_IF_ERROR(RecordHome(store, found.home));
+  }
+  return found;
+}
 
 absl::StatusOr<Phases> TakePhases(DaemonConfigs& configs, Store& store, ReaderPool& readers,
                                   absl::Time now) {

@@ -1,9 +1,14 @@
-// The loop around the core. Requests from other threads: engine_requests.cc.
+// The loop around the core, and the requests of other threads; concurrent ones are written together.
 #include "server/engine/engine.h"
 
 #include <poll.h>
+#include <sys/eventfd.h>
 
 #include <algorithm>
+
+#include "protocol/base/config_reader.h"
+#include "server/artefact/adapters.h"
+#include "server/proof/grader_build.h"
 
 namespace myograde::server {
 namespace {
@@ -11,15 +16,110 @@ namespace {
 constexpr size_t kMaxCommands = 1024;
 // After its grace a stopping runner is killed, and dead soon after.
 constexpr absl::Duration kAfterGrace = absl::Milliseconds(250);
+constexpr char kRejudger[] = "daemon";  // in audit rows
+
+absl::Status Stopping() {
+  return absl::CancelledError("the daemon is stopping; try again when it is back");
+}
+
+// Makes the submitter the first member of the submission's team, where that is asked for.
+absl::Status Found(Transaction& writer, const NewSubmission& submission) {
+  if (!submission.founding.has_value()) return absl::OkStatus();
+  const Founding& founding = *submission.founding;
+  if (founding.needed) return writer.teams.Found(submission.team, founding.person, founding.most);
+  const absl::Status status = writer.Part([&](Transaction& part) {
+    return part.teams.Found(submission.team, founding.person, founding.most);
+  });
+  return absl::IsFailedPrecondition(status) ? absl::OkStatus() : status;
+}
+
+// The items of a rejudge with further episodes, complete but for its id.
+absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(const Transaction& reader,
+                                                    const NewRejudge& rejudge,
+                                                    const std::string& data_dir) {
+  std::vector<NewRejudgeItem> items;
+  if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
+  ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(rejudge.to_config_json, "the new config"));
+  ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(json, "the new config"));
+  for (const RejudgeCandidate& candidate : reader.rejudges.CandidatesFor(rejudge)) {
+    ASSIGN_OR_RETURN(NewRejudgeItem item,
+                     ItemToPlay(reader, candidate, rejudge.grader_json, rejudge.seed_count,
+                                config.episodes_per_lease, data_dir));
+    items.push_back(std::move(item));
+  }
+  return items;
+}
+
+using EvaluationIds = std::vector<int64_t>;
+
+// Adds an item, and its evaluation to `to_queue` if there is something to play.
+absl::Status AddItem(Transaction& writer, const NewRejudgeItem& item, const std::string& who,
+                     EvaluationIds& to_queue) {
+  ASSIGN_OR_RETURN(const Accepted added, writer.rejudges.AddItem(item, who));
+  if (added.is_new() && item.impossible.empty()) to_queue.push_back(added.evaluation);
+  return absl::OkStatus();
+}
+
+absl::Status EnqueueAll(EngineCore& core, const EvaluationIds& evaluations) {
+  for (const int64_t evaluation : evaluations) {
+    RETURN_IF_ERROR(core.Enqueue(evaluation));
+  }
+  return absl::OkStatus();
+}
 
 }  // namespace
 
+CommandQueue::CommandQueue(size_t capacity)
+    : capacity_(capacity), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+
+void CommandQueue::Wake() {
+  const uint64_t one = 1;
+  [[maybe_unused]] const ssize_t n = write(wake_.get(), &one, sizeof(one));
+}
+
+absl::Status CommandQueue::Call(std::function<void(Answer)> command, absl::Duration timeout) {
+  std::future<absl::Status> answer;
+  {
+    const MutexLock lock(mutex_);
+    if (closed_) return Stopping();
+    if (entries_.size() >= capacity_) {
+      return absl::ResourceExhaustedError("too many commands wait already; try again in a second");
+    }
+    entries_.push_back({std::move(command), std::make_shared<std::promise<absl::Status>>()});
+    answer = entries_.back().answer->get_future();
+  }
+  Wake();
+  if (answer.wait_for(absl::ToChronoNanoseconds(timeout)) != std::future_status::ready) {
+    return absl::DeadlineExceededError(
+        "the daemon did not get to it in time; ask for the status before you try again");
+  }
+  return answer.get();
+}
+
+int CommandQueue::RunAll() {
+  uint64_t count = 0;
+  [[maybe_unused]] const ssize_t n = read(wake_.get(), &count, sizeof(count));
+  std::deque<Entry> entries;
+  {
+    const MutexLock lock(mutex_);
+    entries.swap(entries_);
+  }
+  for (Entry& entry : entries) {
+    entry.command([answer = entry.answer](absl::Status status) { answer->set_value(status); });
+  }
+  return static_cast<int>(entries.size());
+}
+
+void CommandQueue::Close() {
+  const MutexLock lock(mutex_);
+  closed_ = true;
+  for (Entry& entry : entries_) entry.answer->set_value(Stopping());
+  entries_.clear();
+}
+
 Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
                const Clock& clock)
-    : data_dir_(options.data_dir),
-      cache_dir_(options.cache_dir),
-      runtimes_(options.config.runtimes, options.config.runtimes_dir),
-      readers_(readers),
+    : readers_(readers),
       clock_(clock),
       commands_(kMaxCommands),
       core_(std::move(options), disk, readers, executor, clock) {}
@@ -72,6 +172,177 @@ void Engine::Poll(absl::Duration timeout) {
   const int ms = static_cast<int>(absl::ToInt64Milliseconds(
       absl::Ceil(std::max(timeout, absl::ZeroDuration()), absl::Milliseconds(1))));
   poll(fds.data(), fds.size(), ms);
+}
+
+absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
+                            std::function<absl::Status()> effect) {
+  return commands_.Call(
+      [this, change = std::move(change), effect = std::move(effect)](CommandQueue::Answer answer) {
+        core_.Ask({change, effect, std::move(answer)});
+      },
+      timeout);
+}
+
+absl::Status Engine::DrainNode(const std::string& node, const std::string& why,
+                               const std::string& who, absl::Duration timeout) {
+  return Change([=](Transaction& writer) { return writer.leases.DrainNode(node, why, who); },
+                timeout, [this, node, why] { return core_.executor().Drain(node, why); });
+}
+
+absl::Status Engine::AdmitNode(const std::string& node, const std::string& who,
+                               absl::Duration timeout) {
+  return Change([=](Transaction& writer) { return writer.leases.AdmitNode(node, who); }, timeout,
+                [this, node] { return core_.executor().Admit(node); });
+}
+
+absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
+                                         const UnsubmittedLimits& limits, absl::Duration timeout) {
+  return Change<bool>(
+      [artefact, upload, limits](Transaction& writer) -> absl::StatusOr<bool> {
+        ASSIGN_OR_RETURN(const bool is_new, writer.content.AddArtefact(artefact));
+        RETURN_IF_ERROR(writer.content.AddUpload(artefact, upload, limits));
+        return is_new;
+      },
+      timeout);
+}
+
+absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Transaction&)> add,
+                                       absl::Duration timeout) {
+  return Change<Accepted>(std::move(add), timeout, [this](const Accepted& accepted) {
+    return accepted.is_new() ? core_.Enqueue(accepted.evaluation) : absl::OkStatus();
+  });
+}
+
+absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
+                                        const AdmissionRules& rules, const std::string& who,
+                                        absl::Duration timeout) {
+  return Admit([this, submission, rules, who](Transaction& writer) {
+    return writer.submissions.Once(who, submission.request_key, [&]() -> absl::StatusOr<Accepted> {
+      // Files are removed on the loop's thread too, so those that are there now stay.
+      RETURN_IF_ERROR(HasArtefactFiles(core_.options().data_dir, submission.artefact));
+      RETURN_IF_ERROR(Found(writer, submission));
+      return writer.submissions.Accept(submission, rules, who);
+    });
+  }, timeout);
+}
+
+absl::StatusOr<bool> Engine::ChangeTeams(std::function<absl::StatusOr<bool>(Transaction&)> change,
+                                         absl::Duration timeout) {
+  return Change<bool>(std::move(change), timeout, [this](bool) {
+    core_.FollowTeams();
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
+                                       bool organiser, const RerunLimits& limits,
+                                       absl::Duration timeout) {
+  return Admit(
+      [this, rerun, who, organiser, limits](Transaction& writer) {
+        return writer.submissions.Once(who, rerun.request_key, [&]() -> absl::StatusOr<Accepted> {
+          RETURN_IF_ERROR(HasArtefactFiles(core_.options().data_dir, rerun.artefact));
+          RETURN_IF_ERROR(writer.submissions.CheckReruns(rerun.submission, who, organiser, limits));
+          return writer.evaluations.AddRerun(rerun, who);
+        });
+      },
+      timeout);
+}
+
+absl::StatusOr<CancelReport> Engine::Cancel(const CancelOrder& order, absl::Duration timeout) {
+  const auto report = std::make_shared<CancelReport>();
+  RETURN_IF_ERROR(commands_.Call(
+      [this, order, report](CommandQueue::Answer answer) {
+        core_.Cancel(order, [report, answer](absl::StatusOr<CancelReport> done) {
+          if (done.ok()) *report = *done;
+          answer(done.status());
+        });
+      },
+      timeout));
+  return *report;
+}
+
+// Rejudges (store/rejudges.h).
+
+nlohmann::json Engine::HostBuild() const {
+  return WithRuntimes(GraderBuild(core_.options().cache_dir, AdapterNames()),
+                      RuntimeDigests(core_.runtimes()));
+}
+
+absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
+                                                     const SignDocument& sign,
+                                                     const std::string& who,
+                                                     absl::Duration timeout) {
+  NewRejudge rejudge = asked;
+  if (rejudge.grader_json.empty()) rejudge.grader_json = CanonicalJson(HostBuild());
+  RETURN_IF_ERROR(CheckNewRejudge(rejudge));
+  RejudgePlan plan;
+  ASSIGN_OR_RETURN(
+      std::vector<NewRejudgeItem> items,
+      readers_.Read<std::vector<NewRejudgeItem>>(
+          [&](const Transaction& reader) -> absl::StatusOr<std::vector<NewRejudgeItem>> {
+            ASSIGN_OR_RETURN(plan, PlanRejudge(reader, rejudge, core_.options().data_dir));
+            return ItemsOf(reader, rejudge, core_.options().data_dir);
+          }));
+  const auto to_queue = std::make_shared<EvaluationIds>();
+  ASSIGN_OR_RETURN(
+      RejudgeRow created,
+      Change<RejudgeRow>(
+          [=, items = std::move(items)](Transaction& writer) -> absl::StatusOr<RejudgeRow> {
+            ASSIGN_OR_RETURN(RejudgeRow row, writer.rejudges.Add(rejudge, sign, who));
+            to_queue->clear();
+            for (NewRejudgeItem item : items) {
+              item.rejudge = row.id;
+              RETURN_IF_ERROR(AddItem(writer, item, who, *to_queue));
+            }
+            return row;
+          },
+          timeout, [this, to_queue](const RejudgeRow&) { return EnqueueAll(core_, *to_queue); }));
+  return CreatedRejudge{std::move(created), std::move(plan)};
+}
+
+absl::StatusOr<RejudgeDone> Engine::EndRejudge(bool apply, const RejudgeAct& act,
+                                               const SignDocument& sign, const std::string& who,
+                                               absl::Duration timeout, AfterRejudge after) {
+  return Change<RejudgeDone>(
+      [=](Transaction& writer) {
+        return apply ? writer.rejudges.Apply(act, sign, who) : writer.rejudges.Drop(act, sign, who);
+      },
+      timeout,
+      [this, after = std::move(after)](const RejudgeDone& done) {
+        core_.StopEnded(done.cancelled);
+        if (after) after(done);
+        return absl::OkStatus();
+      });
+}
+
+absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
+    std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play, absl::Duration timeout) {
+  using Statuses = std::vector<absl::Status>;
+  const auto to_queue = std::make_shared<EvaluationIds>();
+  return Change<Statuses>(
+      [=, judged = std::move(judged), to_play = std::move(to_play)](
+          Transaction& writer) -> absl::StatusOr<Statuses> {
+        Statuses statuses;
+        to_queue->clear();
+        absl::Status passing;
+        const auto part = [&](const StoreChange& change) {
+          statuses.push_back(writer.Part(change));
+          if (MayPass(statuses.back()) || IsBrokenStore(statuses.back())) {
+            passing.Update(statuses.back());
+          }
+        };
+        for (const JudgedItem& item : judged) {
+          part([&](Transaction& one) {
+            return one.rejudges.AddJudgedItem(item, kRejudger).status();
+          });
+        }
+        for (const NewRejudgeItem& item : to_play) {
+          part([&](Transaction& one) { return AddItem(one, item, kRejudger, *to_queue); });
+        }
+        RETURN_IF_ERROR(passing);
+        return statuses;
+      },
+      timeout, [this, to_queue](const Statuses&) { return EnqueueAll(core_, *to_queue); });
 }
 
 }  // namespace myograde::server

@@ -3,18 +3,60 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <functional>
+#include <future>
 #include <memory>
 #include <string>
 
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
-#include "server/engine/command_queue.h"
 #include "server/engine/engine_core.h"
 #include "server/engine/rejudge_requests.h"
 
 namespace myograde::server {
+
+// Hands work from the HTTP threads to the daemon's loop. Bounded; every caller waits for its answer
+// with a deadline.
+class CommandQueue {
+ public:
+  // REQUIRES: capacity > 0.
+  explicit CommandQueue(size_t capacity);
+
+  // Readable while commands are queued.
+  int wake_fd() const { return wake_.get(); }
+
+  // Reports a command's status. Call it exactly once, at any later time, on the loop's thread.
+  using Answer = std::function<void(absl::Status)>;
+  // Runs `command` on the loop's thread and waits until its Answer is called.
+  // ResourceExhaustedError: the queue is full. CancelledError: the daemon is stopping.
+  // DeadlineExceededError: no answer in time; the command may still run, so it must own everything
+  // that it touches.
+  absl::Status Call(std::function<void(Answer)> command, absl::Duration timeout);
+
+  // Loop thread only: runs the queued commands and returns how many there were.
+  int RunAll();
+
+  // Makes the loop's poll return; safe to call from a signal handler.
+  void Wake();
+
+  // Answers every queued and every later command with CancelledError.
+  void Close();
+
+ private:
+  struct Entry {
+    std::function<void(Answer)> command;
+    std::shared_ptr<std::promise<absl::Status>> answer;
+  };
+
+  const size_t capacity_;
+  Fd wake_;  // an eventfd
+  Mutex mutex_;
+  std::deque<Entry> entries_ ABSL_GUARDED_BY(mutex_);
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
+};
 
 // What follows from an act on a rejudge.
 using AfterRejudge = std::function<void(const RejudgeDone&)>;
@@ -74,13 +116,10 @@ class Engine {
   // wait for it, and in the order of the acts. It must own what it touches.
   absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignDocument& sign,
                                                const std::string& who, absl::Duration timeout);
-  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignDocument& sign,
-                                           const std::string& who, absl::Duration timeout,
-                                           AfterRejudge after = nullptr);
-  // The leases that still run of it are killed.
-  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignDocument& sign,
-                                          const std::string& who, absl::Duration timeout,
-                                          AfterRejudge after = nullptr);
+  // Applies it, or drops it: the leases that still run of it are then killed.
+  absl::StatusOr<RejudgeDone> EndRejudge(bool apply, const RejudgeAct& act, const SignDocument& sign,
+                                         const std::string& who, absl::Duration timeout,
+                                         AfterRejudge after = nullptr);
   // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
   // each became, the judged ones first.
   absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(
@@ -111,13 +150,7 @@ class Engine {
 
   absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Transaction&)> add,
                                  absl::Duration timeout);
-  absl::StatusOr<RejudgeDone> ActOnRejudge(
-      std::function<absl::StatusOr<RejudgeDone>(Transaction&)> act, absl::Duration timeout,
-      AfterRejudge after);
 
-  const std::string data_dir_;
-  const std::string cache_dir_;
-  const Runtimes runtimes_;
   ReaderPool& readers_;
   const Clock& clock_;
   CommandQueue commands_;

@@ -50,7 +50,6 @@ absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   Escalate();
   RETURN_IF_ERROR(Flush());
   if (journal_.empty()) {
-    ProbeStore();
     if (clock_.Monotonic() >= next_disk_look_) LookAtDisk();
     RETURN_IF_ERROR(EnqueueDeferred());
     RETURN_IF_ERROR(SettleAll());
@@ -72,12 +71,12 @@ absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
     wait = std::min(wait, polled ? kStayWait : kReapWait);
   }
   if (!cancels_.empty()) wait = kReapWait;
-  if (test_ != nullptr) {
-    const bool quiet = test_->runner() == nullptr || test_->runner()->stdout_fd() < 0;
-    wait = quiet ? kReapWait : std::min(wait, test_->deadline() - now);
+  if (test_.has_value()) {
+    const bool quiet = test_->runner == nullptr || test_->runner->stdout_fd() < 0;
+    wait = quiet ? kReapWait : std::min(wait, test_->deadline - now);
   }
   const MutexLock lock(mutex_);
-  if (!closed_slots_.empty()) wait = std::min(wait, next_slot_check_ - now);
+  if (!troubles_.closed_slots.empty()) wait = std::min(wait, next_slot_check_ - now);
   if (const auto next = scheduler_.NextDeadline(now)) wait = std::min(wait, *next - now);
   return std::max(wait, absl::ZeroDuration());
 }
@@ -89,7 +88,7 @@ void EngineCore::AddDescriptors(std::vector<pollfd>& fds) const {
     }
   };
   for (const auto& [id, run] : running_) add(*run.runner);
-  if (test_ != nullptr && test_->runner() != nullptr) add(*test_->runner());
+  if (test_.has_value() && test_->runner != nullptr) add(*test_->runner);
 }
 
 // After a failure that may pass, no write is tried for a second: each may take as long as the store
@@ -101,18 +100,19 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
     status = disk_.Write(change);
     if (!MayPass(status)) {
       const MutexLock lock(mutex_);
-      if (!store_trouble_.empty()) spdlog::info("the store is writable again");
-      store_trouble_.clear();
+      if (!troubles_.store_trouble.empty()) spdlog::info("the store is writable again");
+      troubles_.store_trouble.clear();
       return status;
     }
     write_after_ = clock_.Monotonic() + kRetry;
     const MutexLock lock(mutex_);
-    if (store_trouble_ != status.message()) spdlog::error("{}", std::string(status.message()));
-    store_trouble_ = std::string(status.message());
+    const std::string trouble(status.message());
+    if (troubles_.store_trouble != trouble) spdlog::error("{}", trouble);
+    troubles_.store_trouble = trouble;
   }
   const MutexLock lock(mutex_);
   return absl::UnavailableError(
-      absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
+      absl::StrCat("the store can't be written, nothing was changed: ", troubles_.store_trouble));
 }
 
 // In one transaction, so that there is a single wait for the disk.
@@ -152,29 +152,22 @@ absl::Status EngineCore::RequireWritable() {
   if (journal_.empty()) return absl::OkStatus();
   const MutexLock lock(mutex_);
   return absl::UnavailableError(
-      absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
+      absl::StrCat("the store can't be written, nothing was changed: ", troubles_.store_trouble));
 }
 
 // A store that lost its file takes writes without an error, and a corrupt one most of them: look
-// before anybody is told that something was written.
+// before anybody is told that something was written. And nothing may need writing while a trouble
+// ends.
 void EngineCore::WatchStore() {
   const absl::Duration now = clock_.Monotonic();
-  if (now < next_store_check_) return;
+  bool troubled = false;
+  {
+    const MutexLock lock(mutex_);
+    troubled = !troubles_.store_trouble.empty();
+  }
+  if (troubled ? !journal_.empty() || now < write_after_ : now < next_store_check_) return;
   next_store_check_ = now + kRetry;
-  {
-    const MutexLock lock(mutex_);
-    if (!store_trouble_.empty()) return;  // ProbeStore looks
-  }
-  if (!disk_.Check().ok()) (void)WriteNow([](Transaction&) { return absl::OkStatus(); });
-}
-
-// Nothing needs writing, but the trouble may be over: check.
-void EngineCore::ProbeStore() {
-  {
-    const MutexLock lock(mutex_);
-    if (store_trouble_.empty()) return;
-  }
-  if (clock_.Monotonic() < write_after_) return;
+  if (!troubled && disk_.Check().ok()) return;
   (void)WriteNow([](Transaction&) { return absl::OkStatus(); });
 }
 
@@ -266,7 +259,7 @@ void EngineCore::BeginShutdown() {
     metrics().CountReturn("stop");
     ReclaimAs(lease, RunEnd::kReturned);
   }
-  if (test_ != nullptr) EndSelfTest("the daemon stopped");
+  if (test_.has_value()) EndSelfTest("the daemon stopped");
   write_after_ = absl::ZeroDuration();
 }
 

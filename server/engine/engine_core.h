@@ -7,15 +7,12 @@
 // of a lease) can't be refused: they go through a journal that is written in order and retried
 // every second while the store can't be written; no lease starts meanwhile.
 //
-// An evaluation with rows that can't be read, or can't be written though the store can, ends as
-// grader_error with the reason, and the others go on. If it can't even be ended, Health() reports
-// it, and it is left alone until the next start. Only a broken database file stops the engine
-// (store/damage.h).
+// What can't be read or written ends its evaluation alone; only a broken database file stops the engine
+// (store/damage.h, server/daemon/README.md).
 //
 // A reclaimed lease (silent, over its time, wrong records, cancelled) has ended at that moment:
 // anything its runner says later is rejected. Its slot stays taken until the runner is dead and no
-// process of the slot's sandboxes lives, even one that another daemon started: a process that can't
-// be killed yet still holds memory, disk and perhaps a processor.
+// process of the slot's sandboxes lives, even one that another daemon started.
 //
 // On other hosts (Executor::remote) a slot is a job. A lease begins when its job has a processor; one
 // whose node, job or way back was lost, or that is silent, is returned: it is played again, and counts
@@ -42,8 +39,6 @@
 #include "protocol/base/mutex.h"
 #include "server/base/log_line.h"
 #include "server/config/server_config.h"
-#include "server/engine/ports.h"
-#include "server/engine/self_test.h"
 #include "server/engine/stored.h"
 #include "server/executor/executor.h"
 #include "server/grading/tracks.h"
@@ -56,6 +51,41 @@
 #include "server/store/store.h"
 
 namespace myograde::server {
+
+// A store change. It owns what it touches, or is outlived by it.
+using StoreChange = std::function<absl::Status(Transaction&)>;
+
+// What the core needs from the outside world beside an executor and a Clock: a writable store. Tests
+// substitute fakes.
+class Disk {
+ public:
+  virtual ~Disk() = default;
+
+  // See Store::Write.
+  virtual absl::Status Write(const StoreChange& change) = 0;
+  // See Store::Check.
+  virtual absl::Status Check() const { return absl::OkStatus(); }
+};
+
+class StoreDisk : public Disk {
+ public:
+  // Both must outlive it. `metrics` may be nullptr.
+  explicit StoreDisk(Store& store, Metrics* metrics = nullptr)
+      : store_(store), metrics_(metrics) {}
+  absl::Status Write(const StoreChange& change) override {
+    const absl::Duration begin = SystemClock().Monotonic();
+    absl::Status status = store_.Write(change);
+    if (metrics_ != nullptr) {
+      metrics_->ObserveStoreWrite(SystemClock().Monotonic() - begin, !MayPass(status));
+    }
+    return status;
+  }
+  absl::Status Check() const override { return store_.Check(); }
+
+ private:
+  Store& store_;
+  Metrics* const metrics_;
+};
 
 struct EngineOptions {
   ServerConfig config;
@@ -70,30 +100,32 @@ struct LiveLease {
   int64_t submission = 0;
   int slot = 0;
   pid_t process = 0;  // the runner's; 0 on another host
-  std::string node = {};  // "": this host, or not known yet
-  std::string job = {};   // the cluster's name for it; "": none
+  RunnerSite site = {};
   bool begun = true;  // false: it waits there for a processor
-  double cpu_s = 0;   // 0: not known (yet)
   int64_t episode = 0;
   int64_t step = 0;
   absl::Duration running = {};
   absl::Duration silent = {};  // since the runner last wrote
 };
 
-struct LiveHealth {
+// What keeps leases from starting or ending.
+struct EngineTroubles {
+  std::map<int, std::string> closed_slots;  // slot to the surviving processes' text
+  int ending = 0;                // reclaimed leases whose runners are not dead yet
+  std::string store_trouble;     // "" while the store is writable
+  std::string executor_trouble;  // why nothing can start where leases run; "" if leases can
+  std::string disk_trouble;      // why nothing may start; "" while the disk has its reserve
+  std::map<int64_t, std::string> unreadable;  // evaluations that can't be ended either, and why
+};
+
+struct LiveHealth : EngineTroubles {
   int running = 0;
   int64_t pending = 0;
-  std::map<int, std::string> closed_slots;  // slot to the surviving processes' text
-  int ending = 0;             // reclaimed leases whose runners are not dead yet
-  std::string store_trouble;  // "" while the store is writable
   HostHealth::State host = HostHealth::State::kWell;
   std::string host_trouble;   // "" if leases may start
-  std::string executor_trouble;  // why nothing can start where leases run; "" if leases can
-  std::string losses;            // leases that were lost one after the other; "" if one has ended since
-  std::string disk_trouble;      // why nothing may start; "" while the disk has its reserve
+  std::string losses;         // leases that were lost one after the other; "" if one has ended since
   std::optional<absl::Duration> paused_for;
   std::optional<absl::Duration> next_test;  // from now
-  std::map<int64_t, std::string> unreadable;  // evaluations that can't be ended either, and why
   int64_t journal = 0;        // events that wait to be written
   int busy_slots = 0;         // by leases, those that end, and self-tests; not the closed ones
   QueueDepth queue;
@@ -148,7 +180,7 @@ class EngineCore {
   // Starts no more leases, queues the running ones again and asks their runners to end. Then call
   // RunOnce() until idle(), or give up early: what has been written is enough to recover.
   void BeginShutdown();
-  bool idle() const { return running_.empty() && stopping_runners_.empty() && test_ == nullptr; }
+  bool idle() const { return running_.empty() && stopping_runners_.empty() && !test_; }
   // Flushes the journal one last time and kills what still runs.
   absl::Status FinishShutdown();
 
@@ -184,40 +216,47 @@ class EngineCore {
   LiveHealth Health() const;
   Metrics& metrics() const { return *options_.metrics; }
   Executor& executor() const { return executor_; }
+  const EngineOptions& options() const { return options_; }
+  const Runtimes& runtimes() const { return runtimes_; }
 
  private:
   // What playing a lease needs; shared by the leases of an evaluation.
   struct Context : StoredEvaluation {  // as of Enqueue(), but for the leases
-    std::string party;  // who submitted it; "" for the organiser, who submits on behalf of others
     // Those that it is to be played with, as it began: name and digest ("": not known).
     std::vector<std::pair<std::string, std::string>> runtimes;
     std::map<int64_t, std::pair<int64_t, int64_t>> blocks;  // lease to first and last episode
   };
   using ContextPtr = std::shared_ptr<const Context>;
-  struct LeaseRun {
-    ContextPtr context;
-    int64_t lease = 0;
+  // A runner with its slot and work folder.
+  struct PlacedRunner {
+    int64_t lease = 0;  // 0: of a self-test
     int64_t attempt = 0;
     int slot = 0;
+    std::string work_dir;
+    std::unique_ptr<Runner> runner;  // nullptr: not started (yet)
+  };
+  struct LeaseRun : PlacedRunner {
+    ContextPtr context;
     int64_t first = 0;
     int64_t last = 0;
-    std::string work_dir;
-    std::unique_ptr<Runner> runner;
     LeaseReport report;
     bool begun = true;
     int64_t began_at = 0;  // milliseconds since 1970-01-01 UTC, for people; 0: it has not begun
   };
-  // The runner of a reclaimed lease, until it is dead.
-  struct StoppingRunner {
-    int64_t lease = 0;
-    int64_t attempt = 0;
-    int slot = 0;
-    std::string work_dir;
-    std::unique_ptr<Runner> runner;
+  // Of a reclaimed lease, until the runner is dead.
+  struct StoppingRunner : PlacedRunner {
     absl::Duration kill_at;
     bool stays = false;  // it was not asked to end
     bool killed = false;
     int64_t late = 0;  // records that arrived too late
+  };
+  // One episode of a track on this host, with a policy that exits at once, through the same runner,
+  // sandboxes, simulator and bridge as any lease. The expected result is known: one record of a crash
+  // with the policy's exit status, and a lease that ended well.
+  struct SelfTest : PlacedRunner {
+    absl::Duration deadline;
+    LeaseReport report;
+    std::optional<EpisodeFacts> facts;
   };
   struct CancelWait {
     std::set<int64_t> leases;
@@ -228,9 +267,6 @@ class EngineCore {
     LiveLease lease;  // but for its times, which follow from these
     absl::Duration since;
     absl::Duration heard;
-
-    LiveLease At(absl::Duration now) const;
-    void SetSite(const RunnerSite& site);
   };
 
   // An event of one evaluation that is still to be written.
@@ -241,9 +277,8 @@ class EngineCore {
 
   // The journal.
   absl::Status WriteNow(const StoreChange& change);
-  void ProbeStore();
-  void LookAtDisk();
-  bool ShortOfRoom() const;
+  // Whether the disk has its reserve.
+  bool LookAtDisk();
   absl::Status Flush();
   absl::Status WriteJournal(Transaction& writer) const;
   void ClearJournal();
@@ -260,7 +295,6 @@ class EngineCore {
 
   // Evaluations.
   absl::Status EnqueueDeferred();
-  ContextPtr ContextOf(StoredEvaluation stored) const;
   // Ends it as grader_error, whatever else the engine knows about it.
   void GiveUpUnreadable(int64_t evaluation, const std::string& why);
   std::set<int64_t> Forget(int64_t evaluation);
@@ -274,7 +308,6 @@ class EngineCore {
   void GiveWay();
   // NotFoundError, InternalError: a runtime is not there any more.
   absl::StatusOr<LeaseOrder> OrderFor(const LeaseRun& run) const;
-  LeaseSubject SubjectOf(const LeaseRun& run, absl::Duration wall) const;
   static LogFields FieldsOf(const LeaseRun& run);
   // Writes that the lease is to be played again.
   void WriteReturn(const LeaseRun& run, bool fault, const std::string& why);
@@ -297,8 +330,7 @@ class EngineCore {
   // `permanent`: what the lease needs is not on this server, so no attempt can go otherwise, and its
   // host is well.
   void Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent = false);
-  std::string AfterRetries(const std::string& why) const;
-  void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
+  void GiveUp(const Decision& decision, int64_t lease, const std::string& last, bool permanent = false);
   void FreeSlot(int slot);
   // Closes those of the slots that processes still live on; false: none.
   bool CloseSlots(int first, int count);
@@ -306,6 +338,7 @@ class EngineCore {
   // Moves the lease from running_ to stopping_runners_. Asks its runner to end if `ask`; otherwise
   // the runner may take as long as it needs.
   void Reclaim(int64_t lease, bool ask = true);
+  void Stop(PlacedRunner runner, bool ask);
   void ReapStopping();
   void AnswerCancels();
   // Returns the running leases that were killed.
@@ -314,6 +347,8 @@ class EngineCore {
   // The host.
   void PollSelfTest();
   void BeginSelfTest();
+  // nullopt: it still runs. Otherwise "" if the host passed, or what went wrong, in one sentence.
+  std::optional<std::string> TestVerdict();
   void EndSelfTest(const std::string& fault);
 
   absl::Duration TimeToNext(absl::Duration now) const;
@@ -342,21 +377,16 @@ class EngineCore {
   std::vector<StoppingRunner> stopping_runners_;
   std::vector<CancelWait> cancels_;
   absl::Duration next_slot_check_;
-  std::unique_ptr<SelfTest> test_;
+  std::optional<SelfTest> test_;
   TrackPtr suspect_track_;                     // of the last faulty lease
 
   mutable Mutex mutex_;
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   HostHealth host_ ABSL_GUARDED_BY(mutex_);
   std::map<int64_t, Live> live_ ABSL_GUARDED_BY(mutex_);
-  int stopping_count_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::map<int, std::string> closed_slots_ ABSL_GUARDED_BY(mutex_);
-  std::string store_trouble_ ABSL_GUARDED_BY(mutex_);
-  std::string executor_trouble_ ABSL_GUARDED_BY(mutex_);
+  EngineTroubles troubles_ ABSL_GUARDED_BY(mutex_);
   int lost_in_a_row_ ABSL_GUARDED_BY(mutex_) = 0;
   std::string last_loss_ ABSL_GUARDED_BY(mutex_);
-  std::string disk_trouble_ ABSL_GUARDED_BY(mutex_);
-  std::map<int64_t, std::string> unreadable_ ABSL_GUARDED_BY(mutex_);
   // Of leases played here; 0: none yet.
   absl::Duration mean_lease_ ABSL_GUARDED_BY(mutex_) = absl::ZeroDuration();
 };

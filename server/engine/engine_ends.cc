@@ -58,19 +58,9 @@ void EngineCore::WriteReturn(const LeaseRun& run, bool fault, const std::string&
 // Runners that ended by themselves, and those whose records show a fault.
 void EngineCore::ReapRunners() {
   const absl::Duration now = clock_.Monotonic();
-  std::vector<int64_t> faulty;
-  std::vector<int64_t> lingering;
-  std::vector<int64_t> lost;
   for (auto it = running_.begin(); it != running_.end();) {
     LeaseRun& run = it->second;
     if (!run.runner->finished()) {
-      if (run.report.faulty()) {
-        faulty.push_back(it->first);
-      } else if (!run.runner->lost().empty()) {
-        lost.push_back(it->first);
-      } else if (run.report.lingers(now)) {
-        lingering.push_back(it->first);
-      }
       ++it;
       continue;
     }
@@ -80,27 +70,24 @@ void EngineCore::ReapRunners() {
     executor_.CleanUp(run.work_dir);
     it = running_.erase(it);
   }
-  // The lease is complete; whatever keeps the runner alive concerns only its slot.
-  for (const int64_t lease : lingering) {
-    const auto it = running_.find(lease);
-    if (it == running_.end()) continue;
-    spdlog::warn("lease {} has ended, but its runner stays on slot {}: one of its processes "
-                 "can't be killed yet", lease, it->second.slot);
-    OnRunnerEnd(it->second);
-    Reclaim(lease, /*ask=*/false);
-  }
-  for (const int64_t lease : lost) {
-    const auto it = running_.find(lease);
-    if (it == running_.end()) continue;
-    Return(it->second, it->second.begun ? "lost" : "not begun", it->second.runner->lost());
-    Reclaim(lease);
-  }
-  for (const int64_t lease : faulty) {
-    // Giving up an earlier one may have reclaimed this one.
-    const auto it = running_.find(lease);
-    if (it == running_.end()) continue;
-    Fault(it->second, kReportFault, it->second.report.fault());
-    Reclaim(lease);
+  // Giving up one reclaims others.
+  int64_t lease = 0;
+  for (auto it = running_.begin(); it != running_.end(); it = running_.upper_bound(lease)) {
+    lease = it->first;
+    LeaseRun& run = it->second;
+    if (run.report.faulty()) {
+      Fault(run, kReportFault, run.report.fault());
+      Reclaim(lease);
+    } else if (!run.runner->lost().empty()) {
+      Return(run, run.begun ? "lost" : "not begun", run.runner->lost());
+      Reclaim(lease);
+    } else if (run.report.lingers(now)) {
+      // The lease is complete; whatever keeps the runner alive concerns only its slot.
+      spdlog::warn("lease {} has ended, but its runner stays on slot {}: one of its processes "
+                   "can't be killed yet", lease, run.slot);
+      OnRunnerEnd(run);
+      Reclaim(lease, /*ask=*/false);
+    }
   }
 }
 
@@ -139,7 +126,7 @@ bool EngineCore::CloseSlots(int first, int count) {
   for (const auto& [slot, left] : found) {
     spdlog::warn("slot {} is closed until {} is gone", slot, left);
     scheduler_.Close(slot);
-    closed_slots_[slot] = left;
+    troubles_.closed_slots[slot] = left;
   }
   return !found.empty();
 }
@@ -149,12 +136,12 @@ void EngineCore::ReopenSlots() {
   if (now < next_slot_check_) return;
   {
     const MutexLock lock(mutex_);
-    if (closed_slots_.empty()) return;
+    if (troubles_.closed_slots.empty()) return;
   }
   next_slot_check_ = now + kSlotCheckInterval;
   const auto found = executor_.ProcessesOf(0, options_.config.scheduler.slots);
   const MutexLock lock(mutex_);
-  for (auto closed = closed_slots_.begin(); closed != closed_slots_.end();) {
+  for (auto closed = troubles_.closed_slots.begin(); closed != troubles_.closed_slots.end();) {
     if (const auto left = found.find(closed->first); left != found.end()) {
       closed->second = left->second;
       ++closed;
@@ -162,7 +149,7 @@ void EngineCore::ReopenSlots() {
     }
     spdlog::info("slot {} is open again", closed->first);
     scheduler_.Free(closed->first);
-    closed = closed_slots_.erase(closed);
+    closed = troubles_.closed_slots.erase(closed);
   }
 }
 
@@ -195,8 +182,7 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
 }
 
 void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent) {
-  LookAtDisk();
-  if (!permanent && ShortOfRoom()) return Return(run, "disk", why);
+  if (!LookAtDisk() && !permanent) return Return(run, "disk", why);
   const LogScope scope(FieldsOf(run));
   metrics().CountGraderFault(kind);
   spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
@@ -215,17 +201,16 @@ void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why, 
   if (decision.kind == Decision::Kind::kRetry) {
     WriteReturn(run, /*fault=*/true, why);
   } else if (decision.kind == Decision::Kind::kGiveUp) {
-    GiveUp(decision, run.lease, permanent ? why : AfterRetries(why));
+    GiveUp(decision, run.lease, why, permanent);
   }
 }
 
-std::string EngineCore::AfterRetries(const std::string& why) const {
-  return absl::StrCat("a block of episodes failed ",
-                      Counted(options_.config.scheduler.max_retries + 1, "time"),
-                      " by the grader's fault, the last time: ", why);
-}
-
-void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::string& why) {
+void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::string& last,
+                        bool permanent) {
+  const std::string times = Counted(options_.config.scheduler.max_retries + 1, "time");
+  const std::string why =
+      permanent ? last : absl::StrCat("a block of episodes failed ", times,
+                                      " by the grader's fault, the last time: ", last);
   std::vector<int64_t> others = decision.pending;
   others.insert(others.end(), decision.running.begin(), decision.running.end());
   AddToJournal(decision.evaluation,
@@ -246,14 +231,16 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
 void EngineCore::Reclaim(int64_t lease, bool ask) {
   auto node = running_.extract(lease);
   if (node.empty()) return;
-  LeaseRun& run = node.mapped();
-  if (ask) run.runner->AskToEnd();
-  stopping_runners_.push_back({lease, run.attempt, run.slot, run.work_dir, std::move(run.runner),
-                               clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay),
-                               /*stays=*/!ask});
+  Stop(std::move(node.mapped()), ask);
   const MutexLock lock(mutex_);
   live_.erase(lease);
-  stopping_count_ = static_cast<int>(stopping_runners_.size());
+  troubles_.ending = static_cast<int>(stopping_runners_.size());
+}
+
+void EngineCore::Stop(PlacedRunner runner, bool ask) {
+  if (ask) runner.runner->AskToEnd();
+  const absl::Duration grace = ask ? Runner::kCleanUpGrace : kLongestStay;
+  stopping_runners_.push_back({std::move(runner), clock_.Monotonic() + grace, /*stays=*/!ask});
 }
 
 // Runners that are stopping: their slots become free when they are dead, and their records are
@@ -285,7 +272,7 @@ void EngineCore::ReapStopping() {
     it = stopping_runners_.erase(it);
   }
   const MutexLock lock(mutex_);
-  stopping_count_ = static_cast<int>(stopping_runners_.size());
+  troubles_.ending = static_cast<int>(stopping_runners_.size());
 }
 
 // Drops the evaluation: nothing of it is played or settled any more. Reclaims its running leases
@@ -310,7 +297,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
     // This was the write that ends it, and it was rejected too.
     spdlog::error("evaluation {} can't be ended: {}", evaluation, why);
     const MutexLock lock(mutex_);
-    unreadable_[evaluation] = known->second;
+    troubles_.unreadable[evaluation] = known->second;
     return;
   }
   spdlog::error("evaluation {} can't continue: {}", evaluation, why);

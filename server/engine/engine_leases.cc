@@ -1,4 +1,5 @@
-// Starts leases and reads from their runners.
+// Starts leases and reads from their runners. On other hosts they begin later than they start, and can
+// be lost. All are accounted for.
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
@@ -7,9 +8,20 @@
 #include "server/engine/engine_core.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
-#include "server/runner/lease_order.h"
+#include "server/runner/runner_process.h"
 
 namespace myograde::server {
+namespace {
+
+// Writes what people are told and no decision hangs on: if the store refuses it, nothing else is lost.
+absl::Status Note(Transaction& writer, const std::function<absl::Status(Transaction&)>& note) {
+  absl::Status written = writer.Part(note);
+  if (written.ok() || MayPass(written)) return written;
+  spdlog::error("not recorded: {}", std::string(written.message()));
+  return absl::OkStatus();
+}
+
+}  // namespace
 
 absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
   const Context& context = *run.context;
@@ -43,16 +55,6 @@ absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
        .log_dir = options_.data_dir + "/logs"});
 }
 
-LeaseSubject EngineCore::SubjectOf(const LeaseRun& run, absl::Duration wall) const {
-  const Context& context = *run.context;
-  return {.evaluation = context.evaluation.id,
-          .lease = run.lease,
-          .attempt = run.attempt,
-          .artefact = context.artefact.hash,
-          .runtimes = context.runtimes,
-          .wall = wall};
-}
-
 void EngineCore::StartLeases() {
   for (;;) {
     std::optional<Start> start;
@@ -69,17 +71,17 @@ void EngineCore::StartLeases() {
 // Rejudges' leases make room for what teams wait for.
 void EngineCore::GiveWay() {
   for (;;) {
-    std::optional<GivesWay> lease;
+    std::optional<Start> given;
     {
       const MutexLock lock(mutex_);
-      if (MayStart()) lease = scheduler_.GiveWay(clock_.Monotonic());
+      if (MayStart()) given = scheduler_.GiveWay(clock_.Monotonic());
     }
-    if (!lease.has_value()) return;
-    spdlog::info("lease {} (evaluation {}) of a rejudge gives way to others", lease->lease,
-                 lease->evaluation);
-    WriteReturn(running_.at(lease->lease), /*fault=*/false, "it gave way to submissions that wait");
+    if (!given.has_value()) return;
+    spdlog::info("lease {} (evaluation {}) of a rejudge gives way to others", given->lease,
+                 given->evaluation);
+    WriteReturn(running_.at(given->lease), /*fault=*/false, "it gave way to submissions that wait");
     metrics().CountReturn("gave way");
-    ReclaimAs(lease->lease, RunEnd::kReturned);
+    ReclaimAs(given->lease, RunEnd::kReturned);
   }
 }
 
@@ -99,7 +101,9 @@ void EngineCore::StartLease(const Start& start) {
   // The scheduler watches for lateness and silence.
   if (order.ok()) run.report = LeaseReport(order->episodes, {}, clock_.Monotonic());
   absl::StatusOr<std::unique_ptr<Runner>> runner =
-      order.ok() ? executor_.Start(*order, SubjectOf(run, start.lease_wall))
+      order.ok() ? executor_.Start(*order, {.artefact = run.context->artefact.hash,
+                                          .runtimes = run.context->runtimes,
+                                          .wall = start.lease_wall})
                  : absl::StatusOr<std::unique_ptr<Runner>>(order.status());
   const LogScope scope(FieldsOf(run));
   if (!runner.ok()) {
@@ -119,16 +123,15 @@ void EngineCore::StartLease(const Start& start) {
                run.runner->pid());
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
-  Live& live = live_[run.lease];
-  live = {.lease = {.evaluation = start.evaluation,
-                    .submission = run.context->submission.id,
-                    .slot = run.slot,
-                    .process = run.runner->pid(),
-                    .begun = run.begun,
-                    .episode = run.first},
-          .since = now,
-          .heard = now};
-  live.SetSite(run.runner->site());
+  live_[run.lease] = {.lease = {.evaluation = start.evaluation,
+                                .submission = run.context->submission.id,
+                                .slot = run.slot,
+                                .process = run.runner->pid(),
+                                .site = run.runner->site(),
+                                .begun = run.begun,
+                                .episode = run.first},
+                      .since = now,
+                      .heard = now};
   running_[run.lease] = std::move(run);
 }
 
@@ -171,6 +174,105 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
                  }
                  return absl::OkStatus();
                });
+}
+
+bool EngineCore::MayStart() const {
+  return host_.may_start() && troubles_.executor_trouble.empty() && troubles_.disk_trouble.empty();
+}
+
+// The executor's news, before its runners are asked.
+void EngineCore::AttendExecutor() {
+  const std::string trouble = executor_.CannotStart();
+  for (const DrainedNode& drained : executor_.TakeDrained()) {
+    spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);
+    AddToJournal(0, [drained, who = owner_](Transaction& writer) {
+      return Note(writer, [&](Transaction& part) {
+        return part.leases.DrainNode(drained.node, drained.why, who);
+      });
+    });
+  }
+  const MutexLock lock(mutex_);
+  if (trouble == troubles_.executor_trouble) return;
+  if (trouble.empty()) {
+    spdlog::info("leases can start again");
+  } else {
+    // What is no part of a healthy start, the executor has logged as an error.
+    spdlog::info("no lease can start: {}", trouble);
+  }
+  troubles_.executor_trouble = trouble;
+}
+
+// The nodes that were drained before this start.
+absl::Status EngineCore::RecallDrained() {
+  if (!executor_.remote()) return absl::OkStatus();
+  using Drained = Listed<DrainedNodeRow>;
+  ASSIGN_OR_RETURN(const Drained drained, readers_.Read<Drained>([](const Transaction& reader) {
+    return reader.leases.DrainedNodes();
+  }));
+  for (const DrainedNodeRow& row : drained.rows) {
+    const absl::Status kept = executor_.Drain(row.node, row.why);
+    if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));
+  }
+  return absl::OkStatus();
+}
+
+void EngineCore::FollowSite(LeaseRun& run) {
+  const bool begins = !run.begun && run.runner->begun();
+  const MutexLock lock(mutex_);
+  Live& live = live_.at(run.lease);
+  live.lease.site = run.runner->site();
+  if (!begins) return;
+  const absl::Duration now = clock_.Monotonic();
+  run.begun = live.lease.begun = true;
+  run.began_at = absl::ToUnixMillis(clock_.Now());
+  live.since = live.heard = now;
+  scheduler_.Begun(run.lease, run.attempt, now);
+  spdlog::info("lease {} begins on node {}, job {}", run.lease, live.lease.site.node,
+               live.lease.site.job);
+}
+
+// Nobody is at fault: the lease is played again.
+void EngineCore::Return(LeaseRun& run, const char* kind, const std::string& why) {
+  const LogScope scope(FieldsOf(run));
+  spdlog::warn("lease {}, attempt {}: lost: {}", run.lease, run.attempt, why);
+  Account(run, RunEnd::kReturned);
+  metrics().CountReturn(kind);
+  Decision decision;
+  {
+    const MutexLock lock(mutex_);
+    live_.erase(run.lease);
+    ++lost_in_a_row_;
+    last_loss_ = why;
+    decision = scheduler_.Returned(run.lease, run.attempt, clock_.Monotonic());
+  }
+  if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, why);
+  if (decision.kind == Decision::Kind::kRetry) WriteReturn(run, decision.fault, why);
+}
+
+// An attempt has ended, or nothing more of it counts. One that never had a runner used nothing.
+void EngineCore::Account(const LeaseRun& run, RunEnd how) {
+  if (run.runner == nullptr) return;
+  const RunnerSite site = run.runner->site();
+  const LeaseRunRow row = {.lease = run.lease,
+                           .attempt = run.attempt,
+                           .node = site.node,
+                           .job = site.job,
+                           .began_at = run.began_at,
+                           .ended_at = absl::ToUnixMillis(clock_.Now()),
+                           .cpu_s = site.cpu_s,
+                           .energy_j = site.energy_j,
+                           .how = how};
+  metrics().CountUse(run.context->submission.track, site.cpu_s, site.energy_j.value_or(0));
+  AddToJournal(run.context->evaluation.id, [row](Transaction& writer) {
+    return Note(writer, [&](Transaction& part) { return part.leases.RecordRun(row); });
+  });
+}
+
+void EngineCore::ReclaimAs(int64_t lease, RunEnd how) {
+  const auto run = running_.find(lease);
+  if (run == running_.end()) return;
+  Account(run->second, how);
+  Reclaim(lease);
 }
 
 }  // namespace myograde::server

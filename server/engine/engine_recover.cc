@@ -10,7 +10,6 @@
 #include "server/grading/results.h"
 
 namespace myograde::server {
-
 namespace {
 
 Priority PriorityOf(const StoredEvaluation& stored) {
@@ -37,19 +36,6 @@ std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluati
 
 }  // namespace
 
-EngineCore::ContextPtr EngineCore::ContextOf(StoredEvaluation stored) const {
-  const auto context = std::make_shared<Context>(Context{std::move(stored), "", {}, {}});
-  // An organiser submits on behalf of many people, so it counts for no party.
-  const std::string& who = context->submission.accepted_by;
-  context->party = IsOrganiser(who) ? "" : who;
-  context->runtimes = RuntimesOf(*context);
-  // Their rows change, and those that have ended are large.
-  for (const LeaseRow& lease : std::exchange(context->leases, {})) {
-    context->blocks[lease.id] = {lease.first, lease.last};
-  }
-  return context;
-}
-
 absl::Status EngineCore::Enqueue(int64_t id) {
   absl::StatusOr<StoredEvaluation> stored = readers_.Read<StoredEvaluation>(
       [&](const Transaction& reader) { return LoadEvaluation(reader, id, content_); });
@@ -64,10 +50,13 @@ absl::Status EngineCore::Enqueue(int64_t id) {
     return absl::OkStatus();
   }
   EvaluationSpec spec;
-  for (const LeaseRow& lease : stored->leases) {
+  const auto context = std::make_shared<Context>(Context{*std::move(stored), {}, {}});
+  context->runtimes = RuntimesOf(*context);
+  // Their rows change, and those that have ended are large.
+  for (const LeaseRow& lease : std::exchange(context->leases, {})) {
+    context->blocks[lease.id] = {lease.first, lease.last};
     if (!IsFinal(lease.state)) spec.leases.push_back({lease.id, lease.attempt, lease.faults});
   }
-  const ContextPtr context = ContextOf(*std::move(stored));
   contexts_[id] = context;
   if (spec.leases.empty()) {
     to_settle_.insert(id);
@@ -75,7 +64,9 @@ absl::Status EngineCore::Enqueue(int64_t id) {
   }
   spec.id = id;
   spec.team = context->submission.team;
-  spec.party = context->party;
+  // An organiser submits on behalf of many people, so it counts for no party.
+  const std::string& who = context->submission.accepted_by;
+  spec.party = IsOrganiser(who) ? "" : who;
   spec.priority = PriorityOf(*context);
   spec.lease_wall =
       absl::Seconds(context->track->config.budgets.lease_wall_s) + options_.config.lease_grace;
@@ -116,34 +107,27 @@ absl::Status EngineCore::Recover() {
   CloseSlots(0, options_.config.scheduler.slots);
   RETURN_IF_ERROR(RecallDrained());
   UnfinishedRows unfinished;
-  std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
-  RETURN_IF_ERROR(readers_.Read([&](const Transaction& reader) {
-    unfinished = reader.evaluations.Unfinished();
-    for (const EvaluationRow& evaluation : unfinished.rows) {
-      const absl::StatusOr<std::vector<LeaseRow>> leases = reader.leases.Of(evaluation.id);
-      if (!leases.ok()) continue;  // Enqueue runs into the same error
-      for (const LeaseRow& lease : *leases) {
-        if (lease.state == LeaseState::kRunning) interrupted[evaluation.id].push_back(lease);
-      }
-    }
-    return absl::OkStatus();
-  }));
-  std::map<int64_t, absl::Status> refused;
+  std::map<int64_t, absl::Status> interrupted;  // evaluations with leases that are returned
   RETURN_IF_ERROR(disk_.Write([&](Transaction& writer) {
-    refused.clear();
-    for (const auto& [evaluation, open] : interrupted) {
-      refused[evaluation] = writer.Part([&leases = open, this](Transaction& part) {
+    unfinished = writer.evaluations.Unfinished();
+    interrupted.clear();
+    for (const EvaluationRow& evaluation : unfinished.rows) {
+      absl::StatusOr<std::vector<LeaseRow>> leases = writer.leases.Of(evaluation.id);
+      if (!leases.ok()) continue;  // Enqueue runs into the same error
+      std::erase_if(*leases, [](const LeaseRow& row) { return row.state != LeaseState::kRunning; });
+      if (leases->empty()) continue;
+      interrupted[evaluation.id] = writer.Part([&](Transaction& part) {
         absl::Status returned;
-        for (const LeaseRow& lease : leases) {
+        for (const LeaseRow& lease : *leases) {
           returned.Update(part.leases.Return(lease.id, lease.attempt, /*fault=*/false, owner_,
-                                           "an earlier daemon ended while it ran"));
+                                             "an earlier daemon ended while it ran"));
         }
         return returned;
       });
     }
     return absl::OkStatus();
   }));
-  for (const auto& [evaluation, why] : refused) {
+  for (const auto& [evaluation, why] : interrupted) {
     if (!why.ok()) GiveUpUnreadable(evaluation, std::string(why.message()));
   }
   for (const Damage& damage : unfinished.damaged) {

@@ -26,22 +26,16 @@ QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
   outlook.waiting = scheduler_.WhyWaiting(evaluation, now);
   outlook.owner = owner_;
   if (!outlook.waiting.empty()) {
-    if (const std::string why = host_.PauseReason(now); !why.empty()) {
-      absl::StrAppend(&outlook.waiting, "; nothing starts: ", why);
-    }
-    for (const auto& [slot, why] : closed_slots_) {
+    const auto add = [&](const char* what, const std::string& why) {
+      if (!why.empty()) absl::StrAppend(&outlook.waiting, "; nothing starts", what, ": ", why);
+    };
+    add("", host_.PauseReason(now));
+    for (const auto& [slot, why] : troubles_.closed_slots) {
       absl::StrAppend(&outlook.waiting, "; slot ", slot, " is closed until ", why, " is gone");
     }
-    if (!executor_trouble_.empty()) {
-      absl::StrAppend(&outlook.waiting, "; nothing starts: ", executor_trouble_);
-    }
-    if (!disk_trouble_.empty()) {
-      absl::StrAppend(&outlook.waiting, "; nothing starts: ", disk_trouble_);
-    }
-    if (!store_trouble_.empty()) {
-      absl::StrAppend(&outlook.waiting,
-                      "; nothing starts while the store can't be written: ", store_trouble_);
-    }
+    add("", troubles_.executor_trouble);
+    add("", troubles_.disk_trouble);
+    add(" while the store can't be written", troubles_.store_trouble);
   }
   if (outlook.place.has_value() && mean_lease_ > absl::ZeroDuration() && host_.may_start()) {
     const auto ahead = static_cast<double>(outlook.place->leases_ahead + scheduler_.running());
@@ -56,31 +50,21 @@ std::vector<int64_t> EngineCore::QueueOf(const std::set<std::string>* teams) con
   return scheduler_.QueueOf(teams);
 }
 
-LiveLease EngineCore::Live::At(absl::Duration now) const {
-  LiveLease shown = lease;
-  shown.running = now - since;
-  shown.silent = now - heard;
-  return shown;
-}
-
-void EngineCore::Live::SetSite(const RunnerSite& site) {
-  lease.node = site.node;
-  lease.job = site.job;
-  lease.cpu_s = site.cpu_s;
-}
-
 std::map<int64_t, LiveLease> EngineCore::Running(const std::set<int64_t>* among) const {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   std::map<int64_t, LiveLease> leases;
+  const auto add = [&](int64_t id, const Live& live) {
+    LiveLease& shown = leases.emplace_hint(leases.end(), id, live.lease)->second;
+    shown.running = now - live.since;
+    shown.silent = now - live.heard;
+  };
   if (among == nullptr) {
-    for (const auto& [id, live] : live_) leases.emplace_hint(leases.end(), id, live.At(now));
+    for (const auto& [id, live] : live_) add(id, live);
     return leases;
   }
   for (const int64_t id : *among) {
-    if (const auto live = live_.find(id); live != live_.end()) {
-      leases.emplace_hint(leases.end(), id, live->second.At(now));
-    }
+    if (const auto live = live_.find(id); live != live_.end()) add(id, live->second);
   }
   return leases;
 }
@@ -89,22 +73,17 @@ LiveHealth EngineCore::Health() const {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   LiveHealth health;
+  static_cast<EngineTroubles&>(health) = troubles_;
   health.running = scheduler_.running();
   health.pending = scheduler_.pending();
-  health.ending = stopping_count_;
-  health.closed_slots = closed_slots_;
-  health.store_trouble = store_trouble_;
-  health.executor_trouble = executor_trouble_;
   if (lost_in_a_row_ >= kManyLosses) {
     health.losses = absl::StrCat("the last ", lost_in_a_row_, " leases were lost, the latest because: ",
                                  last_loss_);
   }
-  health.disk_trouble = disk_trouble_;
-  health.unreadable = unreadable_;
   health.host = host_.state();
   health.host_trouble = host_.PauseReason(now);
   health.journal = journal_size_;
-  health.busy_slots = scheduler_.taken_slots() - static_cast<int>(closed_slots_.size());
+  health.busy_slots = scheduler_.taken_slots() - static_cast<int>(troubles_.closed_slots.size());
   health.queue = scheduler_.DepthAt(now);
   for (const auto& [id, live] : live_) {
     const absl::Duration age = now - live.since;

@@ -1,5 +1,5 @@
 // What is checked before a rejudge is created, and what it will do. The requests themselves are
-// Engine's (CreateRejudge, ApplyRejudge, DropRejudge); what was created is carried out by Rejudger
+// Engine's (CreateRejudge, EndRejudge); what was created is carried out by Rejudger
 // (rejudges.h).
 #pragma once
 

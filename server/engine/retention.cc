@@ -40,30 +40,29 @@ int64_t ChangedAt(const fs::path& path) {
 
 }  // namespace
 
-std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
-                                   int64_t now_ms) {
+std::vector<KeptFile> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
+                                     int64_t now_ms) {
   std::sort(files.begin(), files.end(), [](const KeptFile& a, const KeptFile& b) {
     return std::tie(a.last_use, a.name) < std::tie(b.last_use, b.name);
   });
   int64_t sum = 0;
   for (const KeptFile& file : files) sum += file.bytes;
   size_t may_age_out = std::max(kFewestAgedOut, files.size() / 10);
-  std::vector<Choice> choices;
-  for (const KeptFile& file : files) {
+  std::vector<KeptFile> choices;
+  for (KeptFile& file : files) {
     if (file.needed) continue;
     const absl::Duration unused = absl::Milliseconds(now_ms - file.last_use);
-    std::string why;
     if (unused > age && may_age_out > 0) {
       --may_age_out;
-      why = absl::StrCat("of no use for ", absl::ToInt64Hours(unused) / 24, " days, kept for ",
-                         absl::ToInt64Hours(age) / 24);
+      file.why = absl::StrCat("of no use for ", absl::ToInt64Hours(unused) / 24, " days, kept for ",
+                              absl::ToInt64Hours(age) / 24);
     } else if (sum > bytes) {
-      why = absl::StrCat("all together had ", sum, " bytes, ", bytes, " are kept");
+      file.why = absl::StrCat("all together had ", sum, " bytes, ", bytes, " are kept");
     } else {
       continue;
     }
     sum -= file.bytes;
-    choices.push_back({file, std::move(why)});
+    choices.push_back(std::move(file));
   }
   return choices;
 }
@@ -132,10 +131,10 @@ void Retention::MakeRoom() {
   for (const KeptFile& log : logs) sum += log.bytes;
   // A little more, so that not every episode begins this again.
   const int64_t wanted = disk_reserve_ - disk->free + disk_reserve_ / 8;
-  std::vector<Choice> choices =
+  std::vector<KeptFile> choices =
       ChooseRemovals(std::move(logs), absl::InfiniteDuration(), std::max<int64_t>(sum - wanted, 0),
                      absl::ToUnixMillis(clock_.Now()));
-  for (Choice& choice : choices) {
+  for (KeptFile& choice : choices) {
     choice.why = absl::StrCat("the disk had ", disk->free, " bytes free, and ", disk_reserve_,
                               " are its reserve");
   }
@@ -152,11 +151,6 @@ void Retention::Write(const char* what, const std::function<void(Transaction&)>&
   if (!status.ok()) spdlog::warn("{}: {}", what, std::string(status.message()));
 }
 
-void Retention::RemoveDenials(int64_t now_ms) {
-  Write("retention of denials", [before = now_ms - absl::ToInt64Milliseconds(kDenialsKept)](
-                                    Transaction& writer) { writer.callers.RemoveDenials(before); });
-}
-
 void Retention::NoteTime() {
   Write("the time of the store's use", [now = absl::ToUnixMillis(time_.Now())](
                                            Transaction& writer) { writer.SetTrustedTime(now); });
@@ -166,7 +160,8 @@ void Retention::Sweep() {
   MakeRoom();
   NoteTime();
   const int64_t now = absl::ToUnixMillis(time_.Now());
-  RemoveDenials(now);
+  Write("retention of denials", [before = now - absl::ToInt64Milliseconds(kDenialsKept)](
+                                    Transaction& writer) { writer.callers.RemoveDenials(before); });
   const auto look = [&](const char* kind, absl::StatusOr<std::vector<KeptFile>> files,
                         absl::Duration age, int64_t bytes) {
     if (!files.ok()) {
@@ -175,12 +170,12 @@ void Retention::Sweep() {
     }
     int64_t kept = 0;
     for (const KeptFile& file : *files) kept += file.bytes;
-    const std::vector<Choice> choices = ChooseRemovals(*std::move(files), age, bytes, now);
-    for (const Choice& choice : choices) kept -= choice.file.bytes;
+    const std::vector<KeptFile> choices = ChooseRemovals(*std::move(files), age, bytes, now);
+    for (const KeptFile& choice : choices) kept -= choice.bytes;
     Remove(kind, choices);
     engine_.metrics().SetKept(kind, kept, clock_.Now());
   };
-  absl::StatusOr<std::vector<Choice>> unsubmitted = Unsubmitted(now);
+  absl::StatusOr<std::vector<KeptFile>> unsubmitted = Unsubmitted(now);
   if (unsubmitted.ok()) {
     Remove(kUploadKind, *unsubmitted);
   } else {
@@ -197,20 +192,20 @@ void Retention::Sweep() {
   look("log", std::move(logs), limits_.log_age, limits_.log_bytes);
 }
 
-absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
+absl::StatusOr<std::vector<KeptFile>> Retention::Unsubmitted(int64_t now_ms) {
   using Uploads = std::vector<UploadRow>;
   ASSIGN_OR_RETURN(const Uploads uploads, readers_.Read<Uploads>([](const Transaction& reader) {
     return reader.content.Uploads();
   }));
-  std::vector<Choice> choices;
+  std::vector<KeptFile> choices;
   for (const UploadRow& upload : uploads) {
     if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
         choices.size() == kFewestAgedOut) {
       break;
     }
     choices.push_back(
-        {{upload.hash, ArtefactFolder(data_dir_, upload.hash), upload.bytes, upload.at,
-          /*needed=*/false},
+        {upload.hash, ArtefactFolder(data_dir_, upload.hash), upload.bytes, upload.at,
+         /*needed=*/false,
          absl::StrCat("was not submitted within ", absl::FormatDuration(limits_.upload_age))});
   }
   return choices;
@@ -268,16 +263,15 @@ absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile
 // Removes row and file together, on the engine's thread, and only if the file is still not needed:
 // a submission accepted before keeps the file, and a later one finds it gone. If the row can't be
 // written after all, the file comes back.
-void Retention::Remove(const std::string& kind, const std::vector<Choice>& choices) {
-  for (const Choice& choice : choices) {
+void Retention::Remove(const std::string& kind, const std::vector<KeptFile>& files) {
+  for (const KeptFile& file : files) {
     if (stop_.stop_requested()) return;
-    const std::string& from = choice.file.path;
-    const std::string to = absl::StrCat(data_dir_, "/spool/removed-", choice.file.name);
+    const std::string& from = file.path;
+    const std::string to = absl::StrCat(data_dir_, "/spool/removed-", file.name);
     const absl::StatusOr<bool> removed = engine_.Change<bool>(
         [=](Transaction& writer) -> absl::StatusOr<bool> {
-          ASSIGN_OR_RETURN(
-              const bool unneeded,
-              writer.content.Remove(kind, choice.file.name, choice.file.bytes, choice.why));
+          ASSIGN_OR_RETURN(const bool unneeded,
+                           writer.content.Remove(kind, file.name, file.bytes, file.why));
           if (unneeded && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
             return absl::InternalError(
                 absl::StrCat(from, ": can't be removed: ", std::strerror(errno)));
@@ -293,8 +287,8 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     std::error_code error;
     fs::remove_all(to, error);
     if (!*removed) continue;
-    engine_.metrics().CountRemoved(kind == kPracticeLogKind ? "log" : kind, choice.file.bytes);
-    spdlog::info("{} {} is removed: {}", kind, choice.file.name, choice.why);
+    engine_.metrics().CountRemoved(kind == kPracticeLogKind ? "log" : kind, file.bytes);
+    spdlog::info("{} {} is removed: {}", kind, file.name, file.why);
   }
 }
 

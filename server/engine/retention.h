@@ -23,11 +23,7 @@ struct KeptFile {
   int64_t bytes = 0;
   int64_t last_use = 0;  // ms since 1970-01-01 UTC
   bool needed = false;   // never removed
-};
-
-struct Choice {
-  KeptFile file;
-  std::string why;
+  std::string why = {};  // it is removed
 };
 
 // A sweep removes so many files of a kind for their age at most, or a tenth of them if that is more:
@@ -36,7 +32,7 @@ inline constexpr size_t kFewestAgedOut = 10;
 
 // Chooses the files to remove: those older than `age`, as many as a sweep may, then the oldest until
 // the rest is at most `bytes` in total. Returned oldest first; equal ages by name.
-std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
+std::vector<KeptFile> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
                                    int64_t now_ms);
 
 // What ages are counted to. A clock that is ahead of what the daemon trusted last by more than
@@ -76,17 +72,16 @@ class Retention {
   void Sweep();
   // Changes the store; an error is logged as one of `what`.
   void Write(const char* what, const std::function<void(Transaction&)>& change);
-  void RemoveDenials(int64_t now_ms);
   // Keeps the trusted time for the next start.
   void NoteTime();
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
   // Removes the oldest logs of practice while the disk lacks its reserve.
   void MakeRoom();
   // Uploads that are too old and were never submitted.
-  absl::StatusOr<std::vector<Choice>> Unsubmitted(int64_t now_ms);
+  absl::StatusOr<std::vector<KeptFile>> Unsubmitted(int64_t now_ms);
   std::vector<KeptFile> Logs();  // leaves `needed` unset
   absl::StatusOr<std::vector<KeptFile>> WithNeeded(std::vector<KeptFile> logs);
-  void Remove(const std::string& kind, const std::vector<Choice>& choices);
+  void Remove(const std::string& kind, const std::vector<KeptFile>& files);
 
   const RetentionLimits limits_;
   const int64_t disk_reserve_;

@@ -29,6 +29,44 @@ absl::StatusOr<SubmissionRow> SubmissionOf(const Transaction& reader,
   return submission;
 }
 
+// Whether a list left nothing out.
+template <typename Row>
+absl::Status StatusOfList(const Listed<Row>& list) {
+  return list.left_out ? DamagedRow(*list.left_out) : absl::OkStatus();
+}
+
+// An evaluation with all that belongs to it.
+absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredContent& content) {
+  ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, id, content));
+  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.episodes.Of(id);
+  if (rows.ok() && stored.evaluation.state == EvaluationState::kDone) {
+    rows = WholeEpisodes(reader, stored.evaluation, *stored.seeds);
+  }
+  if (!rows.ok()) return rows.status();
+  for (const EpisodeRow& row : *rows) {
+    const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
+    if (judged.ok()) continue;
+    return DamageOf(judged).has_value()
+               ? judged
+               : Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
+  }
+  RETURN_IF_ERROR(CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt));
+  RETURN_IF_ERROR(reader.episodes.Details(id).status());
+  RETURN_IF_ERROR(reader.episodes.Repeats(id).status());
+  RETURN_IF_ERROR(reader.leases.RunsOf(id).status());
+  return reader.evaluations.Transitions("evaluation", id).status();
+}
+
+absl::Status CheckTeams(const Transaction& reader) {
+  const Listed<TeamRow> teams = reader.teams.List();
+  RETURN_IF_ERROR(StatusOfList(teams));
+  for (const TeamRow& team : teams.rows) {
+    RETURN_IF_ERROR(StatusOfList(reader.teams.Members(team.name)));
+    RETURN_IF_ERROR(StatusOfList(reader.quotas.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<TrackPtr> StoredContent::Track(const Transaction& reader, const std::string& hash) {
@@ -123,58 +161,6 @@ absl::Status CheckResults(const Transaction& reader, const EvaluationRow& evalua
   return !recorded.is_string() || recorded == hash ? absl::OkStatus() : damaged("the public record");
 }
 
-namespace {
-
-// Whether a list left nothing out.
-template <typename Row>
-absl::Status StatusOfList(const Listed<Row>& list) {
-  return list.left_out ? DamagedRow(*list.left_out) : absl::OkStatus();
-}
-
-// An evaluation with all that belongs to it.
-absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredContent& content) {
-  ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, id, content));
-  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.episodes.Of(id);
-  if (rows.ok() && stored.evaluation.state == EvaluationState::kDone) {
-    rows = WholeEpisodes(reader, stored.evaluation, *stored.seeds);
-  }
-  if (!rows.ok()) return rows.status();
-  for (const EpisodeRow& row : *rows) {
-    const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
-    if (judged.ok()) continue;
-    return DamageOf(judged).has_value()
-               ? judged
-               : Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
-  }
-  absl::Status status =
-      CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt);
-  status.Update(reader.episodes.Details(id).status());
-  status.Update(reader.episodes.Repeats(id).status());
-  status.Update(reader.leases.RunsOf(id).status());
-  status.Update(reader.evaluations.Transitions("evaluation", id).status());
-  return status;
-}
-
-absl::Status CheckTeams(const Transaction& reader) {
-  const Listed<TeamRow> teams = reader.teams.List();
-  absl::Status status = StatusOfList(teams);
-  for (const TeamRow& team : teams.rows) {
-    RETURN_IF_ERROR(status);
-    status.Update(StatusOfList(reader.teams.Members(team.name)));
-    status.Update(StatusOfList(reader.quotas.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
-  }
-  return status;
-}
-
-absl::Status CheckRejudges(const Transaction& reader) {
-  for (const auto& [id, rejudge] : reader.Board().rejudges()) {
-    RETURN_IF_ERROR(reader.evaluations.OfRejudge(id).status());
-  }
-  return absl::OkStatus();
-}
-
-}  // namespace
-
 absl::Status CheckReadable(const Transaction& reader) {
   StoredContent content;
   for (const std::string& hash : reader.content.Hashes("artefact")) {
@@ -187,27 +173,25 @@ absl::Status CheckReadable(const Transaction& reader) {
     RETURN_IF_ERROR(content.Seeds(reader, hash).status());
   }
   RETURN_IF_ERROR(CheckTeams(reader));
-  SubmissionFilter all;
-  all.limit = INT64_MAX;
-  const Listed<SubmissionRow> submissions = reader.submissions.List(all);
+  const Listed<SubmissionRow> submissions = reader.submissions.List({.limit = INT64_MAX});
   RETURN_IF_ERROR(StatusOfList(submissions));
   for (const SubmissionRow& submission : submissions.rows) {
-    absl::Status status = reader.evaluations.Transitions("submission", submission.id).status();
-    const absl::StatusOr<std::vector<EvaluationRow>> evaluations =
-        reader.evaluations.Of(submission.id);
-    status.Update(evaluations.status());
-    RETURN_IF_ERROR(status);
-    for (const EvaluationRow& evaluation : *evaluations) {
+    RETURN_IF_ERROR(reader.evaluations.Transitions("submission", submission.id).status());
+    ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations,
+                     reader.evaluations.Of(submission.id));
+    for (const EvaluationRow& evaluation : evaluations) {
       RETURN_IF_ERROR(CheckEvaluation(reader, evaluation.id, content));
     }
   }
   for (const auto& [act, what] : reader.Board().damaged()) {
     return DamagedRow({"journal", absl::StrCat(act), what});
   }
-  absl::Status status = StatusOfList(reader.leases.DrainedNodes());
-  status.Update(StatusOfList(reader.journal.Record(0, reader.journal.RecordSize())));
-  if (status.ok()) status = CheckRejudges(reader);
-  return status;
+  RETURN_IF_ERROR(StatusOfList(reader.leases.DrainedNodes()));
+  RETURN_IF_ERROR(StatusOfList(reader.journal.Record(0, reader.journal.RecordSize())));
+  for (const auto& [id, rejudge] : reader.Board().rejudges()) {
+    RETURN_IF_ERROR(reader.evaluations.OfRejudge(id).status());
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluation) {

@@ -53,8 +53,4 @@ absl::StatusOr<std::unique_ptr<Runner>> LocalExecutor::Start(const LeaseOrder& u
   return *std::move(runner);
 }
 
-std::map<int, std::string> LocalExecutor::ProcessesOf(int first, int count) {
-  return slots_.Find(first, count);
-}
-
 }  // namespace myograde::server

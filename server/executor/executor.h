@@ -19,9 +19,6 @@ namespace myograde::server {
 
 // What an executor needs to know of a lease beside its order.
 struct LeaseSubject {
-  int64_t evaluation = 0;  // 0: none, a self-test
-  int64_t lease = 0;
-  int64_t attempt = 0;
   std::string artefact;    // digest of the files in order.artefact_dir; "": not a submission's
   std::vector<std::pair<std::string, std::string>> runtimes;  // those of the order: name and digest
   absl::Duration wall;     // longest run
@@ -58,10 +55,7 @@ class Executor {
 
   // Living processes on this host in the sandboxes of slots `first` to `first + count - 1`, whoever
   // started them: by slot, described for people.
-  virtual std::map<int, std::string> ProcessesOf(int first, int count) {
-    (void)first, (void)count;
-    return {};
-  }
+  virtual std::map<int, std::string> ProcessesOf(int /*first*/, int /*count*/) { return {}; }
 
   // True if leases run on other hosts. Then they wait there for a processor before they begin
   // (Runner::begun), slots are jobs, and this host's self-test says nothing.
@@ -71,7 +65,7 @@ class Executor {
   virtual std::string CannotStart() const { return ""; }
 
   // The attempt on this node ended: with a fault of the grader's, or well.
-  virtual void NoteEnd(const std::string& node, bool fault) { (void)node, (void)fault; }
+  virtual void NoteEnd(const std::string& /*node*/, bool /*fault*/) {}
 
   // The nodes that it knows, by name. Safe from any thread, as are the three below.
   virtual std::vector<NodeView> Nodes() const { return {}; }
@@ -94,7 +88,9 @@ class LocalExecutor : public Executor {
   explicit LocalExecutor(SlotProcesses slots) : slots_(std::move(slots)) {}
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order,
                                                 const LeaseSubject& subject) override;
-  std::map<int, std::string> ProcessesOf(int first, int count) override;
+  std::map<int, std::string> ProcessesOf(int first, int count) override {
+    return slots_.Find(first, count);
+  }
 
  private:
   const SlotProcesses slots_;

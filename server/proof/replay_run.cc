@@ -9,7 +9,6 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
-#include "server/runner/lease_order.h"
 #include "server/runner/lease_report.h"
 
 namespace myograde::server {
@@ -64,12 +63,13 @@ class Run {
     const ReplayBlock& block = order_.blocks[next_];
     const std::string id = absl::StrCat("replay-", next_);
     const int64_t user = order_.uid_base < 0 ? -1 : order_.uid_base + static_cast<int64_t>(slot);
-    LeaseOrder lease = MakeReplayOrder(id, order_.track, block.episodes, block.logs,
-                                             {.slot = static_cast<int64_t>(slot),
-                                              .uid = user,
-                                              .work_dir = absl::StrCat(order_.work_dir, "/", id),
-                                              .cache_dir = order_.cache_dir,
-                                              .log_dir = ""});
+    LeaseOrder lease = MakeLeaseOrder(id, order_.track, block.episodes, {},
+                                      {.slot = static_cast<int64_t>(slot),
+                                       .uid = user,
+                                       .work_dir = absl::StrCat(order_.work_dir, "/", id),
+                                       .cache_dir = order_.cache_dir,
+                                       .log_dir = ""});
+    lease.replay = block.logs;
     lease.trajectory = block.trajectory;
     lease.background = order_.background;
     std::error_code error;

@@ -12,7 +12,6 @@
 #include <cstring>
 #include <new>
 #include <utility>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 
@@ -74,7 +73,7 @@ LeaseRunner::~LeaseRunner() {
 bool LeaseRunner::Run() {
   const absl::Status status = Play();
   // Prepared, but the simulator failed before asking for it.
-  if (prepared_ != nullptr) leftovers_.End(std::move(prepared_));
+  if (prepared_ != nullptr) EndRun(std::move(prepared_));
   (void)Heartbeat();
   EndPolicy();
   (void)Heartbeat();
@@ -268,7 +267,7 @@ absl::Status LeaseRunner::PreparePolicy() {
 
 absl::Status LeaseRunner::SendPolicy() {
   EndPolicy();
-  if (!leftovers_.Gone()) {
+  if (!Alone()) {
     policy_requested_at_ = SystemClock().Monotonic();
     return absl::OkStatus();
   }
@@ -324,7 +323,7 @@ void LeaseRunner::EndPolicy() {
   policy_->DrainOutput();
   peak_memory_ = std::max(peak_memory_, policy_->peak_memory_bytes());
   finished_cpu_ns_ += policy_->CpuNs();
-  leftovers_.End(std::move(policy_));
+  EndRun(std::move(policy_));
   RefreshCpu();
 }
 
@@ -333,7 +332,9 @@ void LeaseRunner::EndSim() {
   const Deadline deadline(absl::Seconds(context_.config.policy.kill_s));
   if (sim_tree_.has_value()) sim_cpu_ns_ = sim_tree_->CpuNs(/*by_chance=*/false);
   const bool dead = sim_->Kill(deadline.left());
-  if (!sim_group_->KillAll(deadline.left()) || !dead) leftovers_.Keep(*sim_, *sim_group_);
+  if (!sim_group_->KillAll(deadline.left()) || !dead) {
+    leftovers_.push_back([this] { return sim_->Gone() && sim_group_->Members().empty(); });
+  }
   if (!sim_tree_.has_value()) sim_cpu_ns_ = sim_group_->cpu_ns();
 }
 

@@ -2,9 +2,11 @@
 // and the caller. Single-threaded.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <random>
+#include <vector>
 
 #include <absl/status/status.h>
 #include <absl/time/time.h>
@@ -47,6 +49,10 @@ class LeaseRunner {
   void EndSim();
   void EndPolicy();
   void AwaitPolicyExit();
+  // Ends a run, which becomes a leftover if any of its processes survive. Takes up to kill_s.
+  void EndRun(std::unique_ptr<PolicyRun> run);
+  // Nothing of what was killed is left.
+  bool Alone();
   void WaitForLeftovers();
   void SamplePolicy();
   void CountIdle();
@@ -77,7 +83,11 @@ class LeaseRunner {
   std::unique_ptr<PolicyRun> prepared_;
   Fd prepared_channel_;
   std::unique_ptr<PolicyRun> policy_;
-  Leftovers leftovers_;
+  // Of what was killed but is not dead yet (a process stuck in the kernel, or so many that a busy
+  // host takes long to reap them): whether it is gone now; never blocks. After SIGKILL processes run
+  // none of their own code, but they hold their user, memory and disk until they are gone. So no
+  // other policy starts beside them, and the slot stays taken. What the lease has recorded stands.
+  std::vector<std::function<bool()>> leftovers_;
   // Set while the simulator waits for a policy that can't start beside leftovers.
   std::optional<absl::Duration> policy_requested_at_;
   FaultEvidence last_ruling_;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <random>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -62,9 +63,19 @@ bool LeaseRunner::SimRuns() {
   return AnyThreadIs("R", sim_tree_->members());
 }
 
+void LeaseRunner::EndRun(std::unique_ptr<PolicyRun> run) {
+  if (run->End()) return;
+  leftovers_.push_back([left = std::shared_ptr(std::move(run))] { return left->Gone(); });
+}
+
+bool LeaseRunner::Alone() {
+  std::erase_if(leftovers_, [](const std::function<bool()>& gone) { return gone(); });
+  return leftovers_.empty();
+}
+
 // The caller reuses the slot once this process is dead.
 void LeaseRunner::WaitForLeftovers() {
-  while (!leftovers_.Gone()) {
+  while (!Alone()) {
     pollfd entries[] = {{stop_, POLLIN, 0}, {signals_, POLLIN, 0}};
     if (poll(entries, std::size(entries), kLeftoverPollMs) > 0) return;
   }
@@ -72,7 +83,7 @@ void LeaseRunner::WaitForLeftovers() {
 
 // Answers the simulator's request for a policy once nothing is left of the previous one.
 absl::Status LeaseRunner::SendPolicyWhenAlone() {
-  if (leftovers_.Gone()) {
+  if (Alone()) {
     policy_requested_at_.reset();
     return SendPolicy();
   }

@@ -12,6 +12,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
+#include "protocol/lease/policy_seed.h"
 #include "server/base/paths.h"
 
 namespace myograde::server {
@@ -38,6 +39,28 @@ absl::Status WriteOrder(const std::string& text, const std::string& path) {
 }
 
 }  // namespace
+
+std::vector<EpisodeOrder> EpisodesOf(const TrackConfig& track, const std::vector<uint64_t>& seeds,
+                                     int64_t first, int64_t last) {
+  std::vector<EpisodeOrder> episodes;
+  for (int64_t index = first; index <= last; ++index) {
+    episodes.push_back({index, seeds.at(static_cast<size_t>(index)),
+                        PolicySeed(track.policy_seed_secret, index)});
+  }
+  return episodes;
+}
+
+LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,
+                          std::vector<EpisodeOrder> episodes, const LeaseProgram& program,
+                          const LeasePlace& place) {
+  LeaseOrder order;
+  static_cast<LeaseProgram&>(order) = program;
+  static_cast<LeasePlace&>(order) = place;
+  order.lease = std::move(id);
+  order.track = track;
+  order.episodes = std::move(episodes);
+  return order;
+}
 
 absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order) {
   ASSIGN_OR_RETURN(Started started,
@@ -73,19 +96,14 @@ RunnerProcess::~RunnerProcess() { Kill(); }
 absl::StatusOr<std::vector<LeaseRecord>> RunnerProcess::Read() {
   started_.child.Look();
   std::vector<LeaseRecord> records;
-  RETURN_IF_ERROR(DrainStdout(records));
-  return records;
-}
-
-absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
   char buffer[16 << 10];
   while (started_.records.valid()) {
     const ssize_t n = ::read(started_.records.get(), buffer, sizeof(buffer));
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0 && errno == EAGAIN) return absl::OkStatus();
+    if (n < 0 && errno == EAGAIN) return records;
     if (n <= 0) {
       started_.records.reset();
-      if (line_.empty()) return absl::OkStatus();
+      if (line_.empty()) return records;
       return absl::DataLossError(
           absl::StrCat("the runner of lease ", started_.lease, " ended in the middle of a record"));
     }
@@ -109,7 +127,7 @@ absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
           absl::StrCat("the runner of lease ", started_.lease, " printed a line without an end"));
     }
   }
-  return absl::OkStatus();
+  return records;
 }
 
 void RunnerProcess::AskToEnd() {

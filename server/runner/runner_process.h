@@ -1,17 +1,10 @@
-// A lease as its caller sees it: a runner whose records arrive on a pipe. Used by the daemon's poll
-// loop and by `myograde local`.
-//
-//   absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
-//   while (!(*runner)->finished()) {
-//     poll(stdout_fd and stderr_fd of all runners, timeout);
-//     auto records = (*runner)->Read();             // never blocks
-//     if (!records.ok()) (*runner)->Kill();         // the grader's fault, see status
-//     ...
-//   }
+// A lease as its caller sees it: an order, and a runner whose records arrive on a pipe. Used by the
+// daemon's poll loop, by its self-test, by `myograde local` and by replays.
 #pragma once
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -26,6 +19,15 @@
 #include "server/base/child_process.h"
 
 namespace myograde::server {
+
+// Episodes `first` to `last` of an evaluation. REQUIRES: `seeds` covers them.
+std::vector<EpisodeOrder> EpisodesOf(const TrackConfig& track, const std::vector<uint64_t>& seeds,
+                                     int64_t first, int64_t last);
+
+// `id` appears in messages and in the names of temporary files.
+LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,
+                          std::vector<EpisodeOrder> episodes, const LeaseProgram& program,
+                          const LeasePlace& place);
 
 // Tests use fakes.
 class Runner {
@@ -125,8 +127,6 @@ class RunnerProcess : public Runner {
   void Kill();
 
  private:
-  absl::Status DrainStdout(std::vector<LeaseRecord>& records);
-
   Started started_;
   bool saw_end_ = false;
   bool dead_ = false;

@@ -38,7 +38,6 @@ class HostHealth {
 
   bool may_start() const { return state_ == State::kWell; }
   State state() const { return state_; }
-  bool testing() const { return testing_; }
   // When to poll again even if nothing happens.
   std::optional<absl::Duration> NextTest() const;
   // Why nothing starts, for people; "" if kWell.

@@ -24,26 +24,18 @@ void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   evaluation.priority = spec.priority;
   evaluation.waits_since = now;
   for (const LeaseSpec& entry : spec.leases) {
-    Lease& lease = leases_[entry.id];
-    lease.id = entry.id;
-    lease.evaluation = spec.id;
-    lease.attempt = entry.attempt;
-    lease.faults = entry.faults;
+    leases_[entry.id] = {entry, spec.id};
     evaluation.waiting.insert(entry.id);
   }
   Team& team = teams_[spec.team];
   if (team.joined == 0 && spec.priority != Priority::kRejudge) team.joined = ++joins_;
-  UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
 }
 
-void Scheduler::UpdateLine(Evaluation& evaluation) {
-  teams_.at(evaluation.spec.team)
-      .line.Set(evaluation.priority, evaluation.spec.id,
-                static_cast<int64_t>(evaluation.waiting.size()));
-}
-
+// Takes note of which of its leases wait.
 void Scheduler::Wait(Evaluation& evaluation, absl::Duration until) {
+  teams_.at(evaluation.spec.team)
+      .line.Set(evaluation.priority, evaluation.spec.id, std::ssize(evaluation.waiting));
   waits_.erase({evaluation.wait_over, evaluation.spec.id});
   const bool waits = !evaluation.waiting.empty() && evaluation.priority != Priority::kRejudge;
   evaluation.wait_over = waits ? until : absl::InfiniteDuration();
@@ -70,23 +62,14 @@ std::optional<int> Scheduler::TakeSlot() {
 }
 
 Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation& evaluation) const {
-  const bool goes_on = team.turn_left > 0 && team.turn_of == evaluation.spec.id;
-  Precedence turn = {team.running, goes_on ? team.turn_began : INT64_MAX, team.last_start,
+  const bool goes_on = team.turn.left > 0 && team.turn.of == evaluation.spec.id;
+  Precedence turn = {team.running, goes_on ? team.turn.began : INT64_MAX, team.last_start,
                      team.joined};
   const auto party = parties_.find(evaluation.spec.party);
   if (party == parties_.end()) return turn;
   turn.running = std::max(turn.running, party->second.running);
   turn.last_start = std::max(turn.last_start, party->second.last_start);
   return turn;
-}
-
-void Scheduler::CountTurn(Team& team, int64_t evaluation, int64_t start) {
-  if (team.turn_left == 0 || team.turn_of != evaluation) {
-    team.turn_of = evaluation;
-    team.turn_began = start;
-    team.turn_left = kLongestTurn;
-  }
-  --team.turn_left;
 }
 
 std::optional<Start> Scheduler::Next(absl::Duration now) {
@@ -97,7 +80,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
     for (auto& [name, team] : teams_) {
       if (!MayStart(team, Priority(priority))) continue;
       // A party's running leases, or another evaluation's turn, can only move it back.
-      const Precedence earliest = {team.running, team.turn_left > 0 ? team.turn_began : INT64_MAX,
+      const Precedence earliest = {team.running, team.turn.left > 0 ? team.turn.began : INT64_MAX,
                                    team.last_start, team.joined};
       if (best != nullptr && first <= earliest) continue;
       Lease* lease = FirstReady(team, Priority(priority), now);
@@ -113,10 +96,8 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   delayed_.erase({best->not_before, best->id});
   evaluation.waiting.erase(best->id);
   evaluation.running.insert(best->id);
-  UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
   evaluation.waits_since = now;
-  best->running = true;
   best->attempt += 1;
   best->slot = *TakeSlot();
   best->started = ++starts_;
@@ -130,9 +111,12 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
     share->last_start = starts_;
   }
   if (evaluation.priority != Priority::kRejudge) {
-    CountTurn(teams_.at(evaluation.spec.team), evaluation.spec.id, starts_);
+    const int64_t id = evaluation.spec.id;
+    Turn& turn = teams_.at(evaluation.spec.team).turn;
+    if (turn.left == 0 || turn.of != id) turn = {id, starts_, kLongestTurn};
+    --turn.left;
   }
-  return Start{best->evaluation, best->id, best->attempt, best->slot, evaluation.spec.lease_wall};
+  return StartOf(*best);
 }
 
 int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
@@ -153,7 +137,7 @@ int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
   return ready;
 }
 
-std::optional<GivesWay> Scheduler::GiveWay(absl::Duration now) {
+std::optional<Start> Scheduler::GiveWay(absl::Duration now) {
   if (!free_slots_.empty()) return std::nullopt;
   // The one that started last has the least to lose.
   if (running_rejudges_.empty()) return std::nullopt;
@@ -165,14 +149,14 @@ std::optional<GivesWay> Scheduler::GiveWay(absl::Duration now) {
   giving_way_.insert(last->slot);
   StopRunning(*last);
   evaluation.waiting.insert(last->id);
-  UpdateLine(evaluation);
-  return GivesWay{last->evaluation, last->id, last->attempt};
+  Wait(evaluation, absl::InfiniteDuration());
+  return StartOf(*last);
 }
 
 Scheduler::Lease* Scheduler::Current(int64_t lease, int64_t attempt) {
-  const auto it = leases_.find(lease);
-  if (it == leases_.end() || !it->second.running || it->second.attempt != attempt) return nullptr;
-  return &it->second;
+  if (!running_.contains(lease)) return nullptr;
+  Lease& found = leases_.at(lease);
+  return found.attempt == attempt ? &found : nullptr;
 }
 
 void Scheduler::SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at) {
@@ -200,7 +184,6 @@ void Scheduler::Heartbeat(int64_t id, int64_t attempt, absl::Duration now) {
 // The slot stays taken.
 void Scheduler::StopRunning(Lease& lease) {
   Evaluation& evaluation = evaluations_.at(lease.evaluation);
-  lease.running = false;
   running_.erase(lease.id);
   running_rejudges_.erase({lease.started, lease.id});
   SetDeadlines(lease, absl::InfiniteDuration(), absl::InfiniteDuration());
@@ -219,7 +202,6 @@ void Scheduler::Remove(int64_t id) {
   const auto it = evaluations_.find(id);
   Evaluation& evaluation = it->second;
   evaluation.waiting.clear();
-  UpdateLine(evaluation);
   Wait(evaluation, absl::InfiniteDuration());
   evaluations_.erase(it);
 }
@@ -272,7 +254,6 @@ void Scheduler::WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now
   lease.not_before = now + delay;
   delayed_.emplace(lease.not_before, lease.id);
   evaluation.waiting.insert(lease.id);
-  UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
 }
 
@@ -299,17 +280,13 @@ void Scheduler::MoveTeam(const std::string& from, const std::string& to) {
   Team& team = teams_[to];
   const int64_t joined = old->second.joined;
   if (team.joined == 0 || (joined != 0 && joined < team.joined)) team.joined = joined;
-  if (team.turn_left == 0) {
-    team.turn_of = old->second.turn_of;
-    team.turn_began = old->second.turn_began;
-    team.turn_left = old->second.turn_left;
-  }
+  if (team.turn.left == 0) team.turn = old->second.turn;
   team.running += old->second.running;
   team.last_start = std::max(team.last_start, old->second.last_start);
   for (auto& [id, evaluation] : evaluations_) {
     if (evaluation.spec.team != from) continue;
     evaluation.spec.team = to;
-    UpdateLine(evaluation);
+    Wait(evaluation, evaluation.wait_over);
   }
   teams_.erase(old);
 }
@@ -344,7 +321,6 @@ std::vector<int64_t> Scheduler::Escalate(absl::Duration now) {
     Evaluation& evaluation = evaluations_.at(id);
     teams_.at(evaluation.spec.team).line.Set(evaluation.priority, id, 0);
     evaluation.priority = Priority::kOverdue;
-    UpdateLine(evaluation);
     Wait(evaluation, now + limits_.queue_wait);
     late.push_back(id);
   }

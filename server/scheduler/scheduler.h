@@ -2,17 +2,13 @@
 // only: no clock, no process, no disk. The caller reports what happened and when; the answers say
 // what to start, kill and record. Times are monotonic, as a duration since an arbitrary start.
 //
-// Order: a free slot goes to the highest class that has a lease ready (overdue, ranked, practice,
-// re-run, rejudge); within it to the team with the fewest running leases; of those to the one whose turn
-// began first; of those to the one whose last start is longest ago; of those to the one that came
-// first. A turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at
-// most: so evaluations end one after the other and not all at last, and a long one holds nobody up
-// for long. A team's count is its own running
-// leases or those of the party that submitted its evaluation (a person with several teams is one
-// party), whichever is more: neither several teams of a party nor several members of a team get
-// more than one share. Within a team: the older evaluation, then the earlier lease. So a team with
-// a thousand submissions delays another team's first lease by one turn at most, and an evaluation
-// that has waited longer than `queue_wait` goes ahead of all classes.
+// Order (server/daemon/README.md says why): a free slot goes to the highest class that has a lease
+// ready; within it to the team with the fewest running leases; of those to the one whose turn began
+// first; of those to the one whose last start is longest ago; of those to the one that came first. A
+// turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at most. A
+// team's count is its own running leases or those of the party that submitted its evaluation (a person
+// with several teams is one party), whichever is more. Within a team: the older evaluation, then the
+// earlier lease. An evaluation that has waited longer than `queue_wait` goes ahead of all classes.
 //
 // Rejudges are nobody's: they count for no team, wait without a deadline, and give way. While all
 // slots are taken and a lease of another class is ready, GiveWay() names a running lease of theirs to
@@ -68,7 +64,7 @@ struct EvaluationSpec {
   std::vector<LeaseSpec> leases;  // leases that have not ended; played in order of id
 };
 
-// A lease to start now.
+// A lease to start now, or that has started and gives way.
 struct Start {
   int64_t evaluation = 0;
   int64_t lease = 0;
@@ -83,13 +79,6 @@ struct Overdue {
   int64_t attempt = 0;
   bool silent = false;  // its runner was not heard for too long; else it is over its time
   std::string why;
-};
-
-// A running lease of a rejudge to reclaim, which waits again.
-struct GivesWay {
-  int64_t evaluation = 0;
-  int64_t lease = 0;
-  int64_t attempt = 0;
 };
 
 // What follows from a lease's end.
@@ -139,9 +128,9 @@ class Scheduler {
   // nothing may start yet. Call until nullopt.
   std::optional<Start> Next(absl::Duration now);
 
-  // The lease that must give way now, already counted as waiting; nullopt: none. Its slot stays taken
-  // until Free() or Close(). Call until nullopt, after Next().
-  std::optional<GivesWay> GiveWay(absl::Duration now);
+  // The start of a running lease that must give way now, already counted as waiting; nullopt: none.
+  // Its slot stays taken until Free() or Close(). Call until nullopt, after Next().
+  std::optional<Start> GiveWay(absl::Duration now);
 
   // The attempt has a processor now: its deadlines begin. Only with `begins_later`.
   void Begun(int64_t lease, int64_t attempt, absl::Duration now);
@@ -211,13 +200,9 @@ class Scheduler {
   std::optional<absl::Duration> DeadlineOf(int64_t evaluation) const;
 
  private:
-  struct Lease {
-    int64_t id = 0;
+  struct Lease : LeaseSpec {
     int64_t evaluation = 0;
-    int64_t attempt = 0;
-    int64_t faults = 0;
     int64_t returns = 0;
-    bool running = false;
     int slot = 0;  // while it runs
     int64_t started = 0;  // sequence number of the last start
     absl::Duration not_before = -absl::InfiniteDuration();
@@ -236,12 +221,15 @@ class Scheduler {
     int running = 0;
     int64_t last_start = 0;  // sequence number of the start, 0 before the first
   };
+  struct Turn {
+    int64_t of = 0;     // the evaluation whose turn it is
+    int64_t began = 0;  // sequence number of the start
+    int left = 0;       // leases
+  };
   struct Team : Share {
     TeamLine line;
     int64_t joined = 0;  // sequence number of its first evaluation; 0: it has had rejudges only
-    int64_t turn_of = 0;     // the evaluation whose turn it is
-    int64_t turn_began = 0;  // sequence number of the start
-    int turn_left = 0;       // leases
+    Turn turn;
   };
   // The key that teams are compared by; the least goes next.
   struct Precedence {
@@ -253,13 +241,15 @@ class Scheduler {
   };
 
   Lease* Current(int64_t lease, int64_t attempt);
+  Start StartOf(const Lease& lease) const {
+    return {lease.evaluation, lease.id, lease.attempt, lease.slot,
+            evaluations_.at(lease.evaluation).spec.lease_wall};
+  }
   void SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at);
   void WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now);
   void StopRunning(Lease& lease);
   void Wait(Evaluation& evaluation, absl::Duration until);
-  void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
-  static void CountTurn(Team& team, int64_t evaluation, int64_t start);
   Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
   // Whose shares an evaluation's running leases count in: none for a rejudge.
   std::vector<Share*> SharesOf(const Evaluation& evaluation);

@@ -152,7 +152,7 @@ Check PartitionCheck(const SlurmConfig& config) {
 std::vector<std::string> JobOptions(const ClusterSubject& subject) {
   const Budgets budgets = subject.track.has_value() ? subject.track->budgets : Budgets();
   const absl::Duration wall = absl::Seconds(budgets.lease_wall_s) + subject.config.lease_grace;
-  return JobWords(subject.config.slurm, NeedsOf(subject.config.slurm, budgets, wall));
+  return JobWords(subject.config.slurm, budgets, wall);
 }
 
 // Slurm itself says whether it would take a lease's job: partition, account, QoS, constraint,

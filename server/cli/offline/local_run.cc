@@ -20,7 +20,6 @@
 #include "server/cli/base/files.h"
 #include "server/cli/terminal/terminal.h"
 #include "server/grading/results.h"
-#include "server/runner/lease_order.h"
 #include "server/runner/lease_report.h"
 #include "server/runner/runner_process.h"
 #include "server/runtime/runtimes.h"

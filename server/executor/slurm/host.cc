@@ -1,4 +1,4 @@
-#include "server/executor/slurm/lease_ends.h"
+#include "server/executor/slurm/lease_stream.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -22,7 +22,6 @@
 #include "server/base/child_process.h"
 #include "server/base/plain_text.h"
 #include "server/config/slurm_config.h"
-#include "server/executor/slurm/lease_stream.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
 
@@ -65,9 +64,11 @@ class FollowedLease {
   absl::StatusOr<int> Run() {
     const Deadline submit(kSubmit);
     for (absl::Duration delay = kRetry;; delay = std::min(2 * delay, kMostRetry)) {
-      ASSIGN_OR_RETURN(const std::optional<int> ended, Attempt());
+      ASSIGN_OR_RETURN(std::optional<int> ended, Attempt());
+      if (!ended.has_value() && submit.over()) {
+        ASSIGN_OR_RETURN(ended, Lose(absl::StrCat("no job could be submitted: ", here_.trouble)));
+      }
       if (ended.has_value()) return *ended;
-      if (submit.over()) return Lose(absl::StrCat("no job could be submitted: ", here_.trouble));
       RETURN_IF_ERROR(Tell());
       for (const Deadline nap(delay); !nap.over();) RETURN_IF_ERROR(Await(-1, -1));
     }
@@ -78,7 +79,7 @@ class FollowedLease {
     return WriteAll(STDOUT_FILENO, absl::StrCat(LeaseRecordToLine(here_), "\n"));
   }
 
-  absl::StatusOr<int> Lose(const std::string& why, bool blamed = false) {
+  absl::StatusOr<std::optional<int>> Lose(const std::string& why, bool blamed = false) {
     here_.trouble.clear();
     here_.lost = PrintableUtf8(why);
     here_.blamed = blamed;
@@ -120,12 +121,10 @@ class FollowedLease {
     }
     if (end_.has_value()) {
       (void)Ended(*srun, kLeave);
-      return std::optional<int>(TellEnd());
+      return TellEnd();
     }
     if (absl::IsDeadlineExceeded(followed)) {
-      ASSIGN_OR_RETURN(const int status,
-                       Lose(std::string(followed.message()), /*blamed=*/begun_.has_value()));
-      return std::optional<int>(status);
+      return Lose(std::string(followed.message()), /*blamed=*/begun_.has_value());
     }
     if (!followed.ok()) return followed;
     return Judge(*srun);
@@ -286,8 +285,7 @@ class FollowedLease {
     }
     // A program that never came to play is not there, or can't run.
     const bool blamed = !played_ && job.ok() && job->state == "FAILED";
-    ASSIGN_OR_RETURN(const int status, Lose(why, blamed));
-    return std::optional<int>(status);
+    return Lose(why, blamed);
   }
 
   const ClusterOrder order_;

@@ -1,6 +1,6 @@
-// What the daemon's host and a node send each other while a lease is played, over the standard
-// streams of srun: messages of a kind and some bytes, as "KIND SIZE\n", the bytes and
-// a line feed.
+// The two ends of a lease on a cluster, each a process of its own: on the daemon's host and on a node.
+// What they send each other while it is played, over the standard streams of srun: messages of a kind
+// and some bytes, as "KIND SIZE\n", the bytes and a line feed.
 //
 //   node   "node": a NodeRecord's line; the first message of all
 //   host   "order": the ClusterOrder, as soon as the host hears of the node
@@ -86,5 +86,26 @@ struct ClusterOrder {
 std::string ClusterOrderToText(const ClusterOrder& order);
 // InvalidArgumentError: which key is wrong, and how.
 absl::StatusOr<ClusterOrder> ClusterOrderFromText(std::string_view text);
+
+// The end on the daemon's host: has Slurm start the other one on a node, and prints for the daemon
+// what a runner on this host would print, and NodeRecords. Whatever may wait for a network, a disk
+// or Slurm waits here. `order`: the file of a ClusterOrder. Standard input is the daemon's hand on
+// it: the lease ends when it does, or when `stop`, a signalfd, is readable; then the job is
+// cancelled. Returns the exit status of the lease's runner; 4 also for other trouble that is the
+// grader's, which standard error tells.
+int FollowLease(const std::string& order, int stop);
+
+struct NodeOptions {
+  std::string cache_dir;
+  std::string config_dir;
+  std::string node_dir;  // of this node alone, private to its user; must be there
+  int stop = -1;         // a signalfd: Slurm wants the lease to end
+};
+
+// The end on a node of the cluster: takes the order from the daemon's host, proves the node, plays
+// with the same runner as everywhere, and sends back what it prints. Talks over standard input and
+// output (lease_stream.h), and returns an exit status: 0 once all was said, whatever it says; 4 if
+// it could not be.
+int PlayOnNode(const NodeOptions& options);
 
 }  // namespace myograde::server

@@ -3,9 +3,9 @@
 //   myograde-node --lifeline ORDER.json
 //   myograde-node --play [--cache DIR] [--configs DIR] [--node-dir DIR]
 //
-// The daemon starts the first on its own host, in the place of a runner (lease_ends.h); that has
+// The daemon starts the first on its own host, in the place of a runner (lease_stream.h); that has
 // srun start the second on a node. Exit status: 0 all was said, 2 wrong use, else as in
-// lease_ends.h.
+// lease_stream.h.
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -25,8 +25,8 @@
 #include "server/base/paths.h"
 #include "server/base/plain_text.h"
 #include "server/base/child_process.h"
-#include "server/executor/slurm/lease_ends.h"
-#include "server/executor/slurm/node_proof.h"
+#include "server/executor/slurm/lease_stream.h"
+#include "server/executor/slurm/node_state.h"
 #include "server/sandbox/doctor.h"
 
 namespace myograde::server {
@@ -40,23 +40,18 @@ constexpr char kUsage[] =
     "usage: myograde-node --lifeline ORDER.json\n"
     "       myograde-node --play [--cache DIR] [--configs DIR] [--node-dir DIR]\n";
 
-using Options = std::map<std::string, std::string, std::less<>>;
-
 // Of --play; nullopt: they are not of that form.
-std::optional<Options> Parse(int argc, char** argv) {
-  Options options;
-  for (int i = 2; i + 1 < argc; i += 2) {
-    const std::string_view name = argv[i];
-    if (name != "--cache" && name != "--configs" && name != "--node-dir") return std::nullopt;
-    if (!options.emplace(name, argv[i + 1]).second) return std::nullopt;
+std::optional<NodeOptions> Parse(int argc, char** argv) {
+  NodeOptions options;
+  const std::map<std::string_view, std::string*> known = {{"--cache", &options.cache_dir},
+                                                          {"--configs", &options.config_dir},
+                                                          {"--node-dir", &options.node_dir}};
+  for (int i = 2; i < argc; i += 2) {
+    const auto option = known.find(argv[i]);
+    if (option == known.end() || i + 1 == argc || !option->second->empty()) return std::nullopt;
+    *option->second = argv[i + 1];
   }
-  return argc % 2 == 0 ? std::optional(options) : std::nullopt;
-}
-
-// Folders of the order are mounted, so they must be absolute.
-std::string Absolute(const Options& options, std::string_view name, const std::string& usual) {
-  const auto found = options.find(name);
-  return fs::absolute(found == options.end() ? usual : found->second).lexically_normal().string();
+  return options;
 }
 
 // Root's in /var/lib, as nothing else of that host knows it; an ordinary user's in the cache folder
@@ -78,23 +73,24 @@ std::string MakeNodeDir(const std::string& path) {
   return absl::StrCat(path, ": is no folder of this user alone; name one in \"node_dir\" of server.json");
 }
 
-int Play(const Options& options) {
+int Play(NodeOptions options) {
   umask(077);
-  const std::string configs = Absolute(options, "--configs", ConfigDir());
-  setenv("MYOGRADE_CONFIG_DIR", configs.c_str(), 1);
+  // Folders of the order are mounted, so they must be absolute.
+  const auto fill = [](std::string& option, const std::string& usual) {
+    option = fs::absolute(option.empty() ? usual : option).lexically_normal().string();
+  };
+  fill(options.config_dir, ConfigDir());
+  setenv("MYOGRADE_CONFIG_DIR", options.config_dir.c_str(), 1);
   const char* cache_dir = std::getenv("MYOGRADE_CACHE");
-  const std::string cache =
-      Absolute(options, "--cache", cache_dir != nullptr ? cache_dir : UsualCacheDir());
-  const std::string node_dir = Absolute(options, "--node-dir", UsualNodeDir());
-  if (const std::string why = MakeNodeDir(node_dir); !why.empty()) {
+  fill(options.cache_dir, cache_dir != nullptr ? cache_dir : UsualCacheDir());
+  fill(options.node_dir, UsualNodeDir());
+  if (const std::string why = MakeNodeDir(options.node_dir); !why.empty()) {
     std::fprintf(stderr, "myograde-node: %s\n", Harmless(why).c_str());
     return kTrouble;
   }
   const Fd stop = StopSignals();
-  return PlayOnNode({.cache_dir = cache,
-                     .config_dir = configs,
-                     .node_dir = node_dir,
-                     .stop = stop.get()});
+  options.stop = stop.get();
+  return PlayOnNode(options);
 }
 
 int Main(int argc, char** argv) {
@@ -105,7 +101,7 @@ int Main(int argc, char** argv) {
     const Fd stop = StopSignals();
     return FollowLease(argv[2], stop.get());
   }
-  const std::optional<Options> options = verb == "--play" ? Parse(argc, argv) : std::nullopt;
+  const std::optional<NodeOptions> options = verb == "--play" ? Parse(argc, argv) : std::nullopt;
   if (options.has_value()) return Play(*options);
   std::fputs(kUsage, stderr);
   return kWrongUse;

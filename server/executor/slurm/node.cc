@@ -1,4 +1,4 @@
-#include "server/executor/slurm/lease_ends.h"
+#include "server/executor/slurm/lease_stream.h"
 
 #include <poll.h>
 #include <unistd.h>
@@ -19,11 +19,8 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/child_process.h"
 #include "server/base/plain_text.h"
-#include "server/executor/slurm/lease_stream.h"
-#include "server/executor/slurm/node_dir.h"
-#include "server/executor/slurm/node_proof.h"
+#include "server/executor/slurm/node_state.h"
 #include "server/executor/slurm/srun.h"
 #include "server/runner/log_keeper.h"
 #include "server/runner/runner_process.h"
@@ -104,11 +101,7 @@ class NodeLease {
 
   // Makes everything ready; an error says why the node can't play it.
   absl::Status Prepare() {
-    const bool again = std::find(order_.prove_again.begin(), order_.prove_again.end(), me_.node) !=
-                       order_.prove_again.end();
-    ASSIGN_OR_RETURN(
-        std::string unfit,
-        WhyUnfit({options_, order_.order.adapter, order_.uid_base, again}, order_.grader));
+    ASSIGN_OR_RETURN(const std::string unfit, WhyUnfit(options_, order_));
     if (!unfit.empty()) {
       me_.unfit = absl::StrCat("it ", unfit);
       return absl::FailedPreconditionError(me_.unfit);
@@ -138,7 +131,7 @@ class NodeLease {
       more = !piece.empty();
       return piece;
     };
-    absl::StatusOr<HeldArtefact> held = NodeArtefacts(options_.node_dir).Hold(order_.artefact, next);
+    absl::StatusOr<HeldArtefact> held = HoldArtefact(options_.node_dir, order_.artefact, next);
     // An archive tells its end itself; what follows it is on its way.
     while (held.ok() && more) RETURN_IF_ERROR(next().status());
     if (!held.ok()) {
@@ -146,7 +139,7 @@ class NodeLease {
                                                              held.status().message()));
     }
     artefact_.emplace(*std::move(held));
-    order_.order.artefact_dir = artefact_->folder();
+    order_.order.artefact_dir = artefact_->folder;
     return absl::OkStatus();
   }
 

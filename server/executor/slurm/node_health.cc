@@ -22,7 +22,7 @@ void NodeHealth::Proved(const std::string& name, const std::string& processor) {
 }
 
 void NodeHealth::Unfit(const std::string& name, const std::string& why) {
-  if (drained(name)) return;
+  if (nodes_[name].view.state == kDrained) return;
   Drain(name, why);
   news_.push_back({name, why});
 }
@@ -60,21 +60,12 @@ void NodeHealth::Admit(const std::string& name) {
   node.bad_ends = 0;
 }
 
-bool NodeHealth::drained(const std::string& name) const {
-  const auto it = nodes_.find(name);
-  return it != nodes_.end() && it->second.view.state == kDrained;
-}
-
-std::string NodeHealth::WhyDrained(const std::string& name) const {
-  return drained(name) ? nodes_.at(name).view.why : "";
-}
-
-std::vector<std::string> NodeHealth::Drained() const {
-  std::vector<std::string> names;
+std::map<std::string, std::string> NodeHealth::Drained() const {
+  std::map<std::string, std::string> drained;
   for (const auto& [name, node] : nodes_) {
-    if (node.view.state == kDrained) names.push_back(name);
+    if (node.view.state == kDrained) drained[name] = node.view.why;
   }
-  return names;
+  return drained;
 }
 
 std::vector<std::string> NodeHealth::ToProveAgain() const {

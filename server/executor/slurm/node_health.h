@@ -34,10 +34,8 @@ class NodeHealth {
   void Drain(const std::string& node, const std::string& why);
   void Admit(const std::string& node);
 
-  bool drained(const std::string& node) const;
-  // "": it is not drained.
-  std::string WhyDrained(const std::string& node) const;
-  std::vector<std::string> Drained() const;
+  // By name, and why.
+  std::map<std::string, std::string> Drained() const;
   // Nodes that were admitted again, and have not proved themselves since.
   std::vector<std::string> ToProveAgain() const;
   std::vector<NodeView> Views() const;

@@ -1,7 +1,5 @@
 #include "server/executor/slurm/slurm_executor.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <utility>
@@ -95,10 +93,11 @@ class SlurmExecutor::Lease : public RunnerProcess {
     if (record.node.empty()) return;
     if (!record.unfit.empty()) health.Unfit(record.node, record.unfit);
     if (record.blamed) health.Ended(record.node, /*badly=*/true, record.lost);
-    const std::string why = health.WhyDrained(record.node);
-    if (!why.empty()) executor_.news_.NotifyAll();
-    if (!why.empty() && !begun_) {
-      here_.lost = absl::StrCat("the node ", record.node, " is drained: ", why);
+    const std::map<std::string, std::string> drained = health.Drained();
+    const auto found = drained.find(record.node);
+    if (found != drained.end()) executor_.news_.NotifyAll();
+    if (found != drained.end() && !begun_) {
+      here_.lost = absl::StrCat("the node ", record.node, " is drained: ", found->second);
     } else if (!record.processor.empty()) {
       health.Proved(record.node, record.processor);
     }
@@ -132,9 +131,8 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
     return absl::FailedPreconditionError("only leases of submissions run on the cluster");
   }
   ASSIGN_OR_RETURN(const std::string random, RandomBytes(kCommentBytes));
-  const std::string comment =
-      absl::StrCat(subject.lease, "-", subject.attempt, "-",
-                   HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
+  const std::string comment = absl::StrCat(
+      order.lease, "-", HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
   ASSIGN_OR_RETURN(const std::string text, OrderText(order, subject, comment));
   RETURN_IF_ERROR(MakeWorkDir(order.work_dir));
   {
@@ -173,14 +171,15 @@ absl::StatusOr<std::string> SlurmExecutor::OrderText(const LeaseOrder& order,
   ASSIGN_OR_RETURN(const std::string setpriv, FindProgram("setpriv"));
   // Ends srun, and so the job, should the lease's process be killed.
   sent.srun = {setpriv, "--pdeathsig", "TERM", command("srun")};
-  for (std::string& word : JobWords(config, NeedsOf(config, order.track.budgets, subject.wall))) {
+  for (std::string& word : JobWords(config, order.track.budgets, subject.wall)) {
     sent.srun.push_back(std::move(word));
   }
   {
     const MutexLock lock(mutex_);
     sent.prove_again = health_.ToProveAgain();
-    if (const std::vector<std::string> drained = health_.Drained(); !drained.empty()) {
-      sent.srun.push_back("--exclude=" + absl::StrJoin(drained, ","));
+    if (const auto drained = health_.Drained(); !drained.empty()) {
+      const auto name = [](std::string* out, const auto& node) { out->append(node.first); };
+      sent.srun.push_back("--exclude=" + absl::StrJoin(drained, ",", name));
     }
   }
   sent.srun.insert(
@@ -271,12 +270,12 @@ std::string SlurmExecutor::CannotStart() const {
   if (!options_.held_back.empty()) return options_.held_back;
   const MutexLock lock(mutex_);
   if (!unseen_.empty()) return unseen_;
-  const std::vector<std::string> drained = health_.Drained();
+  const std::map<std::string, std::string> drained = health_.Drained();
   if (!usable_.empty() && std::all_of(usable_.begin(), usable_.end(), [&](const std::string& node) {
-        return std::find(drained.begin(), drained.end(), node) != drained.end();
+        return drained.contains(node);
       })) {
-    return absl::StrCat("all nodes of the cluster are drained or down; ", drained.front(), ": ",
-                        health_.WhyDrained(drained.front()),
+    const auto& [node, why] = *drained.begin();
+    return absl::StrCat("all nodes of the cluster are drained or down; ", node, ": ", why,
                         "; repair them, then \"myograde cluster admit NODE\"");
   }
   for (const auto& [comment, lease] : leases_) {

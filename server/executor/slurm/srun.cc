@@ -20,9 +20,10 @@ namespace {
 
 constexpr double kMiB = 1 << 20;
 // For the simulator, the runner and the node's program.
-constexpr int64_t kGraderMiB = 1024;
+constexpr double kGraderMiB = 1024;
 // For a node to prove itself, fetch and unpack, beside the lease's own time.
 constexpr absl::Duration kAround = absl::Minutes(10);
+constexpr absl::Duration kEnergy = absl::Seconds(5);
 constexpr size_t kLongestLine = 200;
 constexpr size_t kMostAnswer = 64u << 20;
 
@@ -53,21 +54,16 @@ const EndState* EndOf(std::string_view state) {
 
 }  // namespace
 
-JobNeeds NeedsOf(const SlurmConfig& config, const Budgets& budgets, absl::Duration wall) {
-  JobNeeds needs{config.time_limit_min, config.memory_mib, config.cpus};
-  if (needs.minutes == 0) {
-    needs.minutes = static_cast<int64_t>(std::ceil(absl::ToDoubleMinutes(wall + kAround)));
-  }
-  if (needs.memory_mib == 0) {
-    const auto bytes = static_cast<double>(budgets.memory_bytes + budgets.scratch_bytes);
-    needs.memory_mib = static_cast<int64_t>(std::ceil(bytes / kMiB)) + kGraderMiB;
-  }
+std::vector<std::string> JobWords(const SlurmConfig& config, const Budgets& budgets,
+                                  absl::Duration wall) {
+  const auto or_else = [](int64_t own, double usual) {
+    return own != 0 ? own : static_cast<int64_t>(std::ceil(usual));
+  };
+  const auto bytes = static_cast<double>(budgets.memory_bytes + budgets.scratch_bytes);
   // Policy and simulator take turns.
-  if (needs.cpus == 0) needs.cpus = std::max<int64_t>(1, std::llround(std::ceil(budgets.cpus)));
-  return needs;
-}
-
-std::vector<std::string> JobWords(const SlurmConfig& config, const JobNeeds& needs) {
+  const int64_t cpus = or_else(config.cpus, std::max(1.0, budgets.cpus));
+  const int64_t mib = or_else(config.memory_mib, bytes / kMiB + kGraderMiB);
+  const int64_t minutes = or_else(config.time_limit_min, absl::ToDoubleMinutes(wall + kAround));
   std::vector<std::string> words = config.extra_options;
   const std::pair<const char*, const std::string*> places[] = {
       {"--partition=", &config.partition}, {"--account=", &config.account},
@@ -76,9 +72,8 @@ std::vector<std::string> JobWords(const SlurmConfig& config, const JobNeeds& nee
   for (const auto& [option, value] : places) {
     if (!value->empty()) words.push_back(option + *value);
   }
-  words.insert(words.end(), {"--nodes=1", "--ntasks=1", absl::StrCat("--cpus-per-task=", needs.cpus),
-                             absl::StrCat("--mem=", needs.memory_mib, "M"),
-                             absl::StrCat("--time=", needs.minutes)});
+  words.insert(words.end(), {"--nodes=1", "--ntasks=1", absl::StrCat("--cpus-per-task=", cpus),
+                             absl::StrCat("--mem=", mib, "M"), absl::StrCat("--time=", minutes)});
   return words;
 }
 
@@ -170,7 +165,7 @@ std::optional<double> ParseEnergy(std::string_view answer) {
   return total;
 }
 
-std::optional<double> EnergyOfJob(absl::Duration most) {
+std::optional<double> EnergyOfJob() {
   const char* job = std::getenv("SLURM_JOB_ID");
   if (job == nullptr || *job == '\0') return std::nullopt;
   const absl::StatusOr<std::string> program = FindProgram("sstat");
@@ -179,7 +174,7 @@ std::optional<double> EnergyOfJob(absl::Duration most) {
       RunSlurm(*program,
                {"--noheader", "--parsable2", "--format=ConsumedEnergyRaw",
                 absl::StrCat("--jobs=", job, ".0")},
-               most);
+               kEnergy);
   if (!answer.ok()) return std::nullopt;
   return ParseEnergy(*answer);
 }

@@ -16,20 +16,11 @@
 
 namespace myograde::server {
 
-// What one lease's job asks of the cluster.
-struct JobNeeds {
-  int64_t minutes = 0;
-  int64_t memory_mib = 0;
-  int64_t cpus = 0;
-};
-
-// Of a lease of a track with these budgets, which may take `wall`: what the config says, and what it
-// leaves open by the budgets.
-JobNeeds NeedsOf(const SlurmConfig& config, const Budgets& budgets, absl::Duration wall);
-
-// Words of srun(1): the config's options, and the needs. Later words win, so that no option of the
-// config can change the needs.
-std::vector<std::string> JobWords(const SlurmConfig& config, const JobNeeds& needs);
+// Words of srun(1) for a lease of a track with these budgets, which may take `wall`: the config's
+// options, and what the job needs, by the config and, where that leaves it open, by the budgets. Later
+// words win, so that no option of the config can change the needs.
+std::vector<std::string> JobWords(const SlurmConfig& config, const Budgets& budgets,
+                                  absl::Duration wall);
 
 // The path of one of Slurm's commands. FailedPreconditionError: there is none, and what to do.
 absl::StatusOr<std::string> SlurmCommand(const SlurmConfig& config, const std::string& name);
@@ -66,9 +57,8 @@ std::vector<std::string> QueueWords(const std::string& job_name);
 absl::StatusOr<std::vector<SlurmJob>> ParseQueue(std::string_view text);
 
 // Asks Slurm's sstat for the energy that the running job's step has used so far, in joules.
-// nullopt: this is no job (SLURM_JOB_ID), or the cluster does not measure it or does not answer
-// within `most`.
-std::optional<double> EnergyOfJob(absl::Duration most = absl::Seconds(5));
+// nullopt: this is no job (SLURM_JOB_ID), or the cluster does not measure it or does not answer soon.
+std::optional<double> EnergyOfJob();
 
 // Of sstat's answer. 0 stands for what is not measured.
 std::optional<double> ParseEnergy(std::string_view answer);

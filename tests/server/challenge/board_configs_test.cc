@@ -1,5 +1,5 @@
 // Which config each board has after a start: that of its file, or of a rejudge.
-#include "server/challenge/board_configs.h"
+#include "server/challenge/phases.h"
 
 #include <filesystem>
 #include <fstream>

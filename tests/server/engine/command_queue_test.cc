@@ -1,5 +1,5 @@
 // Commands from other threads for the daemon's loop: all are answered, none waits indefinitely.
-#include "server/engine/command_queue.h"
+#include "server/engine/engine.h"
 
 #include <poll.h>
 

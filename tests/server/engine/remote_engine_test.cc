@@ -57,7 +57,7 @@ TEST_F(RemoteEngineTest, ALeaseThatWaitsForAProcessorIsNeitherSilentNorLate) {
   ASSERT_EQ(world.core->Running().size(), 1u);
   const LiveLease waits = world.core->Running().begin()->second;
   EXPECT_FALSE(waits.begun);
-  EXPECT_EQ(waits.node, "node0");
+  EXPECT_EQ(waits.site.node, "node0");
   EXPECT_EQ(waits.job, "7_0");
   RunFor(absl::Hours(1) + absl::Seconds(2));
   const LiveLease runs = world.core->Running().begin()->second;

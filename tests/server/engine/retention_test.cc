@@ -25,10 +25,10 @@ constexpr int64_t kDay = 24 * 60 * 60 * 1000;
 
 std::vector<std::string> Chosen(std::vector<KeptFile> files, int days, int64_t bytes) {
   std::vector<std::string> names;
-  for (const Choice& choice : ChooseRemovals(std::move(files), absl::Hours(24 * days), bytes,
+  for (const KeptFile& choice : ChooseRemovals(std::move(files), absl::Hours(24 * days), bytes,
                                              /*now_ms=*/100 * kDay)) {
     EXPECT_FALSE(choice.why.empty());
-    names.push_back(choice.file.name);
+    names.push_back(choice.name);
   }
   return names;
 }

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/executor/slurm/node_proof.h"
+#include "server/executor/slurm/node_state.h"
 
 namespace myograde::server {
 namespace {
@@ -12,6 +12,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Pair;
 
 constexpr char kNodeBuild[] = R"({"models":{"a.mjb":"11"},"mujoco":"22","version":"1"})";
 
@@ -35,12 +36,11 @@ TEST(SlurmNodes, AnUnfitNodeIsDrainedUntilSomebodyAdmitsIt) {
   NodeHealth health;
   health.Unfit("n1", "it plays episode 3 otherwise");
   health.Unfit("n1", "it plays episode 4 otherwise");
-  EXPECT_THAT(health.Drained(), ElementsAre("n1"));
-  EXPECT_THAT(health.WhyDrained("n1"), HasSubstr("episode 3"));
+  EXPECT_THAT(health.Drained(), ElementsAre(Pair("n1", HasSubstr("episode 3"))));
   ASSERT_EQ(health.TakeDrained().size(), 1u);
   EXPECT_THAT(health.TakeDrained(), IsEmpty()) << "each once";
   health.Proved("n1", "a processor");
-  EXPECT_TRUE(health.drained("n1"));
+  EXPECT_TRUE(health.Drained().contains("n1"));
 }
 
 TEST(SlurmNodes, BadEndsInARowDrain) {
@@ -48,10 +48,9 @@ TEST(SlurmNodes, BadEndsInARowDrain) {
   for (int i = 0; i < NodeHealth::kMostBadEnds - 1; ++i) health.Ended("n1", true, "died");
   health.Ended("n1", false, "");
   for (int i = 0; i < NodeHealth::kMostBadEnds - 1; ++i) health.Ended("n1", true, "died");
-  EXPECT_FALSE(health.drained("n1"));
+  EXPECT_THAT(health.Drained(), IsEmpty());
   health.Ended("n1", true, "died again");
-  EXPECT_TRUE(health.drained("n1"));
-  EXPECT_THAT(health.WhyDrained("n1"), HasSubstr("the last one: died again"));
+  EXPECT_THAT(health.Drained(), ElementsAre(Pair("n1", HasSubstr("the last one: died again"))));
   EXPECT_EQ(health.TakeDrained().size(), 1u);
   EXPECT_EQ(health.Views().front().faults, 5);
   EXPECT_EQ(health.Views().front().done, 1);

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
-#include "server/executor/slurm/node_dir.h"
+#include "server/executor/slurm/node_state.h"
 #include "server/executor/slurm/srun.h"
 #include "tests/server/artefact/archives.h"
 
@@ -30,9 +30,9 @@ TEST(Slots, AreHeldByOneEach) {
   ASSERT_TRUE(first.ok()) << first.status();
   auto second = NodeSlot::Take(temp.path(), uid_base);
   ASSERT_TRUE(second.ok()) << second.status();
-  EXPECT_EQ(first->number(), 0);
-  EXPECT_EQ(second->number(), 1);
   LeaseOrder order;
+  ASSERT_EQ(first->Prepare(order), absl::OkStatus());
+  EXPECT_EQ(order.slot, 0);
   ASSERT_EQ(second->Prepare(order), absl::OkStatus());
   EXPECT_EQ(order.slot, 1);
   EXPECT_EQ(order.uid, uid_base < 0 ? -1 : uid_base + 1);
@@ -40,7 +40,8 @@ TEST(Slots, AreHeldByOneEach) {
   second->CleanUp();
   EXPECT_FALSE(fs::exists(order.work_dir));
   first = absl::UnavailableError("released");
-  EXPECT_EQ(NodeSlot::Take(temp.path(), uid_base)->number(), 0);
+  EXPECT_EQ(NodeSlot::Take(temp.path(), uid_base)->Prepare(order), absl::OkStatus());
+  EXPECT_EQ(order.slot, 0);
   if (geteuid() == 0) {
     EXPECT_TRUE(absl::IsInvalidArgument(NodeSlot::Take(temp.path(), -1).status()));
   }
@@ -65,14 +66,15 @@ class NodeArtefactsTest : public testing::Test {
     EXPECT_EQ(StreamArtefact(folder, artefact.digest, add), absl::OkStatus());
     return artefact.digest;
   }
-  absl::StatusOr<HeldArtefact> Hold(const NodeArtefacts& artefacts, const std::string& digest) {
+  absl::StatusOr<HeldArtefact> Hold(const std::string& digest, int64_t most_bytes = 1 << 20) {
     bool sent = false;
-    return artefacts.Hold(digest, [&, this]() -> absl::StatusOr<std::string> {
+    const auto source = [&, this]() -> absl::StatusOr<std::string> {
       if (sent) return "";
       sent = true;
       ++fetched_;
       return tar_;
-    });
+    };
+    return HoldArtefact(temp_.path(), digest, source, most_bytes);
   }
 
   const TestFolder temp_;
@@ -81,38 +83,35 @@ class NodeArtefactsTest : public testing::Test {
 };
 
 TEST_F(NodeArtefactsTest, EachIsFetchedOnce) {
-  const NodeArtefacts artefacts(temp_.path());
   const std::string digest = Make("#!/bin/sh\n");
   for (int i = 0; i < 2; ++i) {
-    const auto held = Hold(artefacts, digest);
+    const auto held = Hold(digest);
     ASSERT_TRUE(held.ok()) << held.status();
-    EXPECT_EQ(*ReadFile(held->folder() + "/run"), "#!/bin/sh\n");
+    EXPECT_EQ(*ReadFile(held->folder + "/run"), "#!/bin/sh\n");
     // Others may hold it at the same time.
-    EXPECT_TRUE(Hold(artefacts, digest).ok());
+    EXPECT_TRUE(Hold(digest).ok());
   }
   EXPECT_EQ(fetched_, 1);
 }
 
 TEST_F(NodeArtefactsTest, OneThatArrivesDamagedIsNotKept) {
-  const NodeArtefacts artefacts(temp_.path());
   const std::string digest = Make("#!/bin/sh\n");
   const std::string whole = tar_;
   tar_.resize(tar_.size() / 2);
-  EXPECT_TRUE(absl::IsDataLoss(Hold(artefacts, digest).status()));
+  EXPECT_TRUE(absl::IsDataLoss(Hold(digest).status()));
   tar_ = whole;
-  EXPECT_TRUE(Hold(artefacts, digest).ok());
+  EXPECT_TRUE(Hold(digest).ok());
   EXPECT_EQ(fetched_, 2);
 }
 
 TEST_F(NodeArtefactsTest, WhatNobodyPlaysMakesRoom) {
-  const NodeArtefacts artefacts(temp_.path(), /*most_bytes=*/100);
-  const std::string folder = Hold(artefacts, Make(std::string(1000, '1')))->folder();
-  const auto held = Hold(artefacts, Make(std::string(1000, '2')));
+  const std::string folder = Hold(Make(std::string(1000, '1')), 100)->folder;
+  const auto held = Hold(Make(std::string(1000, '2')), 100);
   ASSERT_TRUE(held.ok()) << held.status();
   EXPECT_FALSE(fs::exists(folder));
   // One that is played stays.
-  ASSERT_TRUE(Hold(artefacts, Make(std::string(1000, '3'))).ok());
-  EXPECT_TRUE(fs::exists(held->folder()));
+  ASSERT_TRUE(Hold(Make(std::string(1000, '3')), 100).ok());
+  EXPECT_TRUE(fs::exists(held->folder));
 }
 
 }  // namespace

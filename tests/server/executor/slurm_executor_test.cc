@@ -124,12 +124,8 @@ class SlurmExecutorTest : public ::testing::Test {
   }
   std::unique_ptr<Runner> Start(int64_t lease = 5) {
     order_.work_dir = folder_ / absl::StrCat("work/", lease);
-    auto runner = executor_->Start(order_, {.evaluation = 1,
-                                            .lease = lease,
-                                            .attempt = 1,
-                                            .artefact = digest_,
-                                            .runtimes = {},
-                                            .wall = absl::Minutes(5)});
+    auto runner = executor_->Start(
+        order_, {.artefact = digest_, .runtimes = {}, .wall = absl::Minutes(5)});
     EXPECT_TRUE(runner.ok()) << runner.status();
     return *std::move(runner);
   }
@@ -377,8 +373,7 @@ TEST_F(SlurmExecutorTest, ADaemonThatIsHeldBackTouchesNoJob) {
 
 TEST_F(SlurmExecutorTest, OnlySubmissionsRunThere) {
   Begin();
-  const LeaseSubject nothing = {.evaluation = 0, .lease = 1, .attempt = 1, .artefact = "",
-                                .runtimes = {}, .wall = absl::Minutes(1)};
+  const LeaseSubject nothing = {.artefact = "", .runtimes = {}, .wall = absl::Minutes(1)};
   EXPECT_TRUE(absl::IsFailedPrecondition(executor_->Start(order_, nothing).status()));
   EXPECT_TRUE(absl::IsInvalidArgument(executor_->Drain("a/b", "why")));
   EXPECT_TRUE(absl::IsInvalidArgument(executor_->Admit("..")));

@@ -16,17 +16,15 @@ TEST(Srun, AJobAsksForWhatItsTrackMayUse) {
   budgets.memory_bytes = int64_t{2} << 30;
   budgets.scratch_bytes = 1;
   budgets.cpus = 1.5;
-  const JobNeeds needs = NeedsOf({}, budgets, absl::Seconds(61));
-  EXPECT_EQ(needs.minutes, 12);
-  EXPECT_EQ(needs.memory_mib, 2048 + 1 + 1024);
-  EXPECT_EQ(needs.cpus, 2);
+  EXPECT_THAT(JobWords({}, budgets, absl::Seconds(61)),
+              ElementsAre("--nodes=1", "--ntasks=1", "--cpus-per-task=2", "--mem=3073M", "--time=12"));
   SlurmConfig config;
   config.time_limit_min = 5;
   config.memory_mib = 6;
   config.cpus = 7;
   config.partition = "grading";
   config.extra_options = {"--nice=5", "--time=1"};
-  const std::vector<std::string> words = JobWords(config, NeedsOf(config, budgets, absl::Seconds(61)));
+  const std::vector<std::string> words = JobWords(config, budgets, absl::Seconds(61));
   EXPECT_THAT(words, ElementsAre("--nice=5", "--time=1", "--partition=grading", "--nodes=1",
                                  "--ntasks=1", "--cpus-per-task=7", "--mem=6M", "--time=5"));
 }

@@ -242,9 +242,7 @@ TEST(HostHealth, SaysWhyNothingStarts) {
             "the host is being tested after 1 fault of the grader in a row, the last one: no disk");
   EXPECT_FALSE(host.NextTest()) << "it is due already";
   host.TestBegins();
-  EXPECT_TRUE(host.testing());
   host.TestEnded(kOneSecond, "no models");
-  EXPECT_FALSE(host.testing());
   EXPECT_EQ(host.paused_since(), kOneSecond);
   EXPECT_EQ(host.NextTest(), absl::Seconds(181));
   EXPECT_EQ(host.PauseReason(absl::Milliseconds(1500)),

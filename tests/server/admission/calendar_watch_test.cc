@@ -1,8 +1,6 @@
-#include "server/challenge/calendar_watch.h"
+#include "server/admission/admission.h"
 
 #include <gtest/gtest.h>
-
-#include "protocol/base/clock.h"
 
 namespace myograde::server {
 namespace {
