@@ -187,7 +187,6 @@ struct DaemonOptions : ServerOptions {
                                    const std::vector<RowColumn>& columns) const;
 };
 
-// Adds --ca-file.
 void AddCaFile(CLI::App& verb, std::string& file);
 
 // Adds --json, and with --server, --ca-file, --data and --socket where the daemon is. `schema` and
