@@ -97,9 +97,8 @@ absl::StatusOr<Json> EvaluationWithRows(const Client& client, const std::string&
 }
 
 absl::StatusOr<Json> RowOf(const Json& evaluation, int64_t episode) {
-  for (const Json& row : evaluation["episode_rows"]) {
-    if (row.value("index", int64_t{-1}) == episode) return row;
-  }
+  Json row = RowWith(evaluation["episode_rows"], "index", episode);
+  if (row.is_object()) return row;
   return absl::OutOfRangeError(absl::StrCat("submission ", evaluation.value("submission", 0),
                                             " has no recorded episode ", episode));
 }

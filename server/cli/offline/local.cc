@@ -197,14 +197,6 @@ absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade)
   return picked;
 }
 
-// The folder's relative name of the log of an episode.
-std::string LogOf(const LocalGrade& grade, int64_t episode) {
-  for (const Json& row : grade.json["episode_rows"]) {
-    if (row["index"] == episode) return absl::StrCat("logs/", row["log"].value("file", ""));
-  }
-  return "";
-}
-
 // What the folder holds beside the logs, and what it lacks, each in a sentence.
 struct Contents {
   std::string report;  // "": none
@@ -225,7 +217,8 @@ absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const 
   for (const PickedEpisode& one : picked) {
     if (StopRequested()) return absl::CancelledError("interrupted");
     const std::string file = absl::StrCat(std::string(one.place), film ? ".mp4" : ".png");
-    std::vector<std::string> words = {absl::StrCat(folder, "/", LogOf(grade, one.index)), "-o",
+    const Json row = RowWith(grade.json["episode_rows"], "index", one.index);
+    std::vector<std::string> words = {folder + Filled(row, "/logs/{log.file}"), "-o",
                                       absl::StrCat(folder, "/", file), "--cache",
                                       options.host.cache_dir()};
     words.push_back(film ? absl::StrCat("--size=", kFilmSize) : "--strip");

@@ -35,8 +35,8 @@ std::string Bold(const std::string& text);
 // The string at `key` as it is; "" if there is none.
 std::string TextAt(const Json& object, const char* key);
 
-// The first of `rows`, an array of objects, with that string at `key`; null if there is none.
-Json RowWith(const Json& rows, const char* key, const std::string& value);
+// The first of `rows`, an array of objects, with that value at `key`; null if there is none.
+Json RowWith(const Json& rows, const char* key, const Json& value);
 
 // A JSON number, a string, or an array of strings ("a, b") as a table cell; "-" for an empty one, null
 // or a missing key.

@@ -92,7 +92,7 @@ std::string TextAt(const Json& object, const char* key) {
   return it != object.end() && it->is_string() ? it->get<std::string>() : "";
 }
 
-Json RowWith(const Json& rows, const char* key, const std::string& value) {
+Json RowWith(const Json& rows, const char* key, const Json& value) {
   for (const Json& row : rows) {
     if (row.value(key, Json()) == value) return row;
   }
