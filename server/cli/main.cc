@@ -125,8 +125,8 @@ int Run(int argc, char** argv) {
     CLI::App* sub = app.add_subcommand(verb.name, verb.does);
     const std::string example =
         absl::StrReplaceAll(verb.example, {{"TRACK", TrackNames().front()}});
-    sub->footer(absl::StrCat("Example:\n  myograde ", verb.name, example.empty() ? "" : " ", example,
-                             "\n\n", kStatuses));
+    sub->footer(absl::StrCat("Example:\n  myograde ", verb.name, example.empty() ? "" : " ",
+                             example, "\n\n", kStatuses));
     sub->callback([&chosen, action = verb.add(*sub)] { chosen = action; });
   }
   try {

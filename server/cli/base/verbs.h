@@ -104,8 +104,8 @@ void PrintUnreadable(const Json& answer);
 void PrintList(const Json& answer, const std::string& key, const std::string& none,
                const std::vector<RowColumn>& columns);
 
-// Checks with "name", "state", "found" and "todo" as a table; then, state by state of `states`, those
-// with something to do: `before`, name and state, and `advice` as Filled (terminal.h) makes it.
+// Checks with "name", "state", "found" and "todo" as a table; then, state by state of `states`,
+// those with something to do: `before`, name and state, and `advice` as Filled makes it.
 void PrintChecks(const Json& checks, std::initializer_list<const char*> states, const char* before,
                  const char* advice);
 

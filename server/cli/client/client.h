@@ -1,5 +1,6 @@
-// The daemon: which one a verb speaks to and what it shows there, its HTTP API (server/api/README.md)
-// over its Unix socket or the network, what several verbs ask of it, and their options.
+// The daemon: which one a verb speaks to and what it shows there, its HTTP API
+// (server/api/README.md) over its Unix socket or the network, what several verbs ask of it, and
+// their options.
 #pragma once
 
 #include <absl/status/status.h>

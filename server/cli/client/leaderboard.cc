@@ -1,5 +1,5 @@
-// Boards: myograde leaderboard; phase: pause, resume, publish; evaluate: further episodes for places
-// that are close
+// Boards: myograde leaderboard; phase: pause, resume, publish; evaluate: further episodes for
+// places that are close
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>

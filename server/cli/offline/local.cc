@@ -1,5 +1,5 @@
-// A policy graded on this host without a daemon: myograde local; try, which also writes a folder with a
-// report and films to look at
+// A policy graded on this host without a daemon: myograde local; try, which also writes a folder
+// with a report and films to look at
 #include "server/cli/offline/local.h"
 
 #include <absl/strings/str_cat.h>
@@ -159,7 +159,7 @@ void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& p
 }
 
 constexpr mode_t kReportMode = 0644;
-constexpr char kFilmSize[] = "640x360";  // drawn in a quarter of the time that "render" takes as a rule
+constexpr char kFilmSize[] = "640x360";  // drawn in a quarter of the time of "render" as a rule
 
 struct TryOptions : LocalOptions {
   std::string folder;  // "": after the policy
