@@ -96,11 +96,9 @@ class Client {
   std::string where() const { return choice_.ok() ? choice_->address.Text() : ""; }
 
   absl::StatusOr<Json> Get(const std::string& path) const;
-  absl::StatusOr<Json> Post(const std::string& path, const Json& body) const;
-
-  // Post for what must be done once: the request has an Idempotency-Key of its own, and is sent once
-  // more if its answer is lost.
-  absl::StatusOr<Json> PostOnce(const std::string& path, const Json& body) const;
+  // `once`, for what must be done once: the request has an Idempotency-Key of its own, and is sent
+  // once more if its answer is lost.
+  absl::StatusOr<Json> Post(const std::string& path, const Json& body, bool once = false) const;
 
   // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
   absl::StatusOr<Json> Upload(const std::string& path, const std::string& file,
