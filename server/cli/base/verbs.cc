@@ -45,18 +45,6 @@ size_t Distance(std::string_view a, std::string_view b) {
   return steps[a.size()][b.size()];
 }
 
-// The only one of `candidates` for which `fits`; "" if there is none, or another.
-template <typename Fits>
-std::string OnlyOne(const std::vector<std::string>& candidates, const Fits& fits) {
-  std::string found;
-  for (const std::string& candidate : candidates) {
-    if (!fits(candidate)) continue;
-    if (!found.empty()) return "";
-    found = candidate;
-  }
-  return found;
-}
-
 std::vector<std::string> NamesOf(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
@@ -273,14 +261,18 @@ std::string CommandOf(const CLI::App& verb) {
 
 std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates) {
   if (word.empty() || word.size() > kLongestWord) return "";
-  size_t least = std::max<size_t>(1, word.size() / 3) + 1;
+  size_t least = std::max<size_t>(1, word.size() / 3);
+  std::vector<std::string> nearest;
+  std::vector<std::string> begun;
   for (const std::string& candidate : candidates) {
-    least = std::min(least, Distance(word, candidate));
+    const size_t distance = Distance(word, candidate);
+    if (distance < least) nearest.clear();
+    least = std::min(least, distance);
+    if (distance == least) nearest.push_back(candidate);
+    if (candidate.starts_with(word)) begun.push_back(candidate);
   }
-  if (least <= std::max<size_t>(1, word.size() / 3)) {
-    return OnlyOne(candidates, [&](const std::string& c) { return Distance(word, c) == least; });
-  }
-  return OnlyOne(candidates, [&](const std::string& c) { return c.starts_with(word); });
+  const std::vector<std::string>& found = nearest.empty() ? begun : nearest;
+  return found.size() == 1 ? found[0] : "";
 }
 
 std::string UsageError(const CLI::App& app, const CLI::ParseError& mistake,

@@ -73,8 +73,8 @@ Json TextOrNull(const std::string& text);
 
 using AnswerPrinter = std::function<void(const Json& answer)>;
 
-// Prints `text` as Filled (terminal.h) makes it of an answer, on a line of its own; or `unchanged`, if
-// there is one and the answer's "changed" is false.
+// Prints `text` as Filled (terminal.h) makes it of an answer, on a line of its own; or `unchanged`,
+// if there is one and the answer's "changed" is false.
 AnswerPrinter Sentence(std::string text, std::string unchanged = "");
 
 // How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns
@@ -104,8 +104,8 @@ void PrintUnreadable(const Json& answer);
 void PrintList(const Json& answer, const std::string& key, const std::string& none,
                const std::vector<RowColumn>& columns);
 
-// Checks with "name", "state", "found" and "todo" as a table; then, state by state of `states`, those
-// that have something to do: `before`, name and state, and `advice` as Filled (terminal.h) makes it.
+// Checks with "name", "state", "found" and "todo" as a table; then, state by state of `states`,
+// those with something to do: `before`, name and state, and `advice` as Filled makes it.
 void PrintChecks(const Json& checks, std::initializer_list<const char*> states, const char* before,
                  const char* advice);
 
@@ -131,7 +131,6 @@ absl::Status RefuseIf(std::initializer_list<std::pair<bool, std::string>> mistak
 void AddJson(CLI::App& verb, const std::string& schema, bool& json,
              const std::string& help = "Print JSON");
 
-// Adds --full-hashes.
 void AddFullHashes(CLI::App& verb, bool& full);
 
 // Where the data folder and its socket are. Each takes the value of its option, "" if not given.
@@ -147,7 +146,6 @@ struct HostOptions {
   std::string cache_dir() const;  // --cache, MYOGRADE_CACHE, or the default
 };
 
-// Adds --configs and --cache.
 void AddHostOptions(CLI::App& verb, HostOptions& options);
 
 // Adds PATH, or whatever it is called, of a submission.

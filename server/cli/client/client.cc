@@ -228,11 +228,6 @@ absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice
   return status;
 }
 
-// Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
-std::string TextOf(const Json& body) {
-  return body.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 // Whether the request may have arrived though there is no answer.
 bool IsLost(const HttpAnswer& answer) {
   return answer.failure != HttpAnswer::Failure::kNone && answer.sent;
@@ -297,22 +292,16 @@ absl::StatusOr<Json> Client::Get(const std::string& path) const {
   return shown;
 }
 
-absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {
-  ASSIGN_OR_RETURN(HttpRequest request, RequestTo(choice_, path));
-  const std::string text = TextOf(body);
-  request.body = text;
-  return JsonOf(HttpClient().Ask(request), *choice_);
-}
-
-absl::StatusOr<Json> Client::PostOnce(const std::string& path, const Json& body) const {
+absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body, bool once) const {
   ASSIGN_OR_RETURN(const std::string key, RandomBytes(16));  // which no other request has
-  const std::string text = TextOf(body);
+  // Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
+  const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
   for (bool again = false;; again = true) {
     ASSIGN_OR_RETURN(HttpRequest request, RequestTo(choice_, path));
     request.body = text;
-    request.headers.push_back("Idempotency-Key: " + absl::BytesToHexString(key));
+    if (once) request.headers.push_back("Idempotency-Key: " + absl::BytesToHexString(key));
     const HttpAnswer answer = HttpClient().Ask(request);
-    if (again || !IsLost(answer)) return JsonOf(answer, *choice_);
+    if (!once || again || !IsLost(answer)) return JsonOf(answer, *choice_);
     absl::SleepFor(kBeforeRetry);
   }
 }

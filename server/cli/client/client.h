@@ -1,5 +1,6 @@
-// The daemon: which one a verb speaks to and what it shows there, its HTTP API (server/api/README.md)
-// over its Unix socket or the network, what several verbs ask of it, and their options.
+// The daemon: which one a verb speaks to and what it shows there, its HTTP API
+// (server/api/README.md) over its Unix socket or the network, what several verbs ask of it, and
+// their options.
 #pragma once
 
 #include <absl/status/status.h>
@@ -95,11 +96,9 @@ class Client {
   std::string where() const { return choice_.ok() ? choice_->address.Text() : ""; }
 
   absl::StatusOr<Json> Get(const std::string& path) const;
-  absl::StatusOr<Json> Post(const std::string& path, const Json& body) const;
-
-  // Post for what must be done once: the request has an Idempotency-Key of its own, and is sent once
-  // more if its answer is lost.
-  absl::StatusOr<Json> PostOnce(const std::string& path, const Json& body) const;
+  // `once`, for what must be done once: the request has an Idempotency-Key of its own, and is sent
+  // once more if its answer is lost.
+  absl::StatusOr<Json> Post(const std::string& path, const Json& body, bool once = false) const;
 
   // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
   absl::StatusOr<Json> Upload(const std::string& path, const std::string& file,
@@ -187,7 +186,6 @@ struct DaemonOptions : ServerOptions {
                                    const std::vector<RowColumn>& columns) const;
 };
 
-// Adds --ca-file.
 void AddCaFile(CLI::App& verb, std::string& file);
 
 // Adds --json, and with --server, --ca-file, --data and --socket where the daemon is. `schema` and

@@ -1,5 +1,5 @@
-// Boards: myograde leaderboard; phase: pause, resume, publish; evaluate: further episodes for places
-// that are close
+// Boards: myograde leaderboard; phase: pause, resume, publish; evaluate: further episodes for
+// places that are close
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
@@ -171,8 +171,7 @@ void PrintRanking(const Json& board, const Json& rows) {
     columns.push_back(ColumnOfPart("aggregate", metric));
   }
   PrintRows(rows, columns);
-  if (std::any_of(rows.begin(), rows.end(),
-                  [](const Json& row) { return row.value("baseline", false); })) {
+  if (RowWith(rows, "baseline", true).is_object()) {
     std::cout << "  base: a baseline of the organiser, shown for comparison\n";
   }
   std::cout << Filled(board, "[  {order}\n]");

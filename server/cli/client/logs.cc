@@ -42,11 +42,15 @@ absl::Status ReadLogOf(const Client& client, const Json& row, const LogUnpacker:
   return absl::DataLossError(absl::StrCat(Filled(row, "episode {index}: "), status.message()));
 }
 
-LogUnpacker::Sink AppendTo(std::string& bytes) {
-  return [&bytes](std::string_view piece) {
+// All of the log that a row, or its SHA-256, names.
+template <typename Named>
+absl::StatusOr<std::string> ReadAllOf(const Client& client, const Named& named) {
+  std::string bytes;
+  RETURN_IF_ERROR(ReadLogOf(client, named, [&](std::string_view piece) {
     bytes.append(piece);
     return absl::OkStatus();
-  };
+  }));
+  return bytes;
 }
 
 struct LogOptions : SubmissionOptions {
@@ -93,23 +97,18 @@ absl::StatusOr<Json> EvaluationWithRows(const Client& client, const std::string&
 }
 
 absl::StatusOr<Json> RowOf(const Json& evaluation, int64_t episode) {
-  for (const Json& row : evaluation["episode_rows"]) {
-    if (row.value("index", int64_t{-1}) == episode) return row;
-  }
+  Json row = RowWith(evaluation["episode_rows"], "index", episode);
+  if (row.is_object()) return row;
   return absl::OutOfRangeError(absl::StrCat("submission ", evaluation.value("submission", 0),
                                             " has no recorded episode ", episode));
 }
 
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& sha256) {
-  std::string bytes;
-  RETURN_IF_ERROR(ReadLogOf(client, sha256, AppendTo(bytes)));
-  return bytes;
+  return ReadAllOf(client, sha256);
 }
 
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row) {
-  std::string bytes;
-  RETURN_IF_ERROR(ReadLogOf(client, row, AppendTo(bytes)));
-  return bytes;
+  return ReadAllOf(client, row);
 }
 
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {

@@ -261,7 +261,7 @@ absl::StatusOr<int> Rerun(const RerunOptions& options) {
       {{options.verify && !options.wait, "--verify: needs the end; leave --no-wait out"}}));
   ASSIGN_OR_RETURN(const Json range, RangeOf(options.episodes));
   const Client client = options.client();
-  ASSIGN_OR_RETURN(const Json rerun, client.PostOnce(options.Resource("/rerun"), range));
+  ASSIGN_OR_RETURN(const Json rerun, client.Post(options.Resource("/rerun"), range, /*once=*/true));
   if (!options.wait) {
     return PrintAnswer(rerun, options.json,
                        Sentence(absl::StrCat("Evaluation {evaluation} plays episodes {first} to "

@@ -357,7 +357,8 @@ absl::StatusOr<int> Submit(SubmitOptions options) {
   // Mistakes that can be found here are reported before anything is sent.
   ASSIGN_OR_RETURN(Json request, RequestOf(options));
   ASSIGN_OR_RETURN(request["artefact"], SendArtefact(options, client));
-  ASSIGN_OR_RETURN(const Json submission, client.PostOnce("/v1/submissions", request));
+  ASSIGN_OR_RETURN(const Json submission,
+                   client.Post("/v1/submissions", request, /*once=*/true));
   if (options.wait) {
     if (!options.json) PrintAccepted(submission);
     return ReportWaited(options, client, submission);

@@ -62,8 +62,8 @@ struct Finding {
 // What the server would answer to a submission, asked before anything is sent: who the caller is
 // and whether the team may submit, whether track and phase are open, whether the server's rules are
 // those of this host, which runtimes it has, and what is left of the quota. Nothing is changed
-// there, except that a denied request is counted like any other. False: the server can't be reached,
-// and nothing else is known.
+// there, except that a denied request is counted like any other. False: the server can't be
+// reached, and nothing else is known.
 bool AskAcceptance(const Client& client, const SubmissionPlan& plan,
                    std::vector<Finding>& findings);
 

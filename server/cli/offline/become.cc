@@ -183,29 +183,29 @@ Action AddRuntime(CLI::App& verb) {
     AddHostOptions(*part, options.host);
     return part;
   };
-  CLI::App* making =
+  CLI::App* part =
       add("add", "Make a runtime from a requirements file", "add torch-cpu", "runtime", Add);
-  making->add_option("NAME", options.name, "Its name in policy.json: a-z, 0-9, \".\", \"_\", \"-\"")
+  part->add_option("NAME", options.name, "Its name in policy.json: a-z, 0-9, \".\", \"_\", \"-\"")
       ->required();
-  making->add_option("REQUIREMENTS", options.requirements,
-                  "Requirements file of pip in which each package has a version and a SHA-256, or a "
-                  "folder with a requirements.txt and a debian.txt (default: the shipped recipe of "
-                  "that name)");
-  making->add_option("--debian", options.debian,
-                  "Python package of Debian to add, with what it needs; may be repeated");
-  making->add_flag("--lock", options.lock,
-                "Find versions and hashes first, and write them beside the requirements file");
-  making->add_flag("--replace", options.replace,
-                "Replace the runtime of that name; evaluations that began with it keep it");
-  making->add_option("--python", options.python,
-                  "Python that policies will run it with; below /usr (others: in images only)")
+  part->add_option("REQUIREMENTS", options.requirements,
+                   "Requirements file of pip in which each package has a version and a SHA-256, or "
+                   "a folder with a requirements.txt and a debian.txt (default: the shipped recipe "
+                   "of that name)");
+  part->add_option("--debian", options.debian,
+                   "Python package of Debian to add, with what it needs; may be repeated");
+  part->add_flag("--lock", options.lock,
+                 "Find versions and hashes first, and write them beside the requirements file");
+  part->add_flag("--replace", options.replace,
+                 "Replace the runtime of that name; evaluations that began with it keep it");
+  part->add_option("--python", options.python,
+                   "Python that policies will run it with; below /usr (others: in images only)")
       ->capture_default_str();
-  making->add_option("--wheels", options.wheels,
-                  "Folder to take the packages from instead of the network");
-  making->add_option("--most-bytes", options.most_bytes, "Largest unpacked size in bytes")
+  part->add_option("--wheels", options.wheels,
+                   "Folder to take the packages from instead of the network");
+  part->add_option("--most-bytes", options.most_bytes, "Largest unpacked size in bytes")
       ->check(WholeNumber(1, "no size"))
       ->capture_default_str();
-  making->add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")
+  part->add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")
       ->check(WholeNumber(1, "no time"))
       ->capture_default_str();
   add("list", "List the runtimes of this host", "list", "runtimes", List);

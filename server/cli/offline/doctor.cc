@@ -146,18 +146,6 @@ std::optional<Check> RecordCheck(const std::string& data_dir) {
                "restore the store from a backup, or tell those who check the record what happened"};
 }
 
-Json ChecksJson(const std::vector<Check>& checks, CheckState worst) {
-  Json list = Json::array();
-  for (const Check& check : checks) {
-    list.push_back({{"name", check.name},
-                    {"state", CheckStateName(check.state)},
-                    {"found", check.found},
-                    {"costs", check.costs},
-                    {"todo", check.todo}});
-  }
-  return {{"version", MYOGRADE_VERSION}, {"state", CheckStateName(worst)}, {"checks", list}};
-}
-
 // "a, b" of a list, "name=value, ..." of an object.
 std::string Words(const Json& json) {
   std::string text;
@@ -224,9 +212,18 @@ absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
   if (const auto record = RecordCheck(options.data_dir)) checks.push_back(*record);
   checks.push_back(DaemonCheck(options.data_dir));
   CheckState worst = CheckState::kOk;
-  for (const Check& check : checks) worst = std::max(worst, check.state);
+  Json list = Json::array();
+  for (const Check& check : checks) {
+    worst = std::max(worst, check.state);
+    list.push_back({{"name", check.name},
+                    {"state", CheckStateName(check.state)},
+                    {"found", check.found},
+                    {"costs", check.costs},
+                    {"todo", check.todo}});
+  }
   return PrintAnswer(
-      ChecksJson(checks, worst), verb.json,
+      Json{{"version", MYOGRADE_VERSION}, {"state", CheckStateName(worst)}, {"checks", list}},
+      verb.json,
       [&](const Json& answer) {
         PrintChecks(answer["checks"], {"missing", "degraded"}, "\n",
                     "\n  costs: {costs}\n  to do: {todo}\n");

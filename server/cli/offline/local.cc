@@ -1,5 +1,5 @@
-// A policy graded on this host without a daemon: myograde local; try, which also writes a folder with a
-// report and films to look at
+// A policy graded on this host without a daemon: myograde local; try, which also writes a folder
+// with a report and films to look at
 #include "server/cli/offline/local.h"
 
 #include <absl/strings/str_cat.h>
@@ -159,7 +159,7 @@ void AddLocalOptions(CLI::App& verb, LocalOptions& options, const std::string& p
 }
 
 constexpr mode_t kReportMode = 0644;
-constexpr char kFilmSize[] = "640x360";  // drawn in a quarter of the time that "render" takes as a rule
+constexpr char kFilmSize[] = "640x360";  // drawn in a quarter of the time of "render" as a rule
 
 struct TryOptions : LocalOptions {
   std::string folder;  // "": after the policy
@@ -197,47 +197,34 @@ absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade)
   return picked;
 }
 
-// The folder's relative name of the log of an episode.
-std::string LogOf(const LocalGrade& grade, int64_t episode) {
-  for (const Json& row : grade.json["episode_rows"]) {
-    if (row["index"] == episode) return absl::StrCat("logs/", row["log"].value("file", ""));
-  }
-  return "";
-}
-
-// What the folder holds beside the logs, and what it lacks, each in a sentence.
-struct Contents {
-  std::string report;  // "": none
-  Json films = Json::array();
-  std::vector<std::string> missing;
-};
-
+// Adds "films" to what was made, and to its "missing" why there are none or pictures.
 absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const std::string& folder,
-                      Contents& contents) {
+                      Json& made) {
   ASSIGN_OR_RETURN(const std::vector<PickedEpisode> picked, BestAndWorst(grade));
-  if (picked.empty()) contents.missing.push_back("No episode has a step to show.");
+  if (picked.empty()) made["missing"].push_back("No episode has a step to show.");
   const bool film = FindProgram("ffmpeg").ok();
   if (!film && !picked.empty()) {
-    contents.missing.push_back(
+    made["missing"].push_back(
         "There are pictures in place of films, as ffmpeg is not installed (Debian: apt-get install "
         "ffmpeg).");
   }
   for (const PickedEpisode& one : picked) {
     if (StopRequested()) return absl::CancelledError("interrupted");
     const std::string file = absl::StrCat(std::string(one.place), film ? ".mp4" : ".png");
-    std::vector<std::string> words = {absl::StrCat(folder, "/", LogOf(grade, one.index)), "-o",
+    const Json row = RowWith(grade.json["episode_rows"], "index", one.index);
+    std::vector<std::string> words = {folder + Filled(row, "/logs/{log.file}"), "-o",
                                       absl::StrCat(folder, "/", file), "--cache",
                                       options.host.cache_dir()};
     words.push_back(film ? absl::StrCat("--size=", kFilmSize) : "--strip");
     const absl::Status drawn = RunRender(std::move(words));
     if (absl::IsCancelled(drawn)) return drawn;
-    if (!drawn.ok()) {
-      contents.missing.push_back(
+    if (drawn.ok()) {
+      made["films"].push_back(
+          {{"place", std::string(one.place)}, {"episode", one.index}, {"file", file}});
+    } else {
+      made["missing"].push_back(
           absl::StrCat("Episode ", one.index, " is not shown: ", drawn.message()));
-      continue;
     }
-    contents.films.push_back(
-        {{"place", std::string(one.place)}, {"episode", one.index}, {"file", file}});
   }
   return absl::OkStatus();
 }
@@ -255,7 +242,8 @@ Json EvaluationOf(const LocalGrade& grade) {
   return result;
 }
 
-absl::Status AddReportFile(const LocalGrade& grade, const std::string& folder, Contents& contents) {
+// Adds "report", or to "missing" why there is none.
+absl::Status AddReportFile(const LocalGrade& grade, const std::string& folder, Json& made) {
   const Json order = {{"make", "report"},
                       {"format", "html"},
                       {"version", MYOGRADE_VERSION},
@@ -263,35 +251,24 @@ absl::Status AddReportFile(const LocalGrade& grade, const std::string& folder, C
   const absl::StatusOr<Drawn> drawn = DrawFigure(order);
   if (absl::IsCancelled(drawn.status())) return drawn.status();
   if (!drawn.ok()) {
-    contents.missing.push_back(absl::StrCat("There is no report: ", drawn.status().message()));
+    made["missing"].push_back(absl::StrCat("There is no report: ", drawn.status().message()));
     return absl::OkStatus();
   }
-  const std::string path = folder + "/report.html";
-  RETURN_IF_ERROR(WriteNewFile(path, drawn->file, kReportMode).status());
-  contents.report = "report.html";
-  return absl::OkStatus();
+  made["report"] = "report.html";
+  return WriteNewFile(folder + "/report.html", drawn->file, kReportMode).status();
 }
 
-// What to open first.
-std::string FirstToOpen(const std::string& folder, const Contents& contents) {
-  if (!contents.report.empty()) return absl::StrCat(folder, "/", contents.report);
-  if (contents.films.empty()) return "";
-  return absl::StrCat(folder, "/", contents.films.front().value("file", ""));
-}
-
-void PrintContents(const std::string& folder, const Contents& contents) {
-  std::cout << '\n' << Bold(absl::StrCat("In ", Harmless(folder))) << '\n';
-  if (!contents.report.empty()) std::cout << "  " << contents.report << "  the report\n";
-  for (const Json& film : contents.films) {
+void PrintTried(const Json& made) {
+  std::cout << '\n'
+            << Bold(Filled(made, "In {folder}")) << Filled(made, "\n[  {report}  the report\n]");
+  for (const Json& film : made["films"]) {
     std::cout << Filled(film, film["place"] == "only"
                                   ? "  {file}  episode {episode}\n"
                                   : "  {file}  the {place}, episode {episode}\n");
   }
   std::cout << "  logs  of all episodes, for \"myograde episode replay\" and \"myograde episode render\"\n";
-  for (const std::string& sentence : contents.missing) std::cout << Harmless(sentence) << '\n';
-  if (const std::string first = FirstToOpen(folder, contents); !first.empty()) {
-    std::cout << "Open " << Harmless(first) << std::endl;
-  }
+  for (const Json& why : made["missing"]) std::cout << Harmless(why.get<std::string>()) << '\n';
+  std::cout << Filled(made, "[Open {open}\n]") << std::flush;
 }
 
 absl::StatusOr<int> Try(TryOptions options) {
@@ -305,22 +282,25 @@ absl::StatusOr<int> Try(TryOptions options) {
     return grade.status();
   }
   if (!options.json) PrintLocalGrade(grade->json, options.full_hashes);
-  Contents contents;
+  Json made = {{"folder", folder},
+               {"report", nullptr},
+               {"films", Json::array()},
+               {"missing", Json::array()},
+               {"open", nullptr},
+               {"result", grade->json}};
   absl::Status added = grade->interrupted ? absl::CancelledError("interrupted")
-                                          : AddFilms(options, *grade, folder, contents);
-  if (added.ok()) added = AddReportFile(*grade, folder, contents);
+                                          : AddFilms(options, *grade, folder, made);
+  if (added.ok()) added = AddReportFile(*grade, folder, made);
   if (!added.ok() && !absl::IsCancelled(added)) return added;
-  if (!added.ok()) contents.missing.push_back("It was interrupted.");
+  if (!added.ok()) made["missing"].push_back("It was interrupted.");
+  // What to open first.
+  if (made["report"].is_string()) {
+    made["open"] = folder + "/report.html";
+  } else if (!made["films"].empty()) {
+    made["open"] = absl::StrCat(folder, "/", TextAt(made["films"][0], "file"));
+  }
   const int exit = ExitOfLocalGrade(*grade);
-  return PrintAnswer(
-      Json{{"folder", folder},
-           {"report", TextOrNull(contents.report)},
-           {"films", contents.films},
-           {"missing", contents.missing},
-           {"open", TextOrNull(FirstToOpen(folder, contents))},
-           {"result", grade->json}},
-      options.json, [&](const Json&) { PrintContents(folder, contents); },
-      absl::IsCancelled(added) ? kNoScore : exit);
+  return PrintAnswer(made, options.json, PrintTried, added.ok() ? exit : kNoScore);
 }
 
 }  // namespace

@@ -41,10 +41,10 @@ struct LocalResult {
   bool interrupted = false;
 };
 
-// Plays every lease, up to `slots` at once, and shows progress named `what`. InternalError if a lease
-// failed by the grader's fault more often than the config allows replays; each replay waits as a
-// daemon's does, and `tell_replays` says it on standard error. After a stop signal what is running is
-// killed within a second and the rows so far are returned.
+// Plays every lease, up to `slots` at once, and shows progress named `what`. InternalError if a
+// lease failed by the grader's fault more often than the config allows replays; each replay waits as
+// a daemon's does, and `tell_replays` says it on standard error. After a stop signal what is running
+// is killed within a second and the rows so far are returned.
 absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const std::string& what,
                                         bool tell_replays);
 

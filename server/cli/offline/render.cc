@@ -55,21 +55,13 @@ struct RenderOptions : DaemonOptions {
   bool no_overlay = false;
 };
 
-struct ShownEpisode {
-  int64_t index = 0;
-  std::string place;  // "best", "median", "worst" or "only" in a strip; else ""
-  RenderEpisode order;
-  int64_t steps = 0;  // in its log
-};
-
 // What is drawn, and where from.
 struct Drawing {
   RenderOrder order;
-  std::vector<ShownEpisode> episodes;  // under the order's track
   std::optional<FilmFormat> film;  // else a PNG
   int64_t frames = 1;
-  Json submission;  // their numbers, or null
-  Json evaluation;
+  // Of the verb's answer, with what is known of each of the order's episodes.
+  Json answer = {{"submission", nullptr}, {"evaluation", nullptr}, {"episodes", Json::array()}};
 };
 
 bool ReadSize(const std::string& text, int& width, int& height) {
@@ -126,6 +118,17 @@ absl::Status CheckHasSteps(const EpisodeLog& log) {
                                           "\" before the first"));
 }
 
+// `place`: "best", "median", "worst" or "only" in a strip; else "". `log`: that of the episode itself.
+void AddShown(const std::string& place, const EpisodeLog& log, RenderEpisode episode,
+              Drawing& drawing) {
+  drawing.answer["episodes"].push_back({{"index", log.header.episode},
+                                        {"place", TextOrNull(place)},
+                                        {"steps", log.steps()},
+                                        {"verdict", TextOrNull(episode.verdict)}});
+  drawing.order.track = log.header.track;
+  drawing.order.episodes.push_back(std::move(episode));
+}
+
 // What scoring reads of a row, from what the API shows of it; nullopt if the phase withholds that.
 std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
   const std::optional<Outcome> outcome = ParseOutcome(TextAt(row, "outcome"));
@@ -168,16 +171,11 @@ absl::Status AddOfFile(const RenderOptions& options, Drawing& drawing) {
                              "--episode: a log file holds one episode; leave the option out"}}));
   ASSIGN_OR_RETURN(const EpisodeLog log, ParseLog(ReadLog(options.target)));
   RETURN_IF_ERROR(CheckHasSteps(log));
-  ShownEpisode shown = {.index = log.header.episode, .place = "", .order = {},
-                        .steps = log.steps()};
+  RenderEpisode shown;
   ASSIGN_OR_RETURN(const auto files, LogsUpTo(options.target, log.header));
-  for (const auto& [episode, file] : files) shown.order.logs.push_back(file.path);
-  if (options.strip) {
-    shown.place = "only";
-    shown.order.title = absl::StrCat("episode ", shown.index);
-  }
-  drawing.order.track = log.header.track;
-  drawing.episodes.push_back(std::move(shown));
+  for (const auto& [episode, file] : files) shown.logs.push_back(file.path);
+  if (options.strip) shown.title = absl::StrCat("episode ", log.header.episode);
+  AddShown(options.strip ? "only" : "", log, std::move(shown), drawing);
   return absl::OkStatus();
 }
 
@@ -188,17 +186,16 @@ absl::Status AddEpisode(const Client& client, const Json& evaluation, int64_t in
                         const std::string& folder, Drawing& drawing) {
   ASSIGN_OR_RETURN(const FetchedLog own, FetchLog(client, evaluation, index, folder));
   RETURN_IF_ERROR(CheckHasSteps(own.log));
-  ShownEpisode shown = {.index = index, .place = place, .order = {}, .steps = own.log.steps()};
-  drawing.order.track = own.log.header.track;
-  for (int64_t before = FirstNeeded(drawing.order.track, index); before < index; ++before) {
+  RenderEpisode shown;
+  for (int64_t before = FirstNeeded(own.log.header.track, index); before < index; ++before) {
     ASSIGN_OR_RETURN(const FetchedLog log, FetchLog(client, evaluation, before, folder));
-    shown.order.logs.push_back(log.file.path);
+    shown.logs.push_back(log.file.path);
   }
-  shown.order.logs.push_back(own.file.path);
-  shown.order.title = title;
+  shown.logs.push_back(own.file.path);
+  shown.title = title;
   // "failure: dropped"; "" where the phase withholds it.
-  shown.order.verdict = Filled(*RowOf(evaluation, index), "[{outcome}][: {reason}]");
-  drawing.episodes.push_back(std::move(shown));
+  shown.verdict = Filled(*RowOf(evaluation, index), "[{outcome}][: {reason}]");
+  AddShown(place, own.log, std::move(shown), drawing);
   return absl::OkStatus();
 }
 
@@ -235,8 +232,8 @@ absl::Status AddOfSubmission(const RenderOptions& options, int64_t id, const std
   const Client client = options.client();
   ASSIGN_OR_RETURN(const Json evaluation,
                    EvaluationWithRows(client, absl::StrCat("/v1/submissions/", id, "/result")));
-  drawing.submission = id;
-  drawing.evaluation = evaluation.value("evaluation", Json());
+  drawing.answer["submission"] = id;
+  drawing.answer["evaluation"] = evaluation.value("evaluation", Json());
   if (options.strip) return AddStrip(client, evaluation, folder, drawing);
   return AddEpisode(client, evaluation, options.episode, "",
                     absl::StrCat("submission ", id, Filled(evaluation, " of {team}")), folder,
@@ -250,13 +247,12 @@ absl::Status Find(const RenderOptions& options, const std::string& folder, Drawi
       numbered ? AddOfSubmission(options, id, folder, drawing) : AddOfFile(options, drawing));
   RenderOrder& order = drawing.order;
   order.deadline_s = kDeadlineSeconds;
-  for (const ShownEpisode& episode : drawing.episodes) {
-    order.episodes.push_back(episode.order);
-    order.deadline_s += kSecondsPerLog * static_cast<double>(episode.order.logs.size() - 1);
+  for (const RenderEpisode& episode : order.episodes) {
+    order.deadline_s += kSecondsPerLog * static_cast<double>(episode.logs.size() - 1);
   }
   if (drawing.film) {
-    drawing.frames =
-        FilmFrames(order, drawing.episodes.front().steps, order.track.kind->control_period_s);
+    const int64_t steps = drawing.answer["episodes"][0]["steps"];
+    drawing.frames = FilmFrames(order, steps, order.track.kind->control_period_s);
     order.deadline_s += kSecondsPerFrame * static_cast<double>(drawing.frames);
   }
   return absl::OkStatus();
@@ -273,30 +269,22 @@ absl::StatusOr<std::string> Draw(const Drawing& drawing, const std::string& fold
   return ReadFile(part);
 }
 
-Json ToJson(const RenderOptions& options, const Drawing& drawing, const std::string& bytes,
-            const std::string& sha256) {
+Json AnswerOf(const RenderOptions& options, const Drawing& drawing, const std::string& bytes,
+              const std::string& sha256) {
   const RenderOrder& order = drawing.order;
-  Json episodes = Json::array();
-  for (const ShownEpisode& shown : drawing.episodes) {
-    episodes.push_back({{"index", shown.index},
-                        {"place", TextOrNull(shown.place)},
-                        {"steps", shown.steps},
-                        {"verdict", TextOrNull(shown.order.verdict)}});
-  }
   const bool film = drawing.film.has_value();
-  return {{"submission", drawing.submission},
-          {"evaluation", drawing.evaluation},
-          {"file", options.file},
-          {"sha256", sha256},
-          {"bytes", bytes.size()},
-          {"form", film ? "film" : options.strip ? "strip" : "picture"},
-          {"width", order.width},
-          {"height", order.height},
-          {"frames", drawing.frames},
-          {"frames_per_second", film ? Json(order.frames_per_second) : Json()},
-          {"seconds", film ? Json(static_cast<double>(drawing.frames) / order.frames_per_second)
-                           : Json()},
-          {"episodes", std::move(episodes)}};
+  const double seconds = static_cast<double>(drawing.frames) / order.frames_per_second;
+  Json answer = drawing.answer;
+  answer.update({{"file", options.file},
+                 {"sha256", sha256},
+                 {"bytes", bytes.size()},
+                 {"form", film ? "film" : options.strip ? "strip" : "picture"},
+                 {"width", order.width},
+                 {"height", order.height},
+                 {"frames", drawing.frames},
+                 {"frames_per_second", film ? Json(order.frames_per_second) : Json()},
+                 {"seconds", film ? Json(seconds) : Json()}});
+  return answer;
 }
 
 void PrintDrawn(const Json& json) {
@@ -327,7 +315,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   if (!bytes.ok()) return ExitOfLogError(bytes.status());
   RETURN_IF_ERROR(file.Write(*bytes));
   ASSIGN_OR_RETURN(const std::string sha256, file.Keep());
-  return PrintAnswer(ToJson(options, drawing, *bytes, sha256), options.json, PrintDrawn);
+  return PrintAnswer(AnswerOf(options, drawing, *bytes, sha256), options.json, PrintDrawn);
 }
 
 }  // namespace

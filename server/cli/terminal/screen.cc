@@ -12,6 +12,7 @@
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
+#include <absl/strings/str_join.h>
 
 #include "protocol/base/clock.h"
 
@@ -75,12 +76,6 @@ size_t IndentOf(std::string_view line, size_t columns) {
     }
   }
   return begin + kLeastIndent <= columns / 2 ? begin + kLeastIndent : kLeastIndent;
-}
-
-// What each further piece of a broken line begins with.
-std::string HeadOf(std::string_view line, size_t columns) {
-  if (line.starts_with(kForeignMark)) return std::string(kForeignMark);
-  return std::string(IndentOf(line, columns), ' ');
 }
 
 // A line to show: harmless but for what Bold (terminal.h) adds.
@@ -218,12 +213,10 @@ class StandardOutput::Fitter : public std::streambuf {
     line_ = Shown(line_);
     const size_t columns = TerminalColumns(STDOUT_FILENO);
     if (columns > 0 && TextWidth(line_) > columns) {
-      const std::vector<std::string> pieces = BreakLine(line_, columns, HeadOf(line_, columns));
-      line_.clear();
-      for (const std::string& piece : pieces) {
-        line_ += piece;
-        if (&piece != &pieces.back()) line_ += '\n';
-      }
+      const std::string head = line_.starts_with(kForeignMark)
+                                   ? std::string(kForeignMark)
+                                   : std::string(IndentOf(line_, columns), ' ');
+      line_ = absl::StrJoin(BreakLine(line_, columns, head), "\n");
     }
     if (newline) line_ += '\n';
     below_->sputn(line_.data(), static_cast<std::streamsize>(line_.size()));

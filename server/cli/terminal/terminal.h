@@ -1,5 +1,5 @@
-// What people see: how values are written, foreign lines and tables, what fits on a terminal, standard
-// output, and how far something is.
+// What people see: how values are written, foreign lines and tables, what fits on a terminal,
+// standard output, and how far something is.
 #pragma once
 
 #include <absl/time/time.h>
@@ -35,11 +35,11 @@ std::string Bold(const std::string& text);
 // The string at `key` as it is; "" if there is none.
 std::string TextAt(const Json& object, const char* key);
 
-// The first of `rows`, an array of objects, with that string at `key`; null if there is none.
-Json RowWith(const Json& rows, const char* key, const std::string& value);
+// The first of `rows`, an array of objects, with that value at `key`; null if there is none.
+Json RowWith(const Json& rows, const char* key, const Json& value);
 
-// A JSON number, a string, or an array of strings ("a, b") as a table cell; "-" for an empty one, null
-// or a missing key.
+// A JSON number, a string, or an array of strings ("a, b") as a table cell; "-" for an empty one,
+// null or a missing key.
 std::string Cell(const Json& object, const std::string& key, int digits = 4);
 
 // A JSON count with its word (counted.h): "1 episode"; "- episodes" for null or a missing key.

@@ -47,11 +47,6 @@ bool Fill(const Json& object, std::string_view text, std::string& filled) {
   return whole;
 }
 
-bool HasColour() {
-  const char* no_color = std::getenv("NO_COLOR");
-  return ::isatty(STDOUT_FILENO) == 1 && (no_color == nullptr || *no_color == '\0');
-}
-
 constexpr size_t kGap = 2;
 constexpr size_t kLeastText = 8;     // columns that a text is given at least
 constexpr size_t kWholeNumber = 12;  // numbers up to so many columns are never broken
@@ -87,7 +82,9 @@ std::string Marked(std::string_view text) {
 }
 
 std::string Bold(const std::string& text) {
-  return HasColour() ? "\033[1m" + text + "\033[0m" : text;
+  const char* no_color = std::getenv("NO_COLOR");
+  const bool plain = ::isatty(STDOUT_FILENO) != 1 || (no_color != nullptr && *no_color != '\0');
+  return plain ? text : "\033[1m" + text + "\033[0m";
 }
 
 std::string TextAt(const Json& object, const char* key) {
@@ -95,7 +92,7 @@ std::string TextAt(const Json& object, const char* key) {
   return it != object.end() && it->is_string() ? it->get<std::string>() : "";
 }
 
-Json RowWith(const Json& rows, const char* key, const std::string& value) {
+Json RowWith(const Json& rows, const char* key, const Json& value) {
   for (const Json& row : rows) {
     if (row.value(key, Json()) == value) return row;
   }
