@@ -53,12 +53,6 @@ constexpr Rule kRules[] = {
     {Action::kManageNodes, "manage nodes", Role::kOperator},
 };
 
-constexpr auto kActions = [] {
-  std::array<Action, std::size(kRules)> actions = {};
-  for (size_t i = 0; i < actions.size(); ++i) actions[i] = kRules[i].action;
-  return actions;
-}();
-
 // RuleOf finds a rule by its place.
 static_assert([] {
   for (size_t i = 0; i < std::size(kRules); ++i) {
@@ -80,8 +74,6 @@ std::optional<Role> ParseRole(std::string_view name) {
 }
 
 std::string_view ActionName(Action action) { return RuleOf(action).name; }
-
-std::span<const Action> AllActions() { return kActions; }
 
 Role RoleFor(Action action) { return RuleOf(action).role; }
 

@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <optional>
 #include <set>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -64,7 +63,6 @@ enum class Action {
   kImport, kBackup, kManageOperators, kManageWebhooks, kManageNodes,
 };
 std::string_view ActionName(Action action);
-std::span<const Action> AllActions();
 
 // The least role that an action needs.
 Role RoleFor(Action action);

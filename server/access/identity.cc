@@ -77,13 +77,6 @@ absl::StatusOr<std::string> NewTokenText() {
   return absl::StrCat(std::string(kPrefix), absl::BytesToHexString(bytes));
 }
 
-bool IsTokenText(std::string_view text) {
-  if (!text.starts_with(kPrefix)) return false;
-  text.remove_prefix(kPrefix.size());
-  return text.size() == 2 * kRandomBytes &&
-         text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
-
 std::string TokenHash(std::string_view text) { return Sha256Hex(std::string(text)); }
 
 std::optional<std::string_view> TokenIn(std::string_view authorization) {
@@ -94,8 +87,11 @@ std::optional<std::string_view> TokenIn(std::string_view authorization) {
   }
   std::string_view token = authorization.substr(scheme.size());
   token.remove_prefix(std::min(token.find_first_not_of(' '), token.size()));
-  if (!IsTokenText(token)) return std::nullopt;
-  return token;
+  if (!token.starts_with(kPrefix)) return std::nullopt;
+  const std::string_view digits = token.substr(kPrefix.size());
+  const bool good = digits.size() == 2 * kRandomBytes &&
+                    digits.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+  return good ? std::optional(token) : std::nullopt;
 }
 
 }  // namespace myograde::server

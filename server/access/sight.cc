@@ -13,12 +13,6 @@ Visibility SightOf(Role role, const PhaseSight& phase) {
   return sight;
 }
 
-bool SeesAll(const Visibility& sight) { return sight == Visibility{}; }
-
-bool SeesLogs(const Visibility& sight) { return sight.logs && sight.seeds; }
-
-bool SeesReceipt(const Visibility& sight) { return sight.outcomes && sight.metrics; }
-
 std::vector<std::string_view> WithheldParts(const Visibility& sight) {
   std::vector<std::string_view> parts;
   for (const auto& [name, seen] : {std::pair("aggregate", sight.aggregate),

@@ -46,11 +46,11 @@ inline constexpr Visibility kSightOfUnknownPhase = {.aggregate = true,
 Visibility SightOf(Role role, const PhaseSight& phase);
 
 // Whether nothing is withheld.
-bool SeesAll(const Visibility& sight);
+inline bool SeesAll(const Visibility& sight) { return sight == Visibility{}; }
 // Whether the file of a log may be read: it holds its episode's seed.
-bool SeesLogs(const Visibility& sight);
+inline bool SeesLogs(const Visibility& sight) { return sight.logs && sight.seeds; }
 // Whether a receipt may be read: it lists outcome and metrics of each episode.
-bool SeesReceipt(const Visibility& sight);
+inline bool SeesReceipt(const Visibility& sight) { return sight.outcomes && sight.metrics; }
 
 // The names of what is withheld, as a challenge file's "show" calls them, and "seeds".
 std::vector<std::string_view> WithheldParts(const Visibility& sight);

@@ -152,7 +152,11 @@ std::optional<ApiError> Guard::IdentifyToken(const Peer& peer, std::string_view 
                                                : "";
   if (std::optional<ApiError> wait = CheckTries(peer, hash)) return wait;
   if (scrapes) {
-    who = AcceptScraper(peer);
+    who = IdentityOfAddress("metrics token");
+    who.remote = peer.network;
+    who.scraper = true;
+    const MutexLock lock(mutex_);
+    good_tokens_.FindOr(hash, -absl::InfiniteDuration());
     return std::nullopt;
   }
   std::optional<TokenRow> row;
@@ -179,17 +183,6 @@ bool Guard::IsMetricsToken(std::string_view authorization) const {
   constexpr std::string_view kBearer = "Bearer ";
   return !context_.metrics_token.empty() && authorization.starts_with(kBearer) &&
          TokenHash(authorization.substr(kBearer.size())) == context_.metrics_token;
-}
-
-Identity Guard::AcceptScraper(const Peer& peer) {
-  {
-    const MutexLock lock(mutex_);
-    good_tokens_.FindOr(context_.metrics_token, -absl::InfiniteDuration());
-  }
-  Identity scraper = IdentityOfAddress("metrics token");
-  scraper.remote = peer.network;
-  scraper.scraper = true;
-  return scraper;
 }
 
 // Tokens that were good before pay for themselves; all others are tries of the address.

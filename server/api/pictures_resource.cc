@@ -100,13 +100,6 @@ bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type
   return response.SetFile(found->path, type).ok();
 }
 
-void SendWaiting(const PictureState& state, Response& response) {
-  const bool plays = state.is == PictureState::Is::kPlaying;
-  const nlohmann::json body = {{"state", plays ? "playing" : "waiting"}, {"place", state.place}};
-  response.SetHeader("Retry-After", absl::StrCat(kAskAgainSeconds));
-  response.SetJson(202, CanonicalJson(body) + "\n");
-}
-
 // The file, or how far it is.
 absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, const char* type,
                              const Request& request, Response& response) {
@@ -117,9 +110,13 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
       // It was removed this very moment, to make room.
       return Busy("the file was just removed; ask again", kAskAgainSeconds);
     case PictureState::Is::kWaiting:
-    case PictureState::Is::kPlaying:
-      SendWaiting(state, response);
+    case PictureState::Is::kPlaying: {
+      const bool plays = state.is == PictureState::Is::kPlaying;
+      const Json body = {{"state", plays ? "playing" : "waiting"}, {"place", state.place}};
+      response.SetHeader("Retry-After", absl::StrCat(kAskAgainSeconds));
+      response.SetJson(202, CanonicalJson(body) + "\n");
       return absl::OkStatus();
+    }
     case PictureState::Is::kMissing:
       return MissingLog(key.of);
     case PictureState::Is::kFailed:

@@ -13,9 +13,10 @@
 #include "protocol/base/fd.h"
 #include "server/http/request.h"
 #include "server/http/peer.h"
-#include "server/http/tls.h"
 
 namespace myograde::server {
+
+struct TlsContext;
 
 // A socket that connections come in at.
 struct Listener {

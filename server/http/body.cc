@@ -1,11 +1,12 @@
 #include "server/http/body.h"
 
 #include <fcntl.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <filesystem>
+#include <system_error>
 
 #include <absl/strings/str_cat.h>
 
@@ -59,13 +60,13 @@ void Spool::Release(PeerLoad& peer, int64_t bytes) {
 }
 
 std::optional<ApiError> Spool::CheckDisk(int64_t bytes) const {
-  struct statvfs disk;
-  if (::statvfs(folder_.c_str(), &disk) != 0) {
+  std::error_code error;
+  const std::filesystem::space_info disk = std::filesystem::space(folder_, error);
+  if (error) {
     return ApiError{503, "store",
                     "the server's folder for uploads can't be looked at; tell the organiser"};
   }
-  const auto free = static_cast<int64_t>(disk.f_bavail) * static_cast<int64_t>(disk.f_frsize);
-  if (free - bytes >= disk_reserve_) return std::nullopt;
+  if (static_cast<int64_t>(disk.available) - bytes >= disk_reserve_) return std::nullopt;
   return ApiError{503, "store",
                   "the server's disk is too full for this; try again later, or tell the organiser"};
 }

@@ -112,14 +112,13 @@ std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
         return found;
       });
   if (next.ok()) return *next;
-  if (damaged != 0) GiveUpDamaged(webhook, damaged, std::string(next.status().message()));
+  if (damaged != 0) {
+    const std::string why(next.status().message());
+    spdlog::error("webhook {}: delivery {} is given up: {}", webhook.config.name, damaged, why);
+    options_.metrics.CountWebhookGivenUp(webhook.config.name);
+    Record(damaged, {.state = "given_up", .attempts = 0, .due_at = 0, .detail = why});
+  }
   return std::nullopt;
-}
-
-void WebhookSender::GiveUpDamaged(const Webhook& webhook, int64_t id, const std::string& why) {
-  spdlog::error("webhook {}: delivery {} is given up: {}", webhook.config.name, id, why);
-  options_.metrics.CountWebhookGivenUp(webhook.config.name);
-  Record(id, {.state = "given_up", .attempts = 0, .due_at = 0, .detail = why});
 }
 
 void WebhookSender::Deliver(const Webhook& webhook, const DeliveryRow& delivery) {
