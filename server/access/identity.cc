@@ -50,10 +50,7 @@ Identity IdentityOfUser(const HostUser& user, const AccessConfig& config,
 }
 
 Identity IdentityOfAddress(const std::string& key) {
-  Identity identity;
-  identity.key = key;
-  identity.remote = true;
-  return identity;
+  return {.key = key, .teams = {}, .remote = true};
 }
 
 std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRow>& row,
@@ -63,13 +60,13 @@ std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRo
   if (!role.has_value()) return TokenProblem::kUnknown;
   if (row->revoked_at != 0) return TokenProblem::kRevoked;
   if (row->expires_at != 0 && now_ms >= row->expires_at) return TokenProblem::kExpired;
-  Identity identity;
-  identity.role = *role;
-  identity.key = "token " + std::to_string(row->id);
-  identity.token = row->id;
-  if (!row->team.empty()) identity.teams.insert(row->team);
-  identity.remote = remote;
-  return identity;
+  std::set<std::string> teams;
+  if (!row->team.empty()) teams.insert(row->team);
+  return Identity{.role = *role,
+                  .key = absl::StrCat("token ", row->id),
+                  .teams = std::move(teams),
+                  .remote = remote,
+                  .token = row->id};
 }
 
 absl::StatusOr<std::string> NewTokenText() {

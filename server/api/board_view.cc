@@ -89,15 +89,9 @@ constexpr char kSuccessRate[] = "success_rate";
 
 // What a criterion is called in an aggregate; null: nothing but the acceptance decides.
 Json NameOf(const Track& track, const Criterion& criterion) {
-  switch (criterion.kind) {
-    case Criterion::Kind::kSuccess:
-      return kSuccessRate;
-    case Criterion::Kind::kNumber:
-      return scoring::MetricOf(track.scoring.track->metrics, criterion.number).name;
-    case Criterion::Kind::kAcceptance:
-      break;
-  }
-  return nullptr;
+  if (criterion.kind == Criterion::Kind::kSuccess) return kSuccessRate;
+  if (criterion.kind == Criterion::Kind::kAcceptance) return nullptr;
+  return scoring::MetricOf(track.scoring.track->metrics, criterion.number).name;
 }
 
 Json DescriptionOf(const Track& track, const Criterion& criterion) {

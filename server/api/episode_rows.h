@@ -51,9 +51,9 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
                         const std::vector<scoring::JudgedEpisode>& judged, nlohmann::json& json);
 
 // Adds up the details of episodes, whatever their track, each with its steps: {"episodes", "steps",
-// "values"}, where `values` has the shape of the details, with {"count", "min", "mean", "max"} in the
-// place of each number. Of numbers that no episode has, all but the count are null. An episode whose
-// details are null does not count; null if none does.
+// "values"}, where `values` has the shape of the details, with {"count", "min", "mean", "max"} in
+// the place of each number. Of numbers that no episode has, all but the count are null. An episode
+// whose details are null does not count; null if none does.
 nlohmann::json SummaryOf(const std::vector<std::pair<nlohmann::json, int64_t>>& episodes);
 
 }  // namespace myograde::server

@@ -151,9 +151,9 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
   const TrackConfig& config = stored.track->config;
   // A policy that plays its phase again has one more look at it, which no quota counts.
   if (!SeesAll(SightOfConfig(reader, context, config))) {
-    return WithheldError(absl::StrCat("submission ", submission, " can't be run again yet: phase \"",
-                                      config.phase, "\" withholds parts of results, and a re-run "
-                                      "would be a further look"));
+    return WithheldError(absl::StrCat(
+        "submission ", submission, " can't be run again yet: phase \"", config.phase,
+        "\" withholds parts of results, and a re-run would be a further look"));
   }
   const EvaluationRow& original = stored.evaluation;
   if (!IsFinal(original.state)) {

@@ -1,6 +1,6 @@
-// What the caller of a request may see of an evaluation (server/access/access.h), from the challenge
-// files and the store, and the removal of the rest from answers. Every key of an answer is listed
-// with what it takes to see it; one that is not listed is withheld as soon as anything is.
+// What the caller of a request may see of an evaluation (server/access/access.h), from the
+// challenge files and the store, and the removal of the rest from answers. Every key of an answer
+// is listed with what it takes to see it; one that is not listed is withheld as soon as anything is.
 #pragma once
 
 #include <string>

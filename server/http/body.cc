@@ -75,13 +75,9 @@ std::string Spool::NewPath() { return absl::StrCat(folder_, "/body-", ++names_);
 
 absl::StatusOr<std::string> Body::Text() const {
   if (!spooled()) return memory_;
-  std::string text(static_cast<size_t>(size_), '\0');
-  for (size_t done = 0; done < text.size();) {
-    const ssize_t n = ReadAt(text.data() + done, text.size() - done, static_cast<int64_t>(done));
-    if (n <= 0) return absl::UnavailableError("a request can't be read back from the server's disk");
-    done += static_cast<size_t>(n);
-  }
-  return text;
+  absl::StatusOr<std::string> text = ReadFile(path_);
+  if (text.ok() && std::ssize(*text) == size_) return text;
+  return absl::UnavailableError("a request can't be read back from the server's disk");
 }
 
 ssize_t Body::ReadAt(char* to, size_t size, int64_t offset) const {

@@ -87,7 +87,10 @@ void WebhookSender::Run(const Webhook& webhook) {
   while (!stop_.stop_requested()) {
     if (prunes && options_.clock.Monotonic() - pruned >= kPruneEvery) {
       pruned = options_.clock.Monotonic();
-      Prune();
+      const int64_t before = absl::ToUnixMillis(options_.clock.Now() - kKeep);
+      // Those that can't be removed now are removed in an hour.
+      (void)options_.write(
+          [before](Transaction& writer) { return writer.deliveries.Prune(before); });
     }
     const std::optional<DeliveryRow> delivery = Next(webhook);
     if (!delivery.has_value()) {
@@ -163,12 +166,6 @@ void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
     });
     if (status.ok()) return;
   } while (!WaitForStop(stop_.get_token(), kRecordEvery));
-}
-
-void WebhookSender::Prune() {
-  const int64_t before = absl::ToUnixMillis(options_.clock.Now() - kKeep);
-  // Those that can't be removed now are removed in an hour.
-  (void)options_.write([before](Transaction& writer) { return writer.deliveries.Prune(before); });
 }
 
 }  // namespace myograde::server
