@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace myograde::server {
 namespace {
@@ -53,12 +54,6 @@ constexpr Rule kRules[] = {
     {Action::kManageNodes, "manage nodes", Role::kOperator},
 };
 
-constexpr auto kActions = [] {
-  std::array<Action, std::size(kRules)> actions = {};
-  for (size_t i = 0; i < actions.size(); ++i) actions[i] = kRules[i].action;
-  return actions;
-}();
-
 // RuleOf finds a rule by its place.
 static_assert([] {
   for (size_t i = 0; i < std::size(kRules); ++i) {
@@ -81,8 +76,6 @@ std::optional<Role> ParseRole(std::string_view name) {
 
 std::string_view ActionName(Action action) { return RuleOf(action).name; }
 
-std::span<const Action> AllActions() { return kActions; }
-
 Role RoleFor(Action action) { return RuleOf(action).role; }
 
 bool NeedsTeam(Action action) { return RuleOf(action).of_a_team; }
@@ -93,6 +86,28 @@ bool MayTake(const Identity& identity, Action action, const std::optional<std::s
   if (identity.role < rule.role) return false;
   const bool any_team = identity.role >= Role::kOrganiser || !rule.of_a_team;
   return any_team || !team.has_value() || identity.teams.contains(*team);
+}
+
+Visibility SightOf(Role role, const PhaseSight& phase) {
+  if (role >= Role::kOrganiser) return {};
+  Visibility sight = phase.published || phase.revealed ? Visibility{} : phase.shown;
+  sight.seeds = !phase.committed || phase.revealed;
+  sight.progress = true;
+  sight.progress = phase.published || phase.revealed || SeesAll(sight);
+  return sight;
+}
+
+std::vector<std::string_view> WithheldParts(const Visibility& sight) {
+  std::vector<std::string_view> parts;
+  for (const auto& [name, seen] : {std::pair("aggregate", sight.aggregate),
+                                   std::pair("outcomes", sight.outcomes),
+                                   std::pair("metrics", sight.metrics),
+                                   std::pair("logs", sight.logs),
+                                   std::pair("output", sight.output),
+                                   std::pair("seeds", sight.seeds)}) {
+    if (!seen) parts.emplace_back(name);
+  }
+  return parts;
 }
 
 }  // namespace myograde::server

@@ -1,6 +1,7 @@
 // Who may do what: the one place that decides it. A request has an identity (who asks), an action
 // (each address of the API has one) and, where it is about somebody's things, the team whose they
-// are. server/api/README.md shows the same as a table.
+// are. server/api/README.md shows the same as a table. And what a participant may see of an
+// evaluation, of which a phase of a challenge may withhold parts (server/api/redaction.h). Pure.
 #pragma once
 
 #include <sys/types.h>
@@ -8,7 +9,6 @@
 #include <cstdint>
 #include <optional>
 #include <set>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -64,7 +64,6 @@ enum class Action {
   kImport, kBackup, kManageOperators, kManageWebhooks, kManageNodes,
 };
 std::string_view ActionName(Action action);
-std::span<const Action> AllActions();
 
 // The least role that an action needs.
 Role RoleFor(Action action);
@@ -75,5 +74,51 @@ bool NeedsTeam(Action action);
 // before that is known, which decides by the role alone. What is another team's is answered exactly
 // as if it did not exist.
 bool MayTake(const Identity& identity, Action action, const std::optional<std::string>& team);
+
+// What a phase shows to a team of its own evaluations. Organisers see everything.
+struct Visibility {
+  bool aggregate = true;   // the means that the board ranks by
+  bool outcomes = true;    // outcome and reason of each episode
+  bool metrics = true;     // metrics, steps and digests of each episode
+  bool logs = true;        // facts, details and log of each episode
+  bool output = true;      // what the policy printed, and the text of its faults
+  bool seeds = true;       // false as long as committed seeds are not revealed
+  bool progress = true;    // what goes on inside a lease, and the single episodes of an evaluation that
+                           // is not done: false while anything above is withheld and the phase is not
+                           // published, as nothing may be charged for them
+
+  bool operator==(const Visibility&) const = default;
+};
+
+// What is known of the phase that an evaluation belongs to. The default is that of evaluations
+// outside of all phases: nothing is withheld.
+struct PhaseSight {
+  Visibility shown = {};   // while it is not published, as its file says; `seeds` is ignored
+  bool published = false;
+  bool committed = false;  // its seeds are hidden until they are revealed
+  bool revealed = false;   // which publishes it, too
+};
+
+// A phase that no file describes any more: until it is published, its teams see the aggregate and
+// nothing else.
+inline constexpr Visibility kSightOfUnknownPhase = {.aggregate = true,
+                                                    .outcomes = false,
+                                                    .metrics = false,
+                                                    .logs = false,
+                                                    .output = false,
+                                                    .seeds = false,
+                                                    .progress = false};
+
+Visibility SightOf(Role role, const PhaseSight& phase);
+
+// Whether nothing is withheld.
+inline bool SeesAll(const Visibility& sight) { return sight == Visibility{}; }
+// Whether the file of a log may be read: it holds its episode's seed.
+inline bool SeesLogs(const Visibility& sight) { return sight.logs && sight.seeds; }
+// Whether a receipt may be read: it lists outcome and metrics of each episode.
+inline bool SeesReceipt(const Visibility& sight) { return sight.outcomes && sight.metrics; }
+
+// The names of what is withheld, as a challenge file's "show" calls them, and "seeds".
+std::vector<std::string_view> WithheldParts(const Visibility& sight);
 
 }  // namespace myograde::server

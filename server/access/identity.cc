@@ -50,10 +50,7 @@ Identity IdentityOfUser(const HostUser& user, const AccessConfig& config,
 }
 
 Identity IdentityOfAddress(const std::string& key) {
-  Identity identity;
-  identity.key = key;
-  identity.remote = true;
-  return identity;
+  return {.key = key, .teams = {}, .remote = true};
 }
 
 std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRow>& row,
@@ -63,25 +60,18 @@ std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRo
   if (!role.has_value()) return TokenProblem::kUnknown;
   if (row->revoked_at != 0) return TokenProblem::kRevoked;
   if (row->expires_at != 0 && now_ms >= row->expires_at) return TokenProblem::kExpired;
-  Identity identity;
-  identity.role = *role;
-  identity.key = "token " + std::to_string(row->id);
-  identity.token = row->id;
-  if (!row->team.empty()) identity.teams.insert(row->team);
-  identity.remote = remote;
-  return identity;
+  std::set<std::string> teams;
+  if (!row->team.empty()) teams.insert(row->team);
+  return Identity{.role = *role,
+                  .key = absl::StrCat("token ", row->id),
+                  .teams = std::move(teams),
+                  .remote = remote,
+                  .token = row->id};
 }
 
 absl::StatusOr<std::string> NewTokenText() {
   ASSIGN_OR_RETURN(const std::string bytes, RandomBytes(kRandomBytes));
   return absl::StrCat(std::string(kPrefix), absl::BytesToHexString(bytes));
-}
-
-bool IsTokenText(std::string_view text) {
-  if (!text.starts_with(kPrefix)) return false;
-  text.remove_prefix(kPrefix.size());
-  return text.size() == 2 * kRandomBytes &&
-         text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
 }
 
 std::string TokenHash(std::string_view text) { return Sha256Hex(std::string(text)); }
@@ -94,8 +84,11 @@ std::optional<std::string_view> TokenIn(std::string_view authorization) {
   }
   std::string_view token = authorization.substr(scheme.size());
   token.remove_prefix(std::min(token.find_first_not_of(' '), token.size()));
-  if (!IsTokenText(token)) return std::nullopt;
-  return token;
+  if (!token.starts_with(kPrefix)) return std::nullopt;
+  const std::string_view digits = token.substr(kPrefix.size());
+  const bool good = digits.size() == 2 * kRandomBytes &&
+                    digits.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+  return good ? std::optional(token) : std::nullopt;
 }
 
 }  // namespace myograde::server

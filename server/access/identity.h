@@ -49,15 +49,13 @@ std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRo
 // A new token of 256 random bits. InternalError: the host has no random numbers.
 absl::StatusOr<std::string> NewTokenText();
 
-// Whether the text has a token's form. Says nothing about its validity.
-bool IsTokenText(std::string_view text);
-
 // What the store knows a token by: the text's SHA-256, in lower-case hexadecimal. Finding it by an
 // index leaks nothing through the time that this takes, as nobody can choose a hash's digits
 // without the text.
 std::string TokenHash(std::string_view text);
 
-// The token in an Authorization header ("Bearer myo_..."); nullopt: the header has another form.
+// The token in an Authorization header ("Bearer myo_..."), which has a token's form but need not be
+// valid; nullopt: the header has another form.
 std::optional<std::string_view> TokenIn(std::string_view authorization);
 
 }  // namespace myograde::server

@@ -16,7 +16,7 @@ namespace myograde::server {
 
 // Values by key, of which the one that was used least recently is forgotten when there are too
 // many.
-template <typename Value, typename Key = std::string>
+template <typename Value>
 class RecentKeys {
  public:
   // REQUIRES: most > 0.
@@ -25,20 +25,20 @@ class RecentKeys {
   RecentKeys& operator=(const RecentKeys&) = delete;
 
   // The key's value, which becomes the most recent; nullptr: it is not known.
-  Value* Find(const Key& key) {
+  Value* Find(const std::string& key) {
     const auto it = places_.find(key);
     if (it == places_.end()) return nullptr;
     order_.splice(order_.begin(), order_, it->second);
     return &it->second->second;
   }
-  Value& FindOr(const Key& key, const Value& usual) {
+  Value& FindOr(const std::string& key, const Value& usual) {
     if (Value* value = Find(key)) return *value;
     if (places_.size() >= most_) Forget(oldest());
     order_.emplace_front(key, usual);
     places_.emplace(key, order_.begin());
     return order_.front().second;
   }
-  void Forget(const Key& key) {
+  void Forget(const std::string& key) {
     const auto it = places_.find(key);
     if (it == places_.end()) return;
     const auto place = it->second;
@@ -47,14 +47,14 @@ class RecentKeys {
   }
   size_t size() const { return places_.size(); }
   // REQUIRES: size() > 0.
-  const Key& oldest() const { return order_.back().first; }
+  const std::string& oldest() const { return order_.back().first; }
 
  private:
-  using Order = std::list<std::pair<Key, Value>>;
+  using Order = std::list<std::pair<std::string, Value>>;
 
   const size_t most_;
   Order order_;  // the most recent first
-  std::map<Key, typename Order::iterator> places_;
+  std::map<std::string, typename Order::iterator> places_;
 };
 
 // A token bucket for each key: `per_s` requests a second on average, and up to `burst` at once.

@@ -97,21 +97,18 @@ void AccessLog::Flush() {
   if (status.ok()) return;
   // After a deadline the rows may still be written; better none than twice.
   spdlog::warn("denied requests and acts are not recorded yet: {}", std::string(status.message()));
-  if (!absl::IsDeadlineExceeded(status)) Return(std::move(batch));
-}
-
-AccessLog::Batch AccessLog::TakeDue(absl::Duration now) {
-  const MutexLock lock(mutex_);
-  return {std::exchange(acts_, {}), denials_.TakeDue(now), std::exchange(tokens_, {})};
-}
-
-void AccessLog::Return(Batch batch) {
+  if (absl::IsDeadlineExceeded(status)) return;
   const MutexLock lock(mutex_);
   batch.acts.insert(batch.acts.end(), std::make_move_iterator(acts_.begin()),
                     std::make_move_iterator(acts_.end()));
   acts_ = std::move(batch.acts);
   denials_.Return(batch.denials);
   tokens_.merge(batch.tokens);
+}
+
+AccessLog::Batch AccessLog::TakeDue(absl::Duration now) {
+  const MutexLock lock(mutex_);
+  return {std::exchange(acts_, {}), denials_.TakeDue(now), std::exchange(tokens_, {})};
 }
 
 absl::Status AccessLog::WriteBatch(const Write& write, const Batch& batch) {

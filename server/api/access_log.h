@@ -106,7 +106,6 @@ class AccessLog {
   };
 
   Batch TakeDue(absl::Duration now);
-  void Return(Batch batch);
   static absl::Status WriteBatch(const Write& write, const Batch& batch);
 
   const Write write_;

@@ -15,7 +15,6 @@ Api::Api(const ApiContext& context, HttpServer& server) : context_(context), gua
   Routes routes(server.router(), guard_, context_);
   AddAccess(routes, context_);
   AddTeams(routes, context_);
-  AddQuota(routes, context_);
   AddSubmissions(routes, context_);
   AddEvaluations(routes, context_);
   AddPictures(routes, context_);

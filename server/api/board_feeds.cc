@@ -54,22 +54,15 @@ std::string EntryOf(const Json& board, const Json& row, const std::string& chang
 }  // namespace
 
 std::string XmlText(const std::string& text) {
+  static const std::map<char32_t, const char*> kReplaced = {
+      {'&', "&amp;"},  {'<', "&lt;"},    {'>', "&gt;"},
+      {'"', "&quot;"}, {'\'', "&#39;"}, {kBroken, "\uFFFD"}};
   std::string escaped;
   for (size_t at = 0; at < text.size();) {
     const size_t begin = at;
     const char32_t c = TakeCodePoint(text, at);
-    if (c == '&') {
-      escaped += "&amp;";
-    } else if (c == '<') {
-      escaped += "&lt;";
-    } else if (c == '>') {
-      escaped += "&gt;";
-    } else if (c == '"') {
-      escaped += "&quot;";
-    } else if (c == '\'') {
-      escaped += "&#39;";
-    } else if (c == kBroken) {
-      escaped += "\uFFFD";
+    if (const auto it = kReplaced.find(c); it != kReplaced.end()) {
+      escaped += it->second;
     } else if ((IsHarmful(c) && c != '\t' && c != '\n') || (c & 0xfffe) == 0xfffe) {
       absl::StrAppendFormat(&escaped, "⟨U+%04X⟩", static_cast<uint32_t>(c));
     } else {

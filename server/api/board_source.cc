@@ -96,7 +96,7 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, const Transaction
       absl::StrCat("several configs begin with ", digits, ": ", hashes, "; give more digits"));
 }
 
-// The track that a request names by its config, as `asked`, and what its board has now, or had last.
+// The track that a request names by its config, as `asked`, and what its board has now or had last.
 absl::StatusOr<TrackPtr> FindTracks(const Request& request, const Transaction& reader,
                                     const ApiContext& context, TrackPtr& asked) {
   ASSIGN_OR_RETURN(asked, FindConfig(request.Param("config"), reader, context));
@@ -129,18 +129,17 @@ absl::StatusOr<int64_t> ReadMoment(const Request& request, absl::Time now) {
 }
 
 // From a phase's freeze on, only organisers see what ends later.
-absl::Status AddFreeze(const Transaction& reader, const ApiContext& context, absl::Time now,
-                       BoardQuery& asked) {
+void AddFreeze(const Transaction& reader, const ApiContext& context, absl::Time now,
+               BoardQuery& asked) {
   const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
-  if (phase == nullptr) return absl::OkStatus();
+  if (phase == nullptr) return;
   const PhaseStatus status = StatusOfPhase(*phase, reader.Board().PhaseEvents(phase->name), now);
   const bool ever = phase->freezes != absl::InfiniteFuture();
-  if (!ever || status.published || status.revealed) return absl::OkStatus();
+  if (!ever || status.published || status.revealed) return;
   asked.freezes = phase->freezes;
   const absl::Time shown = asked.at_ms == 0 ? now : absl::FromUnixMillis(asked.at_ms);
   asked.frozen = status.frozen && shown >= phase->freezes;
   asked.whole = CallerIsOrganiser();
-  return absl::OkStatus();
 }
 
 // The configs of a query of which all else is known. From a freeze on, a board keeps the config
@@ -184,7 +183,7 @@ absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transac
                                             ? FindTracks(request, reader, context, asked.track)
                                             : NamedTrack(request, reader, context));
   if (asked.track == nullptr) asked.track = live;
-  RETURN_IF_ERROR(AddFreeze(reader, context, now, asked));
+  AddFreeze(reader, context, now, asked);
   RETURN_IF_ERROR(AddConfigs(request, reader, live, asked));
   const auto rules = asked.track->scoring.boards.find(asked.board);
   if (rules == asked.track->scoring.boards.end()) {

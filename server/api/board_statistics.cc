@@ -10,11 +10,11 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/status_macros.h"
+#include "server/api/routes.h"
 #include "server/challenge/challenge.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/http/http_server.h"
-#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
@@ -132,8 +132,7 @@ absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Tr
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
-                                             int64_t before_ms,
-                                             const std::function<bool()>& stopped) {
+                                             int64_t before_ms) {
   ASSIGN_OR_RETURN(FurtherItems further, FurtherItemsOf(reader, track.config.hash));
   FurtherIndices indices;
   BoardStatistics statistics;
@@ -154,13 +153,12 @@ absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Tr
     tested.push_back(*std::move(read));
     statistics.places.push_back(std::move(place));
   }
-  scoring::Groups groups =
-      scoring::FormGroups(track.scoring.track->metrics, tested, rules, group_rules, stopped);
+  scoring::Groups groups = scoring::FormGroups(track.scoring.track->metrics, tested, rules,
+                                               group_rules, HttpServer::IsOver);
   if (groups.stopped) {
     return absl::DeadlineExceededError(
         "the board's statistics take longer than a request may; ask for them again later, or test "
-        "fewer "
-        "places or samples (\"statistics\" in server.json)");
+        "fewer places or samples (\"statistics\" in server.json)");
   }
   statistics.tests = groups.tests;
   for (size_t i = 0; i < groups.places.size(); ++i) {
@@ -197,11 +195,8 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
                  reader.BoardChanges()),
       "/");
   if (Made made = Find(key); made != nullptr) return made;
-  const absl::Status busy =
-      WithErrorCode(absl::UnavailableError(
-                        "statistics of boards are being computed for others; ask again in some "
-                        "seconds"),
-                    "busy");
+  const absl::Status busy = Busy(
+      "statistics of boards are being computed for others; ask again in some seconds", 1);
   if (++waiting_ > kMostWaitingForStatistics) {
     --waiting_;
     return busy;
@@ -214,7 +209,7 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
   if (Made made = Find(key); made != nullptr) return made;
   ASSIGN_OR_RETURN(BoardStatistics computed,
                    StatisticsOf(reader, *asked.track, asked.rules->rules, board, rules,
-                                moment.results_before_ms(), HttpServer::IsOver));
+                                moment.results_before_ms()));
   auto made = std::make_shared<const BoardStatistics>(std::move(computed));
   const MutexLock lock(mutex_);
   return made_.FindOr(key, made);

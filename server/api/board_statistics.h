@@ -5,7 +5,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -63,14 +62,13 @@ struct BoardStatistics {
 };
 
 // `rules`: of the board, which MakeLeaderboard made. `before_ms`: what ended from then on is left
-// out. Reads the episodes of the first places only. DeadlineExceededError: `stopped` was true
-// before all tests were made.
+// out. Reads the episodes of the first places only. DeadlineExceededError: the request was over
+// (HttpServer::IsOver) before all tests were made.
 absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Track& track,
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
-                                             int64_t before_ms,
-                                             const std::function<bool()>& stopped);
+                                             int64_t before_ms);
 
 // Where ranks are those of groups: the published rank of each row of the board, 0 for a baseline.
 std::vector<int64_t> PublishedRanks(const Leaderboard& board, const BoardStatistics& statistics);

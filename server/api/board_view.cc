@@ -44,19 +44,6 @@ void AddOtherConfigs(const Transaction& reader, const BoardQuery& asked, Json& j
   }
 }
 
-// Gives each row the rank of its group.
-absl::Status PublishGroups(const Transaction& reader, const BoardQuery& asked,
-                           const scoring::GroupRules& group_rules, KeptStatistics& kept,
-                           Leaderboard& board, Json& json) {
-  ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, group_rules));
-  board.damaged.insert(board.damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
-  const std::vector<int64_t> ranks = PublishedRanks(board, *statistics);
-  for (size_t i = 0; i < ranks.size(); ++i) {
-    if (ranks[i] != 0) json["rows"][i]["rank"] = ranks[i];
-  }
-  return absl::OkStatus();
-}
-
 Json BoardToJson(const Leaderboard& board) {
   Json rows = Json::array();
   for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
@@ -102,15 +89,9 @@ constexpr char kSuccessRate[] = "success_rate";
 
 // What a criterion is called in an aggregate; null: nothing but the acceptance decides.
 Json NameOf(const Track& track, const Criterion& criterion) {
-  switch (criterion.kind) {
-    case Criterion::Kind::kSuccess:
-      return kSuccessRate;
-    case Criterion::Kind::kNumber:
-      return scoring::MetricOf(track.scoring.track->metrics, criterion.number).name;
-    case Criterion::Kind::kAcceptance:
-      break;
-  }
-  return nullptr;
+  if (criterion.kind == Criterion::Kind::kSuccess) return kSuccessRate;
+  if (criterion.kind == Criterion::Kind::kAcceptance) return nullptr;
+  return scoring::MetricOf(track.scoring.track->metrics, criterion.number).name;
 }
 
 Json DescriptionOf(const Track& track, const Criterion& criterion) {
@@ -286,7 +267,12 @@ absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& aske
   ASSIGN_OR_RETURN(Leaderboard board, BoardOf(source, *asked.track, asked.rules->rules));
   Json json = BoardToJson(board);
   if (statistics.ranks == scoring::StatisticsConfig::Ranks::kGroups) {
-    RETURN_IF_ERROR(PublishGroups(reader, asked, statistics.groups, kept, board, json));
+    ASSIGN_OR_RETURN(const auto tested, kept.Of(reader, asked, board, statistics.groups));
+    board.damaged.insert(board.damaged.end(), tested->damaged.begin(), tested->damaged.end());
+    const std::vector<int64_t> ranks = PublishedRanks(board, *tested);
+    for (size_t i = 0; i < ranks.size(); ++i) {
+      if (ranks[i] != 0) json["rows"][i]["rank"] = ranks[i];
+    }
   }
   json["ranks"] = scoring::StatisticsToJson(statistics)["ranks"];
   AddBuilds(reader, board, json);

@@ -3,20 +3,66 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <tuple>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
-#include "server/api/board_answers.h"
 #include "server/api/board_feeds.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
+#include "server/api/kept_boards.h"
+#include "server/api/redaction.h"
 #include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
 #include "server/http/http_server.h"
 
 namespace myograde::server {
 namespace {
+
+// Answers about boards, which are kept until the store changes. Safe from any thread.
+class BoardAnswers {
+ public:
+  // What is said of a board.
+  using Make =
+      std::function<absl::StatusOr<Json>(const Transaction& reader, const BoardQuery& asked)>;
+
+  // `context` must outlive it.
+  BoardAnswers(const ApiContext& context, Make make) : context_(context), make_(std::move(make)) {}
+
+  // The answer about the board that a request asks for; it has the parameters of boards alone.
+  ApiResult Get(const Request& request) {
+    return context_.readers.Read<ApiAnswer>([&](const Transaction& reader) -> ApiResult {
+      ASSIGN_OR_RETURN(const BoardQuery asked, ParseBoardQuery(request, reader, context_));
+      ApiAnswer answer{.tagged = true};
+      ASSIGN_OR_RETURN(answer.text, TextOf(reader, asked));
+      answer.for_all_origins = IsPhasePublic(reader, context_, asked.track->config.phase);
+      return answer;
+    });
+  }
+
+  // The text of that answer.
+  absl::StatusOr<KeptBoards::Text> TextOf(const Transaction& reader, const BoardQuery& asked) {
+    const std::string& config = asked.track->config.hash;
+    KeptBoards& kept = asked.at_ms == 0 && config == asked.config_in_force ? now_ : others_;
+    const std::string key = absl::StrJoin(
+        std::tuple(config, asked.config_in_force, asked.board, asked.view(), asked.at_ms), "/");
+    const int64_t changes = reader.BoardChanges();
+    if (auto found = kept.Find(key, changes); found != nullptr) return found;
+    ASSIGN_OR_RETURN(const Json made, make_(reader, asked));
+    const auto text = std::make_shared<const std::string>(CanonicalJson(made) + "\n");
+    kept.Keep(key, changes, text);
+    return text;
+  }
+
+ private:
+  const ApiContext& context_;
+  const Make make_;
+  // Apart, as boards of the past are asked for without end.
+  KeptBoards now_{256, size_t{256} << 20};
+  KeptBoards others_{32, size_t{32} << 20};
+};
 
 using Answers = std::shared_ptr<BoardAnswers>;
 

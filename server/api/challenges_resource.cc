@@ -28,16 +28,6 @@ Json PauseToJson(const std::optional<PhaseEventRow>& pause) {
   return {{"reason", pause->why}, {"at", TimeToJson(pause->at)}, {"all", pause->phase.empty()}};
 }
 
-Json QuotaToJson(const AdmissionRules& rules) {
-  const QuotaLimits& limits = rules.quota;
-  return {{"official_per_day", limits.ranked.per_day},
-          {"official_total", limits.ranked.total},
-          {"failed_per_day", limits.failed.per_day},
-          {"failed_total", limits.failed.total},
-          {"waiting", limits.waiting},
-          {"same_artefact", rules.one_for_everyone ? "everyone" : "team"}};
-}
-
 // What of a phase's seeds is public.
 Json PublicSeeds(const Transaction& reader, const Phase& phase, bool revealed) {
   const auto count = phase.track->config.seeds.size();
@@ -57,6 +47,8 @@ Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Pha
   const PhaseConfig& config = phase.config;
   const TrackConfig& track = phase.track->config;
   const PhaseStatus status = StatusOfPhase(config, events, context.clock.Now());
+  const AdmissionRules rules = PhaseRules(config, context.config.quota.of(config.track));
+  const QuotaLimits& limits = rules.quota;
   return {{"phase", config.name},
           {"title", config.title},
           {"track", config.track},
@@ -73,7 +65,13 @@ Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Pha
           {"entry", TeamRuleName(phase.track->scoring.team)},
           {"teams", config.teams.empty() ? Json() : Json(config.teams)},
           {"seeds", PublicSeeds(reader, phase, status.revealed)},
-          {"quota", QuotaToJson(PhaseRules(config, context.config.quota.of(config.track)))},
+          {"quota",
+           {{"official_per_day", limits.ranked.per_day},
+            {"official_total", limits.ranked.total},
+            {"failed_per_day", limits.failed.per_day},
+            {"failed_total", limits.failed.total},
+            {"waiting", limits.waiting},
+            {"same_artefact", rules.one_for_everyone ? "everyone" : "team"}}},
           {"show",
            {{"aggregate", config.shown.aggregate},
             {"outcomes", config.shown.outcomes},
@@ -96,20 +94,6 @@ Json PauseOfAll(const Events& events) {
   return PauseToJson(pause);
 }
 
-// Phases that only the store knows.
-Json FormerPhases(const std::map<std::string, PhaseUse>& uses, const Phases& phases) {
-  Json former = Json::array();
-  for (const auto& [name, use] : uses) {
-    if (phases.ConfigOf(name) != nullptr) continue;
-    former.push_back({{"phase", name},
-                      {"track", use.track},
-                      {"profile", use.profile},
-                      {"submissions", use.submissions},
-                      {"waiting", use.waiting}});
-  }
-  return former;
-}
-
 ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
                          const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
@@ -129,6 +113,15 @@ ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
     challenges.push_back(
         {{"challenge", challenge.name}, {"title", challenge.title}, {"phases", std::move(phases)}});
   }
+  Json former = Json::array();  // that only the store knows
+  for (const auto& [name, use] : uses) {
+    if (context.phases.ConfigOf(name) != nullptr) continue;
+    former.push_back({{"phase", name},
+                      {"track", use.track},
+                      {"profile", use.profile},
+                      {"submissions", use.submissions},
+                      {"waiting", use.waiting}});
+  }
   Json unusable = Json::array();
   for (const auto& [name, why] : context.phases.unusable()) {
     unusable.push_back({{"phase", name}, {"message", std::string(why.message())}});
@@ -137,7 +130,7 @@ ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
                    {{"now", TimeToJson(absl::ToUnixMillis(context.clock.Now()))},
                     {"paused", PauseOfAll(events)},
                     {"challenges", std::move(challenges)},
-                    {"former_phases", FormerPhases(uses, context.phases)},
+                    {"former_phases", std::move(former)},
                     {"unusable", std::move(unusable)}}};
 }
 

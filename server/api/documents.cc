@@ -15,13 +15,11 @@ namespace fs = std::filesystem;
 
 constexpr size_t kMostBytes = size_t{64} << 20;
 
-std::string TypeOf(const std::string& suffix) {
-  if (suffix == ".html") return "text/html; charset=utf-8";
-  if (suffix == ".css") return "text/css; charset=utf-8";
-  if (suffix == ".js") return "text/javascript; charset=utf-8";
-  if (suffix == ".json") return "application/json";
-  return "";
-}
+// By the ending of a file's name.
+const std::map<std::string, std::string> kTypes = {{".html", "text/html; charset=utf-8"},
+                                                   {".css", "text/css; charset=utf-8"},
+                                                   {".js", "text/javascript; charset=utf-8"},
+                                                   {".json", "application/json"}};
 
 }  // namespace
 
@@ -41,8 +39,8 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
        !error && it != fs::recursive_directory_iterator(); it.increment(error)) {
     std::error_code unknown;
     if (it->symlink_status(unknown).type() != fs::file_type::regular) continue;
-    const std::string type = TypeOf(it->path().extension().string());
-    if (type.empty()) continue;
+    const auto type = kTypes.find(it->path().extension().string());
+    if (type == kTypes.end()) continue;
     absl::StatusOr<std::string> text = ReadFile(it->path().string(), kMostBytes);
     if (!text.ok()) return absl::InvalidArgumentError(std::string(text.status().message()));
     bytes += text->size();
@@ -54,7 +52,7 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
     std::string packed = GzipOf(*text);
     if (packed.size() >= text->size()) packed.clear();
     documents[it->path().lexically_relative(folder).generic_string()] =
-        MakeDocument(type, *std::move(text), std::move(packed));
+        MakeDocument(type->second, *std::move(text), std::move(packed));
   }
   if (error) {
     return absl::InvalidArgumentError(

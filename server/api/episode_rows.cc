@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -45,6 +46,44 @@ Json ValueAt(const Json& row, const std::string& field) {
   if (dot == std::string::npos) return *outer;
   return outer->is_object() ? outer->value(field.substr(dot + 1), Json()) : Json();
 }
+
+// One place in the details of episodes: an object, an array, or a number that may be missing.
+struct SummaryNode {
+  void Add(const Json& value) {
+    if (value.is_object()) {
+      for (const auto& [key, part] : value.items()) keys[key].Add(part);
+    } else if (value.is_array()) {
+      if (items.size() < value.size()) items.resize(value.size());
+      for (size_t i = 0; i < value.size(); ++i) items[i].Add(value[i]);
+    } else if (value.is_number()) {
+      const auto number = value.get<double>();
+      low = count == 0 ? number : std::min(low, number);
+      high = count == 0 ? number : std::max(high, number);
+      sum += number;
+      ++count;
+    }
+  }
+
+  Json ToJson() const {
+    Json made;
+    for (const auto& [key, part] : keys) made[key] = part.ToJson();
+    if (!keys.empty()) return made;
+    for (const SummaryNode& item : items) made.push_back(item.ToJson());
+    if (!items.empty()) return made;
+    if (count == 0) return {{"count", 0}, {"min", nullptr}, {"mean", nullptr}, {"max", nullptr}};
+    return {{"count", count},
+            {"min", low},
+            {"mean", sum / static_cast<double>(count)},
+            {"max", high}};
+  }
+
+  std::map<std::string, SummaryNode> keys;
+  std::vector<SummaryNode> items;
+  int64_t count = 0;
+  double low = 0;
+  double high = 0;
+  double sum = 0;
+};
 
 }  // namespace
 
@@ -95,19 +134,19 @@ Json ColumnsOf(const std::vector<std::string>& fields, const Json& rows) {
 
 absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
                         const std::vector<scoring::JudgedEpisode>& judged, Json& json) {
-  DetailsSummary summary;
+  std::vector<std::pair<Json, int64_t>> details;
   std::vector<scoring::JudgedEpisode> logged;
   std::map<int64_t, const EpisodeRow*> by_index;
   for (size_t i = 0; i < rows.size(); ++i) {
     if (judged[i].judgement.reason.name() == kPhantom) continue;
-    const Json details = Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false);
-    summary.Add(details, judged[i].judgement.steps);
+    details.emplace_back(Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false),
+                         judged[i].judgement.steps);
     const Json facts = Json::parse(rows[i].facts_json, nullptr, /*allow_exceptions=*/false);
     if (!facts.is_object() || !facts.value("log", Json()).is_object()) continue;
     logged.push_back(judged[i]);
     by_index[rows[i].index] = &rows[i];
   }
-  json["details_summary"] = summary.Result();
+  json["details_summary"] = SummaryOf(details);
   ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(track.scoring, logged));
   Json& highlights = json["highlights"] = Json::object();
   for (const PickedEpisode& picked : BestMedianWorst(order)) {
@@ -117,48 +156,18 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
   return absl::OkStatus();
 }
 
-void DetailsSummary::Add(const Json& details, int64_t steps) {
-  if (!details.is_object()) return;
-  Add(details, root_);
-  ++episodes_;
-  steps_ += steps;
-}
-
-void DetailsSummary::Add(const Json& value, Node& node) {
-  if (value.is_object()) {
-    for (const auto& [key, part] : value.items()) Add(part, node.keys[key]);
-  } else if (value.is_array()) {
-    if (node.items.size() < value.size()) node.items.resize(value.size());
-    for (size_t i = 0; i < value.size(); ++i) Add(value[i], node.items[i]);
-  } else if (value.is_number()) {
-    const auto number = value.get<double>();
-    node.low = node.count == 0 ? number : std::min(node.low, number);
-    node.high = node.count == 0 ? number : std::max(node.high, number);
-    node.sum += number;
-    ++node.count;
+Json SummaryOf(const std::vector<std::pair<Json, int64_t>>& episodes) {
+  SummaryNode values;
+  int64_t count = 0;
+  int64_t sum = 0;
+  for (const auto& [details, steps] : episodes) {
+    if (!details.is_object()) continue;
+    values.Add(details);
+    ++count;
+    sum += steps;
   }
-}
-
-Json DetailsSummary::ToJson(const Node& node) {
-  Json made;
-  if (!node.keys.empty()) {
-    for (const auto& [key, part] : node.keys) made[key] = ToJson(part);
-    return made;
-  }
-  if (!node.items.empty()) {
-    for (const Node& item : node.items) made.push_back(ToJson(item));
-    return made;
-  }
-  const auto known = [&](double value) { return node.count == 0 ? Json() : Json(value); };
-  return {{"count", node.count},
-          {"min", known(node.low)},
-          {"mean", known(node.sum / static_cast<double>(std::max<int64_t>(node.count, 1)))},
-          {"max", known(node.high)}};
-}
-
-Json DetailsSummary::Result() const {
-  if (episodes_ == 0) return nullptr;
-  return {{"episodes", episodes_}, {"steps", steps_}, {"values", ToJson(root_)}};
+  if (count == 0) return nullptr;
+  return {{"episodes", count}, {"steps", sum}, {"values", values.ToJson()}};
 }
 
 }  // namespace myograde::server

@@ -4,8 +4,8 @@
 
 #include <cstdint>
 #include <limits>
-#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -50,33 +50,10 @@ nlohmann::json ColumnsOf(const std::vector<std::string>& fields, const nlohmann:
 absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
                         const std::vector<scoring::JudgedEpisode>& judged, nlohmann::json& json);
 
-// Adds up the details of episodes, whatever their track: {"episodes", "steps", "values"}, where
-// `values` has the shape of the details, with {"count", "min", "mean", "max"} in the place of each
-// number. Of numbers that no episode has, all but the count are null.
-class DetailsSummary {
- public:
-  // `details` of an episode with so many steps; null: it has none, and does not count.
-  void Add(const nlohmann::json& details, int64_t steps);
-  // Null if no episode counted.
-  nlohmann::json Result() const;
-
- private:
-  // Of one place in the details: an object, an array, or a number that may be missing.
-  struct Node {
-    std::map<std::string, Node> keys;
-    std::vector<Node> items;
-    int64_t count = 0;
-    double low = 0;
-    double high = 0;
-    double sum = 0;
-  };
-
-  static void Add(const nlohmann::json& value, Node& node);
-  static nlohmann::json ToJson(const Node& node);
-
-  Node root_;
-  int64_t episodes_ = 0;
-  int64_t steps_ = 0;
-};
+// Adds up the details of episodes, whatever their track, each with its steps: {"episodes", "steps",
+// "values"}, where `values` has the shape of the details, with {"count", "min", "mean", "max"} in
+// the place of each number. Of numbers that no episode has, all but the count are null. An episode
+// whose details are null does not count; null if none does.
+nlohmann::json SummaryOf(const std::vector<std::pair<nlohmann::json, int64_t>>& episodes);
 
 }  // namespace myograde::server

@@ -139,20 +139,6 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   return json;
 }
 
-// A policy that plays its phase again has one more look at it, which no quota counts.
-absl::Status CheckFurtherLook(const Transaction& reader, const ApiContext& context,
-                              const StoredEvaluation& stored) {
-  const TrackConfig& config = stored.track->config;
-  const Visibility sight = SightOfConfig(reader, context, config);
-  if (SeesAll(sight)) return absl::OkStatus();
-  return WithheldError(absl::StrCat("submission ", stored.submission.id,
-                                    " can't be run again yet: "
-                                    "phase \"",
-                                    config.phase,
-                                    "\" withholds parts of results, and "
-                                    "a re-run would be a further look"));
-}
-
 // What is to be played again, all of which can be read.
 absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& context,
                                    int64_t submission, const RerunRequest& wanted) {
@@ -162,7 +148,13 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
   // What can't be played must not be there afterwards.
   StoredContent content;
   ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, evaluation.id, content));
-  RETURN_IF_ERROR(CheckFurtherLook(reader, context, stored));
+  const TrackConfig& config = stored.track->config;
+  // A policy that plays its phase again has one more look at it, which no quota counts.
+  if (!SeesAll(SightOfConfig(reader, context, config))) {
+    return WithheldError(absl::StrCat(
+        "submission ", submission, " can't be run again yet: phase \"", config.phase,
+        "\" withholds parts of results, and a re-run would be a further look"));
+  }
   const EvaluationRow& original = stored.evaluation;
   if (!IsFinal(original.state)) {
     return absl::FailedPreconditionError(

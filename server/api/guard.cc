@@ -146,13 +146,22 @@ std::optional<ApiError> Guard::IdentifyUser(const Peer& peer, std::optional<Acti
 std::optional<ApiError> Guard::IdentifyToken(const Peer& peer, std::string_view authorization,
                                              Action action, Identity& who) {
   const std::optional<std::string_view> token = TokenIn(authorization);
-  const bool scrapes = action == Action::kReadMetrics && IsMetricsToken(authorization);
+  constexpr std::string_view kBearer = "Bearer ";
+  // Only hashes are compared, so the time that this takes tells nothing of the token.
+  const bool scrapes =
+      action == Action::kReadMetrics && !context_.metrics_token.empty() &&
+      authorization.starts_with(kBearer) &&
+      TokenHash(authorization.substr(kBearer.size())) == context_.metrics_token;
   const std::string hash = scrapes             ? context_.metrics_token
                            : token.has_value() ? TokenHash(*token)
                                                : "";
   if (std::optional<ApiError> wait = CheckTries(peer, hash)) return wait;
   if (scrapes) {
-    who = AcceptScraper(peer);
+    who = IdentityOfAddress("metrics token");
+    who.remote = peer.network;
+    who.scraper = true;
+    const MutexLock lock(mutex_);
+    good_tokens_.FindOr(hash, -absl::InfiniteDuration());
     return std::nullopt;
   }
   std::optional<TokenRow> row;
@@ -172,24 +181,6 @@ std::optional<ApiError> Guard::IdentifyToken(const Peer& peer, std::string_view 
   Accept(hash, row->id);
   who = std::get<Identity>(std::move(identity));
   return std::nullopt;
-}
-
-// Only hashes are compared, so the time that this takes tells nothing of the token.
-bool Guard::IsMetricsToken(std::string_view authorization) const {
-  constexpr std::string_view kBearer = "Bearer ";
-  return !context_.metrics_token.empty() && authorization.starts_with(kBearer) &&
-         TokenHash(authorization.substr(kBearer.size())) == context_.metrics_token;
-}
-
-Identity Guard::AcceptScraper(const Peer& peer) {
-  {
-    const MutexLock lock(mutex_);
-    good_tokens_.FindOr(context_.metrics_token, -absl::InfiniteDuration());
-  }
-  Identity scraper = IdentityOfAddress("metrics token");
-  scraper.remote = peer.network;
-  scraper.scraper = true;
-  return scraper;
 }
 
 // Tokens that were good before pay for themselves; all others are tries of the address.

@@ -46,8 +46,6 @@ class Guard {
                                        Identity& who);
   std::optional<ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
                                         Action action, Identity& who);
-  bool IsMetricsToken(std::string_view authorization) const;
-  Identity AcceptScraper(const Peer& peer);
   std::optional<ApiError> CheckTries(const Peer& peer, const std::string& hash);
   ApiError RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
                        const std::optional<TokenRow>& row, Action action);

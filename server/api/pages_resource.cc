@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <regex>
 #include <string>
 #include <string_view>
 
@@ -50,19 +51,14 @@ void SendConstant(const Document& document, const Request& request, Response& re
   response.SetContent(packed ? document.packed : document.text, document.type);
 }
 
-bool IsVersion(std::string_view text) {
-  const size_t dot = text.find('.');
-  return dot != text.npos && dot > 0 && dot + 1 < text.size() &&
-         text.find_first_not_of("0123456789.") == text.npos && text.find('.', dot + 1) == text.npos;
-}
-
 // The page that a path leads to which is none itself: no path or a version alone to the first page,
 // a page of a version that is not here to that of this program's. "" if there is no such page.
 std::string PageInstead(const Documents& documents, std::string_view path) {
   while (path.ends_with('/')) path.remove_suffix(1);
   const size_t slash = std::min(path.find('/'), path.size());
   std::string version(path.substr(0, slash));
-  if (!path.empty() && !IsVersion(version)) return "";
+  static const std::regex kVersion("[0-9]+[.][0-9]+");
+  if (!path.empty() && !std::regex_match(version, kVersion)) return "";
   const auto first = documents.lower_bound(version + "/");
   if (first == documents.end() || !first->first.starts_with(version + "/")) {
     // MAJOR.MINOR of the program, which is what the documents' folders are named by.

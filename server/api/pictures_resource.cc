@@ -62,26 +62,15 @@ absl::Status SendLog(const ApiContext& context, const Request& request, Response
   return absl::IsNotFound(sent) ? MissingLog(hash) : sent;
 }
 
-Packing PackingFor(const PictureKey& key, const Request& request) {
-  if (key.kind == PictureKind::kPicture) return Packing::kPlain;
-  if (TakesCoding(request, "zstd")) return Packing::kZstd;
-  return TakesCoding(request, "gzip") ? Packing::kGzip : Packing::kPlain;
-}
-
-// For the few clients that take no compressed answer.
-absl::Status SendUnpacked(const std::string& path, const char* type, Response& response) {
-  ASSIGN_OR_RETURN(std::string packed, ReadFile(path));
-  ASSIGN_OR_RETURN(std::string bytes, UnpackZstd(packed, kMostTrajectoryFileBytes));
-  response.SetContent(std::move(bytes), type);
-  return absl::OkStatus();
-}
-
 // False: it is not there any more.
 bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type,
               const Request& request, Response& response) {
-  const Packing packing = PackingFor(key, request);
-  const bool unpack = packing == Packing::kPlain && key.kind != PictureKind::kPicture;
-  auto found = files.Find(key, unpack ? Packing::kZstd : packing);
+  const bool plain = key.kind == PictureKind::kPicture;
+  const bool zstd = !plain && TakesCoding(request, "zstd");
+  const bool gzip = !plain && !zstd && TakesCoding(request, "gzip");
+  // For the few clients that take no compressed answer.
+  const bool unpack = !plain && !zstd && !gzip;
+  auto found = files.Find(key, plain ? Packing::kPlain : gzip ? Packing::kGzip : Packing::kZstd);
   if (!found.has_value()) return false;
   if (unpack) found->tag.insert(found->tag.size() - 1, ".plain");
   response.SetHeader("ETag", found->tag);
@@ -93,18 +82,15 @@ bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type
     response.status = 304;
     return true;
   }
-  if (unpack) return SendUnpacked(found->path, type, response).ok();
-  if (packing != Packing::kPlain) {
-    response.SetHeader("Content-Encoding", packing == Packing::kZstd ? "zstd" : "gzip");
+  if (unpack) {
+    const absl::StatusOr<std::string> packed = ReadFile(found->path);
+    absl::StatusOr<std::string> bytes =
+        packed.ok() ? UnpackZstd(*packed, kMostTrajectoryFileBytes) : packed;
+    if (bytes.ok()) response.SetContent(*std::move(bytes), type);
+    return bytes.ok();
   }
+  if (zstd || gzip) response.SetHeader("Content-Encoding", zstd ? "zstd" : "gzip");
   return response.SetFile(found->path, type).ok();
-}
-
-void SendWaiting(const PictureState& state, Response& response) {
-  const bool plays = state.is == PictureState::Is::kPlaying;
-  const nlohmann::json body = {{"state", plays ? "playing" : "waiting"}, {"place", state.place}};
-  response.SetHeader("Retry-After", absl::StrCat(kAskAgainSeconds));
-  response.SetJson(202, CanonicalJson(body) + "\n");
 }
 
 // The file, or how far it is.
@@ -117,9 +103,13 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
       // It was removed this very moment, to make room.
       return Busy("the file was just removed; ask again", kAskAgainSeconds);
     case PictureState::Is::kWaiting:
-    case PictureState::Is::kPlaying:
-      SendWaiting(state, response);
+    case PictureState::Is::kPlaying: {
+      const bool plays = state.is == PictureState::Is::kPlaying;
+      const Json body = {{"state", plays ? "playing" : "waiting"}, {"place", state.place}};
+      response.SetHeader("Retry-After", absl::StrCat(kAskAgainSeconds));
+      response.SetJson(202, CanonicalJson(body) + "\n");
       return absl::OkStatus();
+    }
     case PictureState::Is::kMissing:
       return MissingLog(key.of);
     case PictureState::Is::kFailed:

@@ -29,27 +29,18 @@ constexpr absl::Duration kTellEvery = absl::Seconds(10);
 constexpr absl::Duration kLongest = absl::Minutes(10);
 constexpr absl::Duration kFreshFor = absl::Milliseconds(900);
 
-struct Waiting {
-  SubmissionRow row;
-  EvaluationRow evaluation;
-};
-
-// What the engine plays or will play. nullopt: it has ended since the engine was asked.
-absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, const Transaction& reader) {
-  absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
-  if (absl::IsNotFound(evaluation.status())) return std::nullopt;  // it is newer than what is read
+// The entry of what the engine plays or will play; null: it has ended since the engine was asked.
+absl::StatusOr<Json> EntryOf(int64_t id, const Transaction& reader, const ApiContext& context) {
+  const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
+  if (absl::IsNotFound(evaluation.status())) return Json();  // it is newer than what is read
   if (!evaluation.ok()) return evaluation.status();
-  if (IsFinal(evaluation->state)) return std::nullopt;
-  ASSIGN_OR_RETURN(SubmissionRow row, reader.submissions.Find(evaluation->submission));
-  return Waiting{std::move(row), *std::move(evaluation)};
-}
-
-Json EntryOf(const Waiting& waiting, const Transaction& reader, const ApiContext& context) {
-  const Visibility sight = SightOfPhase(reader, context, waiting.row.phase);
-  const EpisodeCounts counts = reader.episodes.Counts(waiting.evaluation.id, !sight.progress);
-  Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
+  if (IsFinal(evaluation->state)) return Json();
+  ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(evaluation->submission));
+  const Visibility sight = SightOfPhase(reader, context, row.phase);
+  const EpisodeCounts counts = reader.episodes.Counts(id, !sight.progress);
+  Json entry = SubmissionToJson(row, *evaluation, counts);
   RedactListed(entry, sight);
-  AddOutlook(context, waiting.evaluation, counts, entry);
+  AddOutlook(context, *evaluation, counts, entry);
   return entry;
 }
 
@@ -72,17 +63,17 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
   Json entries = Json::array();
   for (const int64_t id : queue) {
     if (entries.size() == kShow) break;
-    const absl::StatusOr<std::optional<Waiting>> found = FindWaiting(id, reader);
-    if (const auto damage = DamageOf(found.status())) {
+    absl::StatusOr<Json> entry = EntryOf(id, reader, context);
+    if (const auto damage = DamageOf(entry.status())) {
       ReportLeftOut(*damage);
       continue;
     }
-    if (!found.ok()) return found.status();
-    if (!found->has_value()) {
+    if (!entry.ok()) return entry.status();
+    if (entry->is_null()) {
       --total;
-      continue;
+    } else {
+      entries.push_back(*std::move(entry));
     }
-    entries.push_back(EntryOf(**found, reader, context));
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();

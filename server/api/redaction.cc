@@ -55,24 +55,17 @@ struct Part {
 
 using Parts = std::initializer_list<std::span<const Part>>;
 
-const Part* Find(Parts tables, std::string_view key) {
-  for (const std::span<const Part> table : tables) {
-    for (const Part& part : table) {
-      if (std::find(part.keys.begin(), part.keys.end(), key) != part.keys.end()) return &part;
-    }
-  }
-  return nullptr;
-}
-
+// Blanks what is not to be seen of an object, and all keys that no table has.
 void Apply(Parts tables, const View& view, Json& object) {
   if (!object.is_object()) return;
   for (auto& [key, value] : object.items()) {
-    const Part* part = Find(tables, key);
-    if (part == nullptr) {
-      value = nullptr;
-    } else if (!part->seen(view)) {
-      value = Json(part->blank);
+    const Part* its = nullptr;
+    for (const std::span<const Part> table : tables) {
+      for (const Part& part : table) {
+        if (std::find(part.keys.begin(), part.keys.end(), key) != part.keys.end()) its = &part;
+      }
     }
+    if (its == nullptr || !its->seen(view)) value = its == nullptr ? Json() : Json(its->blank);
   }
 }
 

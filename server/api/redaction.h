@@ -1,6 +1,6 @@
-// What the caller of a request may see of an evaluation (server/access/sight.h), from the challenge
-// files and the store, and the removal of the rest from answers. Every key of an answer is listed
-// with what it takes to see it; one that is not listed is withheld as soon as anything is.
+// What the caller of a request may see of an evaluation (server/access/access.h), from the
+// challenge files and the store, and the removal of the rest from answers. Every key of an answer
+// is listed with what it takes to see it; one that is not listed is withheld as soon as anything is.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/lease/track_config.h"
-#include "server/access/sight.h"
+#include "server/access/access.h"
 #include "server/api/context.h"
 #include "server/store/reader_pool.h"
 

@@ -89,7 +89,7 @@ absl::Status CheckParameters(const Request& request, const std::vector<std::stri
           absl::StrCat("\"", key, "\" is not a parameter of this address; known: ",
                        known.empty() ? "none" : absl::StrJoin(known, ", ")));
     }
-    if (request.ParamCount(key) > 1) {
+    if (request.params.count(key) > 1) {
       return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is there twice"));
     }
   }

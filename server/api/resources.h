@@ -1,7 +1,7 @@
 // The API's resources, by noun: each function adds the addresses of its own. Handlers check
 // requests, read the store on connections of their own, and hand changes to admission and the
-// engine; they run on any thread. What is passed must outlive the server's last request. Included is
-// what nearly all of them need.
+// engine; they run on any thread. What is passed must outlive the server's last request. Included
+// is what nearly all of them need.
 #pragma once
 
 #include <functional>
@@ -59,7 +59,6 @@ auto ChangeStore(const ApiContext& context, Change change) {
 void AddAccess(Routes& routes, const ApiContext& context);
 // Teams: who belongs to them, their names, merging and banning them; what each may still hand in.
 void AddTeams(Routes& routes, const ApiContext& context);
-void AddQuota(Routes& routes, const ApiContext& context);
 // Uploads of archives; submissions, and the organiser's marks; evaluations, and re-runs.
 void AddSubmissions(Routes& routes, const ApiContext& context);
 void AddEvaluations(Routes& routes, const ApiContext& context);

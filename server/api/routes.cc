@@ -42,21 +42,6 @@ void SendError(Response& response, ApiError error) {
   response.SetError(error);
 }
 
-// Sends a text that may be kept, as long as its holder asks each time whether it is still current.
-void SendTagged(const Request& request, Response& response, int http, std::string text) {
-  const std::string tag = EntityTagOf(text);
-  response.SetHeader("ETag", tag);
-  response.SetHeader("Cache-Control", "no-cache");
-  response.SetHeader("Vary", "Authorization");
-  response.SetHeader("X-Content-Type-Options", "nosniff");
-  if (HasCurrent(request, tag)) {
-    response.status = 304;
-    return;
-  }
-  response.status = http;
-  response.SetContent(std::move(text), "application/json");
-}
-
 void SendResult(const Request& request, Response& response, const ApiResult& result) {
   if (!result.ok()) return SendError(response, ErrorOf(result.status()));
   const ApiAnswer& answer = *result;
@@ -70,8 +55,19 @@ void SendResult(const Request& request, Response& response, const ApiResult& res
   }
   std::string text =
       answer.text == nullptr ? CanonicalJson(answer.body) + "\n" : *answer.text;
-  if (answer.tagged) return SendTagged(request, response, answer.http, std::move(text));
-  response.SetJson(answer.http, std::move(text));
+  if (!answer.tagged) return response.SetJson(answer.http, std::move(text));
+  // It may be kept, as long as its holder asks each time whether it is still current.
+  const std::string tag = EntityTagOf(text);
+  response.SetHeader("ETag", tag);
+  response.SetHeader("Cache-Control", "no-cache");
+  response.SetHeader("Vary", "Authorization");
+  response.SetHeader("X-Content-Type-Options", "nosniff");
+  if (HasCurrent(request, tag)) {
+    response.status = 304;
+    return;
+  }
+  response.status = answer.http;
+  response.SetContent(std::move(text), "application/json");
 }
 
 // Counts the request that a response is to, when what is returned goes.

@@ -16,7 +16,6 @@
 #include "server/api/rejudge_plan.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"
-#include "server/http/http_server.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {
@@ -178,8 +177,7 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader,
   }
   ASSIGN_OR_RETURN(const BoardStatistics statistics,
                    StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, board,
-                                StatisticsConfigOf(context, request.phase).groups, INT64_MAX,
-                                HttpServer::IsOver));
+                                StatisticsConfigOf(context, request.phase).groups, INT64_MAX));
   chosen = UndecidedOf(board, statistics);
   if (!chosen.empty()) return chosen;
   return absl::FailedPreconditionError(

@@ -34,15 +34,6 @@ bool IsGiven(const Transaction& reader, const AccessConfig& access, const std::s
   });
 }
 
-absl::Status BelongsToOthers(const std::string& team) {
-  NoteDenial("another team's");
-  return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
-                           "team \"", team,
-                           "\" belongs to others; choose another name, or ask an organiser to add "
-                           "you")),
-                       kForbiddenCode);
-}
-
 // Whether the caller may act for the team called `team`, and if so, what makes them its first
 // member: nullopt if nothing has to. NotFoundError: it is not theirs, and they can't found it.
 absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
@@ -59,9 +50,16 @@ absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
     if (!caller.may_found_team) return RequireTeam(reader, team);
     const std::string known = reader.teams.NameOf(team);
     if (caller.teams.contains(known)) return absl::OkStatus();
-    if (IsGiven(reader, context.config.access, NameOf(reader, team))) return BelongsToOthers(known);
-    founding = {caller.key, context.config.access.teams_of_a_user, /*needed=*/true};
-    return absl::OkStatus();
+    if (!IsGiven(reader, context.config.access, NameOf(reader, team))) {
+      founding = {caller.key, context.config.access.teams_of_a_user, /*needed=*/true};
+      return absl::OkStatus();
+    }
+    NoteDenial("another team's");
+    return WithErrorCode(
+        absl::FailedPreconditionError(absl::StrCat(
+            "team \"", known, "\" belongs to others; choose another name, or ask an organiser to "
+            "add you")),
+        kForbiddenCode);
   }));
   return founding;
 }

@@ -115,7 +115,7 @@ Json BudgetsToJson(const BudgetPlace& place,
 ApiResult ListTeams(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
   return PageAnswer(request, page, "teams", reader.teams.List(page.before, page.limit),
-                    [](const TeamRow& team) { return TeamToJson(team); });
+                    TeamToJson);
 }
 
 ApiResult GetTeam(const ApiContext&, const Transaction& reader, const Request& request) {
@@ -375,9 +375,6 @@ void AddTeams(Routes& routes, const ApiContext& context) {
   routes.Post(team + "/members", Action::kManageTeams, Bind(context, SetTeamMember));
   routes.Post(team + "/merge", Action::kManageTeams, Bind(context, MergeTeams));
   routes.Post(team + "/ban", Action::kManageTeams, Bind(context, BanTeam));
-}
-
-void AddQuota(Routes& routes, const ApiContext& context) {
   routes.Get("/v1/quota", Action::kReadQuota, Bind(context, GetQuota));
   routes.Post("/v1/quota/grants", Action::kGrant, Bind(context, GrantQuota));
 }

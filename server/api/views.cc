@@ -30,18 +30,6 @@ Json SideToJson(const EpisodeRow& row) {
           {"metrics", Parse(row.metrics_json)}};
 }
 
-Json NodeToJson(const NodeView& node, const DrainedNodeRow* drained) {
-  return {{"node", node.name},
-          {"state", node.state},
-          {"reason", TextOrNull(node.why)},
-          {"drained_at", drained == nullptr ? Json() : TimeToJson(drained->at)},
-          {"drained_by", drained == nullptr ? Json() : Json(drained->who)},
-          {"processor", TextOrNull(node.processor)},
-          {"running", node.running},
-          {"done", node.done},
-          {"faults", node.faults}};
-}
-
 // The rest at the pace so far; null without a pace.
 Json Remaining(const EvaluationRow& evaluation, const EpisodeCounts& counts, int64_t now_ms) {
   if (evaluation.state != EvaluationState::kRunning || counts.done == 0) return nullptr;
@@ -82,19 +70,14 @@ Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt) {
       {"outcome", OutcomeName(row.outcome)},
       {"reason", row.reason.name()},
       {"metrics", Parse(row.metrics_json)},
-      {"steps", KeyOrNull(facts, "steps")},
       {"sim_time_s", KeyOrNull(facts, "sim_time")},
-      {"clipped", KeyOrNull(facts, "clipped")},
-      {"digest", KeyOrNull(facts, "digest")},
-      {"actions_digest", KeyOrNull(facts, "actions_digest")},
-      {"log", KeyOrNull(facts, "log")},
-      {"end", KeyOrNull(facts, "end")},
-      {"fault", KeyOrNull(facts, "fault")},
       {"facts", KeyOrNull(facts, track.is_string() ? track.get<std::string>().c_str() : "")},
       {"details", Parse(row.details_json)},
-      {"wall_s", KeyOrNull(facts, "wall_s")},
-      {"policy_cpu_s", KeyOrNull(facts, "policy_cpu_s")},
       {"attempt", row.attempt}};
+  for (const char* key : {"steps", "clipped", "digest", "actions_digest", "log", "end", "fault",
+                          "wall_s", "policy_cpu_s"}) {
+    json[key] = KeyOrNull(facts, key);
+  }
   if (!seed_salt.empty()) {
     json["seed_commitment"] = SeedCommitment(seed_salt, row.index, row.seed);
   }
@@ -153,7 +136,15 @@ Json NodesToJson(const std::vector<NodeView>& known, const std::vector<DrainedNo
   for (const auto& [name, node] : nodes) {
     const auto row = rows.find(name);
     const bool is_drained = node.state == "drained" && row != rows.end();
-    list.push_back(NodeToJson(node, is_drained ? row->second : nullptr));
+    list.push_back({{"node", node.name},
+                    {"state", node.state},
+                    {"reason", TextOrNull(node.why)},
+                    {"drained_at", is_drained ? TimeToJson(row->second->at) : Json()},
+                    {"drained_by", is_drained ? Json(row->second->who) : Json()},
+                    {"processor", TextOrNull(node.processor)},
+                    {"running", node.running},
+                    {"done", node.done},
+                    {"faults", node.faults}});
   }
   return list;
 }

@@ -15,26 +15,6 @@ constexpr int64_t kShownDeliveries = 20;
 // Of a request's time, what a test may take.
 constexpr double kTestShare = 0.8;
 
-Json DeliveryToJson(const DeliveryRow& row) {
-  return {{"delivery", row.id},
-          {"event", row.event},
-          {"at", TimeToJson(row.at)},
-          {"state", row.state},
-          {"attempts", row.attempts},
-          {"next_attempt_at", row.state == "waiting" ? TimeToJson(row.due_at) : Json()},
-          {"problem", TextOrNull(row.detail)}};
-}
-
-Json WebhookToJson(const Webhook& webhook, const DeliveryCounts& counts) {
-  return {{"webhook", webhook.config.name},
-          {"url", webhook.config.url},
-          {"events", webhook.config.events},
-          {"waiting", counts.waiting},
-          {"delivered", counts.delivered},
-          {"given_up", counts.given_up},
-          {"oldest_waiting_at", TimeToJson(counts.oldest_waiting_at)}};
-}
-
 ApiResult ListWebhooks(const ApiContext& context, const Transaction& reader,
                        const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
@@ -43,10 +23,25 @@ ApiResult ListWebhooks(const ApiContext& context, const Transaction& reader,
   for (DeliveryCounts& count : reader.deliveries.Counts()) counts[count.webhook] = count;
   for (const Webhook& webhook : context.webhooks.webhooks()) {
     const std::string& name = webhook.config.name;
-    list.push_back(WebhookToJson(webhook, counts[name]));
-    const Listed<DeliveryRow> rows = reader.deliveries.List(name, INT64_MAX, kShownDeliveries);
-    Json& deliveries = list.back()["deliveries"] = Json::array();
-    for (const DeliveryRow& row : rows.rows) deliveries.push_back(DeliveryToJson(row));
+    Json deliveries = Json::array();
+    for (const DeliveryRow& row : reader.deliveries.List(name, INT64_MAX, kShownDeliveries).rows) {
+      deliveries.push_back(
+          {{"delivery", row.id},
+           {"event", row.event},
+           {"at", TimeToJson(row.at)},
+           {"state", row.state},
+           {"attempts", row.attempts},
+           {"next_attempt_at", row.state == "waiting" ? TimeToJson(row.due_at) : Json()},
+           {"problem", TextOrNull(row.detail)}});
+    }
+    list.push_back({{"webhook", name},
+                    {"url", webhook.config.url},
+                    {"events", webhook.config.events},
+                    {"waiting", counts[name].waiting},
+                    {"delivered", counts[name].delivered},
+                    {"given_up", counts[name].given_up},
+                    {"oldest_waiting_at", TimeToJson(counts[name].oldest_waiting_at)},
+                    {"deliveries", std::move(deliveries)}});
   }
   return ApiAnswer{200, {{"webhooks", std::move(list)}}};
 }

@@ -16,7 +16,7 @@
 
 #include "scoring/board.h"
 #include "scoring/statistics_config.h"
-#include "server/access/sight.h"
+#include "server/access/access.h"
 #include "server/grading/tracks.h"
 #include "server/store/store.h"
 

@@ -161,7 +161,6 @@ class Daemon {
   std::optional<Admission> admission_;
   std::optional<AccessLog> access_log_;
   std::optional<WebhookSender> webhooks_;
-  std::optional<EndedEvaluations> ended_;
   std::optional<Pictures> pictures_;
   std::optional<Documents> documents_;
   std::optional<Api> api_;
@@ -249,7 +248,6 @@ absl::Status Daemon::AddServices() {
 }
 
 void Daemon::StartPictures() {
-  ended_.emplace(readers_);  // reads the store
   const MakerOptions makers = {.work_dir = options_.data_dir + "/work/pictures",
                                .cache_dir = options_.cache_dir,
                                .uid = geteuid() == 0 ? config_.uid_base + kPictureUsers : -1};
@@ -266,7 +264,7 @@ void Daemon::StartPictures() {
                                     .make = make,
                                     .grading = grading,
                                     .quiet = config_.pictures_ahead,
-                                    .suggestions = [this] { return ended_->Pictures(); }});
+                                    .suggestions = PicturesOfEnded(readers_)});
 }
 
 ApiContext Daemon::Context() {

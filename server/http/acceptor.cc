@@ -85,8 +85,6 @@ void Reject(const AcceptedSocket& accepted, const ApiError& error) {
   SendRefusal(accepted.socket.get(), error);
 }
 
-Acceptor::Acceptor() { RestoreSpare(); }
-
 void Acceptor::RestoreSpare() {
   while (spare_.size() < kSpareDescriptors) {
     Fd fd(::open("/dev/null", O_RDONLY | O_CLOEXEC));

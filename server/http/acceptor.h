@@ -13,9 +13,10 @@
 #include "protocol/base/fd.h"
 #include "server/http/request.h"
 #include "server/http/peer.h"
-#include "server/http/tls.h"
 
 namespace myograde::server {
+
+struct TlsContext;
 
 // A socket that connections come in at.
 struct Listener {
@@ -40,7 +41,7 @@ void Reject(const AcceptedSocket& accepted, const ApiError& error);
 // Accepts also when no descriptor is left but a few that are kept for that.
 class Acceptor {
  public:
-  Acceptor();
+  Acceptor() { RestoreSpare(); }
 
   // kAccepted: `accepted` was filled in. kRejected: there was one, and it was rejected. kNone: none
   // waits. kUnable: there are no descriptors or no memory, and trying again at once would only burn

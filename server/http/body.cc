@@ -1,11 +1,12 @@
 #include "server/http/body.h"
 
 #include <fcntl.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <filesystem>
+#include <system_error>
 
 #include <absl/strings/str_cat.h>
 
@@ -59,13 +60,13 @@ void Spool::Release(PeerLoad& peer, int64_t bytes) {
 }
 
 std::optional<ApiError> Spool::CheckDisk(int64_t bytes) const {
-  struct statvfs disk;
-  if (::statvfs(folder_.c_str(), &disk) != 0) {
+  std::error_code error;
+  const std::filesystem::space_info disk = std::filesystem::space(folder_, error);
+  if (error) {
     return ApiError{503, "store",
                     "the server's folder for uploads can't be looked at; tell the organiser"};
   }
-  const auto free = static_cast<int64_t>(disk.f_bavail) * static_cast<int64_t>(disk.f_frsize);
-  if (free - bytes >= disk_reserve_) return std::nullopt;
+  if (static_cast<int64_t>(disk.available) - bytes >= disk_reserve_) return std::nullopt;
   return ApiError{503, "store",
                   "the server's disk is too full for this; try again later, or tell the organiser"};
 }
@@ -74,13 +75,9 @@ std::string Spool::NewPath() { return absl::StrCat(folder_, "/body-", ++names_);
 
 absl::StatusOr<std::string> Body::Text() const {
   if (!spooled()) return memory_;
-  std::string text(static_cast<size_t>(size_), '\0');
-  for (size_t done = 0; done < text.size();) {
-    const ssize_t n = ReadAt(text.data() + done, text.size() - done, static_cast<int64_t>(done));
-    if (n <= 0) return absl::UnavailableError("a request can't be read back from the server's disk");
-    done += static_cast<size_t>(n);
-  }
-  return text;
+  absl::StatusOr<std::string> text = ReadFile(path_);
+  if (text.ok() && std::ssize(*text) == size_) return text;
+  return absl::UnavailableError("a request can't be read back from the server's disk");
 }
 
 ssize_t Body::ReadAt(char* to, size_t size, int64_t offset) const {

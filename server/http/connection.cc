@@ -66,7 +66,7 @@ awaitable<void> Connection::Run() {
 }
 
 awaitable<bool> Connection::Handshake() {
-  tls_ = std::make_unique<asio::ssl::stream<Socket&>>(socket_, tls_context_->context());
+  tls_ = std::make_unique<asio::ssl::stream<Socket&>>(socket_, tls_context_->context);
   const auto handshake = [this]() -> awaitable<error_code> {
     const auto [error] = co_await tls_->async_handshake(asio::ssl::stream_base::server, kAwait);
     co_return error;

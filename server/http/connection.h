@@ -23,12 +23,12 @@
 #include "server/http/peer.h"
 #include "server/http/request.h"
 #include "server/http/response.h"
-#include "server/http/tls.h"
 #include "server/http/work_queue.h"
 
 namespace myograde::server {
 
 class HttpServer;
+struct TlsContext;
 
 inline const ApiError kStoppingError = {503, "stopping",
                                         "the daemon is about to stop; nothing was changed"};

@@ -14,20 +14,11 @@ using State = Connection::State;
 // The lowest goes first: those that have had an answer and ask for more already, then the ones
 // that have asked for nothing or only follow a stream, then those that do not read, then half requests.
 int RankOf(const Connection& connection) {
-  switch (connection.state()) {
-    case State::kIdle:
-      return connection.has_input() ? 0 : 1;
-    case State::kHandshake:
-    case State::kStreaming:
-      return 1;
-    case State::kRefused:
-      return 2;
-    case State::kAnswering:
-      return 3;
-    case State::kReceiving:
-      return 4;
-  }
-  return 4;
+  static const std::map<State, int> kRanks = {{State::kIdle, 1},    {State::kHandshake, 1},
+                                              {State::kStreaming, 1}, {State::kRefused, 2},
+                                              {State::kAnswering, 3}, {State::kReceiving, 4}};
+  const bool asks_for_more = connection.state() == State::kIdle && connection.has_input();
+  return asks_for_more ? 0 : kRanks.at(connection.state());
 }
 
 const ApiError kAllBusy = {429, "too_many",

@@ -69,15 +69,9 @@ HttpServer::HttpServer(const HttpLimits& limits, std::string spool)
       waiting_(limits.waiting(), limits.peer_waiting()),
       io_(std::in_place) {}
 
-HttpServer::~HttpServer() { Shutdown(); }
-
 absl::Status HttpServer::OpenNetwork(const ListenConfig& config, Fd handed) {
   ASSIGN_OR_RETURN(network_, TcpListener::Open(config, std::move(handed)));
   return absl::OkStatus();
-}
-
-void HttpServer::ReloadCertificate() {
-  if (network_ != nullptr) network_->Reload();
 }
 
 absl::Status HttpServer::Start(const std::string& path) {
@@ -145,24 +139,20 @@ asio::awaitable<void> HttpServer::AcceptFrom(const Listener& listener) {
   for (;;) {
     const auto [error] = co_await descriptor.async_wait(descriptor.wait_read, kNoThrow);
     if (error) co_return;
-    if (AcceptSome(listener) != Acceptor::Outcome::kUnable) continue;
+    Acceptor::Outcome outcome = Acceptor::Outcome::kNone;
+    for (int i = 0; i < kAcceptAtOnce; ++i) {
+      AcceptedSocket accepted;
+      outcome = acceptor_.Accept(listener, accepted);
+      if (outcome == Acceptor::Outcome::kAccepted) {
+        Receive(std::move(accepted));
+      } else if (outcome != Acceptor::Outcome::kRejected) {
+        break;
+      }
+    }
+    if (outcome != Acceptor::Outcome::kUnable) continue;
     timer.expires_after(kBackOff);
     co_await timer.async_wait(kNoThrow);
   }
-}
-
-Acceptor::Outcome HttpServer::AcceptSome(const Listener& listener) {
-  Acceptor::Outcome outcome = Acceptor::Outcome::kNone;
-  for (int i = 0; i < kAcceptAtOnce; ++i) {
-    AcceptedSocket accepted;
-    outcome = acceptor_.Accept(listener, accepted);
-    if (outcome == Acceptor::Outcome::kAccepted) {
-      Receive(std::move(accepted));
-    } else if (outcome != Acceptor::Outcome::kRejected) {
-      break;
-    }
-  }
-  return outcome;
 }
 
 void HttpServer::Receive(AcceptedSocket accepted) {
@@ -217,42 +207,36 @@ void HttpServer::LetWaitingIn() {
 
 asio::awaitable<void> HttpServer::WatchClocks() {
   asio::steady_timer timer(*io_);
-  while (LookAtClocks()) {
+  for (;;) {
+    const absl::Duration now = Now();
+    waiting_.LookAtClocks(now);
+    for (const std::shared_ptr<Connection>& connection : connections_.all()) {
+      connection->CheckClock(now);
+    }
+    acceptor_.RestoreSpare();
+    LetWaitingIn();
+    if (connections_.empty() && waiting_.empty()) break;
     timer.expires_after(kClockEvery);
     co_await timer.async_wait(kNoThrow);
   }
   watching_clocks_ = false;
 }
 
-bool HttpServer::LookAtClocks() {
-  const absl::Duration now = Now();
-  waiting_.LookAtClocks(now);
-  for (const std::shared_ptr<Connection>& connection : connections_.all()) {
-    connection->CheckClock(now);
-  }
-  acceptor_.RestoreSpare();
-  LetWaitingIn();
-  return !connections_.empty() || !waiting_.empty();
-}
-
-// Only those that a worker has are left when the thread ends: handshakes use it from others.
 asio::awaitable<void> HttpServer::CloseAll() {
   waiting_.RejectAll(kStoppingError);
   asio::steady_timer timer(*io_);
-  while (CloseIdle()) {
+  for (;;) {
+    int busy = 0;
+    for (const std::shared_ptr<Connection>& connection : connections_.all()) {
+      busy += connection->at_work() ? 1 : 0;
+      connection->CloseForStop();
+    }
+    // Only those that a worker has are left when the thread ends: handshakes use it from others.
+    if (running_ <= busy) break;
     timer.expires_after(std::chrono::milliseconds(1));
     co_await timer.async_wait(kNoThrow);
   }
   io_->stop();
-}
-
-bool HttpServer::CloseIdle() {
-  int busy = 0;
-  for (const std::shared_ptr<Connection>& connection : connections_.all()) {
-    busy += connection->at_work() ? 1 : 0;
-    connection->CloseForStop();
-  }
-  return running_ > busy;
 }
 
 // --- requests ---------------------------------------------------------------------

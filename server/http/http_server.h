@@ -48,7 +48,7 @@ class HttpServer {
  public:
   // Large bodies lie in the folder `spool`, which must be there.
   HttpServer(const HttpLimits& limits, std::string spool);
-  ~HttpServer();
+  ~HttpServer() { Shutdown(); }
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
@@ -64,7 +64,9 @@ class HttpServer {
   // Where the network finds it, as in "https://192.0.2.1:8443"; "" if there is no such port.
   std::string NetworkUrl() const { return network_ == nullptr ? "" : network_->url(); }
   // From any thread, and from a signal handler: see TcpListener::Reload.
-  void ReloadCertificate();
+  void ReloadCertificate() {
+    if (network_ != nullptr) network_->Reload();
+  }
 
   // Listens at `path` (errors as of ListenAt) and starts the threads.
   absl::Status Start(const std::string& path);
@@ -97,17 +99,13 @@ class HttpServer {
 
   // On the thread of the connections.
   boost::asio::awaitable<void> AcceptFrom(const Listener& listener);
-  Acceptor::Outcome AcceptSome(const Listener& listener);
   void Receive(AcceptedSocket accepted);
   bool MakeRoom(const Peer& peer);
   void Admit(AcceptedSocket accepted);
   void LetWaitingIn();
   // While there is anybody to watch.
   boost::asio::awaitable<void> WatchClocks();
-  bool LookAtClocks();
   boost::asio::awaitable<void> CloseAll();
-  // False: all others have ended.
-  bool CloseIdle();
 
   // What the address of a request takes for a body.
   BodyRule RuleOf(const Request& head) const;

@@ -49,7 +49,6 @@ struct Request {
 
   bool has_body() const { return chunked || length > 0; }
   bool HasParam(const std::string& key) const { return params.contains(key); }
-  size_t ParamCount(const std::string& key) const { return params.count(key); }
   // The first of that name; "" if there is none.
   std::string Param(const std::string& key) const;
 };

@@ -56,7 +56,6 @@ class Response {
   // Tells of an error in the form of README.md, in place of whatever was set before.
   void SetError(const ApiError& error);
 
-  bool empty() const { return text.empty() && file.left == 0 && stream == nullptr; }
   // Its head and its text as they are sent, which leaves only `file` and `stream`. `bodiless`: it is
   // to HEAD. `close`: nothing more is read on the connection.
   std::string TakeBytes(bool bodiless, bool close);

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <boost/asio/ssl/context.hpp>
 #include <memory>
 #include <string>
 #include <thread>
@@ -12,9 +13,23 @@
 #include "protocol/base/mutex.h"
 #include "server/config/server_config.h"
 #include "server/http/acceptor.h"
-#include "server/http/tls.h"
 
 namespace myograde::server {
+
+// A certificate with its key; versions 1.2 and 1.3 of TLS with forward secrecy, without
+// renegotiation, sessions that could be resumed, or compression. Safe from any thread, as it never
+// changes.
+struct TlsContext {
+  // Reads a certificate with the chain that leads from it, and its private key, from files in PEM.
+  // InvalidArgumentError: one sentence that names the file and what is wrong with it.
+  static absl::StatusOr<std::shared_ptr<TlsContext>> Load(const std::string& certificate,
+                                                          const std::string& key);
+
+  boost::asio::ssl::context context;  // for streams of the server's end of connections
+  // What users of the certificate will notice, or will soon, as a sentence: it is expired or not
+  // valid yet, or its key is open to others. "" if there is nothing.
+  std::string warning;
+};
 
 // Whether `config` names a certificate and a key that belong together; nothing if it is for plain
 // HTTP. As Open, but touches no socket.

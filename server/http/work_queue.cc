@@ -5,8 +5,7 @@
 namespace myograde::server {
 
 bool WorkQueue::Line::empty() const {
-  return busy == 0 &&
-         std::all_of(jobs.begin(), jobs.end(), [](const auto& q) { return q.empty(); });
+  return busy == 0 && std::ranges::all_of(jobs, [](const auto& queue) { return queue.empty(); });
 }
 
 void WorkQueue::Push(Job job) {

@@ -230,31 +230,30 @@ absl::StatusOr<std::string> MakeFile(ReaderPool& readers, const std::string& dat
                                            : MakeTrajectory(episode, makers, stopped);
 }
 
-EndedEvaluations::EndedEvaluations(ReaderPool& readers) : readers_(readers) {
-  const absl::StatusOr<int64_t> last = readers_.Read<int64_t>(
+std::function<std::vector<PictureKey>()> PicturesOfEnded(ReaderPool& readers) {
+  const absl::StatusOr<int64_t> last = readers.Read<int64_t>(
       [](const Transaction& reader) { return reader.evaluations.LastEnd(); });
   if (!last.ok()) spdlog::warn("pictures: {}", std::string(last.status().message()));
-  seen_ = last.value_or(0);
-}
-
-std::vector<PictureKey> EndedEvaluations::Pictures() {
-  std::vector<PictureKey> keys;
-  const absl::Status status = readers_.Read([&](const Transaction& reader) {
-    const std::vector<EndedEvaluation> ended = reader.evaluations.DoneSince(seen_, kMostEnded);
-    seen_ = std::max(seen_, reader.evaluations.LastEnd());
-    for (const EndedEvaluation& one : ended) {
-      absl::StatusOr<std::vector<PictureKey>> own = PicturesOf(reader, one.evaluation);
-      if (own.ok()) {
-        keys.insert(keys.end(), own->begin(), own->end());
-      } else {
-        spdlog::warn("pictures of evaluation {}: {}", one.evaluation,
-                     std::string(own.status().message()));
+  // `seen`: when the last one that was seen ended, in ms since 1970.
+  return [&readers, seen = last.value_or(0)]() mutable {
+    std::vector<PictureKey> keys;
+    const absl::Status status = readers.Read([&](const Transaction& reader) {
+      const std::vector<EndedEvaluation> ended = reader.evaluations.DoneSince(seen, kMostEnded);
+      seen = std::max(seen, reader.evaluations.LastEnd());
+      for (const EndedEvaluation& one : ended) {
+        const auto own = PicturesOf(reader, one.evaluation);
+        if (own.ok()) {
+          keys.insert(keys.end(), own->begin(), own->end());
+        } else {
+          spdlog::warn("pictures of evaluation {}: {}", one.evaluation,
+                       std::string(own.status().message()));
+        }
       }
-    }
-    return absl::OkStatus();
-  });
-  if (!status.ok()) spdlog::warn("pictures: {}", std::string(status.message()));
-  return keys;
+      return absl::OkStatus();
+    });
+    if (!status.ok()) spdlog::warn("pictures: {}", std::string(status.message()));
+    return keys;
+  };
 }
 
 }  // namespace myograde::server

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -31,19 +32,9 @@ absl::StatusOr<std::string> MakeFile(ReaderPool& readers, const std::string& dat
                                      const MakerOptions& makers, const PictureKey& key,
                                      const Stopped& stopped);
 
-// Tells of the best, the median and the worst episode of each evaluation that ended since the last
-// call, or since this object was made. Not safe from several threads.
-class EndedEvaluations {
- public:
-  // `readers` must outlive it.
-  explicit EndedEvaluations(ReaderPool& readers);
-
-  // Of the 20 that ended last.
-  std::vector<PictureKey> Pictures();
-
- private:
-  ReaderPool& readers_;
-  int64_t seen_ = 0;  // ms since 1970: when the last one that was seen ended
-};
+// Gives the pictures of the best, the median and the worst episode of each evaluation, of the 20
+// that ended last, that ended since it was last called, or since this function was. Not safe from
+// several threads. `readers` must outlive it.
+std::function<std::vector<PictureKey>()> PicturesOfEnded(ReaderPool& readers);
 
 }  // namespace myograde::server

@@ -29,7 +29,10 @@ Pictures::Pictures(PicturesOptions options, const Clock& clock)
       clock_(clock),
       files_(options_.folder, options_.build, options_.most_bytes),
       busy_at_(clock.Monotonic()),
-      thread_([this] { Loop(); }) {}
+      thread_([this] {
+        files_.RemoveDrafts();
+        while (const std::optional<Job> job = Next()) Make(*job);
+      }) {}
 
 Pictures::~Pictures() {
   Stop();
@@ -74,11 +77,6 @@ PictureState Pictures::Ask(const PictureKey& key, const std::string& who) {
   waiting_.push_back({key, who});
   wake_.NotifyAll();
   return {Is::kWaiting, std::ssize(waiting_) - 1 + (playing_.has_value() ? 1 : 0), ""};
-}
-
-void Pictures::Loop() {
-  files_.RemoveDrafts();
-  while (std::optional<Job> job = Next()) Make(*job);
 }
 
 std::optional<Pictures::Job> Pictures::Next() {

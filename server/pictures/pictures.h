@@ -76,7 +76,6 @@ class Pictures {
     absl::Duration again;  // when it is tried again, by the monotonic clock
   };
 
-  void Loop();
   // The next job, or nullopt when it is time to stop. Waits for one.
   std::optional<Job> Next() ABSL_LOCKS_EXCLUDED(mutex_);
   std::optional<Job> NextSuggested() ABSL_LOCKS_EXCLUDED(mutex_);

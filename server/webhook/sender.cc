@@ -87,7 +87,10 @@ void WebhookSender::Run(const Webhook& webhook) {
   while (!stop_.stop_requested()) {
     if (prunes && options_.clock.Monotonic() - pruned >= kPruneEvery) {
       pruned = options_.clock.Monotonic();
-      Prune();
+      const int64_t before = absl::ToUnixMillis(options_.clock.Now() - kKeep);
+      // Those that can't be removed now are removed in an hour.
+      (void)options_.write(
+          [before](Transaction& writer) { return writer.deliveries.Prune(before); });
     }
     const std::optional<DeliveryRow> delivery = Next(webhook);
     if (!delivery.has_value()) {
@@ -112,14 +115,13 @@ std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
         return found;
       });
   if (next.ok()) return *next;
-  if (damaged != 0) GiveUpDamaged(webhook, damaged, std::string(next.status().message()));
+  if (damaged != 0) {
+    const std::string why(next.status().message());
+    spdlog::error("webhook {}: delivery {} is given up: {}", webhook.config.name, damaged, why);
+    options_.metrics.CountWebhookGivenUp(webhook.config.name);
+    Record(damaged, {.state = "given_up", .attempts = 0, .due_at = 0, .detail = why});
+  }
   return std::nullopt;
-}
-
-void WebhookSender::GiveUpDamaged(const Webhook& webhook, int64_t id, const std::string& why) {
-  spdlog::error("webhook {}: delivery {} is given up: {}", webhook.config.name, id, why);
-  options_.metrics.CountWebhookGivenUp(webhook.config.name);
-  Record(id, {.state = "given_up", .attempts = 0, .due_at = 0, .detail = why});
 }
 
 void WebhookSender::Deliver(const Webhook& webhook, const DeliveryRow& delivery) {
@@ -164,12 +166,6 @@ void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
     });
     if (status.ok()) return;
   } while (!WaitForStop(stop_.get_token(), kRecordEvery));
-}
-
-void WebhookSender::Prune() {
-  const int64_t before = absl::ToUnixMillis(options_.clock.Now() - kKeep);
-  // Those that can't be removed now are removed in an hour.
-  (void)options_.write([before](Transaction& writer) { return writer.deliveries.Prune(before); });
 }
 
 }  // namespace myograde::server

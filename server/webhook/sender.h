@@ -75,8 +75,6 @@ class WebhookSender {
                         const PostResult& result);
   // Tries until the store takes it, or the daemon stops.
   void Record(int64_t delivery, const DeliveryOutcome& outcome);
-  void GiveUpDamaged(const Webhook& webhook, int64_t id, const std::string& why);
-  void Prune();
 
   const Options options_;
   std::stop_source stop_;  // of all threads

@@ -14,6 +14,12 @@ const std::vector<std::string> kTeams = {"alpha", "beta", "gamma"};
 const std::vector<Role> kRoles = {Role::kPublic, Role::kParticipant, Role::kOrganiser,
                                   Role::kOperator};
 
+std::vector<Action> AllActions() {
+  std::vector<Action> actions;
+  for (int i = 0; i <= static_cast<int>(Action::kManageNodes); ++i) actions.push_back(Action(i));
+  return actions;
+}
+
 Identity AnyIdentity() {
   Identity identity;
   identity.role = *rc::gen::elementOf(kRoles);

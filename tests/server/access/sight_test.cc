@@ -1,5 +1,5 @@
 // Who sees what of a phase's evaluations.
-#include "server/access/sight.h"
+#include "server/access/access.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

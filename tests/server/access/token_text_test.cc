@@ -14,7 +14,7 @@ TEST(TokenTextTest, NewTokensHaveTheFormAndAreAllDifferent) {
   for (int i = 0; i < 1000; ++i) {
     const absl::StatusOr<std::string> text = NewTokenText();
     ASSERT_TRUE(text.ok()) << text.status();
-    EXPECT_TRUE(IsTokenText(*text)) << *text;
+    EXPECT_EQ(TokenIn("Bearer " + *text), *text);
     EXPECT_TRUE(seen.insert(*text).second);
   }
   // All of the 64 digits are random: each position shows many values.
@@ -27,12 +27,12 @@ TEST(TokenTextTest, NewTokensHaveTheFormAndAreAllDifferent) {
 
 TEST(TokenTextTest, OtherTextsAreNone) {
   const std::string digits(64, 'a');
-  EXPECT_TRUE(IsTokenText("myo_" + digits));
+  EXPECT_TRUE(TokenIn("Bearer myo_" + digits).has_value());
   for (const std::string& text :
        {std::string(), digits, std::string("myo_"), "myo_" + digits + "a", "myo_" + digits.substr(1),
         "MYO_" + digits, "myo_" + std::string(64, 'A'), "myo_" + std::string(64, 'g'),
-        " myo_" + digits, "myo_" + digits + "\n", "myo_" + digits.substr(1) + '\0'}) {
-    EXPECT_FALSE(IsTokenText(text)) << text;
+        "\tmyo_" + digits, "myo_" + digits + "\n", "myo_" + digits.substr(1) + '\0'}) {
+    EXPECT_FALSE(TokenIn("Bearer " + text).has_value()) << text;
   }
 }
 

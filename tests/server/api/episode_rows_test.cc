@@ -68,14 +68,13 @@ TEST(ColumnsOf, HasAValueForEachRow) {
 }
 
 TEST(DetailsSummary, AddsUpNumbersWhereverTheyAre) {
-  DetailsSummary summary;
-  EXPECT_TRUE(summary.Result().is_null());
-  summary.Add(nullptr, 1000);
-  EXPECT_TRUE(summary.Result().is_null()) << "no details, no part in the sums";
-  summary.Add({{"time", 1.5}, {"joints", {{"knee", {-1, 2}}, {"hip", {0, 1}}}}, {"none", nullptr}}, 10);
-  summary.Add({{"time", 2.5}, {"joints", {{"knee", {-3, 1}}, {"ankle", {5, 6}}}}, {"none", nullptr}},
-              20);
-  const Json result = summary.Result();
+  EXPECT_TRUE(SummaryOf({}).is_null());
+  EXPECT_TRUE(SummaryOf({{nullptr, 1000}}).is_null()) << "no details, no part in the sums";
+  const Json first = {
+      {"time", 1.5}, {"joints", {{"knee", {-1, 2}}, {"hip", {0, 1}}}}, {"none", nullptr}};
+  const Json second = {
+      {"time", 2.5}, {"joints", {{"knee", {-3, 1}}, {"ankle", {5, 6}}}}, {"none", nullptr}};
+  const Json result = SummaryOf({{nullptr, 1000}, {first, 10}, {second, 20}});
   EXPECT_EQ(result["episodes"], 2);
   EXPECT_EQ(result["steps"], 30);
   const Json& values = result["values"];

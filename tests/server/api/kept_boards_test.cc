@@ -1,11 +1,13 @@
-#include "server/api/board_answers.h"
+#include "server/api/kept_boards.h"
 
 #include <gtest/gtest.h>
+
+#include <absl/strings/str_cat.h>
 
 namespace myograde::server {
 namespace {
 
-KeptBoards::Key At(int64_t at) { return {"c", "c", "main", 0, at}; }
+std::string At(int64_t at) { return absl::StrCat("c/c/main/0/", at); }
 KeptBoards::Text Text(size_t bytes) {
   return std::make_shared<const std::string>(bytes, 'x');
 }
@@ -16,7 +18,7 @@ TEST(KeptBoards, IsStaleAfterAnyChange) {
   kept.Keep(At(1), 7, Text(3));
   EXPECT_NE(kept.Find(At(1), 7), nullptr);
   EXPECT_EQ(kept.Find(At(1), 8), nullptr);
-  EXPECT_EQ(kept.Find({"c", "other", "main", 0, 1}, 7), nullptr) << "another config is in force";
+  EXPECT_EQ(kept.Find("c/other/main/0/1", 7), nullptr) << "another config is in force";
   kept.Keep(At(1), 6, Text(5));
   EXPECT_EQ(kept.Find(At(1), 7)->size(), 3u) << "an older text does not replace a newer one";
   kept.Keep(At(2), -1, Text(5));

@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "server/http/tls.h"
+#include "server/http/tcp_listener.h"
 #include "tests/server/http/certificate.h"
 #include "tests/server/http/http_server_world.h"
 

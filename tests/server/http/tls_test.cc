@@ -1,5 +1,5 @@
 // What is wrong with certificates.
-#include "server/http/tls.h"
+#include "server/http/tcp_listener.h"
 
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
@@ -31,7 +31,7 @@ class TlsTest : public ::testing::Test {
     MakeCertificate(path("cert"), path("key"), from, until);
     const auto context = TlsContext::Load(path("cert"), path("key"));
     EXPECT_TRUE(context.ok()) << context.status();
-    return context.ok() ? (*context)->warning() : "";
+    return context.ok() ? (*context)->warning : "";
   }
 
   std::string folder_;
@@ -62,7 +62,7 @@ TEST_F(TlsTest, DatesThatClientsWillRefuseAreAWarning) {
   EXPECT_THAT(WarningAbout(-day, 3 * day + absl::Hours(1)), HasSubstr("expires in 3 days"));
   MakeCertificate(path("cert"), path("key"));
   chmod(path("key").c_str(), 0644);
-  EXPECT_THAT(TlsContext::Load(path("cert"), path("key")).value()->warning(),
+  EXPECT_THAT(TlsContext::Load(path("cert"), path("key")).value()->warning,
               HasSubstr("every user of this host can read the key"));
 }
 
