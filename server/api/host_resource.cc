@@ -12,7 +12,7 @@
 #include "server/api/readiness.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/base/this_host.h"
+#include "server/base/ip_address.h"
 #include "server/http/http_server.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"

@@ -341,17 +341,15 @@ bool ControlGroup::KillAll(absl::Duration timeout) {
 }
 
 void ControlGroup::RemoveStale(const CgroupHost& host) {
-  std::set<std::string> parents;
-  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
-    for (std::string& parent : CgroupParents(hierarchy)) parents.insert(std::move(parent));
-  }
   std::error_code error;
-  for (const std::string& parent : parents) {
-    std::filesystem::directory_iterator entry(parent, error);
-    for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
-      if (!IsGroupName(entry->path().filename())) continue;
-      ControlGroup stale(host);  // if it can be locked
-      stale.Lock(entry->path(), LOCK_EX | LOCK_NB);
+  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
+    for (const std::string& parent : CgroupParents(hierarchy)) {
+      std::filesystem::directory_iterator entry(parent, error);
+      for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+        if (!IsGroupName(entry->path().filename())) continue;
+        ControlGroup stale(host);  // if it can be locked
+        stale.Lock(entry->path(), LOCK_EX | LOCK_NB);
+      }
     }
   }
 }

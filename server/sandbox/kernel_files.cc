@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <optional>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include <absl/strings/ascii.h>
+#include <absl/strings/escaping.h>
 #include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -104,15 +104,7 @@ absl::StatusOr<std::string> StageSettings(const Stage& stage) {
 // Spaces and the like are octal escapes in mountinfo.
 std::string Unescaped(const std::string& text) {
   std::string plain;
-  for (size_t i = 0; i < text.size(); ++i) {
-    if (text[i] != '\\' || i + 3 >= text.size()) {
-      plain += text[i];
-      continue;
-    }
-    plain += static_cast<char>(std::strtol(text.substr(i + 1, 3).c_str(), nullptr, 8));
-    i += 3;
-  }
-  return plain;
+  return absl::CUnescape(text, &plain) ? plain : text;
 }
 
 }  // namespace
