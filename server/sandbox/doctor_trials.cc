@@ -156,7 +156,7 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
     pollfd entry = {output->read.get(), POLLIN, 0};
     poll(&entry, 1, kPollMs);
     end.in_time = waitpid(child, &status, WNOHANG) == child;
-    while (Drain(output->read, end.output)) continue;
+    Drain(output->read, end.output);  // all that a pipe holds
     end.output.resize(std::min(end.output.size(), kMostPrinted));
   }
   kill(-child, SIGKILL);  // it, or what it left behind

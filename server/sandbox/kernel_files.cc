@@ -189,17 +189,4 @@ absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
   return absl::FailedPreconditionError(absl::StrCat("can't list /proc: ", error.message()));
 }
 
-bool HideNetworkCounters() {
-  static const std::set<std::string> shown = {"dev",  "if_inet6", "igmp", "ipv6_route", "route",
-                                              "tcp",  "tcp6",     "udp",  "udp6",       "unix"};
-  bool hidden = true;
-  std::error_code error;
-  for (auto it = fs::directory_iterator("/proc/thread-self/net", error);
-       it != fs::directory_iterator(); it.increment(error)) {
-    if (shown.contains(it->path().filename())) continue;
-    hidden = ::chmod(it->path().c_str(), 0) == 0 && hidden;
-  }
-  return hidden && !error;
-}
-
 }  // namespace myograde::server
