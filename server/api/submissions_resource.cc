@@ -12,7 +12,7 @@
 
 #include "server/api/redaction.h"
 #include "server/base/names.h"
-#include "server/base/this_host.h"
+#include "server/base/ip_address.h"
 #include "server/grading/leaderboard.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"

@@ -1,3 +1,5 @@
+#include "server/artefact/artefact.h"
+
 #include <archive.h>
 #include <archive_entry.h>
 #include <fcntl.h>
@@ -7,16 +9,11 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <functional>
 #include <memory>
-#include <string>
-#include <string_view>
 #include <utility>
 
-#include <absl/status/status.h>
 #include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -26,7 +23,6 @@
 #include "protocol/base/program_head.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"

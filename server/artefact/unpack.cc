@@ -1,23 +1,19 @@
+#include "server/artefact/artefact.h"
+
 #include <archive_entry.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <set>
-#include <string>
 #include <utility>
-#include <vector>
 
-#include <absl/status/status.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/program_head.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"

@@ -53,12 +53,11 @@ void DrainInto(Fd& fd, int reads, OutputTail& tail) {
   }
 }
 
-bool Drain(Fd& fd, std::string& out) {
+void Drain(Fd& fd, std::string& out) {
   char buffer[64 << 10];
   const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
   if (n > 0) out.append(buffer, static_cast<size_t>(n));
   if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) fd.reset();
-  return n > 0;
 }
 
 namespace {

@@ -47,9 +47,8 @@ class OutputTail {
 // its end.
 void DrainInto(Fd& fd, int reads, OutputTail& tail);
 
-// Appends what such a descriptor has to `out`, 64 KiB at most, and closes it at its end; whether there
-// was anything.
-bool Drain(Fd& fd, std::string& out);
+// Appends what such a descriptor has to `out`, 64 KiB at most, and closes it at its end.
+void Drain(Fd& fd, std::string& out);
 
 // Has a process group of its own. Killed when this object goes.
 class ChildProcess {

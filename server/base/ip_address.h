@@ -1,4 +1,5 @@
-// Addresses of the internet, of either version, as limits count by them.
+// Addresses of the internet, of either version, as limits count by them; and this host among others:
+// its name and address, and what it may send them.
 #pragma once
 
 #include <netinet/in.h>
@@ -34,5 +35,16 @@ class IpAddress {
 
   in6_addr address_;  // of IPv4 ::ffff:192.0.2.1, as which a socket of IPv6 has such peers
 };
+
+// This host's name; "unknown" if it has none.
+std::string HostName();
+
+// Whether the kernel refuses to send packets of this process to `address` (systemd's
+// IPAddressDeny=). Sends an empty datagram to the discard port there.
+bool IsRefused(const IpAddress& address);
+
+// An address of this host that other hosts reach; nullopt if it has none. What is sent to it stays
+// on this host, but is filtered like everything that leaves it.
+std::optional<IpAddress> OwnAddress();
 
 }  // namespace myograde::server

@@ -18,7 +18,6 @@
 #include "server/base/ip_address.h"
 #include "server/base/log_line.h"
 #include "server/base/paths.h"
-#include "server/base/this_host.h"
 #include "server/executor/slurm/slurm_executor.h"
 #include "server/proof/grader_build.h"
 #include "server/sandbox/control_group.h"

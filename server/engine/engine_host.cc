@@ -7,7 +7,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
-#include "server/base/this_host.h"
+#include "server/base/ip_address.h"
 #include "server/engine/engine_core.h"
 #include "server/metrics/disk_space.h"
 

@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <regex>
 #include <set>
 #include <sstream>
 #include <thread>
@@ -26,7 +27,6 @@
 namespace myograde::server {
 namespace {
 
-constexpr std::string_view kPrefix = "myograde.";
 constexpr char kOwnGroup[] = "/daemon";
 
 // This process' group in each hierarchy: "0::/path" or "3:cpu,cpuacct:/path".
@@ -159,17 +159,12 @@ std::string GroupName(const std::string& what) {
     uint64_t number = 0;
     return getrandom(&number, sizeof(number), 0) == sizeof(number) ? number : 0;
   }();
-  return absl::StrCat(absl::string_view(kPrefix.data(), kPrefix.size()), getpid(), "-",
-                      absl::Hex(random, absl::kZeroPad16), ".", what);
+  return absl::StrCat("myograde.", getpid(), "-", absl::Hex(random, absl::kZeroPad16), ".", what);
 }
 
 bool IsGroupName(const std::string& name) {
-  constexpr char kDigits[] = "0123456789";
-  if (!name.starts_with(kPrefix)) return false;
-  const size_t dash = name.find_first_not_of(kDigits, kPrefix.size());
-  return dash != std::string::npos && dash > kPrefix.size() && name[dash] == '-' &&
-         name.find_first_not_of("0123456789abcdef", dash + 1) == dash + 17 &&
-         name[dash + 17] == '.';
+  static const std::regex made("myograde\\.[0-9]+-[0-9a-f]{16}\\..*");
+  return std::regex_match(name, made);
 }
 
 std::unique_ptr<ControlGroup> ControlGroup::Create(const std::string& name,
@@ -341,17 +336,15 @@ bool ControlGroup::KillAll(absl::Duration timeout) {
 }
 
 void ControlGroup::RemoveStale(const CgroupHost& host) {
-  std::set<std::string> parents;
-  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
-    for (std::string& parent : CgroupParents(hierarchy)) parents.insert(std::move(parent));
-  }
   std::error_code error;
-  for (const std::string& parent : parents) {
-    std::filesystem::directory_iterator entry(parent, error);
-    for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
-      if (!IsGroupName(entry->path().filename())) continue;
-      ControlGroup stale(host);  // if it can be locked
-      stale.Lock(entry->path(), LOCK_EX | LOCK_NB);
+  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
+    for (const std::string& parent : CgroupParents(hierarchy)) {
+      std::filesystem::directory_iterator entry(parent, error);
+      for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+        if (!IsGroupName(entry->path().filename())) continue;
+        ControlGroup stale(host);  // if it can be locked
+        stale.Lock(entry->path(), LOCK_EX | LOCK_NB);
+      }
     }
   }
 }

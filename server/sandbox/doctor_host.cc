@@ -209,8 +209,7 @@ Check CheckRuntime(const DoctorOptions& options, const std::string& name,
 
 Check CheckSystem() {
   const std::string system = SystemValue("PRETTY_NAME");
-  if (SystemValue("ID") == "debian" &&
-      SystemValue("VERSION_ID") == "12") {
+  if (SystemValue("ID") == "debian" && SystemValue("VERSION_ID") == "12") {
     return Fine("system", absl::StrCat(system, " ", FirstLine("/etc/debian_version")));
   }
   return Poorer("system", system.empty() ? "unknown" : system,
@@ -256,31 +255,16 @@ Check CheckPictures() {
   }
   std::string install = draws ? "" : " libosmesa6";
   if (!encoder.ok()) install += " ffmpeg";
+  const std::string no_library =
+      absl::StrCat("libOSMesa.so.8 is missing", encoder.ok() ? "" : ", and so is ffmpeg");
   return Poorer(
-      "pictures",
-      absl::StrCat(draws ? "" : "libOSMesa.so.8 is missing",
-                   draws || encoder.ok() ? "" : ", and so is ", encoder.ok() ? "" : "ffmpeg",
-                   draws && !encoder.ok() ? " is missing" : ""),
+      "pictures", draws ? "ffmpeg is missing" : no_library,
       draws ? "render draws pictures, and makes no films"
             : "render and the pages draw no pictures of episodes; grading needs none",
       "apt-get install" + install);
 }
 
 }  // namespace
-
-Check Fine(std::string name, std::string found) {
-  return {std::move(name), CheckState::kOk, std::move(found), "", ""};
-}
-
-Check Poorer(std::string name, std::string found, std::string costs, std::string todo) {
-  return {std::move(name), CheckState::kDegraded, std::move(found), std::move(costs),
-          std::move(todo)};
-}
-
-Check Missing(std::string name, std::string found, std::string costs, std::string todo) {
-  return {std::move(name), CheckState::kMissing, std::move(found), std::move(costs),
-          std::move(todo)};
-}
 
 Check CheckMujoco(const DoctorOptions& options) {
   const std::string library = options.cache_dir + "/mujoco-2.2.2/lib/libmujoco.so.2.2.2";

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <absl/time/time.h>
@@ -29,9 +30,17 @@ int ExitOf(const absl::Status& status);
 std::string LastWords(const std::string& output);
 
 // A check with the state kOk, kDegraded or kMissing.
-Check Fine(std::string name, std::string found);
-Check Poorer(std::string name, std::string found, std::string costs, std::string todo);
-Check Missing(std::string name, std::string found, std::string costs, std::string todo);
+inline Check Fine(std::string name, std::string found) {
+  return {std::move(name), CheckState::kOk, std::move(found), "", ""};
+}
+inline Check Poorer(std::string name, std::string found, std::string costs, std::string todo) {
+  return {std::move(name), CheckState::kDegraded, std::move(found), std::move(costs),
+          std::move(todo)};
+}
+inline Check Missing(std::string name, std::string found, std::string costs, std::string todo) {
+  return {std::move(name), CheckState::kMissing, std::move(found), std::move(costs),
+          std::move(todo)};
+}
 
 // Time limit of a program with next to nothing to do.
 inline constexpr absl::Duration kQuick = absl::Seconds(10);

@@ -1,5 +1,7 @@
 // What the doctor tries out beside building sandboxes: a child with a deadline, how long a message
 // between two processes takes, and the bus.
+#include "server/sandbox/doctor_host.h"
+
 #include <fcntl.h>
 #include <poll.h>
 #include <sched.h>
@@ -16,12 +18,8 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <optional>
 #include <set>
-#include <string>
-#include <string_view>
 
-#include <absl/status/statusor.h>
 #include <absl/strings/ascii.h>
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
@@ -37,7 +35,6 @@
 #include "protocol/policy/channels.h"
 #include "server/base/child_process.h"
 #include "server/base/counted.h"
-#include "server/sandbox/doctor_host.h"
 #include "server/sandbox/kernel_files.h"
 #include "server/sandbox/network.h"
 #include "server/sandbox/sandbox_config.h"
@@ -159,7 +156,7 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
     pollfd entry = {output->read.get(), POLLIN, 0};
     poll(&entry, 1, kPollMs);
     end.in_time = waitpid(child, &status, WNOHANG) == child;
-    while (Drain(output->read, end.output)) continue;
+    Drain(output->read, end.output);  // all that a pipe holds
     end.output.resize(std::min(end.output.size(), kMostPrinted));
   }
   kill(-child, SIGKILL);  // it, or what it left behind

@@ -1,5 +1,3 @@
-#include "server/sandbox/image_sandbox.h"
-
 #include <fcntl.h>
 #include <sys/stat.h>
 
@@ -16,6 +14,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/sandbox/policy_sandbox.h"
 
 namespace myograde::server {
 namespace {

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <optional>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include <absl/strings/ascii.h>
+#include <absl/strings/escaping.h>
 #include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -104,15 +104,7 @@ absl::StatusOr<std::string> StageSettings(const Stage& stage) {
 // Spaces and the like are octal escapes in mountinfo.
 std::string Unescaped(const std::string& text) {
   std::string plain;
-  for (size_t i = 0; i < text.size(); ++i) {
-    if (text[i] != '\\' || i + 3 >= text.size()) {
-      plain += text[i];
-      continue;
-    }
-    plain += static_cast<char>(std::strtol(text.substr(i + 1, 3).c_str(), nullptr, 8));
-    i += 3;
-  }
-  return plain;
+  return absl::CUnescape(text, &plain) ? plain : text;
 }
 
 }  // namespace
@@ -195,19 +187,6 @@ absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
   }
   if (!error) return mounts;
   return absl::FailedPreconditionError(absl::StrCat("can't list /proc: ", error.message()));
-}
-
-bool HideNetworkCounters() {
-  static const std::set<std::string> shown = {"dev",  "if_inet6", "igmp", "ipv6_route", "route",
-                                              "tcp",  "tcp6",     "udp",  "udp6",       "unix"};
-  bool hidden = true;
-  std::error_code error;
-  for (auto it = fs::directory_iterator("/proc/thread-self/net", error);
-       it != fs::directory_iterator(); it.increment(error)) {
-    if (shown.contains(it->path().filename())) continue;
-    hidden = ::chmod(it->path().c_str(), 0) == 0 && hidden;
-  }
-  return hidden && !error;
 }
 
 }  // namespace myograde::server

@@ -51,9 +51,4 @@ std::vector<KernelMount> MountsIn(const std::string& mountinfo);
 absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
                                                            int64_t memory_bytes);
 
-// Withdraws the right to read from all files of /proc/net, of the calling thread's network, but
-// those about its own sockets, addresses and routes. Some of the others count the whole host.
-// False: an ordinary user, who may not.
-bool HideNetworkCounters();
-
 }  // namespace myograde::server

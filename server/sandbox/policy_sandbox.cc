@@ -16,7 +16,6 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/policy/channels.h"
 #include "server/base/paths.h"
-#include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/kernel_files.h"
 #include "server/sandbox/slot_processes.h"
 

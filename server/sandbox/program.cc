@@ -21,7 +21,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
-#include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/policy_sandbox.h"
 
 namespace myograde::server {

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <optional>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>

@@ -11,7 +11,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/this_host.h"
+#include "server/base/ip_address.h"
 #include "server/store/connection.h"
 
 namespace myograde::server {

@@ -27,7 +27,7 @@
 #include "server/artefact/share_files.h"
 #include "server/base/paths.h"
 #include "server/base/plain_text.h"
-#include "server/base/this_host.h"
+#include "server/base/ip_address.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/sandbox/doctor.h"

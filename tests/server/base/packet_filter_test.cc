@@ -1,5 +1,5 @@
 // Packets that are filtered are told from packets that are not.
-#include "server/base/this_host.h"
+#include "server/base/ip_address.h"
 
 #include <gtest/gtest.h>
 #include <linux/filter.h>
