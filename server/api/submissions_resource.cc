@@ -154,7 +154,8 @@ absl::StatusOr<Json> HistoryToJson(const Transaction& reader, int64_t submission
 // Null as long as a job waits for a node.
 Json HostOf(const LiveLease* live) {
   if (live == nullptr) return HostName();
-  if (live->site.job.empty()) return live->begun ? Json(HostName()) : Json();  // it waits for a node
+  // One that has not begun waits for a node.
+  if (live->site.job.empty()) return live->begun ? Json(HostName()) : Json();
   return TextOrNull(live->site.node);
 }
 

@@ -138,7 +138,8 @@ class Checks {
     if (phase.seeds.empty() || phase.track == nullptr) return;
     for (const CheckedPhase& other : phases_) {
       if (&other == &phase) break;
-      if (other.track == nullptr || !SameKind(phase, other)) continue;
+      // Equal seeds of different environments have nothing in common.
+      if (other.track == nullptr || other.track->config.kind != phase.track->config.kind) continue;
       Overlap(phase, other.seeds, absl::StrCat("phase \"", other.config->name, "\""),
               "give each phase seeds of its own");
     }
@@ -167,11 +168,6 @@ class Checks {
       }
     }
     return false;
-  }
-
-  // Equal seeds of different environments have nothing in common.
-  static bool SameKind(const CheckedPhase& a, const CheckedPhase& b) {
-    return a.track->config.kind == b.track->config.kind;
   }
 
   // Whether it is one.

@@ -32,8 +32,8 @@ namespace fs = std::filesystem;
 
 constexpr size_t kStoreIdDigits = 12;
 
-// Work in progress of an earlier daemon that died is useless: all that the folder holds, or what has a
-// name that begins so.
+// Work in progress of an earlier daemon that died is useless: all that the folder holds, or what
+// has a name that begins so.
 void RemoveWork(const std::string& folder, std::string_view prefix = "") {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {

@@ -1,4 +1,5 @@
-// The loop around the core, and the requests of other threads; concurrent ones are written together.
+// The loop around the core, and the requests of other threads; concurrent ones are written
+// together.
 #include "server/engine/engine.h"
 
 #include <poll.h>

@@ -117,9 +117,9 @@ class Engine {
   absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignDocument& sign,
                                                const std::string& who, absl::Duration timeout);
   // Applies it, or drops it: the leases that still run of it are then killed.
-  absl::StatusOr<RejudgeDone> EndRejudge(bool apply, const RejudgeAct& act, const SignDocument& sign,
-                                         const std::string& who, absl::Duration timeout,
-                                         AfterRejudge after = nullptr);
+  absl::StatusOr<RejudgeDone> EndRejudge(bool apply, const RejudgeAct& act,
+                                         const SignDocument& sign, const std::string& who,
+                                         absl::Duration timeout, AfterRejudge after = nullptr);
   // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
   // each became, the judged ones first.
   absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(

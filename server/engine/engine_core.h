@@ -7,8 +7,8 @@
 // of a lease) can't be refused: they go through a journal that is written in order and retried
 // every second while the store can't be written; no lease starts meanwhile.
 //
-// What can't be read or written ends its evaluation alone; only a broken database file stops the engine
-// (store/damage.h, server/daemon/README.md).
+// What can't be read or written ends its evaluation alone; only a broken database file stops the
+// engine (store/damage.h, server/daemon/README.md).
 //
 // A reclaimed lease (silent, over its time, wrong records, cancelled) has ended at that moment:
 // anything its runner says later is rejected. Its slot stays taken until the runner is dead and no
@@ -55,8 +55,8 @@ namespace myograde::server {
 // A store change. It owns what it touches, or is outlived by it.
 using StoreChange = std::function<absl::Status(Transaction&)>;
 
-// What the core needs from the outside world beside an executor and a Clock: a writable store. Tests
-// substitute fakes.
+// What the core needs from the outside world beside an executor and a Clock: a writable store.
+// Tests substitute fakes.
 class Disk {
  public:
   virtual ~Disk() = default;
@@ -251,8 +251,8 @@ class EngineCore {
     int64_t late = 0;  // records that arrived too late
   };
   // One episode of a track on this host, with a policy that exits at once, through the same runner,
-  // sandboxes, simulator and bridge as any lease. The expected result is known: one record of a crash
-  // with the policy's exit status, and a lease that ended well.
+  // sandboxes, simulator and bridge as any lease. The expected result is known: one record of a
+  // crash with the policy's exit status, and a lease that ended well.
   struct SelfTest : PlacedRunner {
     absl::Duration deadline;
     LeaseReport report;
@@ -330,7 +330,8 @@ class EngineCore {
   // `permanent`: what the lease needs is not on this server, so no attempt can go otherwise, and its
   // host is well.
   void Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent = false);
-  void GiveUp(const Decision& decision, int64_t lease, const std::string& last, bool permanent = false);
+  void GiveUp(const Decision& decision, int64_t lease, const std::string& last,
+              bool permanent = false);
   void FreeSlot(int slot);
   // Closes those of the slots that processes still live on; false: none.
   bool CloseSlots(int first, int count);

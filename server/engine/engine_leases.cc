@@ -1,5 +1,5 @@
-// Starts leases and reads from their runners. On other hosts they begin later than they start, and can
-// be lost. All are accounted for.
+// Starts leases and reads from their runners. On other hosts they begin later than they start, and
+// can be lost. All are accounted for.
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 

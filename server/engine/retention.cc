@@ -100,10 +100,8 @@ Retention::Retention(RetentionLimits limits, int64_t disk_reserve, std::string d
 
 void Retention::Loop() {
   NoteTime();
-  if (WaitForSweep(std::min(limits_.every, kLatestFirstSweep))) return;
-  do {
-    Sweep();
-  } while (!WaitForSweep(limits_.every));
+  absl::Duration wait = std::min(limits_.every, kLatestFirstSweep);
+  for (; !WaitForSweep(wait); wait = limits_.every) Sweep();
 }
 
 bool Retention::WaitForSweep(absl::Duration wait) {

@@ -84,9 +84,10 @@ class LeaseRunner {
   Fd prepared_channel_;
   std::unique_ptr<PolicyRun> policy_;
   // Of what was killed but is not dead yet (a process stuck in the kernel, or so many that a busy
-  // host takes long to reap them): whether it is gone now; never blocks. After SIGKILL processes run
-  // none of their own code, but they hold their user, memory and disk until they are gone. So no
-  // other policy starts beside them, and the slot stays taken. What the lease has recorded stands.
+  // host takes long to reap them): whether it is gone now; never blocks. After SIGKILL processes
+  // run none of their own code, but they hold their user, memory and disk until they are gone. So
+  // no other policy starts beside them, and the slot stays taken. What the lease has recorded
+  // stands.
   std::vector<std::function<bool()>> leftovers_;
   // Set while the simulator waits for a policy that can't start beside leftovers.
   std::optional<absl::Duration> policy_requested_at_;

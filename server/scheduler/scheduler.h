@@ -4,11 +4,12 @@
 //
 // Order (server/daemon/README.md says why): a free slot goes to the highest class that has a lease
 // ready; within it to the team with the fewest running leases; of those to the one whose turn began
-// first; of those to the one whose last start is longest ago; of those to the one that came first. A
-// turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at most. A
-// team's count is its own running leases or those of the party that submitted its evaluation (a person
-// with several teams is one party), whichever is more. Within a team: the older evaluation, then the
-// earlier lease. An evaluation that has waited longer than `queue_wait` goes ahead of all classes.
+// first; of those to the one whose last start is longest ago; of those to the one that came first.
+// A turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at
+// most. A team's count is its own running leases or those of the party that submitted its
+// evaluation (a person with several teams is one party), whichever is more. Within a team: the
+// older evaluation, then the earlier lease. An evaluation that has waited longer than `queue_wait`
+// goes ahead of all classes.
 //
 // Rejudges are nobody's: they count for no team, wait without a deadline, and give way. While all
 // slots are taken and a lease of another class is ready, GiveWay() names a running lease of theirs to

@@ -1,6 +1,6 @@
-// The two ends of a lease on a cluster, each a process of its own: on the daemon's host and on a node.
-// What they send each other while it is played, over the standard streams of srun: messages of a kind
-// and some bytes, as "KIND SIZE\n", the bytes and a line feed.
+// The two ends of a lease on a cluster, each a process of its own: on the daemon's host and on a
+// node. What they send each other while it is played, over the standard streams of srun: messages
+// of a kind and some bytes, as "KIND SIZE\n", the bytes and a line feed.
 //
 //   node   "node": a NodeRecord's line; the first message of all
 //   host   "order": the ClusterOrder, as soon as the host hears of the node

@@ -248,8 +248,8 @@ absl::StatusOr<std::string> WhyUnfit(const NodeOptions& options, const ClusterOr
 absl::StatusOr<NodeSlot> NodeSlot::Take(const std::string& node_dir, int64_t uid_base) {
   if (geteuid() == 0 && uid_base < 0) {
     return absl::InvalidArgumentError(
-        "this node runs leases as root and was given no users for their sandboxes; run the daemon as "
-        "root too, or let the cluster run its jobs as an ordinary user");
+        "this node runs leases as root and was given no users for their sandboxes; run the daemon "
+        "as root too, or let the cluster run its jobs as an ordinary user");
   }
   for (const char* name : {"/slots", "/work"}) {
     RETURN_IF_ERROR(MakePrivate(node_dir + name));

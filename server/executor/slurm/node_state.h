@@ -1,7 +1,7 @@
-// What a node of a cluster is: its name, and its proof that its results are the daemon's, which are its
-// grader's build, the reference episodes played on it, and what the doctor misses. And what its folder
-// holds, which several jobs may share: slots to play leases in, and the submissions that it has
-// unpacked. Each is held by a lock that the kernel releases when the process ends.
+// What a node of a cluster is: its name, and its proof that its results are the daemon's, which are
+// its grader's build, the reference episodes played on it, and what the doctor misses. And what its
+// folder holds, which several jobs may share: slots to play leases in, and the submissions that it
+// has unpacked. Each is held by a lock that the kernel releases when the process ends.
 #pragma once
 
 #include <cstdint>
@@ -28,8 +28,8 @@ std::string ProcessorName();
 
 // Why this node must not play for the daemon that has sent the order, in one sentence without a
 // subject; "": it may. Unless it has proved itself since it booted, with this build, and need not
-// again, the host is examined and the reference episodes are played, which takes up to a minute; one
-// process of the node at a time. An error: it can't be told. REQUIRES: a single thread.
+// again, the host is examined and the reference episodes are played, which takes up to a minute;
+// one process of the node at a time. An error: it can't be told. REQUIRES: a single thread.
 absl::StatusOr<std::string> WhyUnfit(const NodeOptions& options, const ClusterOrder& order);
 
 // Why the build `found` is not `expected` (as canonical JSON), to follow "its": one part that
@@ -70,10 +70,10 @@ struct HeldArtefact {
   Fd lock;  // shared
 };
 
-// The submission of that digest, below `node_dir`, which must be there: unpacked once for all leases
-// that play it on the node. Those that no lease plays go, the least recently used first, while all
-// have more than `most_bytes`. Waits for another lease that unpacks the same (DeadlineExceededError:
-// for too long). Errors as of PlaceStreamedArtefact.
+// The submission of that digest, below `node_dir`, which must be there: unpacked once for all
+// leases that play it on the node. Those that no lease plays go, the least recently used first,
+// while all have more than `most_bytes`. Waits for another lease that unpacks the same
+// (DeadlineExceededError: for too long). Errors as of PlaceStreamedArtefact.
 absl::StatusOr<HeldArtefact> HoldArtefact(const std::string& node_dir, const std::string& digest,
                                           const ByteSource& source,
                                           int64_t most_bytes = int64_t{20} << 30);

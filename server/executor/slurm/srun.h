@@ -17,8 +17,8 @@
 namespace myograde::server {
 
 // Words of srun(1) for a lease of a track with these budgets, which may take `wall`: the config's
-// options, and what the job needs, by the config and, where that leaves it open, by the budgets. Later
-// words win, so that no option of the config can change the needs.
+// options, and what the job needs, by the config and, where that leaves it open, by the budgets.
+// Later words win, so that no option of the config can change the needs.
 std::vector<std::string> JobWords(const SlurmConfig& config, const Budgets& budgets,
                                   absl::Duration wall);
 
@@ -57,7 +57,8 @@ std::vector<std::string> QueueWords(const std::string& job_name);
 absl::StatusOr<std::vector<SlurmJob>> ParseQueue(std::string_view text);
 
 // Asks Slurm's sstat for the energy that the running job's step has used so far, in joules.
-// nullopt: this is no job (SLURM_JOB_ID), or the cluster does not measure it or does not answer soon.
+// nullopt: this is no job (SLURM_JOB_ID), or the cluster does not measure it or does not answer
+// soon.
 std::optional<double> EnergyOfJob();
 
 // Of sstat's answer. 0 stands for what is not measured.
