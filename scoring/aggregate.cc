@@ -94,7 +94,7 @@ absl::Status CheckIndices(const std::vector<JudgedEpisode>& sorted) {
     }
     if (i > 0 && sorted[i].index == sorted[i - 1].index) {
       return absl::InvalidArgumentError(absl::StrCat(
-          "episode ", sorted[i].index, " is there twice; each episode counts once"));
+          "episode ", sorted[i].index, " appears twice; each episode counts once"));
     }
   }
   return absl::OkStatus();

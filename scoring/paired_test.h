@@ -20,7 +20,7 @@ struct Sample {
   double weight = 1;
 };
 
-// The same episode of two entries. One in which either has no value is no pair: the caller leaves it
+// The same episode of two entries. One in which either has no value is not a pair: the caller leaves it
 // out, as nothing can be exchanged there.
 struct Pair {
   Sample a;

@@ -17,9 +17,9 @@ constexpr char kPairedPermutation[] = "paired-permutation";
 
 absl::StatusOr<StatisticsConfig> ParseStatistics(const nlohmann::json& json,
                                                  const std::string& where,
-                                                 const StatisticsConfig& usual) {
+                                                 const StatisticsConfig& fallback) {
   ConfigReader reader(json, where);
-  StatisticsConfig config = usual;
+  StatisticsConfig config = fallback;
   GroupRules& groups = config.groups;
   if (reader.Has("method")) reader.Choice("method", {kPairedPermutation});
   if (reader.Has("level")) groups.level = reader.Number("level", {1e-4, 0.5});

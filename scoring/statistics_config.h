@@ -21,11 +21,11 @@ struct StatisticsConfig {
   bool operator==(const StatisticsConfig&) const = default;
 };
 
-// Every key is optional and `usual` where it is missing. InvalidArgumentError names `where` and the
+// Every key is optional and `fallback` where it is missing. InvalidArgumentError names `where` and the
 // key; so it does if the samples are too few for any test to decide (FewestSamples).
 absl::StatusOr<StatisticsConfig> ParseStatistics(const nlohmann::json& json,
                                                  const std::string& where,
-                                                 const StatisticsConfig& usual);
+                                                 const StatisticsConfig& fallback);
 
 // As the file says it.
 nlohmann::json StatisticsToJson(const StatisticsConfig& config);

@@ -90,7 +90,7 @@ absl::Status AllowOnly(const std::vector<std::string>& names, NewCode code) {
     const int number = seccomp_syscall_resolve_name(name.c_str());
     if (number == __NR_SCMP_ERROR) {
       return absl::InvalidArgumentError(
-          absl::StrCat("allowed_system_calls: \"", name, "\" is no system call; see syscalls(2)"));
+          absl::StrCat("allowed_system_calls: \"", name, "\" is not a system call; see syscalls(2)"));
     }
     if (std::find(kNever.begin(), kNever.end(), std::string_view(name)) != kNever.end()) {
       return absl::InvalidArgumentError(absl::StrCat(

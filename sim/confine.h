@@ -25,7 +25,7 @@ enum class NewCode {
 // never make memory executable (but see NewCode), tgkill reaches this process alone, setsockopt
 // sets a receive timeout and nothing else.
 //
-// InvalidArgumentError: a name is no system call, or one that this filter
+// InvalidArgumentError: a name is not a system call, or one that this filter
 // exists to keep out (starting programs or processes, opening files, making
 // sockets, tracing). InternalError: the kernel refuses the filter.
 //

@@ -28,7 +28,7 @@ struct RewardTerm {
 // terms.
 double DenseReward(std::span<const RewardTerm> terms, std::span<const double> values);
 
-// What a policy's action does before it reaches the controls.
+// The outcome of one control step.
 struct StepResult {
   bool ended = false;     // facts().end says how
   bool unstable = false;  // MuJoCo warned of bad numbers: Outcome::kUnstable

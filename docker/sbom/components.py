@@ -142,7 +142,7 @@ def of_debian(name: str, role: str, version: str, architecture: str, origin: str
 
 def elf_files(folder: pathlib.Path) -> list[pathlib.Path]:
     if not folder.is_dir():
-        raise Trouble(f"{folder} is no folder; name the one with the programs with --programs")
+        raise Trouble(f"{folder} is not a folder; name the one with the programs with --programs")
     found = []
     for path in sorted(folder.iterdir()):
         if path.is_file():

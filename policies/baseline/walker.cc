@@ -306,8 +306,8 @@ void Walker::ControlSoundLeg(TorqueGoal& goal) const {
 double Walker::Lead() const {
   if (starting_) return 0;
   if (swing_ == Side::kLeft) return p_[kSwingEarly] * early_;
-  const double usual = kUsualPlace + kUsualSpeed * std::max(since_ - p_[kDoubleTime], 0.0);
-  return p_[kSwingLead] * std::clamp((body_.x_left - usual) / kLeadSpeed, 0.0, kLongestLead);
+  const double fallback = kUsualPlace + kUsualSpeed * std::max(since_ - p_[kDoubleTime], 0.0);
+  return p_[kSwingLead] * std::clamp((body_.x_left - fallback) / kLeadSpeed, 0.0, kLongestLead);
 }
 
 int Walker::LegMode() const {

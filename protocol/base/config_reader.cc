@@ -235,7 +235,7 @@ absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view
     }
     if (!duplicate.empty()) {
       return absl::InvalidArgumentError(
-          absl::StrCat(View(where), ": the key \"", Shown(duplicate), "\" is there twice"));
+          absl::StrCat(View(where), ": the key \"", Shown(duplicate), "\" appears twice"));
     }
     return value;
   } catch (const nlohmann::json::exception& error) {

@@ -125,10 +125,10 @@ NodeRecord ReadNode(ConfigReader& reader) {
   }
   if (reader.Has("blamed")) record.blamed = reader.Boolean("blamed");
   if (reader.Has("energy_j")) record.energy_j = reader.Number("energy_j", {0, DBL_MAX});
-  if (!record.node.empty() && !IsNodeName(record.node)) reader.Fail("node", "is no name of a node");
+  if (!record.node.empty() && !IsNodeName(record.node)) reader.Fail("node", "is not a name of a node");
   if (record.job.size() > kMostJobDigits ||
       record.job.find_first_not_of("0123456789_") != std::string::npos) {
-    reader.Fail("job", "is no number of a job");
+    reader.Fail("job", "is not a number of a job");
   }
   return record;
 }

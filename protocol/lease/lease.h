@@ -122,7 +122,7 @@ struct NodeRecord : RunnerSite {
   std::string processor = {};  // as the kernel names it; "": the node has not proved itself (yet)
   std::string trouble = {};    // why the cluster takes no job for it; it is asked again
   std::string unfit = {};      // why the node's results would not be the daemon's, or can't be
-  std::string lost = {};       // why it was not played to its end, though that is no fault of the grader's
+  std::string lost = {};       // why it was not played to its end, though that is not a fault of the grader's
   bool blamed = false;         // the node is to blame for that
 };
 

@@ -112,7 +112,7 @@ bool IsTrackName(std::string_view name) {
 absl::Status CheckTrackName(const std::string& what, const std::string& name) {
   if (IsTrackName(name)) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat("\"", name.substr(0, 80), "\" is no name of a ", what,
+      absl::StrCat("\"", name.substr(0, 80), "\" is not a name of a ", what,
                    ": use 1 to 64 of the characters a-z, 0-9 and \"-\""));
 }
 
@@ -154,7 +154,7 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
     const uint64_t seed = entry.get<uint64_t>();
     if (!seen.insert(seed).second) {
       return absl::InvalidArgumentError(
-          absl::StrCat(where, ": the seed ", seed, " is there twice; each may be there once"));
+          absl::StrCat(where, ": the seed ", seed, " appears twice; each may be there once"));
     }
     seeds.push_back(seed);
   }

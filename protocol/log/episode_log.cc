@@ -206,7 +206,7 @@ class Parser {
 
   static absl::Status OutOfTurn(const LogEvent& event) {
     return absl::DataLossError(absl::StrCat(
-        "the event at byte ", event.offset, " does not belong there; this is no log of an "
+        "the event at byte ", event.offset, " does not belong there; this is not a log of an "
         "episode, or it was altered"));
   }
 

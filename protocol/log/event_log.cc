@@ -36,7 +36,7 @@ absl::StatusOr<std::optional<size_t>> EventBytes(std::string_view begin) {
   if (begin.size() < kEventHeadBytes) return std::nullopt;
   size_t at = 0;
   if (TakeNumber(begin, at, 4) != kSync) {
-    return absl::DataLossError("no event of a log begins at its byte 0; the file is no log");
+    return absl::DataLossError("no event of a log begins at its byte 0; the file is not a log");
   }
   at += 16;  // number and time
   const uint64_t name = TakeNumber(begin, at, 4);

@@ -92,7 +92,7 @@ struct Visibility {
 
 // What is known of the phase that an evaluation belongs to. The default is that of evaluations
 // outside of all phases: nothing is withheld.
-struct PhaseSight {
+struct PhaseVisibility {
   Visibility shown = {};   // while it is not published, as its file says; `seeds` is ignored
   bool published = false;
   bool committed = false;  // its seeds are hidden until they are revealed
@@ -101,7 +101,7 @@ struct PhaseSight {
 
 // A phase that no file describes any more: until it is published, its teams see the aggregate and
 // nothing else.
-inline constexpr Visibility kSightOfUnknownPhase = {.aggregate = true,
+inline constexpr Visibility kUnknownPhaseVisibility = {.aggregate = true,
                                                     .outcomes = false,
                                                     .metrics = false,
                                                     .logs = false,
@@ -109,7 +109,7 @@ inline constexpr Visibility kSightOfUnknownPhase = {.aggregate = true,
                                                     .seeds = false,
                                                     .progress = false};
 
-Visibility SightOf(Role role, const PhaseSight& phase);
+Visibility VisibilityOf(Role role, const PhaseVisibility& phase);
 
 // Whether nothing is withheld.
 inline bool SeesAll(const Visibility& sight) { return sight == Visibility{}; }

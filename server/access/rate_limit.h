@@ -31,10 +31,10 @@ class RecentKeys {
     order_.splice(order_.begin(), order_, it->second);
     return &it->second->second;
   }
-  Value& FindOr(const std::string& key, const Value& usual) {
+  Value& FindOr(const std::string& key, const Value& fallback) {
     if (Value* value = Find(key)) return *value;
     if (places_.size() >= most_) Forget(oldest());
-    order_.emplace_front(key, usual);
+    order_.emplace_front(key, fallback);
     places_.emplace(key, order_.begin());
     return order_.front().second;
   }

@@ -63,7 +63,7 @@ std::string XmlText(const std::string& text) {
     const char32_t c = TakeCodePoint(text, at);
     if (const auto it = kReplaced.find(c); it != kReplaced.end()) {
       escaped += it->second;
-    } else if ((IsHarmful(c) && c != '\t' && c != '\n') || (c & 0xfffe) == 0xfffe) {
+    } else if ((IsUnsafe(c) && c != '\t' && c != '\n') || (c & 0xfffe) == 0xfffe) {
       absl::StrAppendFormat(&escaped, "⟨U+%04X⟩", static_cast<uint32_t>(c));
     } else {
       escaped.append(text, begin, at - begin);

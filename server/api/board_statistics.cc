@@ -119,11 +119,11 @@ absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std
 }
 
 scoring::StatisticsConfig StatisticsConfigOf(const ApiContext& context, const std::string& phase) {
-  const scoring::StatisticsConfig& usual = context.config.statistics;
+  const scoring::StatisticsConfig& fallback = context.config.statistics;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
-  if (config == nullptr) return usual;
+  if (config == nullptr) return fallback;
   // Checked when the daemon started.
-  scoring::StatisticsConfig own = PhaseStatistics(*config, usual).value_or(usual);
+  scoring::StatisticsConfig own = PhaseStatistics(*config, fallback).value_or(fallback);
   own.groups.further_looks = true;  // only phases have a secret for further seeds
   return own;
 }

@@ -56,10 +56,10 @@ absl::Status RequireEvaluation(const Transaction& reader, int64_t id) {
   RETURN_IF_ERROR(Require(team, missing));
   const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
   const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
-  return CallerSees(reader.Board().SightOf(rejudge)) ? absl::OkStatus() : missing;
+  return CallerSees(reader.Board().VisibilityOf(rejudge)) ? absl::OkStatus() : missing;
 }
 
-bool CallerSees(const RejudgeSight& rejudge) {
+bool CallerSees(const RejudgeVisibility& rejudge) {
   return rejudge.rejudge == 0 || rejudge.ever_applied || rejudge.revealed ||
          CallerIsOrganiser();
 }

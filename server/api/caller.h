@@ -29,7 +29,7 @@ absl::Status Require(const std::string& team, const absl::Status& missing);
 absl::Status RequireSubmission(const Transaction& reader, int64_t id);
 absl::Status RequireEvaluation(const Transaction& reader, int64_t id);
 // A rejudge's evaluations are the organisers' until it is applied for the first time.
-bool CallerSees(const RejudgeSight& rejudge);
+bool CallerSees(const RejudgeVisibility& rejudge);
 
 // The same for the team called `name`, now or formerly. NotFoundError for one of others as for one
 // that there is not.
@@ -38,7 +38,7 @@ absl::Status RequireTeam(const Transaction& reader, const std::string& name);
 void NoteDenial(const std::string& why);
 
 // What the row about an organiser's request tells: "submission 7", and what changed. A request
-// without is recorded if it is no GET.
+// without is recorded if it is not a GET.
 void NoteAct(const std::string& subject, const std::string& detail);
 
 // Makes `identity` the caller of the request that this thread handles, while this object lives.

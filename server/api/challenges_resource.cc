@@ -164,7 +164,7 @@ absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row,
     return CheckOpen(*phase, context.clock.Now());
   }
   return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
-                           "phase \"", row.phase, "\" is over: no challenge has it any more")),
+                           "phase \"", row.phase, "\" is over: no challenge has it now")),
                        "phase_closed");
 }
 

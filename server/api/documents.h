@@ -11,7 +11,7 @@ namespace myograde::server {
 struct Document {
   std::string type;  // of its content
   std::string text;
-  std::string packed;      // compressed by gzip; "": that is no smaller
+  std::string packed;      // compressed by gzip; "": that is not smaller
   std::string tag;         // its entity tag
   std::string packed_tag;  // that of `packed`
 };

@@ -32,7 +32,7 @@ absl::Status ReadFields(const std::string& text, EpisodeSelection& selection) {
     const std::string key = field.substr(0, field.find('.'));
     if (std::find(kRowKeys.begin(), kRowKeys.end(), key) != kRowKeys.end()) continue;
     return absl::InvalidArgumentError(absl::StrCat(
-        "\"fields\" has \"", field, "\", which is no key of an episode's row; known: ",
+        "\"fields\" has \"", field, "\", which is not a key of an episode's row; known: ",
         absl::StrJoin(kRowKeys, ", "), "; a key within one of them follows a dot: facts.course"));
   }
   return absl::OkStatus();

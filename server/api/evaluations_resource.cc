@@ -91,7 +91,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, submission)));
   const TrackConfig& config = track->config;
   const scoring::TrackScoring& scoring = track->scoring;
-  const Visibility sight = SightOfConfig(reader, context, config);
+  const Visibility sight = FindConfigVisibility(reader, context, config);
   ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(id));
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(id));
   if (!sight.progress) DropUnended(leases, rows);
@@ -150,7 +150,7 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
   ASSIGN_OR_RETURN(const StoredEvaluation stored, LoadEvaluation(reader, evaluation.id, content));
   const TrackConfig& config = stored.track->config;
   // A policy that plays its phase again has one more look at it, which no quota counts.
-  if (!SeesAll(SightOfConfig(reader, context, config))) {
+  if (!SeesAll(FindConfigVisibility(reader, context, config))) {
     return WithheldError(absl::StrCat(
         "submission ", submission, " can't be run again yet: phase \"", config.phase,
         "\" withholds parts of results, and a re-run would be a further look"));

@@ -205,7 +205,7 @@ ApiError Guard::RefuseToken(const Peer& peer, const std::string& hash, TokenProb
   if (problem == TokenProblem::kUnknown) {
     context_.access_log.Deny(nobody, action, "wrong token");
     return {401, "bad_token",
-            "this is no token of this server; check that it was copied as a whole, or ask an "
+            "this is not a token of this server; check that it was copied as a whole, or ask an "
             "organiser for a new one"};
   }
   // Who holds an old token is known by its number.

@@ -13,7 +13,7 @@ namespace myograde::server {
 std::string EntityTagOf(std::string_view body);
 
 // Whether the value of an If-None-Match header has the tag, or is "*". Tags are compared weakly, as
-// the RFC asks for; what is no list of tags has none.
+// the RFC asks for; what is not a list of tags has none.
 bool NamesEntityTag(std::string_view if_none_match, std::string_view tag);
 
 // Whether If-None-Match has a tag: what the client has is still current.

@@ -33,7 +33,7 @@ absl::Status MissingLog(const std::string& hash) {
 absl::Status RequireShownLog(const ApiContext& context, const std::string& hash) {
   if (CallerIsOrganiser()) return absl::OkStatus();
   return context.readers.Read([&](const Transaction& reader) -> absl::Status {
-    // Two teams have the same log if they handed in the same policy.
+    // Two teams have the same log if they submitted the same policy.
     const std::set<std::string> teams = reader.episodes.TeamsOfLog(hash);
     if (teams.empty()) return MissingLog(hash);
     const auto own = std::find_if(teams.begin(), teams.end(), [](const std::string& team) {
@@ -42,7 +42,7 @@ absl::Status RequireShownLog(const ApiContext& context, const std::string& hash)
     RETURN_IF_ERROR(Require(own == teams.end() ? *teams.begin() : *own, MissingLog(hash)));
     // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
     for (const std::string& phase : reader.episodes.PhasesOfLog(hash)) {
-      if (SeesLogs(SightOfPhase(reader, context, phase))) continue;
+      if (SeesLogs(FindPhaseVisibility(reader, context, phase))) continue;
       return WithheldError(
           absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
     }
@@ -62,7 +62,7 @@ absl::Status SendLog(const ApiContext& context, const Request& request, Response
   return absl::IsNotFound(sent) ? MissingLog(hash) : sent;
 }
 
-// False: it is not there any more.
+// False: it is no longer there.
 bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type,
               const Request& request, Response& response) {
   const bool plain = key.kind == PictureKind::kPicture;

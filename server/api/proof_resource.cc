@@ -123,7 +123,7 @@ absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record,
 absl::Status CheckReceiptShown(const Transaction& reader, const ApiContext& context,
                                const SubmissionRow& submission, bool everybody) {
   const bool shown = everybody ? IsPhasePublic(reader, context, submission.phase)
-                               : SeesReceipt(SightOfPhase(reader, context, submission.phase));
+                               : SeesReceipt(FindPhaseVisibility(reader, context, submission.phase));
   if (shown) return absl::OkStatus();
   return WithheldError(absl::StrCat("the receipt of submission ", submission.id,
                                     " lists the "
@@ -134,7 +134,7 @@ absl::Status CheckReceiptShown(const Transaction& reader, const ApiContext& cont
 // Of a failed submission, a phase that withholds anything shows no single episode (redaction.h).
 absl::Status CheckFailureShown(const Transaction& reader, const ApiContext& context,
                                const SubmissionRow& submission) {
-  if (SightOfPhase(reader, context, submission.phase).progress) return absl::OkStatus();
+  if (FindPhaseVisibility(reader, context, submission.phase).progress) return absl::OkStatus();
   return WithheldError(absl::StrCat("submission ", submission.id,
                                     " failed, and its receipt lists how "
                                     "each episode ended, which phase \"",
@@ -159,7 +159,7 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, const Tran
 // Until a rejudge is applied, only organisers know of its results.
 absl::Status CheckRejudgeShown(const Transaction& reader, const EvaluationRow& evaluation,
                                bool everybody) {
-  const RejudgeSight rejudge = reader.Board().SightOf(evaluation.rejudge);
+  const RejudgeVisibility rejudge = reader.Board().VisibilityOf(evaluation.rejudge);
   if (rejudge.rejudge == 0) return absl::OkStatus();
   if (!CallerSees(rejudge)) {
     return absl::NotFoundError(

@@ -36,7 +36,7 @@ absl::StatusOr<Json> EntryOf(int64_t id, const Transaction& reader, const ApiCon
   if (!evaluation.ok()) return evaluation.status();
   if (IsFinal(evaluation->state)) return Json();
   ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(evaluation->submission));
-  const Visibility sight = SightOfPhase(reader, context, row.phase);
+  const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
   const EpisodeCounts counts = reader.episodes.Counts(id, !sight.progress);
   Json entry = SubmissionToJson(row, *evaluation, counts);
   RedactListed(entry, sight);

@@ -164,9 +164,9 @@ void RedactRow(Json& row, const View& view) {
   }
 }
 
-PhaseSight KnownOf(const Transaction& reader, const ApiContext& context,
+PhaseVisibility KnownOf(const Transaction& reader, const ApiContext& context,
                    const std::string& phase) {
-  PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
+  PhaseVisibility known = {.shown = kUnknownPhaseVisibility, .committed = true};
   if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
     known.shown = config->shown;
     known.committed = config->committed != 0;
@@ -184,24 +184,24 @@ PhaseSight KnownOf(const Transaction& reader, const ApiContext& context,
 bool IsPhasePublic(const Transaction& reader, const ApiContext& context,
                    const std::string& phase) {
   if (phase.empty()) return true;
-  const PhaseSight known = KnownOf(reader, context, phase);
+  const PhaseVisibility known = KnownOf(reader, context, phase);
   if (known.published || known.revealed) return true;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
-  const Visibility sight = SightOf(Role::kParticipant, known);
+  const Visibility sight = VisibilityOf(Role::kParticipant, known);
   return config != nullptr && config->freezes == absl::InfiniteFuture() && sight.aggregate &&
          SeesReceipt(sight);
 }
 
-Visibility SightOfPhase(const Transaction& reader, const ApiContext& context,
+Visibility FindPhaseVisibility(const Transaction& reader, const ApiContext& context,
                         const std::string& phase) {
   const Role role = Caller().role;
   if (phase.empty() || role >= Role::kOrganiser) return {};
-  return SightOf(role, KnownOf(reader, context, phase));
+  return VisibilityOf(role, KnownOf(reader, context, phase));
 }
 
-Visibility SightOfConfig(const Transaction& reader, const ApiContext& context,
+Visibility FindConfigVisibility(const Transaction& reader, const ApiContext& context,
                          const TrackConfig& config) {
-  Visibility sight = SightOfPhase(reader, context, config.phase);
+  Visibility sight = FindPhaseVisibility(reader, context, config.phase);
   // The salt tells for sure whether there is anything to hide, whatever the files say today.
   if (config.seed_salt.empty() && !sight.seeds) {
     sight.seeds = true;

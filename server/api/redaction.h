@@ -22,11 +22,11 @@ namespace myograde::server {
 bool IsPhasePublic(const Transaction& reader, const ApiContext& context, const std::string& phase);
 
 // Of evaluations of a phase ("": of none).
-Visibility SightOfPhase(const Transaction& reader, const ApiContext& context,
+Visibility FindPhaseVisibility(const Transaction& reader, const ApiContext& context,
                         const std::string& phase);
 
 // Of evaluations under a config.
-Visibility SightOfConfig(const Transaction& reader, const ApiContext& context,
+Visibility FindConfigVisibility(const Transaction& reader, const ApiContext& context,
                          const TrackConfig& config);
 
 inline constexpr char kWithheldCode[] = "withheld";

@@ -90,7 +90,7 @@ absl::Status CheckParameters(const Request& request, const std::vector<std::stri
                        known.empty() ? "none" : absl::StrJoin(known, ", ")));
     }
     if (request.params.count(key) > 1) {
-      return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is there twice"));
+      return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" appears twice"));
     }
   }
   return absl::OkStatus();
@@ -170,9 +170,9 @@ absl::StatusOr<bool> ReadFlag(const Request& request, const char* key) {
   return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be true or false"));
 }
 
-absl::StatusOr<bool> ReadSwitch(const Request& request, const char* key, bool usual) {
+absl::StatusOr<bool> ReadSwitch(const Request& request, const char* key, bool fallback) {
   const std::string text = request.Param(key);
-  if (text.empty()) return usual;
+  if (text.empty()) return fallback;
   if (text == "0" || text == "1") return text == "1";
   return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be 0 or 1"));
 }

@@ -54,8 +54,8 @@ absl::Status ReadNumber(const Request& request, const char* key, int64_t max, in
 // "true" or "false"; false if it is missing.
 absl::StatusOr<bool> ReadFlag(const Request& request, const char* key);
 
-// "1" or "0"; `usual` if it is missing or empty.
-absl::StatusOr<bool> ReadSwitch(const Request& request, const char* key, bool usual);
+// "1" or "0"; `fallback` if it is missing or empty.
+absl::StatusOr<bool> ReadSwitch(const Request& request, const char* key, bool fallback);
 
 absl::StatusOr<SubmissionFilter> ParseFilter(const Request& request);
 

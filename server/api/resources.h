@@ -57,7 +57,7 @@ auto ChangeStore(const ApiContext& context, Change change) {
 
 // Who the caller is, who may do what, and who did or tried what; bearer tokens.
 void AddAccess(Routes& routes, const ApiContext& context);
-// Teams: who belongs to them, their names, merging and banning them; what each may still hand in.
+// Teams: who belongs to them, their names, merging and banning them; what each may still submit.
 void AddTeams(Routes& routes, const ApiContext& context);
 // Uploads of archives; submissions, and the organiser's marks; evaluations, and re-runs.
 void AddSubmissions(Routes& routes, const ApiContext& context);

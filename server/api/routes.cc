@@ -32,7 +32,7 @@ std::string MessageFor(const ApiError& error) {
     return "the server's store can't be read or written at the moment, and nothing was changed; try "
            "again later, and tell the organisers if this lasts";
   }
-  if (error.code == "internal") return "the server failed; its log tells the organisers why";
+  if (error.code == "internal") return "the server failed; its log says why, for the organisers";
   return error.message;
 }
 
@@ -88,7 +88,7 @@ ApiError ErrorOf(const absl::Status& status) {
   }
   if (code == kKeyReusedCode) return {422, code, message};
   if (code == kBannedCode || code == kForbiddenCode) return {403, code, message};
-  const auto code_or = [&code](const char* usual) { return code.empty() ? usual : code; };
+  const auto code_or = [&code](const char* fallback) { return code.empty() ? fallback : code; };
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:
       return {400, code_or("bad_request"), message};

@@ -144,7 +144,7 @@ absl::StatusOr<Json> HistoryToJson(const Transaction& reader, int64_t submission
          {"from", TextOrNull(row.from)},
          {"to", row.to},
          {"who", row.who},
-         // Of a submission, it tells who else handed in the same bytes.
+         // Of a submission, it tells who else submitted the same bytes.
          {"why",
           row.entity == "submission" && !CallerIsOrganiser() ? Json() : TextOrNull(row.why)}});
   }
@@ -207,7 +207,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(original.id));
   ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.leases.RunsOf(original.id));
   ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
-  const Visibility sight = SightOfPhase(reader, context, row.phase);
+  const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
   const EpisodeCounts counts = reader.episodes.Counts(original.id, !sight.progress);
   Json json = SubmissionToJson(row, original, counts);
   const QueueOutlook outlook = AddOutlook(context, original, counts, json);
@@ -227,7 +227,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   json["marks"] = MarksToJson(reader.Board().MarkHistory(id));
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : evaluations) {
-    if (!CallerSees(reader.Board().SightOf(evaluation.rejudge))) continue;
+    if (!CallerSees(reader.Board().VisibilityOf(evaluation.rejudge))) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
                                    {"kind", EvaluationKindName(evaluation.kind)},
                                    {"state", EvaluationStateName(evaluation.state)},
@@ -243,7 +243,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
 absl::StatusOr<Json> ListedToJson(const Transaction& reader, const ApiContext& context,
                                   const SubmissionRow& row) {
   ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(row.id));
-  const Visibility sight = SightOfPhase(reader, context, row.phase);
+  const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
   Json json = SubmissionToJson(row, original, reader.episodes.Counts(original.id, !sight.progress));
   RedactListed(json, sight);
   return json;
@@ -311,7 +311,7 @@ ApiResult CancelSubmission(const ApiContext& context, const Request& request, co
     RETURN_IF_ERROR(RequireSubmission(reader, id));
     ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(id));
     // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
-    charge = !SightOfPhase(reader, context, row.phase).progress;
+    charge = !FindPhaseVisibility(reader, context, row.phase).progress;
     return absl::OkStatus();
   }));
   ASSIGN_OR_RETURN(

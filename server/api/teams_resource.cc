@@ -175,7 +175,7 @@ ApiResult SetTeamMember(const ApiContext& context, const Request& request, const
   RETURN_IF_ERROR(Finish(reader, team));
   ASSIGN_OR_RETURN(const std::string person, PersonNamed(text));
   NoteAct(absl::StrCat("team ", team),
-          absl::StrCat(person, belongs ? " is a member" : " is no member any more"));
+          absl::StrCat(person, belongs ? " is a member" : " is no longer a member"));
   return ChangeTeam(context, team, [=, person = person, who = CallerKey()](Transaction& writer) {
     return writer.teams.SetMember(team, person, belongs, who);
   });
@@ -188,7 +188,7 @@ ApiResult BanTeam(const ApiContext& context, const Request& request, const Json&
   const std::string team = TeamIn(request);
   RETURN_IF_ERROR(Finish(reader, team));
   NoteAct(absl::StrCat("team ", team),
-          absl::StrCat(banned ? "banned" : "not banned any more", why.empty() ? "" : ": ", why));
+          absl::StrCat(banned ? "banned" : "no longer banned", why.empty() ? "" : ": ", why));
   return ChangeTeam(context, team, [=, who = CallerKey()](Transaction& writer) {
     return writer.teams.Ban(team, banned, who, why);
   });
@@ -275,7 +275,7 @@ void AddLedger(const Transaction& reader, const ApiContext& context,
   body["ledger"] = Json::array();
   for (const LedgerRow& row : ledger.rows) {
     body["ledger"].push_back(LedgerToJson(row));
-    RedactLedgerRow(body["ledger"].back(), SightOfPhase(reader, context, row.phase));
+    RedactLedgerRow(body["ledger"].back(), FindPhaseVisibility(reader, context, row.phase));
   }
 }
 

@@ -17,16 +17,12 @@ Json Parse(const std::string& text) {
   return json.is_discarded() ? Json() : json;
 }
 
-Json KeyOrNull(const Json& object, const char* key) {
-  return object.is_object() && object.contains(key) ? object[key] : Json();
-}
-
 Json SideToJson(const EpisodeRow& row) {
   const Json facts = Parse(row.facts_json);
   return {{"outcome", OutcomeName(row.outcome)},
           {"reason", row.reason.name()},
-          {"steps", KeyOrNull(facts, "steps")},
-          {"digest", KeyOrNull(facts, "digest")},
+          {"steps", At(facts, "steps")},
+          {"digest", At(facts, "digest")},
           {"metrics", Parse(row.metrics_json)}};
 }
 
@@ -42,7 +38,7 @@ Json Remaining(const EvaluationRow& evaluation, const EpisodeCounts& counts, int
 
 Json TimeToJson(int64_t ms) {
   if (ms == 0) return nullptr;
-  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
+  return TimeText(ms);
 }
 
 Json DamagedToJson(const std::vector<Damage>& damaged) {
@@ -53,30 +49,26 @@ Json DamagedToJson(const std::vector<Damage>& damaged) {
   return list;
 }
 
-Json IdOrNull(int64_t id) { return id == 0 ? Json() : Json(id); }
-
-Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
-
 Json SecondsOrNull(const std::optional<absl::Duration>& duration) {
   return duration ? Json(absl::ToDoubleSeconds(*duration)) : Json();
 }
 
 Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt) {
   const Json facts = Parse(row.facts_json);
-  const Json track = KeyOrNull(facts, "track");
+  const Json track = At(facts, "track");
   Json json = {
       {"index", row.index},
       {"seed", row.seed},
       {"outcome", OutcomeName(row.outcome)},
       {"reason", row.reason.name()},
       {"metrics", Parse(row.metrics_json)},
-      {"sim_time_s", KeyOrNull(facts, "sim_time")},
-      {"facts", KeyOrNull(facts, track.is_string() ? track.get<std::string>().c_str() : "")},
+      {"sim_time_s", At(facts, "sim_time")},
+      {"facts", At(facts, track.is_string() ? track.get<std::string>().c_str() : "")},
       {"details", Parse(row.details_json)},
       {"attempt", row.attempt}};
   for (const char* key : {"steps", "clipped", "digest", "actions_digest", "log", "end", "fault",
                           "wall_s", "policy_cpu_s"}) {
-    json[key] = KeyOrNull(facts, key);
+    json[key] = At(facts, key);
   }
   if (!seed_salt.empty()) {
     json["seed_commitment"] = SeedCommitment(seed_salt, row.index, row.seed);

@@ -12,6 +12,7 @@
 #include "server/api/context.h"
 #include "server/api/requests.h"
 #include "server/api/routes.h"
+#include "server/base/json_value.h"
 #include "server/executor/executor.h"
 #include "server/store/damage.h"
 #include "server/store/rows.h"
@@ -24,8 +25,6 @@ using Json = nlohmann::json;
 Json TimeToJson(int64_t ms);
 // Of what a list could not show: [{"table": "episode", "key": "7/3", "message": "…"}].
 Json DamagedToJson(const std::vector<Damage>& damaged);
-// Null for "".
-Json TextOrNull(const std::string& text);
 Json SecondsOrNull(const std::optional<absl::Duration>& duration);
 // One row of `episode_rows`; with the salt of a config that hides its seeds (not ""), it has
 // "seed_commitment", too.
@@ -39,8 +38,6 @@ Json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
 // though the executor has not met it; without a cluster only the former.
 Json NodesToJson(const std::vector<NodeView>& known, const std::vector<DrainedNodeRow>& drained,
                  bool remote);
-// Null for 0: none.
-Json IdOrNull(int64_t id);
 
 // The time `duration` from now; null if it is not known.
 Json Ahead(const std::optional<absl::Duration>& duration, absl::Time now);

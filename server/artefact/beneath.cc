@@ -66,7 +66,7 @@ absl::Status ListEntry(int root, const std::string& raw_path, FolderOf whose, Li
     return absl::OkStatus();
   }
   if (!S_ISREG(info.st_mode)) {
-    const std::string what = absl::StrCat(Quoted(path), " is no file, folder or symbolic link");
+    const std::string what = absl::StrCat(Quoted(path), " is not a file, folder or symbolic link");
     return submitted ? absl::InvalidArgumentError(absl::StrCat(what, "; remove it"))
                      : absl::DataLossError(absl::StrCat("the submission's ", what));
   }

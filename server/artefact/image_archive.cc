@@ -245,7 +245,7 @@ absl::StatusOr<ImageContent> ReadDocker(const ImageArchive& archive) {
   ImageContent content;
   ASSIGN_OR_RETURN(content.config, ReadImageConfig(config));
   for (const Json& layer : At(image, "Layers")) {
-    if (!layer.is_string()) return BadImage("lists a layer that is no name");
+    if (!layer.is_string()) return BadImage("lists a layer that is not a name");
     ASSIGN_OR_RETURN(std::string member, archive.Find(layer.get<std::string>()));
     content.layers.push_back({.member = std::move(member), .sha256 = {}, .diff_id = {}});
   }
@@ -317,7 +317,7 @@ absl::Status ImageArchive::Take(archive_entry* entry, int64_t position) {
   } else if (archive_entry_filetype(entry) == AE_IFDIR) {
     return absl::OkStatus();
   } else if (archive_entry_filetype(entry) != AE_IFREG) {
-    return BadImage(absl::StrCat("has the member ", Quoted(name), ", which is no file"));
+    return BadImage(absl::StrCat("has the member ", Quoted(name), ", which is not a file"));
   } else if (archive_entry_sparse_count(entry) > 0) {
     return BadImage(absl::StrCat("has the member ", Quoted(name), ", which is a sparse file"));
   }

@@ -14,6 +14,7 @@
 #include "protocol/lease/policy_image.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/byte_stream.h"
+#include "server/base/json_value.h"
 
 namespace myograde::server {
 
@@ -30,10 +31,6 @@ absl::StatusOr<ImageConfig> ReadImageConfig(const nlohmann::json& json);
 
 // "SYSTEM/PROCESSOR" of a platform, or of an image's config.
 std::string PlatformName(const nlohmann::json& json);
-
-// Values of an object; harmless ones if `json` is no object or the value has another type.
-std::string TextAt(const nlohmann::json& json, std::string_view key);
-const nlohmann::json& At(const nlohmann::json& json, std::string_view key);
 
 // The tag that an image was saved by, as an archive's manifest.json (Docker's) or index.json
 // (OCI's) has it; "": none.
@@ -85,7 +82,7 @@ class ImageArchive {
   // compressed archive, stops at the first member that no image has.
   static bool MayBe(int file);
 
-  // Lists the members. `file` must outlive it. InvalidArgumentError: it is no tar, or has more
+  // Lists the members. `file` must outlive it. InvalidArgumentError: it is not a tar, or has more
   // members than an image can have.
   static absl::StatusOr<ImageArchive> Index(int file);
 

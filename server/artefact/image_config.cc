@@ -35,7 +35,7 @@ absl::StatusOr<std::vector<std::string>> Texts(const Json& json, std::string_vie
     if (good) texts.push_back(text);
   }
   if (good) return texts;
-  return BadConfig(absl::StrCat("has a \"", std::string(key), "\" that is no list of texts"));
+  return BadConfig(absl::StrCat("has a \"", std::string(key), "\" that is not a list of texts"));
 }
 
 absl::Status ReadVariables(const Json& config, PolicyImage& image) {
@@ -79,23 +79,11 @@ std::optional<int64_t> IdOf(std::string_view text) {
 absl::Status UnknownUser(std::string_view kind, std::string_view name, std::string_view file) {
   return absl::InvalidArgumentError(
       absl::StrCat("the image's ", std::string(kind), " ", Quoted(name), " is not in its ",
-                   std::string(file), ", and is no number from 0 to ", INT32_MAX,
+                   std::string(file), ", and is not a number from 0 to ", INT32_MAX,
                    "; add it, or build the image with another USER"));
 }
 
 }  // namespace
-
-const Json& At(const Json& json, std::string_view key) {
-  static const Json none;
-  if (!json.is_object()) return none;
-  const auto found = json.find(std::string(key));
-  return found == json.end() ? none : *found;
-}
-
-std::string TextAt(const Json& json, std::string_view key) {
-  const Json& value = At(json, key);
-  return value.is_string() ? value.get<std::string>() : "";
-}
 
 std::string TagOfDockerManifest(const Json& manifest) {
   if (!manifest.is_array() || manifest.empty()) return "";
@@ -140,7 +128,7 @@ absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
     read.image.working_dir = folder;
   }
   if (!read.image.working_dir.starts_with('/')) {
-    return BadConfig("has a working folder that is no absolute path");
+    return BadConfig("has a working folder that is not an absolute path");
   }
   ASSIGN_OR_RETURN(std::vector<std::string> ids, Texts(At(json, "rootfs"), "diff_ids"));
   if (ids.empty() || ids.size() > kMaxLayers) {

@@ -141,7 +141,7 @@ std::string PolicyNameOf(const std::string& file) {
     const size_t begin = at;
     const char32_t c = TakeCodePoint(file, at);
     if (name.size() + at - begin > kMaxBytes) break;
-    if (c != kBroken && !IsHarmful(c) && (c != ' ' || !name.empty())) {
+    if (c != kBroken && !IsUnsafe(c) && (c != ' ' || !name.empty())) {
       name.append(file, begin, at - begin);
     }
   }

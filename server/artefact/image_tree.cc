@@ -125,7 +125,7 @@ class ImageTree {
     if (clean.empty()) {
       return archive_entry_filetype(entry) == AE_IFDIR
                  ? absl::OkStatus()
-                 : BadEntry("/", "is no folder, and an image's top must be one");
+                 : BadEntry("/", "is not a folder, and an image's top must be one");
     }
     ASSIGN_OR_RETURN(const std::string path, Real(clean, /*last=*/false));
     const std::string name = LastName(path);
@@ -190,7 +190,7 @@ class ImageTree {
     RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
     if (!nodes_.contains(real) || Has(real, EntryType::kFolder)) {
       return BadEntry(path, absl::StrCat("is a hard link to ", Quoted(target),
-                                         ", which is no file of the image"));
+                                         ", which is not a file of the image"));
     }
     RETURN_IF_ERROR(MakeFoldersOf(path));
     const Entry original = nodes_.at(real).entry;
@@ -241,7 +241,7 @@ class ImageTree {
       const std::string next = Joined(at, name);
       if (!Has(next, EntryType::kLink) || (names.empty() && !last)) {
         if (Has(next, EntryType::kFile) && !names.empty()) {
-          return BadEntry(path, absl::StrCat("lies below ", Quoted(next), ", which is no folder"));
+          return BadEntry(path, absl::StrCat("lies below ", Quoted(next), ", which is not a folder"));
         }
         at = next;
         continue;

@@ -74,13 +74,13 @@ absl::StatusOr<Entry*> Listing::Add(const std::string& path, EntryType type) {
     const std::string above = path.substr(0, slash);
     const auto [it, added] = entries_.try_emplace(above, Entry{.type = EntryType::kFolder});
     if (it->second.type != EntryType::kFolder) {
-      return Broken(path, absl::StrCat("lies below ", Quoted(above), ", which is no folder"));
+      return Broken(path, absl::StrCat("lies below ", Quoted(above), ", which is not a folder"));
     }
   }
   const auto [it, added] = entries_.try_emplace(path, Entry{.type = type});
   Entry& entry = it->second;
   const bool implied_folder = entry.type == EntryType::kFolder && type == EntryType::kFolder;
-  if (!added && (entry.stated || !implied_folder)) return Broken(path, "is there twice");
+  if (!added && (entry.stated || !implied_folder)) return Broken(path, "appears twice");
   entry.stated = true;
   if (static_cast<int64_t>(entries_.size()) > limits_.files) {
     return TooManyEntries(path);

@@ -67,7 +67,7 @@ absl::Status MissingManifest(int root) {
            "export\" writes them: save the image, with \"docker save\" or \"podman save\"";
   }
   if (has("index.json") && has("blobs")) {
-    hint = "; it looks like a container image in OCI's layout that is no tar, or lacks the file oci-layout: "
+    hint = "; it looks like a container image in OCI's layout that is not a tar, or lacks the file oci-layout: "
            "write it with podman save, docker save or buildah push IMAGE oci-archive:FILE.tar";
   }
   for (const std::string& folder : NamesIn(root).value_or(std::vector<std::string>())) {
@@ -143,7 +143,7 @@ absl::Status CheckProgram(int root, const std::string& command) {
 }
 
 void CheckName(ConfigReader& reader, const std::string& name) {
-  if (const std::string harm = FirstHarm(name); !harm.empty()) {
+  if (const std::string harm = FirstUnsafe(name); !harm.empty()) {
     reader.Fail("name", absl::StrCat("has ", harm, ", which is not seen, or changes how others are "
                                      "seen; leave it out"));
   } else if (!IsPlainText(name, kMaxNameBytes)) {

@@ -80,7 +80,7 @@ class TarWriter {
   }
 
   // Writes the content of a begun file `path` of `size` bytes from an open one, and tells `wrote`
-  // of each piece. An error of FolderOf's kind if it can't be read, is no file or has another size.
+  // of each piece. An error of FolderOf's kind if it can't be read, is not a file or has another size.
   absl::Status Copy(int file, const std::string& path, int64_t size, FolderOf whose,
                     const std::function<void(std::string_view piece)>& wrote) {
     const auto changed = [&] {
@@ -267,7 +267,7 @@ absl::Status NoProgram(const std::string& path) {
         "[\"python\"]}");
   }
   return absl::InvalidArgumentError(
-      "is no program (neither ELF nor a script with \"#!\") and no archive; give a program, a folder with "
+      "is not a program (neither ELF nor a script with \"#!\") and no archive; give a program, a folder with "
       "a policy.json, or an archive of one (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip)");
 }
 

@@ -184,7 +184,7 @@ absl::StatusOr<Listing> UnpackFiles(int file, int folder, const ArtefactLimits& 
   const Utf8Names utf8_names;
   FileStream bytes(file);
   StreamArchive archive(bytes, StreamArchive::Form::kSubmission);
-  RETURN_IF_ERROR(archive.Open("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, "
+  RETURN_IF_ERROR(archive.Open("this is not an archive of a kind that is accepted (tar, tar.gz, tar.zst, "
                                "tar.xz, tar.bz2, zip)"));
   // One layer besides the file itself: nested bombs multiply.
   if (archive.compressions() > (IsCompressed(file) ? 1 : 0)) {

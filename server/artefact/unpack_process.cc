@@ -152,7 +152,7 @@ bool Limit(int resource, int64_t value, int64_t hard) {
 absl::Status LimitThisProcess(int64_t memory_bytes, int64_t cpu_s, pid_t parent) {
   // Dies with the thread that waits for it, even if that had died before this line.
   bool done = ::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
-  if (::getppid() != parent) return absl::CancelledError("nobody waits for the unpacking any more");
+  if (::getppid() != parent) return absl::CancelledError("nobody waits for the unpacking now");
   done = done && Limit(RLIMIT_CORE, 0, 0);
   // At the hard time limit the signal would be SIGKILL, as if from outside.
   done = done && Limit(RLIMIT_CPU, cpu_s, cpu_s + 10);

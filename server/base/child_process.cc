@@ -64,7 +64,7 @@ namespace {
 
 constexpr int kMostReads = 16;
 constexpr absl::Duration kBurial = absl::Seconds(10);
-constexpr char kUsualPath[] = "/usr/local/bin:/usr/bin:/bin";
+constexpr char kDefaultPath[] = "/usr/local/bin:/usr/bin:/bin";
 constexpr int kPollMilliseconds = 100;
 
 absl::StatusOr<std::string> ProgramPath(const std::string& program) {
@@ -138,7 +138,7 @@ std::string ChildProcess::Failure() const {
 
 absl::StatusOr<std::string> FindProgram(const std::string& name) {
   const char* path = std::getenv("PATH");
-  for (const auto& folder : absl::StrSplit(path == nullptr ? kUsualPath : path, ':')) {
+  for (const auto& folder : absl::StrSplit(path == nullptr ? kDefaultPath : path, ':')) {
     if (folder.empty()) continue;
     const std::string file = absl::StrCat(folder, "/", name);
     if (::access(file.c_str(), X_OK) == 0) return file;

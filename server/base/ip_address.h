@@ -15,7 +15,7 @@ class IpAddress {
  public:
   // "192.0.2.1" or "2001:db8::1"; no names and no brackets. nullopt: it is neither.
   static std::optional<IpAddress> Parse(const std::string& text);
-  // nullopt: it is no address of the internet.
+  // nullopt: it is not an address of the internet.
   static std::optional<IpAddress> Of(const sockaddr_storage& address);
 
   // Whether nobody outside of this host can use it.

@@ -6,6 +6,7 @@
 #include <absl/strings/str_format.h>
 #include <nlohmann/json.hpp>
 
+#include "server/base/json_value.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -28,7 +29,7 @@ std::string Escaped(std::string_view text) {
       escaped += "\\n";
     } else if (c == '\t') {
       escaped += "\\t";
-    } else if (IsHarmful(c)) {
+    } else if (IsUnsafe(c)) {
       absl::StrAppendFormat(&escaped, "\\u{%x}", static_cast<uint32_t>(c));
     } else {
       escaped.append(text.substr(from, at - from));
@@ -39,7 +40,7 @@ std::string Escaped(std::string_view text) {
 
 std::string JsonLine(absl::Time time, std::string_view level, std::string_view message,
                      const LogFields& fields) {
-  Json line = {{"time", absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone())},
+  Json line = {{"time", TimeText(time)},
                {"level", level},
                {"message", message}};
   const std::pair<const char*, int64_t> numbers[] = {{"submission", fields.submission},

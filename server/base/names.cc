@@ -18,8 +18,8 @@
 namespace myograde::server {
 namespace {
 
-// Increment whenever LooksOf changes.
-constexpr int kLooksRule = 2;
+// Increment whenever ConfusableSkeletons changes.
+constexpr int kSkeletonRule = 2;
 // With more marks than this a letter reaches into the lines above and below.
 constexpr int kMaxMarks = 4;
 
@@ -118,7 +118,7 @@ bool StacksNothing(const icu::UnicodeString& text, int32_t at) {
 // "", or what is wrong with a character in any position.
 const char* FaultOf(UChar32 c) {
   if (u_hasBinaryProperty(c, UCHAR_DEFAULT_IGNORABLE_CODE_POINT) ||
-      IsHarmful(static_cast<char32_t>(c)) ||
+      IsUnsafe(static_cast<char32_t>(c)) ||
       (U_GET_GC_MASK(c) & (U_GC_CC_MASK | U_GC_CF_MASK | U_GC_ZL_MASK | U_GC_ZP_MASK)) != 0 ||
       SyllabicCategory(c) == U_INSC_NUMBER_JOINER || c == 0x2d7f) {  // Tifinagh consonant joiner
     return "which is not seen, or changes how others are seen; leave it out";
@@ -209,7 +209,7 @@ absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view wh
   return clean;
 }
 
-std::set<std::string> LooksOf(std::string_view name) {
+std::set<std::string> ConfusableSkeletons(std::string_view name) {
   icu::UnicodeString text = Normal(kCompatible, FromUtf8(name));
   // "MIX" and "mix" are alike as they are the same in lower case, "AIpha" and "Alpha" as they are
   // drawn the same: neither order of the two steps finds both.
@@ -221,6 +221,6 @@ std::set<std::string> LooksOf(std::string_view name) {
   return {ToUtf8(first), ToUtf8(second)};
 }
 
-std::string LooksVersion() { return absl::StrCat(kLooksRule, "/", U_ICU_VERSION); }
+std::string SkeletonVersion() { return absl::StrCat(kSkeletonRule, "/", U_ICU_VERSION); }
 
 }  // namespace myograde::server

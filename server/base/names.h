@@ -20,9 +20,9 @@ absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view wh
 
 // The looks of a name: in lower case, without spaces and with look-alike characters unified. Two names can be
 // mistaken for each other if they have a look in common.
-std::set<std::string> LooksOf(std::string_view name);
+std::set<std::string> ConfusableSkeletons(std::string_view name);
 
-// Changes whenever LooksOf may give different results.
-std::string LooksVersion();
+// Changes whenever ConfusableSkeletons may give different results.
+std::string SkeletonVersion();
 
 }  // namespace myograde::server

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 constexpr char kPrograms[] = "libexec/myograde";
 constexpr char kSystemCache[] = "/var/cache/myograde";
 
-std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
+std::string DefaultDir(const char* of_root, const char* variable, const char* in_home) {
   if (::geteuid() == 0) return of_root;
   // The XDG specification says to ignore relative paths.
   const std::string folder = EnvironmentVariable(variable);
@@ -58,13 +58,13 @@ std::string EnvironmentVariable(const char* name) {
   return value == nullptr ? "" : value;
 }
 
-std::string UsualDataDir() {
-  return UsualDir("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
+std::string DefaultDataDir() {
+  return DefaultDir("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
 }
 
-std::string OwnCacheDir() { return UsualDir(kSystemCache, "XDG_CACHE_HOME", ".cache"); }
+std::string OwnCacheDir() { return DefaultDir(kSystemCache, "XDG_CACHE_HOME", ".cache"); }
 
-std::string UsualCacheDir() { return CacheDirOf(OwnCacheDir(), kSystemCache); }
+std::string DefaultCacheDir() { return CacheDirOf(OwnCacheDir(), kSystemCache); }
 
 std::string CacheDirOf(const std::string& own, const std::string& system) {
   const auto has_models = [](const std::string& folder) {

@@ -35,12 +35,12 @@ std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir
 
 // The default folders of data and caches: /var/lib/myograde and /var/cache/myograde for root, the
 // XDG folders for other users.
-std::string UsualDataDir();
+std::string DefaultDataDir();
 std::string OwnCacheDir();
 
 // The cache folder that programs read: the user's own, or, where that has no compiled models, the system's,
 // which a package's myograde-setup fills for all users.
-std::string UsualCacheDir();
+std::string DefaultCacheDir();
 // Of these two: `system` if only it has compiled models.
 std::string CacheDirOf(const std::string& own, const std::string& system);
 

@@ -22,7 +22,7 @@ std::string Replaced(std::string_view text, std::string_view with, Bad bad) {
 
 }  // namespace
 
-bool IsHarmful(char32_t c) {
+bool IsUnsafe(char32_t c) {
   return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0xad || c == 0x61c ||
          c == 0x34f || c == 0x180e || c == 0x2028 || c == 0x2029 || (c >= 0x200b && c <= 0x200f) || (c >= 0x202a && c <= 0x202e) ||
          (c >= 0x2060 && c <= 0x206f) || c == 0xfeff || (c >= 0xfff9 && c <= 0xfffb) ||
@@ -40,10 +40,10 @@ char32_t TakeCodePoint(std::string_view text, size_t& at) {
   return c < 0 ? kBroken : static_cast<char32_t>(c);
 }
 
-std::string FirstHarm(std::string_view text) {
+std::string FirstUnsafe(std::string_view text) {
   for (size_t at = 0; at < text.size();) {
     const char32_t c = TakeCodePoint(text, at);
-    if (c == kBroken || !IsHarmful(c)) continue;
+    if (c == kBroken || !IsUnsafe(c)) continue;
     char name[16];
     std::snprintf(name, sizeof(name), "U+%04X", static_cast<unsigned>(c));
     return name;
@@ -60,7 +60,7 @@ bool IsUtf8(std::string_view text) {
 
 bool IsPlainText(std::string_view text, size_t max) {
   return !text.empty() && text.size() <= max && text.front() != ' ' && text.back() != ' ' &&
-         IsUtf8(text) && FirstHarm(text).empty();
+         IsUtf8(text) && FirstUnsafe(text).empty();
 }
 
 std::string PrintableUtf8(std::string_view bytes) {
@@ -70,9 +70,9 @@ std::string PrintableUtf8(std::string_view bytes) {
   });
 }
 
-std::string Harmless(std::string_view text, bool tabs) {
+std::string Sanitized(std::string_view text, bool tabs) {
   // A terminal that is not UTF-8's may obey a byte of 0x80 to 0x9f that stands alone.
-  return Replaced(text, "?", [&](char32_t c) { return !(tabs && c == '\t') && IsHarmful(c); });
+  return Replaced(text, "?", [&](char32_t c) { return !(tabs && c == '\t') && IsUnsafe(c); });
 }
 
 std::string_view LastOf(std::string_view text, size_t most) {

@@ -10,7 +10,7 @@ namespace myograde::server {
 
 // A code point that would change how a board or a terminal shows the text around it: control
 // characters (C0, C1), bidirectional controls, invisible characters.
-bool IsHarmful(char32_t c);
+bool IsUnsafe(char32_t c);
 
 // Decodes the UTF-8 code point at `text[at]`, which must exist, and advances `at` past it. If it is
 // invalid: returns kBroken and advances by one byte.
@@ -18,7 +18,7 @@ inline constexpr char32_t kBroken = 0xffffffff;
 char32_t TakeCodePoint(std::string_view text, size_t& at);
 
 // The first harmful code point of valid UTF-8 as U+XXXX; "" if there is none.
-std::string FirstHarm(std::string_view text);
+std::string FirstUnsafe(std::string_view text);
 
 bool IsUtf8(std::string_view text);
 
@@ -33,7 +33,7 @@ bool IsPlainText(std::string_view text, size_t max);
 // words around it, becomes '?', as do line ends and invalid bytes. Tabs stay if `tabs`. Whatever a
 // program prints that somebody else chose (names of files, a policy's strings, answers of a server)
 // goes through here.
-std::string Harmless(std::string_view text, bool tabs = false);
+std::string Sanitized(std::string_view text, bool tabs = false);
 
 // The end of valid UTF-8, as much of it as fits into `most` bytes.
 std::string_view LastOf(std::string_view text, size_t most);

@@ -33,7 +33,7 @@ absl::StatusOr<std::string> ReadSecretFile(const std::string& path, size_t min, 
                      "); make the file, and let the user that runs the daemon read it"));
   }
   if (!S_ISREG(info.st_mode)) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is no file; name one with the secret"));
+    return absl::InvalidArgumentError(absl::StrCat(path, ": is not a file; name one with the secret"));
   }
   if ((info.st_mode & 077) != 0) {
     return absl::InvalidArgumentError(absl::StrCat(

@@ -12,7 +12,7 @@ namespace myograde::server {
 absl::StatusOr<std::string> RandomBytes(size_t size);
 
 // The text of a file, without the line feed at its end. InvalidArgumentError, in one sentence that
-// says what to do, if it can't be read, is no regular file, may be read or written by others than
+// says what to do, if it can't be read, is not a regular file, may be read or written by others than
 // its owner, or is not `min` to `max` bytes of printable ASCII.
 absl::StatusOr<std::string> ReadSecretFile(const std::string& path, size_t min, size_t max);
 

@@ -145,7 +145,7 @@ absl::Status BoardState::AddCommitment(const Act& act) {
                              .entry = act.entry};
   std::vector<PhaseCommitment>& all = phases_[name].commitments;
   if (!all.empty() && all.front().commitment != commitment.commitment) {
-    return Wrong(act, "commits phase ", Harmless(name), " to another secret than entry ",
+    return Wrong(act, "commits phase ", Sanitized(name), " to another secret than entry ",
                  all.front().entry, " did");
   }
   all.push_back(std::move(commitment));
@@ -300,7 +300,7 @@ bool BoardState::WasApplied(int64_t rejudge) const {
   });
 }
 
-RejudgeSight BoardState::SightOf(int64_t id) const {
+RejudgeVisibility BoardState::VisibilityOf(int64_t id) const {
   const RejudgeRow* rejudge = Rejudge(id);
   if (rejudge == nullptr) return {.rejudge = id};
   return {.rejudge = id,

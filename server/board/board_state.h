@@ -77,7 +77,7 @@ struct OtherConfig {
 };
 
 // What a rejudge has to do with an evaluation.
-struct RejudgeSight {
+struct RejudgeVisibility {
   int64_t rejudge = 0;        // its id; 0: none
   bool ever_applied = false;  // its results stood on a board, if they do not still
   bool revealed = false;      // it has further episodes, and the seeds of its phase are revealed
@@ -161,7 +161,7 @@ class BoardState {
   const RejudgeRow* Rejudge(int64_t id) const;
   bool WasApplied(int64_t rejudge) const;
   // Of a rejudge; its id may be 0.
-  RejudgeSight SightOf(int64_t rejudge) const;
+  RejudgeVisibility VisibilityOf(int64_t rejudge) const;
   // The submission that a team chose last on a board; 0: none.
   int64_t NewestChoice(int64_t team, const BoardName& board) const;
 

@@ -32,8 +32,8 @@ constexpr scoring::StatisticsConfig kAnyStatistics = {
 constexpr absl::Time kFirstTime = absl::FromUnixSeconds(946'684'800);     // 2000-01-01
 constexpr absl::Time kLastTime = absl::FromUnixSeconds(253'402'214'400);  // 9999-12-31
 
-absl::Time ReadTime(ConfigReader& reader, const char* key, absl::Time usual) {
-  if (!reader.Has(key)) return usual;
+absl::Time ReadTime(ConfigReader& reader, const char* key, absl::Time fallback) {
+  if (!reader.Has(key)) return fallback;
   const std::string text = reader.String(key);
   absl::Time time;
   std::string unused;
@@ -41,11 +41,11 @@ absl::Time ReadTime(ConfigReader& reader, const char* key, absl::Time usual) {
   const bool ends = begins && !std::isspace(static_cast<unsigned char>(text.back()));
   if (!ends || !absl::ParseTime(absl::RFC3339_full, text, &time, &unused)) {
     reader.Fail(key, "must be a time with a zone, as in \"2026-12-01T00:00:00Z\"");
-    return usual;
+    return fallback;
   }
   if (time < kFirstTime || time > kLastTime) {
     reader.Fail(key, "must lie in the years 2000 to 9999");
-    return usual;
+    return fallback;
   }
   return time;
 }
@@ -94,7 +94,7 @@ absl::Status ReadQuotaOfPhase(const nlohmann::json& json, const std::string& whe
   }
   for (const char* key : {"practice_per_day", "practice_total"}) {
     if (!reader.Has(key)) continue;
-    reader.Fail(key, "is no key of a phase, as practice belongs to the track; set it in server.json");
+    reader.Fail(key, "is not a key of a phase, as practice belongs to the track; set it in server.json");
   }
   return reader.Finish();
 }
@@ -200,9 +200,9 @@ absl::Status MistakesToStatus(const std::vector<std::string>& mistakes) {
       " mistakes; \"myograde phase check\" lists them all)"));
 }
 
-AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual) {
+AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules fallback) {
   const PhaseQuota& own = phase.quota;
-  QuotaLimits& limits = usual.quota;
+  QuotaLimits& limits = fallback.quota;
   limits.ranked.per_day = own.official_per_day.value_or(limits.ranked.per_day);
   limits.ranked.total = own.official_total.value_or(limits.ranked.total);
   limits.failed.per_day = own.failed_per_day.value_or(limits.failed.per_day);
@@ -211,14 +211,14 @@ AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual) {
   limits.failed.total = own.failed_total.value_or(
       withholds ? std::min(limits.failed.total, kHiddenFailures) : limits.failed.total);
   limits.waiting = own.waiting.value_or(limits.waiting);
-  usual.one_for_everyone = own.one_for_everyone.value_or(usual.one_for_everyone);
-  return usual;
+  fallback.one_for_everyone = own.one_for_everyone.value_or(fallback.one_for_everyone);
+  return fallback;
 }
 
 absl::StatusOr<scoring::StatisticsConfig> PhaseStatistics(const PhaseConfig& phase,
-                                                          const scoring::StatisticsConfig& usual) {
+                                                          const scoring::StatisticsConfig& fallback) {
   return scoring::ParseStatistics(
-      phase.statistics, absl::StrCat("phase \"", phase.name, "\": statistics"), usual);
+      phase.statistics, absl::StrCat("phase \"", phase.name, "\": statistics"), fallback);
 }
 
 std::string_view TeamRuleName(scoring::TeamRule rule) {

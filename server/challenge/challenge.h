@@ -93,13 +93,13 @@ absl::Status MistakesToStatus(const std::vector<std::string>& mistakes);
 absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track,
                                     const std::string& secret);
 
-// The rules for submissions to a phase, on a track with the rules `usual`.
-AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual);
+// The rules for submissions to a phase, on a track with the rules `fallback`.
+AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules fallback);
 
-// How its board tells close places apart, on a server with `usual`. InvalidArgumentError: the two
+// How its board tells close places apart, on a server with `fallback`. InvalidArgumentError: the two
 // don't fit together (ParseStatistics).
 absl::StatusOr<scoring::StatisticsConfig> PhaseStatistics(const PhaseConfig& phase,
-                                                          const scoring::StatisticsConfig& usual);
+                                                          const scoring::StatisticsConfig& fallback);
 
 // "best", "last" or "chosen".
 std::string_view TeamRuleName(scoring::TeamRule rule);

@@ -271,7 +271,7 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
             "name"));
       } else if (StatusOfPhase(phase, events, now).revealed && now < phase.closes) {
         found.push_back(absl::StrCat(
-            place, "its seeds were revealed in this store, so it takes nothing any more, and its "
+            place, "its seeds were revealed in this store, so it no longer takes anything, and its "
             "times would keep it open; set \"closes_at\" back to when it closed, or give a new phase "
             "another name"));
       }
@@ -288,7 +288,7 @@ absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now) {
               ? absl::StrCat("phase \"", phase.name, "\" opens at ", UtcText(phase.opens),
                              "; submit then")
               : absl::StrCat("phase \"", phase.name, "\" closed at ", UtcText(phase.closes),
-                             " and takes nothing any more")),
+                             " and no longer takes anything")),
       "phase_closed");
 }
 

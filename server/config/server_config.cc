@@ -25,13 +25,13 @@ constexpr int64_t kMany = 1'000'000'000;
 
 // Keys that may be left out.
 template <typename Int>
-Int IntegerOr(ConfigReader& reader, std::string_view key, Int usual, int64_t min, int64_t max) {
-  return reader.Has(key) ? static_cast<Int>(reader.Integer(key, min, max)) : usual;
+Int IntegerOr(ConfigReader& reader, std::string_view key, Int fallback, int64_t min, int64_t max) {
+  return reader.Has(key) ? static_cast<Int>(reader.Integer(key, min, max)) : fallback;
 }
 
-absl::Duration SecondsOr(ConfigReader& reader, std::string_view key, absl::Duration usual,
+absl::Duration SecondsOr(ConfigReader& reader, std::string_view key, absl::Duration fallback,
                          NumberRange range) {
-  return reader.Has(key) ? absl::Seconds(reader.Number(key, range)) : usual;
+  return reader.Has(key) ? absl::Seconds(reader.Number(key, range)) : fallback;
 }
 
 nlohmann::json ObjectOr(ConfigReader& reader, std::string_view key) {
@@ -62,8 +62,8 @@ absl::Status ReadRuntimes(const nlohmann::json& json, const std::string& where,
 absl::Status ReadScheduler(const nlohmann::json& json, const std::string& where,
                            ServerConfig& config) {
   ConfigReader reader(json, where);
-  config.scheduler.max_retries = static_cast<int>(reader.Integer("max_replays", 1, 100));
-  config.scheduler.retry_delay = absl::Seconds(reader.Number("replay_delay_s", {0.001, 3600}));
+  config.scheduler.max_retries = static_cast<int>(reader.Integer("max_retries", 1, 100));
+  config.scheduler.retry_delay = absl::Seconds(reader.Number("retry_delay_s", {0.001, 3600}));
   config.scheduler.heartbeat = absl::Seconds(reader.Number("heartbeat_s", {2, 3600}));
   config.scheduler.team_running = static_cast<int>(reader.Integer("team_running", 1, 1024));
   config.scheduler.queue_wait = absl::Seconds(reader.Number("queue_wait_s", {1, 30.0 * 86400}));
@@ -278,7 +278,7 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
                        ServerConfig& config) {
   ConfigReader reader(json, where);
   const nlohmann::json tracks = reader.Object("tracks");
-  ASSIGN_OR_RETURN(config.quota.usual, ReadAdmission(reader));
+  ASSIGN_OR_RETURN(config.quota.defaults, ReadAdmission(reader));
   for (const auto& [name, own] : tracks.items()) {
     if (name.starts_with("//")) continue;
     const std::string place = absl::StrCat(where, ": tracks: ", name);

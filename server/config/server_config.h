@@ -77,12 +77,12 @@ struct UploadLimits {
 // How much teams may submit. Settings of a host and a challenge rather than of a track's config:
 // they affect no result, and changing them makes no new board.
 struct QuotaConfig {
-  AdmissionRules usual;
+  AdmissionRules defaults;
   std::map<std::string, AdmissionRules> tracks;  // tracks with their own rules
 
   const AdmissionRules& of(const std::string& track) const {
     const auto it = tracks.find(track);
-    return it == tracks.end() ? usual : it->second;
+    return it == tracks.end() ? defaults : it->second;
   }
 };
 

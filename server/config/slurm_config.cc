@@ -38,8 +38,8 @@ std::string PathOr(ConfigReader& reader, const char* key) {
   return path;
 }
 
-int IntegerOr(ConfigReader& reader, const char* key, int usual, int64_t min, int64_t max) {
-  return reader.Has(key) ? static_cast<int>(reader.Integer(key, min, max)) : usual;
+int IntegerOr(ConfigReader& reader, const char* key, int fallback, int64_t min, int64_t max) {
+  return reader.Has(key) ? static_cast<int>(reader.Integer(key, min, max)) : fallback;
 }
 
 bool IsOwn(const std::string& option) {

@@ -55,7 +55,7 @@ absl::Status PrepareFolder(const std::string& data, const ServerConfig& config);
 void WarnOfLostStore(const std::string& data_dir, const std::string& path);
 
 // Finds out whether the data folder `data` is a copy of the one that its store was last used in. Where
-// leases run on this host alone, or with `adopt`, it is then a store of its own; elsewhere `held_back`
+// leases run only on this host, or with `adopt`, it is then a store of its own; elsewhere `held_back`
 // says why this daemon must not touch the cluster.
 struct HomeFound {
   DataHome home;

@@ -33,9 +33,9 @@ constexpr size_t kMinMetricsToken = 16;
 constexpr size_t kMaxMetricsToken = 256;
 
 // The option, else the environment variable, else the default folder.
-void Fill(std::string& option, const char* variable, const std::function<std::string()>& usual) {
+void Fill(std::string& option, const char* variable, const std::function<std::string()>& fallback) {
   if (option.empty()) option = EnvironmentVariable(variable);
-  if (option.empty()) option = usual();
+  if (option.empty()) option = fallback();
   option = fs::absolute(option).lexically_normal();
   if (option.size() > 1 && option.ends_with('/')) option.pop_back();
 }
@@ -53,11 +53,11 @@ absl::StatusOr<std::string> LoadMetricsToken(const std::string& path) {
 
 // A phase's statistics must also fit those that the server has for the keys that it leaves out.
 void AddStatisticsMistakes(const std::vector<ChallengeConfig>& challenges,
-                           const scoring::StatisticsConfig& usual,
+                           const scoring::StatisticsConfig& fallback,
                            std::vector<std::string>& mistakes) {
   for (const ChallengeConfig& challenge : challenges) {
     for (const PhaseConfig& phase : challenge.phases) {
-      const absl::Status fits = PhaseStatistics(phase, usual).status();
+      const absl::Status fits = PhaseStatistics(phase, fallback).status();
       if (!fits.ok()) mistakes.push_back(challenge.where + ": " + std::string(fits.message()));
     }
   }
@@ -65,11 +65,11 @@ void AddStatisticsMistakes(const std::vector<ChallengeConfig>& challenges,
 
 // Fills in empty options: --data from MYOGRADE_DATA, else /var/lib/myograde for root and the XDG
 // data folder for others; --configs from MYOGRADE_CONFIG_DIR, else the folder that the program was
-// built with; --cache from MYOGRADE_CACHE, else UsualCacheDir() (server/base/paths.h): the XDG cache
+// built with; --cache from MYOGRADE_CACHE, else DefaultCacheDir() (server/base/paths.h): the XDG cache
 // folder for others. Paths become absolute.
 DaemonOptions WithDefaults(DaemonOptions options) {
-  Fill(options.data_dir, "MYOGRADE_DATA", UsualDataDir);
-  Fill(options.cache_dir, "MYOGRADE_CACHE", UsualCacheDir);
+  Fill(options.data_dir, "MYOGRADE_DATA", DefaultDataDir);
+  Fill(options.cache_dir, "MYOGRADE_CACHE", DefaultCacheDir);
   Fill(options.configs_dir, "MYOGRADE_CONFIG_DIR", ConfigDir);
   if (options.socket.empty()) options.socket = options.data_dir + "/myograde.sock";
   options.socket = fs::absolute(options.socket).lexically_normal();
@@ -104,7 +104,7 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
 }
 
 int Fail(int exit_status, const std::string& error) {
-  std::cerr << "myograded: error: " << Harmless(error) << "\n";
+  std::cerr << "myograded: error: " << Sanitized(error) << "\n";
   return exit_status;
 }
 
@@ -138,7 +138,7 @@ int Main(int argc, char** argv) {
   if (adopt) {
     const absl::StatusOr<std::string> done = AdoptData(options.data_dir);
     if (!done.ok()) return Fail(kTrouble, std::string(done.status().message()));
-    std::cout << Harmless(*done) << "\n";
+    std::cout << Sanitized(*done) << "\n";
     return 0;
   }
   absl::StatusOr<DaemonConfigs> configs = LoadConfigs(options);

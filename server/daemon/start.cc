@@ -237,9 +237,9 @@ absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
   std::set<std::string> names;
   for (const Webhook& webhook : webhooks) names.insert(webhook.config.name);
   return store.Write([&](Transaction& writer) -> absl::Status {
-    ASSIGN_OR_RETURN(const int64_t given_up, writer.deliveries.GiveUpStrangers(names));
+    ASSIGN_OR_RETURN(const int64_t given_up, writer.deliveries.AbandonAllBut(names));
     if (given_up > 0) {
-      spdlog::warn("{} events are given up: server.json has not their webhooks any more", given_up);
+      spdlog::warn("gave up {} events whose webhooks are no longer in server.json", given_up);
     }
     return absl::OkStatus();
   });

@@ -147,7 +147,7 @@ def main():
     parser.add_argument("--source", type=pathlib.Path, default=HERE.parents[1])
     options = parser.parse_args()
     if not re.fullmatch(r"\d+\.\d+", options.version):
-        parser.error(f"{options.version} is no version such as 1.0")
+        parser.error(f"{options.version} is not a version such as 1.0")
     with tempfile.TemporaryDirectory() as folder:
         work = pathlib.Path(folder)
         collect(options.source.resolve(), work, options.version)

@@ -118,7 +118,7 @@ void CommandQueue::Close() {
   entries_.clear();
 }
 
-Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
+Engine::Engine(EngineOptions options, StoreWriter& disk, ReaderPool& readers, Executor& executor,
                const Clock& clock)
     : readers_(readers),
       clock_(clock),

@@ -64,7 +64,7 @@ using AfterRejudge = std::function<void(const RejudgeDone&)>;
 class Engine {
  public:
   // Everything but `options` must outlive the engine.
-  Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
+  Engine(EngineOptions options, StoreWriter& disk, ReaderPool& readers, Executor& executor,
          const Clock& clock);
 
   // See EngineCore::Recover. Call before Run().

@@ -24,7 +24,7 @@ constexpr int kManyLosses = 10;
 
 }  // namespace
 
-EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
+EngineCore::EngineCore(EngineOptions options, StoreWriter& disk, ReaderPool& readers,
                        Executor& executor, const Clock& clock)
     : options_(std::move(options)),
       disk_(disk),
@@ -208,7 +208,7 @@ void EngineCore::TellLater(const std::string& event, const std::string& about_js
   AddToJournal(0, [event, about_json](Transaction& writer) {
     const absl::Status told =
         writer.Part([&](Transaction& part) { return part.deliveries.Tell(event, about_json); });
-    if (!told.ok()) spdlog::error("{} is not told: {}", event, std::string(told.message()));
+    if (!told.ok()) spdlog::error("{} could not be notified: {}", event, std::string(told.message()));
     return absl::OkStatus();
   });
 }

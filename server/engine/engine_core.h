@@ -57,7 +57,7 @@ using StoreChange = std::function<absl::Status(Transaction&)>;
 
 // What the core needs from the outside world beside an executor and a Clock: a writable store.
 // Tests substitute fakes.
-class Disk {
+class StoreWriter {
  public:
   virtual ~Disk() = default;
 
@@ -67,7 +67,7 @@ class Disk {
   virtual absl::Status Check() const { return absl::OkStatus(); }
 };
 
-class StoreDisk : public Disk {
+class StoreDisk : public StoreWriter {
  public:
   // Both must outlive it. `metrics` may be nullptr.
   explicit StoreDisk(Store& store, Metrics* metrics = nullptr)
@@ -163,7 +163,7 @@ class EngineCore {
   using CancelAnswer = std::function<void(absl::StatusOr<CancelReport>)>;
 
   // Everything but `options` must outlive it.
-  EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
+  EngineCore(EngineOptions options, StoreWriter& disk, ReaderPool& readers, Executor& executor,
              const Clock& clock);
 
   // Resumes the store's unfinished work: interrupted leases are queued again, and evaluations whose
@@ -305,8 +305,8 @@ class EngineCore {
   // Leases.
   void StartLeases();
   void StartLease(const Start& start);
-  void GiveWay();
-  // NotFoundError, InternalError: a runtime is not there any more.
+  void Preempt();
+  // NotFoundError, InternalError: a runtime is no longer there.
   absl::StatusOr<LeaseOrder> OrderFor(const LeaseRun& run) const;
   static LogFields FieldsOf(const LeaseRun& run);
   // Writes that the lease is to be played again.
@@ -356,7 +356,7 @@ class EngineCore {
 
   const EngineOptions options_;
   const Runtimes runtimes_{options_.config.runtimes, options_.config.runtimes_dir};
-  Disk& disk_;
+  StoreWriter& disk_;
   ReaderPool& readers_;
   Executor& executor_;
   const Clock& clock_;

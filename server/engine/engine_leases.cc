@@ -65,16 +65,16 @@ void EngineCore::StartLeases() {
     if (!start.has_value()) break;
     StartLease(*start);
   }
-  GiveWay();
+  Preempt();
 }
 
 // Rejudges' leases make room for what teams wait for.
-void EngineCore::GiveWay() {
+void EngineCore::Preempt() {
   for (;;) {
     std::optional<Start> given;
     {
       const MutexLock lock(mutex_);
-      if (MayStart()) given = scheduler_.GiveWay(clock_.Monotonic());
+      if (MayStart()) given = scheduler_.Preempt(clock_.Monotonic());
     }
     if (!given.has_value()) return;
     spdlog::info("lease {} (evaluation {}) of a rejudge gives way to others", given->lease,

@@ -64,9 +64,9 @@ absl::Status EngineCore::Enqueue(int64_t id) {
   }
   spec.id = id;
   spec.team = context->submission.team;
-  // An organiser submits on behalf of many people, so it counts for no party.
+  // An organiser submits on behalf of many people, so it counts for no submitter.
   const std::string& who = context->submission.accepted_by;
-  spec.party = IsOrganiser(who) ? "" : who;
+  spec.submitter = IsOrganiser(who) ? "" : who;
   spec.priority = PriorityOf(*context);
   spec.lease_wall =
       absl::Seconds(context->track->config.budgets.lease_wall_s) + options_.config.lease_grace;

@@ -152,7 +152,7 @@ absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader,
   NewRejudgeItem item = {candidate, RejudgeMethod::kPlay, grader_json, BlocksOf(count, per_lease)};
   if (!HasArtefactFiles(data_dir, submission.artefact).ok()) {
     item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
-                                   submission.artefact, " are not on this host any more");
+                                   submission.artefact, " are no longer on this host");
   }
   return item;
 }

@@ -19,7 +19,7 @@ struct RejudgePlan {
   int64_t submissions = 0;
   int64_t facts = 0;  // items
   int64_t play = 0;
-  // Submissions that have to be played and whose files are not on this host any more, sorted: they
+  // Submissions that have to be played and whose files are no longer on this host, sorted: they
   // will be without a result.
   std::vector<int64_t> without_files;
 };

@@ -268,7 +268,7 @@ absl::Status HasArtefactFiles(const std::string& data_dir, const std::string& ha
   std::error_code error;
   if (std::filesystem::exists(ArtefactFolder(data_dir, hash), error)) return absl::OkStatus();
   return absl::NotFoundError(absl::StrCat("the files of artefact ", hash,
-                                          " are not on this host any more; upload it again"));
+                                          " are no longer on this host; upload it again"));
 }
 
 }  // namespace myograde::server

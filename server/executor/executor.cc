@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 absl::Status NoCluster() {
   return absl::FailedPreconditionError(
-      "leases run on this host alone: server.json names no cluster (\"executor\")");
+      "leases run only on this host: server.json names no cluster (\"executor\")");
 }
 
 }  // namespace

@@ -62,7 +62,7 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
                                          const std::string& b);
 
 // The first 12 digits of the SHA-256 over what a build simulates with: the simulator, MuJoCo's
-// library and the models of an evaluation's grader_json, as canonical JSON. "": it is no JSON
+// library and the models of an evaluation's grader_json, as canonical JSON. "": it is not JSON
 // object.
 std::string SimulatingBuild(std::string_view grader_json);
 

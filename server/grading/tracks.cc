@@ -64,9 +64,9 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
   }
   std::map<std::string, Entry> named;
   for (const std::string& name : names) {
-    ASSIGN_OR_RETURN(TrackConfig usual, LoadTrackConfig(dir, name, ""));
+    ASSIGN_OR_RETURN(TrackConfig default_config, LoadTrackConfig(dir, name, ""));
     Entry& offer = named[name];
-    offer.default_profile = usual.profile;
+    offer.default_profile = default_config.profile;
     ASSIGN_OR_RETURN(std::vector<std::string> profiles, ListProfiles(dir, name));
     for (const std::string& profile : profiles) {
       ASSIGN_OR_RETURN(TrackConfig config, LoadTrackConfig(dir, name, profile));

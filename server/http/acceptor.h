@@ -58,7 +58,7 @@ class Acceptor {
 };
 
 // Listens at `path` with the rights of `mode`, replacing a socket that nobody listens on.
-// AlreadyExistsError: something listens there, or it is no socket.
+// AlreadyExistsError: something listens there, or it is not a socket.
 absl::StatusOr<Fd> ListenAt(const std::string& path, unsigned mode);
 
 // The user at the other end, as the kernel knows them; an organiser if they are root or run this

@@ -83,7 +83,7 @@ awaitable<bool> Connection::Handshake() {
                               SSL_R_HTTP_REQUEST;
   // Whoever forgot the s of https gets an answer that a browser or curl can show.
   co_return plain_http && Fail({400, "bad_request",
-                                "this port speaks HTTPS alone; write https:// in the address"});
+                                "this port speaks only HTTPS; write https:// in the address"});
 }
 
 awaitable<bool> Connection::ReadRequest() {

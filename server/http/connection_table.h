@@ -37,7 +37,7 @@ class ConnectionTable {
   // What all connections of `peer` have in common.
   std::shared_ptr<PeerLoad> LoadOf(const Peer& peer);
   void Add(std::shared_ptr<Connection> connection);
-  // Nothing if it is not there any more.
+  // Nothing if it is no longer there.
   void Remove(Connection& connection);
 
  private:

@@ -144,11 +144,11 @@ Refusal ReadMeaning(bool old_version, Request& request) {
     request.forwarded_for = Stripped(std::string_view(value).substr(value.rfind(',') + 1));
   }
   const std::vector<std::string> authorizations = ValuesOf(request, "authorization");
-  if (authorizations.size() > 1) return Bad("Authorization is there twice");
+  if (authorizations.size() > 1) return Bad("duplicate Authorization header");
   if (!authorizations.empty()) request.authorization = authorizations[0];
   request.headers.erase("authorization");
   const std::vector<std::string> types = ValuesOf(request, "content-type");
-  if (types.size() > 1) return Bad("Content-Type is there twice");
+  if (types.size() > 1) return Bad("duplicate Content-Type header");
   if (!types.empty()) {
     request.content_type = Lower(Stripped(std::string_view(types[0]).substr(0, types[0].find(';'))));
   }
@@ -171,7 +171,7 @@ ApiError HeadError(const boost::system::error_code& wrong, std::string_view byte
   }
   if (wrong == http::error::bad_method || wrong == http::error::bad_target ||
       wrong == http::error::bad_version) {
-    return Bad("the first line is no request: it must be a method, an address and HTTP/1.1, with one "
+    return Bad("the request line is malformed: it must be a method, an address and HTTP/1.1, with one "
                "space in between");
   }
   if (wrong == http::error::bad_content_length || wrong == http::error::multiple_content_length ||

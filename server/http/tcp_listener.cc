@@ -236,7 +236,7 @@ absl::StatusOr<std::unique_ptr<TcpListener>> TcpListener::Open(const ListenConfi
                                                                Fd handed) {
   const std::optional<IpAddress> address = IpAddress::Parse(config.address);
   if (!address.has_value()) {
-    return absl::InvalidArgumentError(absl::StrCat(config.address, ": is no IP address"));
+    return absl::InvalidArgumentError(absl::StrCat(config.address, ": is not an IP address"));
   }
   if (handed.valid()) {
     RETURN_IF_ERROR(CheckHanded(config, PlaceOf(handed.get())));

@@ -31,7 +31,7 @@ class WorkQueue {
   struct Limits {
     int workers = 1;
     int kept = 0;  // workers that only organisers get; less than `workers`
-    int of_a_peer = 1;  // workers that one peer gets that is no organiser
+    int of_a_peer = 1;  // workers that one peer gets that is not an organiser
     std::array<int, kWorkKinds> of_a_kind = {1, 1, 1, 1};
   };
   explicit WorkQueue(const Limits& limits) : limits_(limits) {}

@@ -45,7 +45,7 @@ std::string GzipOf(std::string_view bytes) {
 absl::StatusOr<std::string> UnpackZstd(std::string_view packed, size_t most) {
   const unsigned long long size = ZSTD_getFrameContentSize(packed.data(), packed.size());
   if (size == ZSTD_CONTENTSIZE_ERROR || size == ZSTD_CONTENTSIZE_UNKNOWN || size > most) {
-    return absl::DataLossError("the file is no zstd frame of a known size");
+    return absl::DataLossError("the file is not a zstd frame of a known size");
   }
   std::string bytes(size, '\0');
   const size_t got = ZSTD_decompress(bytes.data(), bytes.size(), packed.data(), packed.size());

@@ -25,7 +25,7 @@ std::string PictureBuild(const std::string& cache_dir);
 
 // Makes what the key says, of the store's episodes: a trajectory file (sim/trajectory/README.md), a
 // PNG of 320 by 180 pixels, or the model file of a track. NotFoundError: no episode has the log, or
-// one of the files that it can't be played without is not there any more. DataLossError: the
+// one of the files that it can't be played without is no longer there. DataLossError: the
 // episode can't be shown, and trying again changes nothing. CancelledError: `stopped`. A damaged
 // row (store/damage.h). Any other: the host is in trouble.
 absl::StatusOr<std::string> MakeFile(ReaderPool& readers, const std::string& data_dir,

@@ -80,12 +80,12 @@ absl::StatusOr<std::string> SignReceipt(const Json& receipt, const SigningKey& k
 absl::StatusOr<Json> ParseReceipt(std::string_view text) {
   // Each value takes more memory than its text: a row has about twenty, the config one per seed.
   if (std::count(text.begin(), text.end(), ',') > kMaxReceiptValues) {
-    return absl::DataLossError("this is no receipt: it holds more than any evaluation has");
+    return absl::DataLossError("this is not a receipt: it holds more than any evaluation has");
   }
   absl::StatusOr<Json> json = ParseJson(text, "receipt");
   if (!json.ok()) return absl::DataLossError(json.status().message());
   if (!HasShape(*json)) {
-    return absl::DataLossError("this is no receipt, or one of a format that is not known here");
+    return absl::DataLossError("this is not a receipt, or one of a format that is not known here");
   }
   if (CanonicalJson(*json) + "\n" != text) {
     return absl::DataLossError("the receipt was altered: it is not in its canonical form");

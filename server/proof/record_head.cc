@@ -34,7 +34,7 @@ absl::StatusOr<RecordHead> HeadOfJson(const Json& json) {
   const absl::StatusOr<Sha256Digest> root = DigestOfHex(TextAt(json, "root"));
   const bool chain = head.size == 0 ? head.chain.empty() : DigestOfHex(head.chain).ok();
   if (!json.is_object() || json.size() != 3 || head.size < 0 || !chain || !root.ok()) {
-    return absl::DataLossError("this is no head of a record");
+    return absl::DataLossError("this is not a head of a record");
   }
   head.root = *root;
   return head;
@@ -49,14 +49,14 @@ absl::StatusOr<std::string> SignHead(const RecordHead& head, const SigningKey& k
 
 absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
   if (text.size() > kMaxHeadBytes) {
-    return absl::DataLossError("this is no head of a record: it is too long");
+    return absl::DataLossError("this is not a head of a record: it is too long");
   }
   const absl::StatusOr<Json> json = ParseJson(text, "head");
   if (!json.ok()) return absl::DataLossError(json.status().message());
   absl::StatusOr<RecordHead> head = HeadOfJson(At(*json, "head"));
   if (!head.ok()) return head;
   if (json->size() != 2 || !At(*json, "signature").is_object()) {
-    return absl::DataLossError("this is no head of a record: its signature is missing");
+    return absl::DataLossError("this is not a head of a record: its signature is missing");
   }
   if (CanonicalJson(*json) + "\n" != text) {
     return absl::DataLossError("the head was altered: it is not in its canonical form");
@@ -106,7 +106,7 @@ absl::StatusOr<EntryProof> CheckEntryProof(const Json& json) {
   const absl::StatusOr<Sha256Digest> root = DigestOfHex(TextAt(json, "root"));
   if (!json.is_object() || json.size() != 5 || read.index < 0 || !read.content.is_object() ||
       !root.ok()) {
-    return absl::InvalidArgumentError("it is no proof of an entry");
+    return absl::InvalidArgumentError("it is not a proof of an entry");
   }
   ASSIGN_OR_RETURN(MerkleProof proof, ProofOfJson(At(json, "proof")));
   read.root = *root;

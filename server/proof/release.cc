@@ -93,7 +93,7 @@ absl::StatusOr<SignedRelease> SignRelease(const std::string& folder, const std::
   for (const auto& [path, special] : files) {
     if (special) {
       return absl::InvalidArgumentError(absl::StrCat(
-          folder, "/", path, ": is no regular file; a release holds files and folders only"));
+          folder, "/", path, ": is not a regular file; a release holds files and folders only"));
     }
     if (!IsPlain(path)) {
       return absl::InvalidArgumentError(absl::StrCat(
@@ -133,17 +133,17 @@ absl::StatusOr<ReleaseCheck> CheckRelease(const std::string& folder, const Publi
       continue;
     }
     const absl::StatusOr<std::string> now =
-        found->second ? absl::InvalidArgumentError("is no regular file")
+        found->second ? absl::InvalidArgumentError("is not a regular file")
                       : Sha256File((fs::path(folder) / path).string());
     if (!now.ok()) {
-      check.wrong.push_back(absl::StrCat(path, " can't be read or is no regular file"));
+      check.wrong.push_back(absl::StrCat(path, " can't be read or is not a regular file"));
     } else if (*now != hash) {
       check.wrong.push_back(absl::StrCat(path, " is not the file that was signed"));
     }
   }
   for (const auto& [path, special] : files) {
     if (!listed.contains(path)) {
-      check.wrong.push_back(absl::StrCat(path, " is no file of the release"));
+      check.wrong.push_back(absl::StrCat(path, " is not a file of the release"));
     }
   }
   return check;

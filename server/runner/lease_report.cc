@@ -26,7 +26,7 @@ void LeaseReport::TakeEpisode(int64_t index, std::optional<uint64_t> seed) {
   if (asked && reported_.insert(index).second) return;
   // Without the seed: participants may read this, and must not know each seed yet.
   const bool wrong_seed = ordered != ordered_.end() && !asked;
-  Fail(absl::StrCat("the runner told of episode ", index,
+  Fail(absl::StrCat("the runner reported episode ", index,
                     wrong_seed ? " with another seed" : "",
                     asked ? " twice" : ", which the lease did not ask for"));
 }
@@ -71,7 +71,7 @@ void LeaseReport::Conclude(int wait_status, const std::string& last_words) {
                       ") without its last record; ",
                       words.empty() ? "it printed nothing" : "its last words: " + words));
   } else if (!end_->ok) {
-    Fail(end_->detail.empty() ? "the runner ended with a fault, and told none" : end_->detail);
+    Fail(end_->detail.empty() ? "the runner ended with a fault and reported no reason" : end_->detail);
   } else if (reported_.size() != ordered_.size()) {
     Fail(absl::StrCat("the runner said done after ", reported_.size(), " of ", ordered_.size(),
                       " episodes"));

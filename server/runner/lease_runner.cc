@@ -191,7 +191,7 @@ absl::Status LeaseRunner::HandleSimMessage() {
   if (absl::IsDeadlineExceeded(message.status())) return absl::OkStatus();
   if (!message.ok()) {
     return absl::InternalError(
-        absl::StrCat("the simulator sent nonsense: ", message.status().message()));
+        absl::StrCat("the simulator sent a malformed message: ", message.status().message()));
   }
   last_heard_ = SystemClock().Monotonic();
   const std::string type = message->json["type"].get<std::string>();
@@ -249,7 +249,7 @@ absl::Status LeaseRunner::SendLog() {
 absl::Status LeaseRunner::KeepTrajectory(const nlohmann::json& json) {
   const auto bytes = json.find("bytes");
   if (context_.trajectory == nullptr || bytes == json.end() || !bytes->is_number_integer()) {
-    return absl::InternalError("the simulator tells of a trajectory that nobody asked for");
+    return absl::InternalError("the simulator reported a trajectory that nobody asked for");
   }
   return context_.trajectory->Keep(bytes->get<int64_t>());
 }
@@ -411,7 +411,7 @@ absl::Status LeaseRunner::Print(std::string line) {
     if (n > 0) {
       written += static_cast<size_t>(n);
     } else if (errno != EINTR && errno != EAGAIN) {
-      return absl::CancelledError("nobody reads the lease's records any more");
+      return absl::CancelledError("nobody reads the lease's records now");
     }
     if (deadline.over()) return absl::CancelledError("the lease's records are not read");
   }

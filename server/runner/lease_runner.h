@@ -1,5 +1,32 @@
-// Plays one lease: the simulator in one sandbox, the policy in another, and the runner between them
-// and the caller. Single-threaded.
+// Plays one lease: some consecutive episodes of an evaluation, by one policy. The simulator is in one
+// sandbox, the policy in another, and the runner between them and the caller. Single-threaded. In
+// order of time:
+//
+//  1. The runner starts the simulator in its sandbox. It gets its order (seeds, track, budgets) as a
+//     memory file, a channel to the runner, a page on which the runner writes the CPU time that the
+//     policy has used, and a pipe for the logs. It has no network and no file that it can write.
+//  2. While the simulator loads the model, the runner builds the policy's sandbox: the artefact,
+//     scratch folders, a network namespace of its own with LCM's multicast, limits on memory,
+//     processes, disk and sockets. The bridge and the policy start in it, stopped.
+//  3. The simulator asks for a policy ("need_policy"). The runner lets it run, and hands the other
+//     end of its bridge's channel to the simulator. From here on the two talk without the runner.
+//  4. Each step, the simulator writes an observation to the bridge, which publishes it over LCM, and
+//     waits for the action at most as long as the budget allows. The runner meanwhile reads what
+//     the policy prints, samples its resource use, and prints a heartbeat for the caller.
+//  5. When an episode has ended, the simulator sends its facts. The runner checks that they are of
+//     the next episode of the order, keeps its log, and prints the record on one line: from then on
+//     the episode counts, whatever happens later.
+//  6. If the policy fails (it died, was silent, or sent what the protocol does not allow), the
+//     simulator reports what it saw ("policy_fault"). The runner adds what the kernel counted,
+//     decides whose fault it was, kills the sandbox, and answers ("ruling"). A participant's fault
+//     ends that episode; the next one starts with a fresh policy, at most `restarts` times. A fault
+//     of the grader ends the lease, which the caller retries as a whole.
+//  7. After the last episode the simulator says "done". The policy has a moment to exit, then both
+//     sandboxes are killed, and the runner prints the end record: output, CPU time, memory.
+//  8. The runner itself ends when everything that it started is dead, so that its slot is free then.
+//
+// Every wait has a deadline: a silent simulator, a lease that takes too long, a caller that reads no
+// records, and each step of a policy. The caller may end the lease at any time.
 #pragma once
 
 #include <functional>

@@ -109,7 +109,7 @@ absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
   if (!file_.valid() || written_ < info.packed_bytes || info.packed_bytes <= 0 ||
       !IsSha256Hex(info.sha256)) {
     return absl::InternalError(
-        absl::StrCat("the simulator told of a log of ", info.packed_bytes, " bytes and sent ",
+        absl::StrCat("the simulator reported a log of ", info.packed_bytes, " bytes and sent ",
                      written_));
   }
   // The simulator goes on meanwhile, so the same bytes may contain the start of the next log.
@@ -145,7 +145,7 @@ absl::StatusOr<TrajectoryFile> TrajectoryFile::Make(const std::string& path) {
 absl::Status TrajectoryFile::Keep(int64_t bytes) {
   if (bytes <= 0 || bytes > kMostTrajectoryFileBytes) {
     return absl::InternalError(
-        absl::StrCat("the simulator told of a trajectory of ", bytes, " bytes"));
+        absl::StrCat("the simulator reported a trajectory of ", bytes, " bytes"));
   }
   for (off_t at = 0; at < bytes;) {
     const ssize_t n = sendfile(file_.get(), memory_.get(), &at, static_cast<size_t>(bytes - at));

@@ -74,7 +74,7 @@ int EndAtOnce(const absl::Status& status) {
   LeaseEndRecord end;
   end.detail = std::string(status.message());
   std::printf("%s\n", LeaseRecordToLine(end).c_str());
-  std::fprintf(stderr, "myograde-runner: %s\n", Harmless(end.detail).c_str());
+  std::fprintf(stderr, "myograde-runner: %s\n", Sanitized(end.detail).c_str());
   return kGraderTrouble;
 }
 

@@ -116,7 +116,7 @@ absl::StatusOr<std::vector<LeaseRecord>> RunnerProcess::Read() {
         return absl::DataLossError(absl::StrCat(
             "the runner of lease ", started_.lease, " printed ",
             saw_end_ ? "a record after its last one"
-                     : absl::StrCat("what is no record: ", record.status().message())));
+                     : absl::StrCat("a malformed record: ", record.status().message())));
       }
       saw_end_ = std::holds_alternative<LeaseEndRecord>(*record);
       records.push_back(*std::move(record));

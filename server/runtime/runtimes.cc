@@ -78,7 +78,7 @@ absl::Status AddEntry(const fs::directory_entry& found, const std::string& path,
                          : fs::is_directory(status) ? EntryType::kFolder
                                                     : EntryType::kFile;
   if (type == EntryType::kFile && !fs::is_regular_file(status)) {
-    return Unreadable(found.path(), "it is no file, folder or link");
+    return Unreadable(found.path(), "it is not a file, folder or link");
   }
   const absl::StatusOr<Entry*> entry = listing.Add(path, type);
   if (!entry.ok()) return Unreadable(found.path(), std::string(entry.status().message()));
@@ -123,8 +123,8 @@ absl::StatusOr<Runtime> ReadRuntime(const std::string& folder) {
                   .files = reader.Integer("files", 0, kMany)};
   reader.Ignore("made_from");
   const Json packages = reader.Array("packages");
-  if (!IsSha256Hex(runtime.digest)) reader.Fail("digest", "is no SHA-256");
-  if (!IsRuntimeName(runtime.name)) reader.Fail("runtime", "is no name of a runtime");
+  if (!IsSha256Hex(runtime.digest)) reader.Fail("digest", "is not a SHA-256");
+  if (!IsRuntimeName(runtime.name)) reader.Fail("runtime", "is not a name of a runtime");
   absl::Status status = reader.Finish();
   if (status.ok()) status = ReadPackages(packages, path + ": packages", runtime);
   if (!status.ok()) return absl::InvalidArgumentError(status.message());
@@ -168,7 +168,7 @@ absl::StatusOr<Runtime> Runtimes::Find(const std::string& name, const std::strin
   for (const auto& [folder, version] : Versions()) {
     if (version.name == name && version.digest == digest) return version;
   }
-  const std::string now = !present.ok() ? "is not there any more"
+  const std::string now = !present.ok() ? "is no longer there"
                           : present->digest.empty()
                               ? "has an unknown content now"
                               : absl::StrCat("is ", present->digest.substr(0, 12), " now");

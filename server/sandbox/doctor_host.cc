@@ -117,9 +117,9 @@ Check CheckFrequency() {
   const std::string boost = FirstLine(folder + "cpufreq/boost");
   const std::string turbo = no_turbo == "0" || boost == "1"   ? "on"
                             : no_turbo == "1" || boost == "0" ? "off"
-                                                              : "not told by this host";
+                                                              : "not reported by this host";
   const std::string found = absl::StrCat(
-      "governor ", governor.empty() ? "not told by this host" : governor, ", turbo ", turbo);
+      "governor ", governor.empty() ? "not reported by this host" : governor, ", turbo ", turbo);
   if (governor == "powersave" && no_turbo.empty()) {
     return Poorer("frequency", found, "evaluations take longer; results stay the same",
                   "cpupower frequency-set -g performance");

@@ -81,8 +81,8 @@ class ImageMounts {
     if (!S_ISDIR(info.st_mode) && !S_ISREG(info.st_mode)) {
       return Unshowable(place, "is neither a file, a folder nor a link");
     }
-    if (place == "/etc" && !IsHarmless(path)) {
-      return Unshowable(place, "is no folder, or has an ld.so.preload; set LD_PRELOAD in its ENV");
+    if (place == "/etc" && !IsSafe(path)) {
+      return Unshowable(place, "is not a folder, or has an ld.so.preload; set LD_PRELOAD in its ENV");
     }
     spec_.mounts.push_back({Kind::kReadOnly, staged_ + place, place});
     return absl::OkStatus();
@@ -106,7 +106,7 @@ class ImageMounts {
   }
 
   // The loader of the grader's programs loads what /etc/ld.so.preload names.
-  bool IsHarmless(const std::string& etc) const {
+  bool IsSafe(const std::string& etc) const {
     const Fd folder = OpenBeneath(root_, etc, O_PATH | O_DIRECTORY);
     struct stat info = {};
     return folder.valid() &&

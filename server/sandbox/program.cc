@@ -159,7 +159,7 @@ class ProgramCheck {
       return Refused(absl::StrCat("is in none of the image's folders of programs: ",
                                   absl::StrJoin(path_, ", "), "; set PATH in its ENV"));
     }
-    return Refused(absl::StrCat("is no file of the submission and no program of the sandbox, which "
+    return Refused(absl::StrCat("is not a file of the submission and no program of the sandbox, which "
                                 "has its own in ", absl::StrJoin(path_, ", "),
                                 "; add the file, or name a program of Debian, a runtime or the "
                                 "submission"));
@@ -186,7 +186,7 @@ class ProgramCheck {
     if (!found) return Refused(absl::StrCat(start, Absent(path, missing)));
     if (!S_ISREG(found->mode)) {
       return Refused(absl::StrCat(start, S_ISDIR(found->mode) ? "is a folder, not a program"
-                                                              : "is no file that can be run"));
+                                                              : "is not a file that can be run"));
     }
     if ((found->mode & 0111) == 0) {
       return Refused(absl::StrCat(start, "is not executable; set its bit with chmod +x"));

@@ -35,7 +35,7 @@ std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
   for (const std::string& name : names) {
     if (seccomp_syscall_resolve_name(name.c_str()) != __NR_SCMP_ERROR) continue;
     reader.Fail(key,
-                absl::StrCat("holds \"", name, "\", which is no system call; see syscalls(2)"));
+                absl::StrCat("holds \"", name, "\", which is not a system call; see syscalls(2)"));
   }
   return names;
 }
@@ -125,7 +125,7 @@ absl::Status DenyByName(scmp_filter_ctx filter, const std::vector<std::string>& 
     const int number = seccomp_syscall_resolve_name(name.c_str());
     if (number == __NR_SCMP_ERROR) {
       return absl::InvalidArgumentError(
-          absl::StrCat("policy.json: \"", name, "\" is no system call; see syscalls(2)"));
+          absl::StrCat("policy.json: \"", name, "\" is not a system call; see syscalls(2)"));
     }
     if (const int result = Answer(filter, error, number); result != 0) {
       return absl::InternalError(

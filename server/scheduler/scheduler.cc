@@ -65,10 +65,10 @@ Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation
   const bool goes_on = team.turn.left > 0 && team.turn.of == evaluation.spec.id;
   Precedence turn = {team.running, goes_on ? team.turn.began : INT64_MAX, team.last_start,
                      team.joined};
-  const auto party = parties_.find(evaluation.spec.party);
-  if (party == parties_.end()) return turn;
-  turn.running = std::max(turn.running, party->second.running);
-  turn.last_start = std::max(turn.last_start, party->second.last_start);
+  const auto submitter = parties_.find(evaluation.spec.submitter);
+  if (submitter == parties_.end()) return turn;
+  turn.running = std::max(turn.running, submitter->second.running);
+  turn.last_start = std::max(turn.last_start, submitter->second.last_start);
   return turn;
 }
 
@@ -79,7 +79,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
     for (auto& [name, team] : teams_) {
       if (!MayStart(team, Priority(priority))) continue;
-      // A party's running leases, or another evaluation's turn, can only move it back.
+      // A submitter's running leases, or another evaluation's turn, can only move it back.
       const Precedence earliest = {team.running, team.turn.left > 0 ? team.turn.began : INT64_MAX,
                                    team.last_start, team.joined};
       if (best != nullptr && first <= earliest) continue;
@@ -137,16 +137,16 @@ int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
   return ready;
 }
 
-std::optional<Start> Scheduler::GiveWay(absl::Duration now) {
+std::optional<Start> Scheduler::Preempt(absl::Duration now) {
   if (!free_slots_.empty()) return std::nullopt;
   // The one that started last has the least to lose.
   if (running_rejudges_.empty()) return std::nullopt;
   Lease* last = &leases_.at(running_rejudges_.rbegin()->second);
   // Slots that are becoming free serve as many.
-  const int becoming_free = static_cast<int>(giving_way_.size());
+  const int becoming_free = static_cast<int>(preempting_.size());
   if (ReadyAboveRejudges(becoming_free + 1, now) <= becoming_free) return std::nullopt;
   Evaluation& evaluation = evaluations_.at(last->evaluation);
-  giving_way_.insert(last->slot);
+  preempting_.insert(last->slot);
   StopRunning(*last);
   evaluation.waiting.insert(last->id);
   Wait(evaluation, absl::InfiniteDuration());
@@ -194,7 +194,7 @@ void Scheduler::StopRunning(Lease& lease) {
 std::vector<Scheduler::Share*> Scheduler::SharesOf(const Evaluation& evaluation) {
   if (evaluation.spec.priority == Priority::kRejudge) return {};
   std::vector<Share*> shares = {&teams_.at(evaluation.spec.team)};
-  if (!evaluation.spec.party.empty()) shares.push_back(&parties_[evaluation.spec.party]);
+  if (!evaluation.spec.submitter.empty()) shares.push_back(&parties_[evaluation.spec.submitter]);
   return shares;
 }
 

@@ -6,13 +6,13 @@
 // ready; within it to the team with the fewest running leases; of those to the one whose turn began
 // first; of those to the one whose last start is longest ago; of those to the one that came first.
 // A turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at
-// most. A team's count is its own running leases or those of the party that submitted its
-// evaluation (a person with several teams is one party), whichever is more. Within a team: the
+// most. A team's count is its own running leases or those of the submitter that submitted its
+// evaluation (a person with several teams is one submitter), whichever is more. Within a team: the
 // older evaluation, then the earlier lease. An evaluation that has waited longer than `queue_wait`
 // goes ahead of all classes.
 //
 // Rejudges are nobody's: they count for no team, wait without a deadline, and give way. While all
-// slots are taken and a lease of another class is ready, GiveWay() names a running lease of theirs to
+// slots are taken and a lease of another class is ready, Preempt() names a running lease of theirs to
 // reclaim without a fault; it starts again when nothing else is ready.
 //
 // A slot is taken from the start of a lease until Free() says that nothing of it runs there any
@@ -59,7 +59,7 @@ struct LeaseSpec {
 struct EvaluationSpec {
   int64_t id = 0;
   std::string team;
-  std::string party;              // who submitted it; "": unknown, so the team stands for it
+  std::string submitter;              // who submitted it; "": unknown, so the team stands for it
   Priority priority = Priority::kRanked;
   absl::Duration lease_wall;      // longest run of a lease before it is reclaimed
   std::vector<LeaseSpec> leases;  // leases that have not ended; played in order of id
@@ -131,7 +131,7 @@ class Scheduler {
 
   // The start of a running lease that must give way now, already counted as waiting; nullopt: none.
   // Its slot stays taken until Free() or Close(). Call until nullopt, after Next().
-  std::optional<Start> GiveWay(absl::Duration now);
+  std::optional<Start> Preempt(absl::Duration now);
 
   // The attempt has a processor now: its deadlines begin. Only with `begins_later`.
   void Begun(int64_t lease, int64_t attempt, absl::Duration now);
@@ -162,12 +162,12 @@ class Scheduler {
   // Takes this slot until Free(), whatever occupies it.
   void Close(int slot) {
     free_slots_.erase(slot);
-    giving_way_.erase(slot);
+    preempting_.erase(slot);
   }
   // Nothing runs on this slot any more.
   void Free(int slot) {
     if (slot < limits_.slots) free_slots_.insert(slot);
-    giving_way_.erase(slot);
+    preempting_.erase(slot);
   }
 
   // Running leases whose runner has been silent for too long or that are over their time. Its cost
@@ -269,7 +269,7 @@ class Scheduler {
   std::set<std::pair<int64_t, int64_t>> running_rejudges_;  // sequence number of the start, lease
   std::set<std::pair<absl::Duration, int64_t>> deadlines_;  // of running leases: the next, lease
   std::set<int> free_slots_;
-  std::set<int> giving_way_;    // slots of leases that gave way, until they are free
+  std::set<int> preempting_;    // slots of leases that gave way, until they are free
   std::set<std::pair<absl::Duration, int64_t>> delayed_;  // not_before and lease
   std::set<std::pair<absl::Duration, int64_t>> waits_;    // wait_over and evaluation
   int64_t starts_ = 0;

@@ -114,9 +114,9 @@ absl::Status Deliveries::Set(int64_t id, const DeliveryOutcome& outcome) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<int64_t> Deliveries::GiveUpStrangers(const std::set<std::string>& webhooks) {
+absl::StatusOr<int64_t> Deliveries::AbandonAllBut(const std::set<std::string>& webhooks) {
   Statement update(db_, R"(UPDATE delivery
-      SET state = 'given_up', detail = 'server.json has no such webhook any more'
+      SET state = 'given_up', detail = 'server.json no longer has this webhook'
       WHERE state = 'waiting' AND webhook NOT IN (SELECT value FROM json_each(?)))",
                    CanonicalJson(Json(webhooks)));
   return update.exec();

@@ -86,7 +86,7 @@ class Deliveries : StorePart {
   absl::Status Tell(const std::string& event, const std::string& about_json);
   absl::Status Set(int64_t id, const DeliveryOutcome& outcome);
   // Gives up what waits for webhooks other than these; returns how many.
-  absl::StatusOr<int64_t> GiveUpStrangers(const std::set<std::string>& webhooks);
+  absl::StatusOr<int64_t> AbandonAllBut(const std::set<std::string>& webhooks);
   // Removes what was delivered or given up, of events before then.
   absl::Status Prune(int64_t before_ms);
   // Tells that an evaluation has ended, if it is a submission's own.

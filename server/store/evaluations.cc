@@ -279,10 +279,10 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
     });
   };
   for (const int64_t lease : AllNumbers(db_, kOpenLeases, evaluation)) {
-    const absl::Status usual = Part([&] {
+    const absl::Status ended = Part([&] {
       return Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why);
     });
-    if (usual.ok()) continue;
+    if (ended.ok()) continue;
     (void)part([&] { MendTypes(db_, "lease", lease); });
     (void)Part([&] {
       Run(db_, R"(UPDATE lease SET state = 'cancelled', slot = NULL, owner = NULL,

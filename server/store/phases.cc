@@ -39,7 +39,7 @@ absl::StatusOr<std::optional<SecretRow>> FindSecret(SQLite::Database& db,
 absl::Status RevealedError(const std::string& phase) {
   return CodedRefusal("phase_revealed",
                       absl::StrCat("the seeds of phase \"", phase,
-                                   "\" were revealed, so it takes no submission any more; "
+                                   "\" were revealed, so it no longer takes submissions; "
                                    "give a new phase a name that no phase of this server had"));
 }
 

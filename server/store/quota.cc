@@ -198,7 +198,7 @@ absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget b
   if (use.waiting >= limits.waiting) {
     return Refuse(absl::StrCat("team \"", team, "\" has ", Counted(use.waiting, "evaluation"),
                                " of ", place, " waiting, and ", limits.waiting,
-                               " may wait; hand in more when one of them has started"));
+                               " may wait; submit more when one of them has started"));
   }
   RETURN_IF_ERROR(CheckBudget(use, limits, budget, team, place));
   return CheckBudget(use, limits, Budget::kFailed, team, place);

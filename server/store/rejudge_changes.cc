@@ -84,11 +84,11 @@ nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
   return results;
 }
 
-// The config in force on a board; `usual`: of one that was never given any.
+// The config in force on a board; `fallback`: of one that was never given any.
 std::string ConfigInForce(const BoardState& board, const BoardName& name,
-                          const std::string& usual) {
+                          const std::string& fallback) {
   const std::vector<BoardConfigRow>& rows = board.ConfigsOf(name);
-  return rows.empty() ? usual : rows.back().config;
+  return rows.empty() ? fallback : rows.back().config;
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 -- Teams, and who calls:
 --   team             may have been merged into another one, and may be banned
 --   former_name      names that a team had before, so that they still find it
---   team_look        what a team's name looks like (server/base/names.h): names that share a look can be
+--   team_skeleton        what a team's name looks like (server/base/names.h): names that share a look can be
 --                    taken for one another. Made again when the rule for it changes
 --   member           who belongs to a team; the newest row of a team and a person is in force
 --   token            bearer tokens, as hashes
@@ -166,10 +166,10 @@ CREATE TABLE former_name (
   team_id INTEGER NOT NULL REFERENCES team (id)
 ) STRICT;
 
-CREATE TABLE team_look (
-  look TEXT NOT NULL,
+CREATE TABLE team_skeleton (
+  skeleton TEXT NOT NULL,
   team INTEGER NOT NULL REFERENCES team (id),
-  PRIMARY KEY (look, team)
+  PRIMARY KEY (skeleton, team)
 ) STRICT, WITHOUT ROWID;
 
 CREATE TABLE member (
@@ -220,7 +220,7 @@ CREATE TABLE request_key (
   PRIMARY KEY (who, key)
 ) STRICT, WITHOUT ROWID;
 
-CREATE INDEX team_look_by_team ON team_look (team);
+CREATE INDEX team_skeleton_by_team ON team_skeleton (team);
 CREATE INDEX member_by_team ON member (team_id, person, id);
 CREATE INDEX member_by_person ON member (person, team_id, id);
 CREATE INDEX request_key_by_age ON request_key (at);

@@ -51,7 +51,7 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
     SQLite::Database& db = *store->db_;
     store->trusted_time_ms_ = TrustedTimeOf(db);
     SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
-    FillTeamLooks(db);
+    FillTeamSkeletons(db);
     transaction.commit();
     store->Remember(RowsEver(db));
     return absl::OkStatus();

@@ -200,9 +200,9 @@ absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmi
   if (!taken) return std::optional<Accepted>();
   return CodedRefusal(
       "same_artefact",
-      absl::StrCat("another team has handed in exactly this artefact for track \"",
+      absl::StrCat("another team has submitted exactly this artefact for track \"",
                    submission.track, "\", profile \"", submission.profile,
-                   "\", and an artefact has one ranked evaluation there; hand in a policy of your "
+                   "\", and an artefact has one ranked evaluation there; submit a policy of your "
                    "own, or practise with fewer episodes"));
 }
 

@@ -27,10 +27,10 @@ int64_t RowNamedExactly(SQLite::Database& db, const std::string& name) {
 // The oldest other team that the name resembles, now or by a former name of its own; "": none.
 std::string Resembled(SQLite::Database& db, const std::string& name, int64_t team) {
   const std::string sql = absl::StrCat(
-      "SELECT t.name FROM team_look AS l JOIN team AS t ON t.id = l.team "
-      "WHERE l.look = ?1 AND t.id NOT IN ",
+      "SELECT t.name FROM team_skeleton AS l JOIN team AS t ON t.id = l.team "
+      "WHERE l.skeleton = ?1 AND t.id NOT IN ",
       RowsOfTeam(2), " ORDER BY t.id LIMIT 1");
-  for (const std::string& look : LooksOf(name)) {
+  for (const std::string& look : ConfusableSkeletons(name)) {
     std::string other = FirstText(db, sql, look, team);
     if (!other.empty()) return other;
   }
@@ -71,7 +71,7 @@ absl::StatusOr<TeamInForce> FindTeam(SQLite::Database& db, const std::string& na
   return absl::NotFoundError(absl::StrCat("there is no team \"", name, "\""));
 }
 
-absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t team) {
+absl::Status CheckNotConfusable(SQLite::Database& db, const std::string& clean, int64_t team) {
   const std::string other = Resembled(db, clean, team);
   if (other.empty()) return absl::OkStatus();
   absl::Status status = CodedRefusal(
@@ -89,7 +89,7 @@ absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& n
   }
   absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
   if (!clean.ok()) return clean;
-  RETURN_IF_ERROR(CheckLooks(db, *clean, 0));
+  RETURN_IF_ERROR(CheckNotConfusable(db, *clean, 0));
   return clean;
 }
 
@@ -124,9 +124,9 @@ int64_t KnownTeamId(SQLite::Database& db, const std::string& name) {
   return team.ok() ? team->id : 0;
 }
 
-void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
-  for (const std::string& look : LooksOf(name)) {
-    Run(db, "INSERT OR IGNORE INTO team_look VALUES (?, ?)", look, team);
+void AddSkeletons(SQLite::Database& db, int64_t team, const std::string& name) {
+  for (const std::string& look : ConfusableSkeletons(name)) {
+    Run(db, "INSERT OR IGNORE INTO team_skeleton VALUES (?, ?)", look, team);
   }
 }
 
@@ -149,24 +149,24 @@ int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
   if (const int64_t row = RowNamedExactly(db, name); row != 0) return row;
   Run(db, "INSERT INTO team (name, created_at) VALUES (?, ?)", name, now_ms);
   const int64_t team = db.getLastInsertRowid();
-  AddLooks(db, team, name);
+  AddSkeletons(db, team, name);
   AddTeamEvent(db, now_ms, team, "created", "", who, why);
   return team;
 }
 
-void FillTeamLooks(SQLite::Database& db) {
-  const std::string version = LooksVersion();
-  const bool fits = Meta(db, "team_looks") == version;
-  if (!fits) db.exec("DELETE FROM team_look");
+void FillTeamSkeletons(SQLite::Database& db) {
+  const std::string version = SkeletonVersion();
+  const bool fits = Meta(db, "team_skeletons") == version;
+  if (!fits) db.exec("DELETE FROM team_skeleton");
   Statement select(db, R"(WITH bare AS (SELECT id FROM team AS t
-      WHERE NOT EXISTS (SELECT 1 FROM team_look WHERE team = t.id)) SELECT id, name FROM team
+      WHERE NOT EXISTS (SELECT 1 FROM team_skeleton WHERE team = t.id)) SELECT id, name FROM team
       WHERE id IN bare UNION ALL SELECT team_id, name FROM former_name WHERE team_id IN bare)");
   std::vector<std::pair<int64_t, std::string>> teams;
   while (select.executeStep()) {
     teams.emplace_back(select.getColumn(0).getInt64(), select.getColumn(1).getString());
   }
-  for (const auto& [team, name] : teams) AddLooks(db, team, name);
-  if (!fits) SetMeta(db, "team_looks", version);
+  for (const auto& [team, name] : teams) AddSkeletons(db, team, name);
+  if (!fits) SetMeta(db, "team_skeletons", version);
 }
 
 }  // namespace myograde::server

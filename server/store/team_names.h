@@ -41,7 +41,7 @@ std::string RowsOfTeam(int place);
 absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name);
 // Whether the team of the row 0 (a new team), or another one, may take a clean name, which no team
 // has; errors as of TeamNamed.
-absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t team);
+absl::Status CheckNotConfusable(SQLite::Database& db, const std::string& clean, int64_t team);
 
 // FailedPreconditionError with the code "banned" if the team called `name` is banned.
 absl::Status CheckNotBanned(SQLite::Database& db, const BoardState& board, const std::string& name);
@@ -56,9 +56,9 @@ int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
 void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
                   const std::string& detail, const std::string& who, const std::string& why);
 // Adds the looks of one more name of a team.
-void AddLooks(SQLite::Database& db, int64_t team, const std::string& name);
+void AddSkeletons(SQLite::Database& db, int64_t team, const std::string& name);
 
 // Computes the looks of teams that have none, or of all if the rule has changed.
-void FillTeamLooks(SQLite::Database& db);
+void FillTeamSkeletons(SQLite::Database& db);
 
 }  // namespace myograde::server

@@ -46,7 +46,7 @@ void RenameUploads(SQLite::Database& db, const std::string& from, const std::str
 // FailedPreconditionError if a team of the row 0 (a new one), or another one, can't have the name.
 absl::Status CheckFree(SQLite::Database& db, const std::string& clean, int64_t team) {
   const int64_t row = TeamRowNamed(db, clean);
-  if (row == 0) return CheckLooks(db, clean, team);
+  if (row == 0) return CheckNotConfusable(db, clean, team);
   if (row == team) return absl::OkStatus();  // a former name of its own
   ASSIGN_OR_RETURN(const TeamInForce holder, TeamOfRow(db, row));
   if (team != 0 && holder.id == team) {
@@ -157,7 +157,7 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
                           " AND accepted_by != ?2 LIMIT 1"),
              KnownTeamId(db_, name), person)) {
     return Forbid(absl::StrCat("team \"", name, "\" belongs to others, and ", person,
-                               " is no member of it; choose another name, or ask an organiser to "
+                               " is not a member of it; choose another name, or ask an organiser to "
                                "add you"));
   }
   if (std::ssize(teams) >= most) {
@@ -181,7 +181,7 @@ absl::StatusOr<bool> Teams::Rename(const std::string& team, const std::string& n
   Run(db_, "DELETE FROM former_name WHERE name = ? AND team_id = ?", clean, found.id);
   Run(db_, "UPDATE team SET name = ? WHERE id = ?", clean, found.id);
   Run(db_, "INSERT INTO former_name (name, team_id) VALUES (?, ?)", found.name, found.id);
-  AddLooks(db_, found.id, clean);
+  AddSkeletons(db_, found.id, clean);
   RenameUploads(db_, found.name, clean);
   AddTeamEvent(db_, now_ms_, found.id, "renamed", found.name, who, why);
   return true;

@@ -24,14 +24,14 @@ absl::Status Transaction::Import(const std::string& path, const ExportInfo& info
                                  const std::string& who,
                                  const std::function<absl::Status(const Transaction&)>& check) {
   RETURN_IF_ERROR(ImportRows(context_.db, path, info));
-  FillTeamLooks(context_.db);
+  FillTeamSkeletons(context_.db);
   if (absl::Status read = check(*this); !read.ok()) {
     if (!DamageOf(read).has_value()) return read;
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": has a row that no request could read (", read.message(),
                      "); nothing was imported: export again from a store that is well"));
   }
-  constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
+  constexpr char kWhy[] = "had not ended when it was exported; submit it again";
   for (const int64_t evaluation :
        AllNumbers(context_.db, "SELECT id FROM evaluation WHERE finished_at IS NULL ORDER BY id")) {
     RETURN_IF_ERROR(evaluations.EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who));

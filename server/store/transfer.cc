@@ -34,7 +34,7 @@ constexpr char kBytes[] = "bytes";  // the key of a value that is neither text n
 // SQLite's own tables.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
-    "name NOT IN ('meta', 'standing', 'team_look', 'upload', 'artefact_holder', "
+    "name NOT IN ('meta', 'standing', 'team_skeleton', 'upload', 'artefact_holder', "
     "'phase_secret', 'token', 'request_key', 'access_event', 'delivery') ORDER BY name";
 
 struct Table {
@@ -82,7 +82,7 @@ Json RowOf(SQLite::Statement& select, const Table& table) {
 absl::Status Broken(const std::string& path, int64_t line, std::string_view what) {
   return absl::InvalidArgumentError(
       absl::StrCat(path, ": line ", line, ": ", std::string(what),
-                   "; it is no export, or it was changed or cut off: export again"));
+                   "; it is not an export, or it was changed or cut off: export again"));
 }
 
 // Calls `on_line` for each line of a file, without its newline, and its number from 1 on. A last
@@ -341,12 +341,12 @@ absl::Status ForEachRow(
     const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
   Parser parser(path, [&](const std::string& table, std::string_view text, int64_t number) {
     const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-    if (!row.is_object()) return Broken(path, number, "is no JSON object");
+    if (!row.is_object()) return Broken(path, number, "is not a JSON object");
     for (const Json& value : row) {
       const bool bytes = value.is_object() && value.size() == 1 && value.contains(kBytes) &&
                          value[kBytes].is_string();
       if (value.is_structured() && !bytes) {
-        return Broken(path, number, "is no row of plain values");
+        return Broken(path, number, "is not a row of plain values");
       }
     }
     return on_row(table, row);

@@ -10,6 +10,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/json_value.h"
 #include "server/base/log_line.h"
 #include "server/base/secret.h"
 
@@ -74,7 +75,7 @@ absl::StatusOr<PostResult> WebhookSender::Test(const Webhook& webhook,
   const absl::Time now = options_.clock.Now();
   const Json body = {{"id", id},
                      {"event", kTestEvent},
-                     {"at", absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", now, absl::UTCTimeZone())}};
+                     {"at", TimeText(now)}};
   const PostResult result = Post(webhook, id, CanonicalJson(body), now, stop);
   options_.metrics.CountWebhook(webhook.config.name, result.delivered);
   return result;

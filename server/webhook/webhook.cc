@@ -45,7 +45,7 @@ std::string ProblemOf(const std::string& text) {
   if (text.size() > kMaxUrl) return absl::StrCat("is longer than ", kMaxUrl, " bytes");
   const UrlPtr url(curl_url(), curl_url_cleanup);
   if (url == nullptr || curl_url_set(url.get(), CURLUPART_URL, text.c_str(), 0) != CURLUE_OK) {
-    return "is no URL; give one like \"https://chat.example.org/myograde\"";
+    return "is not a URL; give one like \"https://chat.example.org/myograde\"";
   }
   const std::string scheme = PartOf(url.get(), CURLUPART_SCHEME);
   if (scheme != "https" && scheme != "http") return "must begin with https://";

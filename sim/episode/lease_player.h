@@ -56,7 +56,7 @@ class LeasePlayer {
   void BeginLog(const EpisodeOrder& episode);
   absl::Status EndLog(EpisodeFacts& facts);
   absl::Status Record(const EpisodeOrder& episode, const std::optional<FaultEvidence>& fault);
-  // Without the policy's start, which is no episode's.
+  // Without the policy's start, which is not an episode's.
   void TellTimes(EpisodeFacts& facts);
   // Sends `question` and waits for the answer, telling of progress meanwhile.
   absl::StatusOr<SimMessage> AskRunner(const nlohmann::json& question, absl::Duration limit);

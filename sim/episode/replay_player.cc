@@ -223,7 +223,7 @@ absl::StatusOr<EpisodeLog> ReplayPlayer::ReadLog(const EpisodeOrder& episode) {
   if (log->header.episode != episode.index || log->header.seed != episode.seed ||
       log->header.track.hash != track->hash) {
     return absl::DataLossError(
-        absl::StrCat("the log is of another episode: it tells of episode ", log->header.episode,
+        absl::StrCat("the log is of another episode: it is of episode ", log->header.episode,
                      " with seed ", log->header.seed, " in the config ", log->header.config));
   }
   return log;

@@ -31,7 +31,7 @@ struct WrapShape {
 };
 
 // What of a model can move on its own, or is placed anew by each reset. What is welded onto a body
-// moves with it and is no part of its own.
+// moves with it and is not a part of its own.
 struct Figure {
   std::vector<int> parts;    // bodies, ascending
   std::vector<int> part_of;  // for each body its part's index; -1: fixed in the world

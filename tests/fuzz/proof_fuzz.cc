@@ -17,7 +17,7 @@ MYOGRADE_FUZZ_TARGET(proof)(const uint8_t* data, size_t size) {
   const std::string text = input.RestText();
   if (head) {
     const absl::StatusOr<RecordHead> parsed = ParseHead(text);
-    Require(parsed.ok() || absl::IsDataLoss(parsed.status()), "what is no head is told so");
+    Require(parsed.ok() || absl::IsDataLoss(parsed.status()), "what is not a head is told so");
     return 0;
   }
   const absl::StatusOr<nlohmann::json> json = ParseJson(text, "proof");

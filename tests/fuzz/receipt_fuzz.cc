@@ -28,7 +28,7 @@ const PublicKey& Public() {
 void Check(const std::string& text, bool may_be_signed) {
   const absl::StatusOr<nlohmann::json> receipt = ParseReceipt(text);
   if (!receipt.ok()) {
-    Require(absl::IsDataLoss(receipt.status()), "what is no receipt is told so");
+    Require(absl::IsDataLoss(receipt.status()), "what is not a receipt is told so");
     return;
   }
   const std::vector<ReceiptCheck> checks = CheckReceipt(text, Public());

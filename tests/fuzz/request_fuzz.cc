@@ -19,13 +19,13 @@ void CheckText(const std::string& text, size_t max) {
 }
 
 void CheckName(const std::string& name) {
-  Require(!LooksOf(name).empty(), "a name looks like something");
+  Require(!ConfusableSkeletons(name).empty(), "a name looks like something");
   const absl::StatusOr<std::string> clean = CleanName(name, "name");
   if (!clean.ok()) return;
   CheckText(*clean, kMaxNameBytes);
   Require(CleanName(*clean, "name").value_or("") == *clean, "a clean name stays as it is");
-  const std::set<std::string> looks = LooksOf(name);
-  Require(LooksOf(*clean) == looks, "a clean name looks like what it was made of");
+  const std::set<std::string> looks = ConfusableSkeletons(name);
+  Require(ConfusableSkeletons(*clean) == looks, "a clean name looks like what it was made of");
 }
 
 void CheckSubmit(const nlohmann::json& body) {

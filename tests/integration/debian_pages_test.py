@@ -102,7 +102,7 @@ class Pages(unittest.TestCase):
         for words in (r"\-\-track", "2023-11-14", ".SH EXAMPLE", ".SH EXIT STATUS"):
             self.assertIn(words, text)
         config = gzip.decompress((self.folder / "man5/myograde-server.json.5.gz").read_bytes()).decode()
-        self.assertIn("scheduler.max_replays", config)
+        self.assertIn("scheduler.max_retries", config)
 
     @needs("mandoc")
     def test_mandoc_finds_no_mistake(self):

@@ -34,7 +34,7 @@ class BrokenHost(SystemTest):
             if program.name.startswith("myograde"):
                 shutil.copy2(program, cls.bin)
         cls.environment["MYOGRADE_BIN_DIR"] = str(cls.bin)
-        cls.daemon.configure(scheduler={"replay_delay_s": 0.5, "self_test_every_s": 3})
+        cls.daemon.configure(scheduler={"retry_delay_s": 0.5, "self_test_every_s": 3})
         cls.start_daemon()
 
     def wait(self, what, condition):

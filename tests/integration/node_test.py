@@ -225,7 +225,7 @@ class Node(unittest.TestCase):
         self.assertEqual(lease.play(), 0, lease.said)
         self.assertNotIn("lost", lease.nodes[-1])
         self.assertEqual(lease.end["record"], "")
-        self.assertIn("printed what is no record", lease.end["said"])
+        self.assertIn("printed a malformed record", lease.end["said"])
 
     def test_two_leases_share_a_node_and_each_ends_with_its_srun(self):
         leases = [self.lease("sleeps") for _ in range(2)]
@@ -274,7 +274,7 @@ class Node(unittest.TestCase):
         lease = Lease(self, next(self.numbers), self.policies["ends"], "short", 1)
         lease.order["artefact"] = "../../etc"
         self.assertEqual(self.begin(lease).play(), 4)
-        self.assertIn("myograde-node: a cluster's order: artefact: is no digest", lease.said)
+        self.assertIn("myograde-node: a cluster's order: artefact: is not a digest", lease.said)
         for words in (["--play", "--cache"], ["--lifeline"], ["--prove"], []):
             done = subprocess.run([BIN / "myograde-node", *words], capture_output=True, text=True,
                                   check=False)

@@ -243,7 +243,7 @@ class Runtimes(SystemTest):
             self.assertTrue(complaint.rstrip("\n").isprintable(), ascii(complaint))
         status, _, complaint = self.add("bad", "--python", "/root/python", requirements=good)
         self.assertEqual(status, 2)
-        self.assertIn("hand in an image", complaint)
+        self.assertIn("submit an image", complaint)
         status, _, complaint = self.add("bad", "--most-bytes", "10", requirements=good)
         self.assertEqual(status, 2)
         self.assertIn("--most-bytes", complaint)

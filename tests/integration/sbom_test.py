@@ -203,7 +203,7 @@ class Sbom(unittest.TestCase):
         empty.mkdir()
         for words, environment, sentence in (
                 ({"programs": empty}, {}, "holds no program"),
-                ({"programs": self.root / "nowhere"}, {}, "is no folder"),
+                ({"programs": self.root / "nowhere"}, {}, "is not a folder"),
                 ({}, {"SOURCE_DATE_EPOCH": "soon"}, "must be seconds since 1970")):
             done = make(self.root / "c", **words, **environment)
             self.assertEqual(done.returncode, 4, done.stdout + done.stderr)

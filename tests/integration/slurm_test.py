@@ -39,7 +39,7 @@ class OnSlurm(SystemTest):
             slurm={"node_dir": str(cls.root / "node"),
                    "slurm_bin_dir": str(cls.commands.folder), "most_jobs": 6, "memory_mib": 1024,
                    **cls.slurm_options},
-            scheduler={"replay_delay_s": 0.2, "heartbeat_s": 10})
+            scheduler={"retry_delay_s": 0.2, "heartbeat_s": 10})
         cls.roots = {}
         cls.teams = 0
         cls.before_start()

@@ -34,8 +34,8 @@ class Host(Daemon):
             budgets={"startup_s": 120}))
         # Kills come faster here than faults ever do: the highest number of retries that can be
         # configured.
-        self.configure(slots=slots, scheduler={"heartbeat_s": 4, "replay_delay_s": 0.1,
-                                               "max_replays": 100, "self_test_every_s": 5})
+        self.configure(slots=slots, scheduler={"heartbeat_s": 4, "retry_delay_s": 0.1,
+                                               "max_retries": 100, "self_test_every_s": 5})
         self.change_config("sandbox/sim.json", silence_s=10)
 
     def submit(self, policy, team):

@@ -50,7 +50,8 @@ RULES = {
     "server/scheduler": ({"protocol/base", "server/base", "server/scheduler"},
                          r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|fstream$|filesystem$|unistd"),
     # What counts is a function of acts.
-    "server/board": ({"protocol/base", "server/base/plain_text.h", "server/board"},
+    "server/board": ({"protocol/base", "server/base/plain_text.h", "server/base/json_value.h",
+                      "server/base/enum_names.h", "server/board"},
                      r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|spdlog/|chrono$|fstream$|filesystem$|"
                      r"unistd"),
     "server/store": ({"protocol", "server/base", "server/board", "server/store"}, r"mujoco/|lcm/|boost/|CLI/"),
@@ -260,7 +261,7 @@ def link_graph(root):
 def check_reach(graph):
     for target, forbidden in FORBIDDEN_REACH.items():
         if target not in graph:
-            yield f"{target}: is no target any more; correct FORBIDDEN_REACH in lint.py"
+            yield f"{target}: is not a target any more; correct FORBIDDEN_REACH in lint.py"
         paths = {target: target}
         waiting = [target]
         while waiting:

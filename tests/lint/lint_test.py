@@ -20,7 +20,7 @@ class TrackNames(unittest.TestCase):
     def test_english_and_other_words(self):
         for track, text in (("hand", "// resolves it by hand; on the other hand, (hand) hands"),
                             ("hand", "// hand-written, first-hand"), ("hand", "handle, Handler, kHandled"),
-                            ("hand", '"hand it in again"'), ("finger", "Fingerprint, fingerprints_"),
+                            ("hand", '"submit it again"'), ("finger", "Fingerprint, fingerprints_"),
                             ("leg", "legal, LegacyForm, elegant"), ("arm", "alarm, Army, warm, kArmed")):
             self.assertFalse(self.names(text, track), text)
         self.assertFalse(self.names("# by hand\nadd_library(x y.cc)", "hand", "sim/CMakeLists.txt"))

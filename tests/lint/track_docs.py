@@ -111,7 +111,7 @@ def tables(text):
 
 
 def values(cell):
-    """The JSON values in a cell's code spans; a span that is no JSON is a string."""
+    """The JSON values in a cell's code spans; a span that is not JSON is a string."""
     found = []
     for span in re.findall(r"`([^`]*)`", cell):
         try:

@@ -257,7 +257,7 @@ class Choice(WithDaemon):
             Client()
         login_file().chmod(0o600)
         login_file().write_text('{"server": "https://x", "token": "secret"')
-        with self.assertRaisesRegex(WrongUse, "is no login") as wrong:
+        with self.assertRaisesRegex(WrongUse, "is not a login") as wrong:
             Client()
         self.assertNotIn("secret", str(wrong.exception))
         login_file().unlink()
@@ -278,10 +278,10 @@ class Choice(WithDaemon):
                             ("http://127.0.0.1:8080", "http://127.0.0.1:8080"),
                             ("unix:a.sock", "a.sock"), ("./a.sock", "./a.sock")):
             self.assertEqual(str(choose_server(text)), shown)
-        for text, words in (("grader", "is no server's address"), ("ftp://x", "is no server's"),
-                            ("https://x/path", "is no server's"), ("https://x:99999", "is no"),
-                            ("https://user@x", "no password"), ("https://", "is no server's"),
-                            ("http://example.org", "without TLS"), ("https://x:0", "is no server's")):
+        for text, words in (("grader", "is not a server's address"), ("ftp://x", "is not a server's"),
+                            ("https://x/path", "is not a server's"), ("https://x:99999", "is no"),
+                            ("https://user@x", "no password"), ("https://", "is not a server's"),
+                            ("http://example.org", "without TLS"), ("https://x:0", "is not a server's")):
             with self.assertRaisesRegex(WrongUse, words, msg=text):
                 choose_server(text)
         with self.assertRaisesRegex(WrongUse, "not both"):

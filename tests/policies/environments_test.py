@@ -228,7 +228,7 @@ class Digests(InFolder):
                               "manipulation": (True, 100, "")})
 
     def assert_fits(self, schema, text):
-        """By Debian's jsonschema, which is no part of this test's Python."""
+        """By Debian's jsonschema, which is not a part of this test's Python."""
         script = ("import json, sys\nfrom support.schemas import validate\n"
                   "validate(json.load(sys.stdin), sys.argv[1])")
         said = subprocess.run(["/usr/bin/python3", "-c", script, schema], input=text, text=True,

@@ -144,7 +144,7 @@ class Bundle(InFolder):
         (kit / "mine.py").write_text("mine")
         said = self.run_module("bundle", self.folder)
         self.assertEqual((said.returncode, said.stdout), (2, ""))
-        self.assertRegex(said.stderr, "is no kit; move it away")
+        self.assertRegex(said.stderr, "is not a kit; move it away")
         self.assertEqual((kit / "mine.py").read_text(), "mine")
 
     def test_a_folder_that_is_not_there_is_an_error(self):

@@ -30,10 +30,10 @@ class Packing(unittest.TestCase):
         self.assertIn("has no policy.json", self.refused(self.folder))
         (self.folder / "policy.json").write_text("{}")
         os.mkfifo(self.folder / "pipe")
-        self.assertIn("pipe: is no file", self.refused(self.folder))
+        self.assertIn("pipe: is not a file", self.refused(self.folder))
         (self.folder / "pipe").unlink()
         (self.folder / "tool").write_text("x")
-        self.assertIn("is no program", self.refused(self.folder / "tool"))
+        self.assertIn("is not a program", self.refused(self.folder / "tool"))
         (self.folder / "tool").write_text("#!/bin/sh\n")
         self.assertIn("is not executable", self.refused(self.folder / "tool"))
         (self.folder / "tool").chmod(0o4755)
@@ -89,7 +89,7 @@ class Packing(unittest.TestCase):
         (self.folder / "named/policy.json").write_text("[]")
         for place, name, words in (("nameless", "", "name is empty"),
                                    ("x.tar.zst", "x", "into its policy.json"),
-                                   ("named", "x", "is no object")):
+                                   ("named", "x", "is not an object")):
             with self.assertRaisesRegex(WrongUse, words):
                 pack(self.folder / place, io.BytesIO(), name)
 

@@ -94,7 +94,7 @@ def _tars():
         "no-manifest.tar": _tar(good=GOOD[1:]),
         "no-program.tar": _tar(good=GOOD[:1]),
         "cut.tar": _tar(entry("data", b"x" * 5000))[:5000],
-        "garbage.tar": b"this is no archive" * 100,
+        "garbage.tar": b"this is not an archive" * 100,
         "empty.tar": b"",
     }
     if shutil.which("zstd"):

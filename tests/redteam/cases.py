@@ -55,7 +55,7 @@ RESOURCES = (
          (Variant(expect=("memory_limit", "crash"), lacking=LACKING_MEMORY_GROUP),)),
     Case(15, "deep recursion", "c15_recursion.c",
          each(("plain", "unlimited"), expect=("memory_limit", "crash"))),
-    Case(16, "memory that is no process'", "c16_other_memory.c",
+    Case(16, "memory that is not a process'", "c16_other_memory.c",
          each(("tmp", "shm", "memfd", "sysv"), expect=("memory_limit",), track="rt-memory",
               limit="memory_bytes", lacking=LACKING_MEMORY_GROUP)
          # The kernel rejects queues long before they could reach the limit.

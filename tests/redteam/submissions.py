@@ -334,7 +334,7 @@ def run_changing(suite):
 CASES = (
     SubmissionCase(47, "archives that bomb, climb and lie", run_archives, quick=False),
     SubmissionCase(48, "manifests and limits that are none", run_manifests, quick=False),
-    SubmissionCase(73, "a folder that changes while it is handed in", run_changing, quick=False),
+    SubmissionCase(73, "a folder that changes while it is submitted", run_changing, quick=False),
     SubmissionCase(74, "names that trick those who read them", run_names, quick=False),
     SubmissionCase(85, "crowds of clients that are silent, slow or idle", crowds.run_crowds),
     SubmissionCase(86, "re-runs without end", crowds.run_hoard, quick=False),

@@ -322,16 +322,16 @@ TEST(ScoredTracks, KeepTheKeysOfEarlierResults) {
 }
 
 absl::StatusOr<StatisticsConfig> Statistics(const json& section,
-                                            const StatisticsConfig& usual = {}) {
-  return ParseStatistics(section, "statistics", usual);
+                                            const StatisticsConfig& fallback = {}) {
+  return ParseStatistics(section, "statistics", fallback);
 }
 
 TEST(StatisticsConfig, KeepsWhatIsUsualWhereNothingIsSaid) {
-  const StatisticsConfig usual{.groups = {.level = 0.25, .samples = 777, .places = 3},
+  const StatisticsConfig fallback{.groups = {.level = 0.25, .samples = 777, .places = 3},
                                .ranks = StatisticsConfig::Ranks::kGroups};
-  const StatisticsConfig got = *Statistics(json::object(), usual);
-  EXPECT_EQ(got.groups, usual.groups);
-  EXPECT_EQ(got.ranks, usual.ranks);
+  const StatisticsConfig got = *Statistics(json::object(), fallback);
+  EXPECT_EQ(got.groups, fallback.groups);
+  EXPECT_EQ(got.ranks, fallback.ranks);
   const json written = {{"method", "paired-permutation"},
                         {"level", 0.25},
                         {"samples", 777},

@@ -34,7 +34,7 @@ std::map<std::string, std::vector<double>> ShownByName(const Environment& enviro
     for (const Part& part : layout.parts()) {
       const auto first = values.begin() + part.offset;
       const bool added = shown.try_emplace(std::string(part.name), first, first + part.size).second;
-      EXPECT_TRUE(added) << part.name << " is there twice";
+      EXPECT_TRUE(added) << part.name << " appears twice";
     }
   };
   std::vector<double> graded(ObservationOf(kind).size());

@@ -51,7 +51,7 @@ def parse(text):
             if kind not in ("HELP", "TYPE") or not re.fullmatch(NAME, name):
                 raise FormatError(line)
             if kind == "HELP" and name in families:
-                raise FormatError(f"{name} is there twice")
+                raise FormatError(f"{name} appears twice")
             current = families.setdefault(name, {"samples": []})
             current[kind.lower()] = rest
             current["name"] = name

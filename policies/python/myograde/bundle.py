@@ -31,7 +31,7 @@ def bundle(folder: str | os.PathLike[str]) -> Bundle:
     place = root / "myograde"
     replaced = os.path.lexists(place)
     if replaced and (place.is_symlink() or not (place / "action_t.py").is_file()):
-        raise WrongUse(f"{place}: is there already and is no kit; move it away or rename it")
+        raise WrongUse(f"{place}: is there already and is not a kit; move it away or rename it")
     try:
         files = _write(root, place)
     except OSError as error:

@@ -106,7 +106,7 @@ absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
         !absl::SimpleAtoi(line, &seeds.emplace_back())) {
       return absl::InvalidArgumentError(
           absl::StrCat(path, ": line ", number,
-                       " is no seed; write one whole number from 0 to 2^63-1 on each line"));
+                       " is not a seed; write one whole number from 0 to 2^63-1 on each line"));
     }
   }
   return ParseSeeds(nlohmann::json(seeds), path);

@@ -37,7 +37,7 @@ class NewFile {
 
  private:
   const std::string path_;
-  const bool in_place_;  // it is no file
+  const bool in_place_;  // it is not a file
   const std::string part_;
   Fd fd_;
   Sha256 hash_;

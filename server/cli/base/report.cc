@@ -25,7 +25,7 @@ void PrintCounts(const char* name, const Json& result, const char* key) {
   std::vector<std::string> counts;
   const Json object = result.value(key, Json::object());
   for (const auto& [of, count] : object.items()) {
-    counts.push_back(absl::StrCat(count.dump(), " ", Harmless(of)));
+    counts.push_back(absl::StrCat(count.dump(), " ", Sanitized(of)));
   }
   if (!counts.empty()) PrintPair(name, absl::StrJoin(counts, ", "));
 }
@@ -115,7 +115,7 @@ void PrintResult(const Json& result, bool full_hashes) {
     for (const Json& metric : result.value("metrics", Json::array())) {
       const std::string name = metric.value("name", "");
       if (aggregate.value(name, Json()).is_null()) continue;
-      PrintPair(Harmless(metric.value("title", "")),
+      PrintPair(Sanitized(metric.value("title", "")),
                 Cell(aggregate, name, metric.value("digits", 4)) + Filled(metric, "[ {unit}]"));
     }
   }

@@ -53,12 +53,12 @@ std::vector<std::string> NamesOf(const CLI::App& app) {
   return names;
 }
 
-// For a word that is no verb of `app`; `known` is what stands before its verbs ("seeds ").
+// For a word that is not a verb of `app`; `known` is what stands before its verbs ("seeds ").
 std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
   const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
   if (word.empty()) return absl::StrCat("no verb is given; ", help, " lists them");
   const std::string nearest = NearestOf(word, NamesOf(app));
-  return absl::StrCat("there is no verb \"", known, CutText(Harmless(word), 40), "\"; ",
+  return absl::StrCat("there is no verb \"", known, CutText(Sanitized(word), 40), "\"; ",
                       nearest.empty() ? absl::StrCat(help, " lists them")
                                       : absl::StrCat("did you mean \"", known, nearest, "\"?"));
 }
@@ -131,7 +131,7 @@ std::string ShownJson(const Json& json) {
   for (size_t at = 0; at < text.size();) {
     const size_t begin = at;
     const char32_t c = TakeCodePoint(text, at);
-    if (c == '\n' || !IsHarmful(c)) {
+    if (c == '\n' || !IsUnsafe(c)) {
       shown.append(text, begin, at - begin);
     } else if (c < 0x10000) {
       absl::StrAppendFormat(&shown, "\\u%04x", static_cast<uint32_t>(c));
@@ -145,8 +145,6 @@ std::string ShownJson(const Json& json) {
 }
 
 void PrintJson(const Json& json) { PlainOutput() << ShownJson(json) << std::endl; }
-
-Json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
 AnswerPrinter Sentence(std::string text, std::string unchanged) {
   return [text = std::move(text), unchanged = std::move(unchanged)](const Json& answer) {
@@ -171,7 +169,7 @@ CLI::Validator WholeNumber(int64_t least, const std::string& what) {
       [least, what](const std::string& text) {
         int64_t number = 0;
         if (absl::SimpleAtoi(text, &number) && number >= least) return std::string();
-        return absl::StrCat("\"", CutText(Harmless(text), 40), "\" is ", what,
+        return absl::StrCat("\"", CutText(Sanitized(text), 40), "\" is ", what,
                             ": write a whole number from ", least, " on");
       },
       "");
@@ -213,7 +211,7 @@ void AddFullHashes(CLI::App& verb, bool& full) {
 
 std::string DataDir(const std::string& option) {
   const std::string folder = option.empty() ? EnvironmentVariable("MYOGRADE_DATA") : option;
-  return folder.empty() ? UsualDataDir() : folder;
+  return folder.empty() ? DefaultDataDir() : folder;
 }
 
 std::string SocketPath(const std::string& socket_option, const std::string& data_option) {
@@ -229,7 +227,7 @@ std::string HostOptions::configs_dir() const { return configs.empty() ? ConfigDi
 
 std::string HostOptions::cache_dir() const {
   const std::string folder = cache.empty() ? EnvironmentVariable("MYOGRADE_CACHE") : cache;
-  return folder.empty() ? UsualCacheDir() : std::filesystem::absolute(folder).string();
+  return folder.empty() ? DefaultCacheDir() : std::filesystem::absolute(folder).string();
 }
 
 void AddHostOptions(CLI::App& verb, HostOptions& options) {

@@ -68,9 +68,6 @@ std::string ShownJson(const Json& json);
 // Prints ShownJson on standard output, and a newline.
 void PrintJson(const Json& json);
 
-// `text`, or null if it is "".
-Json TextOrNull(const std::string& text);
-
 using AnswerPrinter = std::function<void(const Json& answer)>;
 
 // Prints `text` as Filled (terminal.h) makes it of an answer, on a line of its own; or `unchanged`,

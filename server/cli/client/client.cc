@@ -214,7 +214,7 @@ absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice
   const bool good = answer.status >= 200 && answer.status < 300;
   if (good && json.is_object()) return json;
   const Json error = json.is_object() ? json.value("error", Json()) : Json();
-  std::string message = Harmless(TextAt(error, "message"));
+  std::string message = Sanitized(TextAt(error, "message"));
   if (message.empty()) {
     message = absl::StrCat("the daemon answered with HTTP status ", answer.status,
                            " and nothing that can be read");

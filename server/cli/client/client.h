@@ -71,7 +71,7 @@ struct Login {
 // $XDG_CONFIG_HOME/myograde/login.json, or the same below ~/.config.
 std::string LoginFile();
 
-// nullopt: there is none. InvalidArgumentError: it can't be read, is no login, or others than this
+// nullopt: there is none. InvalidArgumentError: it can't be read, is not a login, or others than this
 // user may read or change it.
 absl::StatusOr<std::optional<Login>> ReadLogin();
 

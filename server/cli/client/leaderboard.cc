@@ -217,7 +217,7 @@ absl::StatusOr<int> Explain(BoardOptions options) {
   return options.GetAndPrint(
       absl::StrCat("/v1/leaderboard/explain", board.Query(), "&a=",
                    QueryValue(options.above), "&b=", QueryValue(options.below)),
-      [](const Json& answer) { std::cout << Harmless(answer.value("why", "")) << std::endl; });
+      [](const Json& answer) { std::cout << Sanitized(answer.value("why", "")) << std::endl; });
 }
 
 absl::StatusOr<int> AllBoards(BoardOptions options) {
@@ -302,7 +302,7 @@ absl::StatusOr<Json> PlacesOf(const std::string& text) {
     return Json{range->first, range->second};
   }
   return absl::InvalidArgumentError(
-      absl::StrCat("--places: \"", Harmless(text), "\" is not two ranks as in 2..4"));
+      absl::StrCat("--places: \"", Sanitized(text), "\" is not two ranks as in 2..4"));
 }
 
 void PrintFurther(const Json& answer) {
@@ -315,7 +315,7 @@ void PrintFurther(const Json& answer) {
     const Json lost = rejudge.value("without_files", Json::array());
     if (!lost.empty()) {
       std::cout << "  The files of " << Counted(std::ssize(lost), "submission")
-                << " are not on this host any more, so it gets none.\n";
+                << " are no longer on this host, so it gets none.\n";
     }
   }
   std::cout << Filled(answer, "No rank by the rules changes. Once they have ended, \"myograde "

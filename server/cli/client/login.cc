@@ -259,7 +259,7 @@ Action AddToken(CLI::App& verb) {
       ->add_option("ID", options.id, "The token")
       ->required()
       ->type_name("NUMBER")
-      ->check(WholeNumber(1, "no token's number, as \"myograde token list\" lists them"));
+      ->check(WholeNumber(1, "not a token's number, as \"myograde token list\" lists them"));
   return {};
 }
 

@@ -121,7 +121,7 @@ Action AddLog(CLI::App& verb) {
   AddSubmissionId(verb, *options);
   verb.add_option("--episode", options->episode, "The episode, counted from 0")
       ->required()
-      ->check(WholeNumber(0, "no episode's number, counted from 0"));
+      ->check(WholeNumber(0, "not an episode's number, counted from 0"));
   verb.add_option("-o,--output", options->file, "The file to write")->required();
   AddDaemonOptions(verb, "log", *options);
   return [options] { return Log(*options); };

@@ -32,7 +32,7 @@ constexpr int kHttpsPort = 443;
 constexpr int kHttpPort = 80;
 constexpr size_t kMaxHost = 253;
 
-int UsualPort(ServerAddress::Kind kind) {
+int DefaultPort(ServerAddress::Kind kind) {
   return kind == ServerAddress::Kind::kHttps ? kHttpsPort : kHttpPort;
 }
 
@@ -46,7 +46,7 @@ bool IsHostName(const std::string& host) {
 // Host and port of what stands behind "https://". False: it is no such thing.
 bool ReadAuthority(std::string text, ServerAddress& address) {
   if (text.ends_with('/')) text.pop_back();
-  address.port = UsualPort(address.kind);
+  address.port = DefaultPort(address.kind);
   const size_t bracket = text.rfind(']');
   const size_t colon = text.find(':', bracket == std::string::npos ? 0 : bracket);
   if (colon != std::string::npos) {
@@ -111,7 +111,7 @@ absl::Status NotUsable(const std::string& path, std::string_view why) {
 // The token is as good as its owner's only while nobody else knows it.
 absl::Status CheckRights(const std::string& path, int fd) {
   struct stat info;
-  if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) return NotUsable(path, "is no file");
+  if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) return NotUsable(path, "is not a file");
   if (info.st_uid != ::geteuid()) return NotUsable(path, "belongs to another user");
   if ((info.st_mode & 077) == 0) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
@@ -127,7 +127,7 @@ std::string ServerAddress::Text() const {
   const std::optional<IpAddress> numeric = IpAddress::Parse(host);
   std::string text = absl::StrCat(kind == Kind::kHttps ? "https://" : "http://",
                                   numeric.has_value() ? numeric->UrlHost() : host);
-  if (port != UsualPort(kind)) absl::StrAppend(&text, ":", port);
+  if (port != DefaultPort(kind)) absl::StrAppend(&text, ":", port);
   return text;
 }
 
@@ -151,8 +151,8 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
   address.kind = word == "https" ? ServerAddress::Kind::kHttps : ServerAddress::Kind::kHttp;
   if ((word != "https" && word != "http") || !ReadAuthority(text.substr(scheme + 3), address)) {
     return absl::InvalidArgumentError(absl::StrCat(
-        what, ": \"", CutText(Harmless(text), 80),
-        "\" is no server's address: write https://HOST:PORT, or the path of a daemon's socket"));
+        what, ": \"", CutText(Sanitized(text), 80),
+        "\" is not a server's address: write https://HOST:PORT, or the path of a daemon's socket"));
   }
   const std::optional<IpAddress> numeric = IpAddress::Parse(address.host);
   const bool here = address.host == "localhost" || (numeric.has_value() && numeric->IsLoopback());
@@ -206,7 +206,7 @@ absl::Status CheckToken(const std::string& token, const std::string& what) {
       std::all_of(token.begin(), token.end(), [](char c) { return c > ' ' && c < 0x7f; });
   if (good) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat(what, ": this is no token; it is one word of at most ", kMaxToken,
+      absl::StrCat(what, ": this is not a token; it is one word of at most ", kMaxToken,
                    " letters, digits and signs, "
                    "as the organiser gave it"));
 }
@@ -226,7 +226,7 @@ absl::StatusOr<std::optional<Login>> ReadLogin() {
   ConfigReader reader(json, path);
   Login login{.server = reader.String("server"), .token = reader.String("token"), .ca_file = ""};
   if (reader.Has("ca_file") && !json["ca_file"].is_null()) login.ca_file = reader.String("ca_file");
-  if (!reader.Finish().ok()) return NotUsable(path, "is no login");
+  if (!reader.Finish().ok()) return NotUsable(path, "is not a login");
   RETURN_IF_ERROR(CheckToken(login.token, path));
   return login;
 }
@@ -339,7 +339,7 @@ void AddSubmissionId(CLI::App& verb, SubmissionOptions& options, bool required,
   verb.add_option("ID", options.id, help)
       ->required(required)
       ->type_name("NUMBER")
-      ->check(WholeNumber(1, "no submission's number, as \"myograde status\" lists them"));
+      ->check(WholeNumber(1, "not a submission's number, as \"myograde status\" lists them"));
 }
 
 }  // namespace myograde::server

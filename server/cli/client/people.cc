@@ -61,7 +61,7 @@ void PrintTeam(const Json& team) {
 // Of a verb that changes a team: one sentence.
 AnswerPrinter Changed(const std::string& what) {
   return [what](const Json& team) {
-    std::cout << "Team " << Cell(team, "team") << " " << Harmless(what)
+    std::cout << "Team " << Cell(team, "team") << " " << Sanitized(what)
               << (team.value("changed", true) ? "." : " already; nothing changed.") << std::endl;
   };
 }

@@ -60,7 +60,7 @@ absl::StatusOr<int> Key(const KeyOptions& options) {
   } else if (options.file.empty()) {
     PlainOutput() << pem << std::flush;
   } else {
-    std::cout << Harmless(options.file) << ": the key to publish" << std::endl;
+    std::cout << Sanitized(options.file) << ": the key to publish" << std::endl;
   }
   return kDone;
 }
@@ -96,7 +96,7 @@ std::string EntryText(const Json& entry) {
     const std::string text_of = value.is_string() ? value.get<std::string>() : value.dump();
     absl::StrAppend(&text, ", ", key, " ", text_of.size() == 64 ? text_of.substr(0, 12) : text_of);
   }
-  return Harmless(text);
+  return Sanitized(text);
 }
 
 void PrintEntries(const Json& answer) {
@@ -193,7 +193,7 @@ Action AddReceipt(CLI::App& verb) {
   verb.add_option("--evaluation", options->evaluation,
                   "Its evaluation by a rejudge, as \"myograde show\" lists them (default: the "
                   "original)")
-      ->check(WholeNumber(1, "no evaluation's number"));
+      ->check(WholeNumber(1, "not an evaluation's number"));
   AddDaemonOptions(verb, "receipt", *options);
   return [options] { return Receipt(*options); };
 }
@@ -215,14 +215,14 @@ Action AddRecord(CLI::App& verb) {
   CLI::App* show = parts.Add("show", "List entries, oldest first", "show --from 100", "record-show",
                              ShowEntries);
   show->add_option("--from", options.from, "Index of the first entry (default: 0)")
-      ->check(WholeNumber(0, "no index of an entry"));
+      ->check(WholeNumber(0, "not an index of an entry"));
   show->add_option("--limit", options.limit, "Entries to list, 1 to 1000 (default: 20)")
       ->check(CLI::Range(1, 1000));
   CLI::App* prove = parts.Add(
       "prove", "Check that an entry is in the record, or that an earlier head is its beginning",
       "prove --since head.json", "record-prove", Prove);
   prove->add_option("ENTRY", options.entry, "The index of an entry")
-      ->check(WholeNumber(0, "no index of an entry"));
+      ->check(WholeNumber(0, "not an index of an entry"));
   prove->add_option("--since", options.since, "File of an earlier head");
   parts
       .Add("export",

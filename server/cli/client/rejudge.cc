@@ -220,7 +220,7 @@ absl::StatusOr<Json> NewRejudge(const RejudgeOptions& options) {
   ASSIGN_OR_RETURN(Json config, ReadJsonFile(options.config, kMaxConfigBytes));
   if (!config.is_object()) {
     return absl::InvalidArgumentError(absl::StrCat(
-        options.config, ": is no track config, which is an object in braces; see configs/README.md"));
+        options.config, ": is not a track config, which is an object in braces; see configs/README.md"));
   }
   body["config"] = std::move(config);
   return body;

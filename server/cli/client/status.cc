@@ -151,7 +151,7 @@ void PrintHealth(const Json& health) {
   }
   for (const Json& artefact : health.value("held_back", Json::array())) {
     if (!artefact.is_string()) continue;
-    std::cout << "  Held back: artefact " << Harmless(artefact.get<std::string>())
+    std::cout << "  Held back: artefact " << Sanitized(artefact.get<std::string>())
               << ": its last evaluations ended by the grader's fault (myograde list, myograde rerun)\n";
   }
   PrintUnreadable(health);

@@ -204,8 +204,8 @@ absl::StatusOr<Json> RangeOf(const std::string& text) {
     return Json{{"first", range->first}, {"last", range->second}};
   }
   return absl::InvalidArgumentError(
-      absl::StrCat("--episodes: \"", Harmless(text),
-                   "\" is no range; write A..B with 0 <= A <= B, both included, as 10..19"));
+      absl::StrCat("--episodes: \"", Sanitized(text),
+                   "\" is not a range; write A..B with 0 <= A <= B, both included, as 10..19"));
 }
 
 // What a re-run found, episode by episode.
@@ -248,7 +248,7 @@ absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& clien
       result, options.json,
       [&](const Json&) {
         std::cout << Bold(absl::StrCat(Filled(result, "Re-run {evaluation} of submission "),
-                                       options.id, " is ", Harmless(state)))
+                                       options.id, " is ", Sanitized(state)))
                   << '\n';
         PrintComparison(comparison);
         if (result.contains("verify")) PrintVerify(result["verify"]);

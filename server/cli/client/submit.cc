@@ -30,7 +30,7 @@ absl::StatusOr<std::string> MissingRuntime(const Client& client,
   for (const Json& runtime : offered) names.push_back(Cell(runtime, "runtime"));
   for (const std::string& name : named) {
     if (!RowWith(offered, "runtime", name).is_null()) continue;
-    return absl::StrCat("policy.json asks for the runtime \"", Harmless(name),
+    return absl::StrCat("policy.json asks for the runtime \"", Sanitized(name),
                         "\", which this server does not have; it has ",
                         names.empty() ? "none" : absl::StrJoin(names, ", "));
   }
@@ -87,7 +87,7 @@ absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& cli
   return PrintAnswer(
       both, options.json,
       [&](const Json&) {
-        std::cout << Bold(Filled(submission, "Submission {submission} is ") + Harmless(state))
+        std::cout << Bold(Filled(submission, "Submission {submission} is ") + Sanitized(state))
                   << Filled(status, "\n[  {reason}\n]");
         PrintResult(result, options.full_hashes);
         PrintFaults(result.value("episode_rows", Json::array()));
@@ -119,7 +119,7 @@ Finding Fails(const char* check, std::string found, std::string todo) {
   return {check, FindingState::kFails, std::move(found), std::move(todo)};
 }
 
-// What could not be asked, which is no fault of the submission.
+// What could not be asked, which is not a fault of the submission.
 Finding NotAnswered(const char* check, const absl::Status& status) {
   return {check, FindingState::kUnknown, std::string(status.message()), "try again"};
 }
@@ -220,7 +220,7 @@ std::pair<std::string, Finding> PlaceOf(const SubmissionPlan& plan, const Json& 
   if (open.size() == 1) return {open[0], PhaseFinding(plan, PhaseIn(challenges, open[0]))};
   return {"", Fails("phase",
                     absl::StrCat(track, " has ", open.size(), " open phases: ",
-                                 Harmless(absl::StrJoin(open, ", "))),
+                                 Sanitized(absl::StrJoin(open, ", "))),
                     "name one with --phase")};
 }
 

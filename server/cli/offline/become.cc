@@ -203,10 +203,10 @@ Action AddRuntime(CLI::App& verb) {
   part->add_option("--wheels", options.wheels,
                    "Folder to take the packages from instead of the network");
   part->add_option("--most-bytes", options.most_bytes, "Largest unpacked size in bytes")
-      ->check(WholeNumber(1, "no size"))
+      ->check(WholeNumber(1, "not a size"))
       ->capture_default_str();
   part->add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")
-      ->check(WholeNumber(1, "no time"))
+      ->check(WholeNumber(1, "not a time"))
       ->capture_default_str();
   add("list", "List the runtimes of this host", "list", "runtimes", List);
   CLI::App* remove = add("remove", "Remove a runtime and its former versions", "remove torch",

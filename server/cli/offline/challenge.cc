@@ -163,7 +163,7 @@ absl::StatusOr<int> ReportChallenges(const ChallengeOptions& options,
       options.json,
       [&](const Json&) {
         const auto print = [](const char* what, const std::vector<std::string>& texts) {
-          for (const std::string& text : texts) std::cout << what << Harmless(text) << '\n';
+          for (const std::string& text : texts) std::cout << what << Sanitized(text) << '\n';
         };
         print("Mistake: ", found.mistakes);
         print("Warning: ", found.warnings);

@@ -254,7 +254,7 @@ std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
                        ? Good("executor", "leases run on the Slurm cluster")
                        : Check{"executor", CheckState::kDegraded,
                                "\"executor\" of server.json is local",
-                               "leases run on the daemon's host alone",
+                               "leases run only on the daemon's host",
                                "set \"executor\" to \"slurm\" once the other checks are ok"});
   checks.push_back(CommandsCheck(config));
   if (checks.back().state == CheckState::kMissing) return checks;

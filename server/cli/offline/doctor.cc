@@ -154,7 +154,7 @@ std::string Words(const Json& json) {
     absl::StrAppend(&text, text.empty() ? "" : ", ",
                     json.is_object() ? absl::StrCat(key, "=", word) : word);
   }
-  return Harmless(text.empty() ? "none" : text);
+  return Sanitized(text.empty() ? "none" : text);
 }
 
 void PrintSandbox(const std::string& title, const Json& sandbox, const Json& staged) {
@@ -182,7 +182,7 @@ void PrintSandbox(const std::string& title, const Json& sandbox, const Json& sta
         break;
       }
     }
-    mounts.Add({Harmless(Cell(mount, "target")), Cell(mount, "kind"), Harmless(source)});
+    mounts.Add({Sanitized(Cell(mount, "target")), Cell(mount, "kind"), Sanitized(source)});
   }
   mounts.Print();
   for (const auto& [kind, calls] : sandbox["system_calls"].items()) {

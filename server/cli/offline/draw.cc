@@ -48,10 +48,10 @@ absl::StatusOr<Drawn> ReadAnswer(const ProgramEnd& run) {
   if (run.exit_status != 0 || end == std::string::npos || !answer.is_object()) {
     const std::string error = run.LastError();
     return CantDraw(absl::StrCat("the drawing program ", run.HowItEnded(),
-                                 error.empty() ? "" : ": ", Harmless(error)));
+                                 error.empty() ? "" : ": ", Sanitized(error)));
   }
   if (answer.contains("error")) {
-    const std::string sentence = Harmless(answer.value("error", ""));
+    const std::string sentence = Sanitized(answer.value("error", ""));
     if (answer.value("whose", "") == "caller") return absl::FailedPreconditionError(sentence);
     return absl::InternalError(sentence);
   }
@@ -350,7 +350,7 @@ absl::Status RunRender(std::vector<std::string> words) {
                                                     StopRequested);
   if (absl::IsCancelled(run.status())) return run.status();
   if (run.ok() && run->exit_status == 0) return absl::OkStatus();
-  return absl::InternalError(absl::StripPrefix(Harmless(WhyItFailed(run)), "myograde: error: "));
+  return absl::InternalError(absl::StripPrefix(Sanitized(WhyItFailed(run)), "myograde: error: "));
 }
 
 absl::StatusOr<int> DrawInto(const std::string& file, const absl::Status& gathered,

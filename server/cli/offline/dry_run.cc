@@ -290,7 +290,7 @@ void PrintTails(const Json& output) {
 }
 
 void PrintReport(const DryRunOptions& options, const DryReport& report, const Json& json) {
-  std::cout << Bold(absl::StrCat("Dry run of ", Harmless(options.path),
+  std::cout << Bold(absl::StrCat("Dry run of ", Sanitized(options.path),
                                  Filled(json, " on {track}, profile {profile}")))
             << '\n';
   PrintChecks(json["checks"], {"fails", "unknown", "warning"}, "", ": {todo}\n");

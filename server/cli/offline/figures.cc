@@ -278,7 +278,7 @@ Action AddPlot(CLI::App& verb) {
       ->check(CLI::IsMember(kinds));
   verb.add_option("ID", options->ids, "The submissions to show")
       ->type_name("NUMBER")
-      ->check(WholeNumber(1, "no submission's number, as \"myograde status\" lists them"));
+      ->check(WholeNumber(1, "not a submission's number, as \"myograde status\" lists them"));
   AddBoardChoice(verb, options->board, "The board of this track", "The board of this phase");
   verb.add_option("-o,--output", options->file, "The file to write: FILE.svg or FILE.pdf");
   AddDaemonOptions(verb, "plot", *options, "Print the numbers behind the figure as JSON");

@@ -267,7 +267,7 @@ void PrintTried(const Json& made) {
                                   : "  {file}  the {place}, episode {episode}\n");
   }
   std::cout << "  logs  of all episodes, for \"myograde episode replay\" and \"myograde episode render\"\n";
-  for (const Json& why : made["missing"]) std::cout << Harmless(why.get<std::string>()) << '\n';
+  for (const Json& why : made["missing"]) std::cout << Sanitized(why.get<std::string>()) << '\n';
   std::cout << Filled(made, "[Open {open}\n]") << std::flush;
 }
 

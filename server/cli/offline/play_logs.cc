@@ -283,7 +283,7 @@ Action AddReplay(CLI::App& verb) {
                   "The submission, or the file of a log (\"myograde episode log\", \"local --logs\")")
       ->required();
   verb.add_option("--episode", options->episode, "Only this one, counted from 0 (default: all)")
-      ->check(WholeNumber(0, "no episode's number, counted from 0"));
+      ->check(WholeNumber(0, "not an episode's number, counted from 0"));
   AddSimulatorSlots(verb, options->slots);
   AddDaemonOptions(verb, "replay", *options);
   AddHostOptions(verb, options->host);

@@ -101,7 +101,7 @@ std::vector<StandingRow> StandingsOf(const BoardState& record,
 
 std::string RowText(const Json& row) {
   if (!row.is_object()) return "nothing";
-  return Harmless(absl::StrCat("submission ", Cell(row, "submission"), " of team ",
+  return Sanitized(absl::StrCat("submission ", Cell(row, "submission"), " of team ",
                                Cell(row, "team")));
 }
 
@@ -126,7 +126,7 @@ std::string RowDifference(const char* list, size_t place, const Json& found,
                         RowText(expected));
   }
   const std::string key = DifferentKey(found, expected);
-  return Harmless(absl::StrCat(where, ", ", RowText(expected), ", has another \"", key,
+  return Sanitized(absl::StrCat(where, ", ", RowText(expected), ", has another \"", key,
                                "\" than follows from the record: ",
                                found.value(key, Json()).dump().substr(0, 80), " in place of ",
                                expected.value(key, Json()).dump().substr(0, 80)));
@@ -147,7 +147,7 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
   const scoring::ScoredTrack* track =
       config.is_object() ? scoring::FindScoredTrack(TextAt(config, "track")) : nullptr;
   if (track == nullptr || !config.value("scoring", Json()).is_object()) {
-    return absl::InvalidArgumentError("it is no track's config");
+    return absl::InvalidArgumentError("it is not a track's config");
   }
   absl::StatusOr<scoring::TrackScoring> scoring = track->parse(config["scoring"], "scoring");
   if (!scoring.ok()) return absl::InvalidArgumentError(scoring.status().message());
@@ -244,7 +244,7 @@ std::string FirstDifference(const std::string& found, const std::string& expecte
   }
   const std::string key = DifferentKey(a, b);
   if (key.empty()) return "it is not in its canonical form";
-  return Harmless(absl::StrCat("its \"", key, "\" is not what follows from the record"));
+  return Sanitized(absl::StrCat("its \"", key, "\" is not what follows from the record"));
 }
 
 }  // namespace myograde::server

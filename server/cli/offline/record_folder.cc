@@ -44,7 +44,7 @@ bool IsPlainName(std::string_view name) {
 
 absl::Status Stray(const std::string& name, const char* what) {
   return absl::InvalidArgumentError(
-      absl::StrCat(Harmless(name), " ", what, "; \"myograde proof record export\" writes no such thing"));
+      absl::StrCat(Sanitized(name), " ", what, "; \"myograde proof record export\" writes no such thing"));
 }
 
 }  // namespace
@@ -79,7 +79,7 @@ absl::Status RecordFolder::List(const std::string& folder, int depth) {
       RETURN_IF_ERROR(List(name, 1));
       continue;
     }
-    if (!S_ISREG(info.st_mode)) return Stray(path, "is no plain file");
+    if (!S_ISREG(info.st_mode)) return Stray(path, "is not a plain file");
     if (depth == 0 ? !IsTopFile(name) : !IsPlainName(name)) {
       return Stray(path, "does not belong there");
     }
@@ -95,7 +95,7 @@ absl::StatusOr<Fd> RecordFolder::OpenFile(const std::string& name) const {
   Fd fd(::openat(fd_.get(), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
   struct stat info = {};
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
-    return absl::InvalidArgumentError(absl::StrCat(Harmless(name), " is missing"));
+    return absl::InvalidArgumentError(absl::StrCat(Sanitized(name), " is missing"));
   }
   return fd;
 }
@@ -105,7 +105,7 @@ absl::StatusOr<std::string> RecordFolder::Read(const std::string& name, int64_t 
   absl::StatusOr<std::string> text = ReadAll(fd.get(), name, static_cast<size_t>(max_bytes));
   if (absl::IsInvalidArgument(text.status())) {
     return absl::InvalidArgumentError(
-        absl::StrCat(Harmless(name), " is larger than such a file can be"));
+        absl::StrCat(Sanitized(name), " is larger than such a file can be"));
   }
   return text;
 }
@@ -128,7 +128,7 @@ absl::Status RecordFolder::ForEachLine(
   for (;;) {
     const ssize_t got = ::read(fd.get(), buffer.data(), buffer.size());
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return absl::UnavailableError(absl::StrCat(Harmless(name), ": can't be read"));
+    if (got < 0) return absl::UnavailableError(absl::StrCat(Sanitized(name), ": can't be read"));
     if (got == 0) break;
     std::string_view rest(buffer.data(), static_cast<size_t>(got));
     for (size_t end; (end = rest.find('\n')) != std::string_view::npos;) {
@@ -141,11 +141,11 @@ absl::Status RecordFolder::ForEachLine(
     line.append(rest);
     if (std::ssize(line) > max_bytes) {
       return absl::InvalidArgumentError(
-          absl::StrCat(Harmless(name), " has a line that is longer than any entry"));
+          absl::StrCat(Sanitized(name), " has a line that is longer than any entry"));
     }
   }
   if (line.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(Harmless(name), " ends in the middle of a line"));
+  return absl::InvalidArgumentError(absl::StrCat(Sanitized(name), " ends in the middle of a line"));
 }
 
 }  // namespace myograde::server

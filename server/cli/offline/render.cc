@@ -77,8 +77,8 @@ std::string SizeMistake(const std::string& text) {
   int width = 0;
   int height = 0;
   if (ReadSize(text, width, height)) return "";
-  return absl::StrCat("\"", Harmless(text.substr(0, 40)),
-                      "\" is no size: write WIDTHxHEIGHT, each ", kSmallestRenderSide, " to ",
+  return absl::StrCat("\"", Sanitized(text.substr(0, 40)),
+                      "\" is not a size: write WIDTHxHEIGHT, each ", kSmallestRenderSide, " to ",
                       kLargestRenderSide, " pixels");
 }
 
@@ -99,7 +99,7 @@ absl::Status ReadOptions(const RenderOptions& options, Drawing& drawing) {
   order.threads = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1,
                              kMostDrawingThreads);
   return RefuseIf(
-      {{!png && !film, absl::StrCat("--output: ", Harmless(options.file),
+      {{!png && !film, absl::StrCat("--output: ", Sanitized(options.file),
                                     ": the name must end in .mp4, .webm or .png")},
        {options.strip && !png, "--strip: a strip is a picture; write a .png"},
        {options.strip && options.episode >= 0,
@@ -326,7 +326,7 @@ Action AddRender(CLI::App& verb) {
                   "The submission, or the file of a log (\"myograde episode log\", \"local --logs\")")
       ->required();
   verb.add_option("--episode", options->episode, "The episode, counted from 0")
-      ->check(WholeNumber(0, "no episode's number, counted from 0"));
+      ->check(WholeNumber(0, "not an episode's number, counted from 0"));
   verb.add_option("-o,--output", options->file,
                   "The file to write: .mp4 or .webm for a film, .png for a picture")
       ->required();

@@ -85,8 +85,8 @@ absl::StatusOr<int> PrintList(const SeedOptions& options, const std::string& sec
       out << Filled(json, "secret        {secret}") << std::endl;
       return;
     }
-    std::cout << "Publish these lines when the phase opens, and keep " << Harmless(options.secret)
-              << (options.output.empty() ? "" : " and " + Harmless(options.output))
+    std::cout << "Publish these lines when the phase opens, and keep " << Sanitized(options.secret)
+              << (options.output.empty() ? "" : " and " + Sanitized(options.output))
               << " to yourself until it closes." << std::endl;
   });
 }
@@ -123,7 +123,7 @@ absl::StatusOr<int> ReportChecked(Json report, bool json, const std::string& goo
   report["wrong"] = wrong;
   const auto print = [&](const Json&) {
     if (wrong.empty()) std::cout << Filled(report, good) << '\n';
-    for (const std::string& line : wrong) std::cout << Harmless(line) << '\n';
+    for (const std::string& line : wrong) std::cout << Sanitized(line) << '\n';
   };
   return PrintAnswer(report, json, print, wrong.empty() ? kDone : kNoScore);
 }
@@ -239,8 +239,8 @@ absl::StatusOr<int> MakeKey(const ReleaseOptions& options) {
   RETURN_IF_ERROR(WriteNewFile(options.output, pem, kPublic).status());
   return PrintAnswer(Json{{"algorithm", "ed25519"}, {"key", pem}, {"file", options.output}},
                      options.json, [&](const Json&) {
-                       std::cout << Harmless(options.output) << ": the key to publish; keep "
-                                 << Harmless(options.key)
+                       std::cout << Sanitized(options.output) << ": the key to publish; keep "
+                                 << Sanitized(options.key)
                                  << " to yourself, as whoever has it can sign releases.\n";
                      });
 }
@@ -292,7 +292,7 @@ Action AddSeeds(CLI::App& verb) {
   commit->add_option("--secret", options.secret, "File of the secret; made if missing")->required();
   commit->add_option("-o,--output", options.output,
                      "File for the list, as \"seeds\" of a track config and --seeds take it; its "
-                     "owner alone can read it");
+                     "only its owner can read it");
 
   CLI::App* reveal =
       parts.Add("reveal",
@@ -320,7 +320,7 @@ Action AddSeeds(CLI::App& verb) {
   CLI::App* take_out =
       parts.Add("export",
                 "For a move to another host: write the secret of a phase, which no export of the "
-                "store holds, to a file that its owner alone can read",
+                "store holds, to a file that only its owner can read",
                 "export --phase final -o final.secret --data old", ExportSecret);
   AddMoveOptions(take_out, options);
   take_out->add_option("-o,--output", options.output, "New file for the secret")->required();

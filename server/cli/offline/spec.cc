@@ -114,7 +114,7 @@ void Flatten(const Json& json, const std::string& prefix, std::map<std::string, 
     if (value.is_object()) {
       Flatten(value, path, out);
     } else {
-      out[path] = Harmless(value.dump());
+      out[path] = Sanitized(value.dump());
     }
   }
 }
@@ -140,7 +140,7 @@ void PrintTables(const TrackConfig& config) {
     std::cout << '\n' << Bold(said.title) << '\n' << "  (" << said.note << ")\n";
     Table table(said.head);
     for (std::vector<std::string>& row : said.rows) {
-      for (std::string& cell : row) cell = Harmless(cell);
+      for (std::string& cell : row) cell = Sanitized(cell);
       table.Add(std::move(row));
     }
     table.Print();
@@ -365,10 +365,10 @@ std::vector<std::string> CommandsOf(const Starter& starter) {
 }
 
 void PrintMade(const std::string& folder, const Json& made) {
-  std::cout << Bold(Harmless(folder)) << ": a policy that plays as it is, in "
-            << made["files"].size() << " files. Go on with\n\n  cd " << Harmless(folder) << '\n';
+  std::cout << Bold(Sanitized(folder)) << ": a policy that plays as it is, in "
+            << made["files"].size() << " files. Go on with\n\n  cd " << Sanitized(folder) << '\n';
   for (const Json& command : made["commands"]) {
-    std::cout << "  " << Harmless(command.get<std::string>()) << '\n';
+    std::cout << "  " << Sanitized(command.get<std::string>()) << '\n';
   }
   std::cout << "\nREADME.md there says more." << std::endl;
 }

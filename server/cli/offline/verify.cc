@@ -186,8 +186,8 @@ Json ReceiptChecksJson(const std::vector<ReceiptCheck>& checks) {
 
 void PrintReceiptChecks(const std::vector<ReceiptCheck>& checks) {
   for (const ReceiptCheck& check : checks) {
-    const std::string detail = Harmless(check.detail);
-    std::cout << Harmless(check.name) << ": "
+    const std::string detail = Sanitized(check.detail);
+    std::cout << Sanitized(check.name) << ": "
               << (!check.valid     ? "WRONG: " + detail
                   : detail.empty() ? "good"
                                    : "note: " + detail)
@@ -297,7 +297,7 @@ absl::StatusOr<int> Verify(const VerifyOptions& options) {
   const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
   if (absl::IsInvalidArgument(text.status())) {
     return absl::InvalidArgumentError(
-        absl::StrCat(text.status().message(), ", so it is no receipt"));
+        absl::StrCat(text.status().message(), ", so it is not a receipt"));
   }
   if (!text.ok()) return text.status();
   const absl::StatusOr<Json> receipt = ParseReceipt(*text);

@@ -33,7 +33,7 @@ absl::Status Wrong(const std::string& sentence) { return absl::InvalidArgumentEr
 
 // The same, about a file of the folder.
 absl::Status WrongFile(const std::string& file, absl::string_view what) {
-  return Wrong(absl::StrCat(Harmless(file), ": ", what));
+  return Wrong(absl::StrCat(Sanitized(file), ": ", what));
 }
 
 // "receipts/7.json" -> "7"; "": it has another form.
@@ -107,7 +107,7 @@ absl::Status RecordVerifier::CheckEntries() {
         const absl::StatusOr<Json> entry = ParseJson(line, "record.jsonl");
         if (!entry.ok() || CanonicalJson(*entry) != line) {
           return Wrong(absl::StrCat("record.jsonl: entry ", index,
-                                    " is no JSON in its canonical form"));
+                                    " is not JSON in its canonical form"));
         }
         const absl::StatusOr<Act> act = ActOfEntry(index, *entry);
         const absl::Status added = act.ok() ? state_.Add(*act) : act.status();
@@ -154,7 +154,7 @@ absl::Status RecordVerifier::CheckSecrets() {
     const absl::StatusOr<std::string> secret = SecretOfDigits(phase.secret, "the record");
     const bool opens = secret.ok() && CommitmentIn(phase) == SecretCommitment(*secret);
     if (!opens) {
-      return Wrong(absl::StrCat("the secret that was revealed for phase ", Harmless(name),
+      return Wrong(absl::StrCat("the secret that was revealed for phase ", Sanitized(name),
                                 " is not the one that was committed to"));
     }
     const std::string file = absl::StrCat("secrets/", name, ".txt");
@@ -174,7 +174,7 @@ absl::Status RecordVerifier::CheckWithheld() {
   ASSIGN_OR_RETURN(const std::string text, folder_.Read("withheld.json", kMaxListFile));
   const absl::StatusOr<Json> list = ParseJson(text, "withheld.json");
   if (!list.ok() || CanonicalJson(*list) + "\n" != text) {
-    return WrongFile("withheld.json", "it is no JSON in its canonical form");
+    return WrongFile("withheld.json", "it is not JSON in its canonical form");
   }
   if (!list->is_object() || list->size() != 1 || !list->contains("receipts")) {
     return WrongFile("withheld.json", "it holds something else than reasons for missing receipts");
@@ -271,13 +271,13 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   if (!HidesSeeds(receipt) && result.rejudge == 0 && !phase.commitments.empty() &&
       !phase.commitments.front().further &&
       phase.commitments.front().entry < submission->second.entry) {
-    not_checked_.insert(absl::StrCat("phase ", Harmless(phase_name), " had committed to hidden seeds, and submission ",
+    not_checked_.insert(absl::StrCat("phase ", Sanitized(phase_name), " had committed to hidden seeds, and submission ",
                                      result.submission, " to it played others"));
   }
   if (HidesSeeds(receipt)) {
     RETURN_IF_ERROR(CheckHidden(receipt, phase_name));
     if (secret.empty()) {
-      not_checked_.insert(absl::StrCat("the seeds of phase ", Harmless(phase_name),
+      not_checked_.insert(absl::StrCat("the seeds of phase ", Sanitized(phase_name),
                                        " are not revealed in the record"));
     }
   }
@@ -299,7 +299,7 @@ absl::Status RecordVerifier::CheckHidden(const Json& receipt, const std::string&
                                     "committed to");
   }
   if (!said.is_string() || recorded.empty()) {
-    not_checked_.insert(absl::StrCat("the server did not have the secret of phase ", Harmless(name),
+    not_checked_.insert(absl::StrCat("the server did not have the secret of phase ", Sanitized(name),
                                      ", as after an import, so what its receipts commit to is not "
                                      "known"));
   }
@@ -329,7 +329,7 @@ absl::Status RecordVerifier::CheckCommitment(const std::string& name, const Phas
     const auto receipt = results_.find(evaluation);
     if (found == early.end() || result.rejudge != 0 || receipt == results_.end()) continue;
     if (receipt->second.hides_seeds) {
-      return Wrong(absl::StrCat("the seeds of phase ", Harmless(name), " were committed to in entry ",
+      return Wrong(absl::StrCat("the seeds of phase ", Sanitized(name), " were committed to in entry ",
                                 commitment.entry, ", after submission ", result.submission,
                                 " to it was accepted in entry ", found->second->entry));
     }
@@ -341,11 +341,11 @@ absl::Status RecordVerifier::CheckCommitment(const std::string& name, const Phas
   const bool later_rejudge = !rejudges.empty() && !rejudges.rbegin()->second.events.empty() &&
                              rejudges.rbegin()->second.events.front().id > commitment.entry;
   if (!commitment.further && !later_rejudge) {
-    return Wrong(absl::StrCat("phase ", Harmless(name), " committed to a secret in entry ",
+    return Wrong(absl::StrCat("phase ", Sanitized(name), " committed to a secret in entry ",
                               commitment.entry, ", after submission ", early.begin()->first,
                               " to it was accepted in entry ", early.begin()->second->entry));
   }
-  not_checked_.insert(absl::StrCat("whether the seeds of the submissions that phase ", Harmless(name),
+  not_checked_.insert(absl::StrCat("whether the seeds of the submissions that phase ", Sanitized(name),
                                    " took before it committed to a secret were public"));
   return absl::OkStatus();
 }

@@ -19,7 +19,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr size_t kUsualColumns = 80;  // of a terminal that does not tell
+constexpr size_t kDefaultColumns = 80;  // of a terminal that does not tell
 constexpr size_t kFewestColumns = 20;
 constexpr size_t kTabColumns = 8;  // at most
 // What goes on stands to the right of where this program's lines begin.
@@ -83,7 +83,7 @@ std::string Shown(std::string_view line) {
   std::string shown;
   for (;;) {
     const size_t at = std::min({line.find(kBoldOn), line.find(kBoldOff), line.size()});
-    shown += Harmless(line.substr(0, at), /*tabs=*/true);
+    shown += Sanitized(line.substr(0, at), /*tabs=*/true);
     if (at == line.size()) return shown;
     const std::string_view code = line.substr(at).starts_with(kBoldOn) ? kBoldOn : kBoldOff;
     shown += code;
@@ -114,7 +114,7 @@ std::string Bytes(int64_t bytes) {
 size_t TerminalColumns(int fd) {
   if (::isatty(fd) != 1) return 0;
   winsize size = {};
-  if (::ioctl(fd, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kUsualColumns;
+  if (::ioctl(fd, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kDefaultColumns;
   return std::max<size_t>(size.ws_col, kFewestColumns);
 }
 
@@ -273,7 +273,7 @@ std::ostream& PlainOutput() {
 }
 
 void PrintToErrors(std::string_view line) {
-  const std::string shown = Harmless(line);
+  const std::string shown = Sanitized(line);
   const size_t columns = TerminalColumns(STDERR_FILENO);
   if (columns == 0) {
     std::cerr << shown << std::endl;
@@ -285,7 +285,7 @@ void PrintToErrors(std::string_view line) {
 }
 
 Progress::Progress(std::string what, Unit unit)
-    : what_(Harmless(what)),
+    : what_(Sanitized(what)),
       unit_(unit),
       terminal_(::isatty(STDERR_FILENO) == 1),
       begun_(SystemClock().Monotonic()) {}
@@ -317,7 +317,7 @@ std::string Progress::Line(int64_t done, int64_t total, const std::string& note,
     // Later than thought: how much, the next one that ends will tell.
     if (seconds >= 1) left = DurationText(seconds) + " left";
   }
-  std::string said = Harmless(note);
+  std::string said = Sanitized(note);
   std::string bar;
   if (columns > 0) {
     // By importance: what and how many, how long, the note, the bar, the pace.

@@ -16,7 +16,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "server/base/plain_text.h"  // Harmless, which goes with these
+#include "server/base/json_value.h"
+#include "server/base/plain_text.h"  // Sanitized, which goes with these
 
 namespace myograde::server {
 
@@ -25,15 +26,12 @@ using Json = nlohmann::json;  // in all of server/cli
 // What lines that somebody else wrote begin with, so that none looks like a line of this program.
 inline constexpr std::string_view kForeignMark = "  | ";
 
-// Lines that somebody else wrote, such as a policy's last output: each is Harmless and begins with
+// Lines that somebody else wrote, such as a policy's last output: each is Sanitized and begins with
 // kForeignMark. Ends with a newline unless `text` is empty.
 std::string Marked(std::string_view text);
 
 // Bold on a terminal, unless NO_COLOR is set.
 std::string Bold(const std::string& text);
-
-// The string at `key` as it is; "" if there is none.
-std::string TextAt(const Json& object, const char* key);
 
 // The first of `rows`, an array of objects, with that value at `key`; null if there is none.
 Json RowWith(const Json& rows, const char* key, const Json& value);

@@ -75,7 +75,7 @@ std::string Marked(std::string_view text) {
   for (size_t at = 0; at < text.size();) {
     const size_t end = std::min(text.find('\n', at), text.size());
     absl::StrAppend(&marked, std::string(kForeignMark),
-                    Harmless(text.substr(at, end - at), /*tabs=*/true), "\n");
+                    Sanitized(text.substr(at, end - at), /*tabs=*/true), "\n");
     at = end + 1;
   }
   return marked;
@@ -85,11 +85,6 @@ std::string Bold(const std::string& text) {
   const char* no_color = std::getenv("NO_COLOR");
   const bool plain = ::isatty(STDOUT_FILENO) != 1 || (no_color != nullptr && *no_color != '\0');
   return plain ? text : "\033[1m" + text + "\033[0m";
-}
-
-std::string TextAt(const Json& object, const char* key) {
-  const auto it = object.find(key);
-  return it != object.end() && it->is_string() ? it->get<std::string>() : "";
 }
 
 Json RowWith(const Json& rows, const char* key, const Json& value) {
@@ -107,7 +102,7 @@ std::string Cell(const Json& object, const std::string& key, int digits) {
   std::string text;
   for (const Json& part : it->is_array() ? *it : Json::array({*it})) {
     if (!part.is_string()) continue;
-    absl::StrAppend(&text, text.empty() ? "" : ", ", Harmless(part.get<std::string>()));
+    absl::StrAppend(&text, text.empty() ? "" : ", ", Sanitized(part.get<std::string>()));
   }
   return text.empty() ? "-" : text;
 }

@@ -180,7 +180,7 @@ class FollowedLease {
     if (message.kind == "node") {
       ASSIGN_OR_RETURN(const LeaseRecord record, LeaseRecordFromLine(message.bytes));
       const auto* node = std::get_if<NodeRecord>(&record);
-      if (node == nullptr) return absl::DataLossError("the node told of itself what is no such record");
+      if (node == nullptr) return absl::DataLossError("the node described itself in a malformed record");
       here_ = *node;
       RETURN_IF_ERROR(Tell());
       if (begun_.has_value()) return absl::OkStatus();
@@ -195,7 +195,7 @@ class FollowedLease {
     }
     if (message.kind == "want") return SendArtefact(stream);
     if (message.kind == "log") return KeepLog(message.bytes);
-    if (message.kind != "end") return absl::DataLossError("the node sent what is no part of a lease");
+    if (message.kind != "end") return absl::DataLossError("the node sent a malformed message");
     ASSIGN_OR_RETURN(const nlohmann::json json, ParseJson(message.bytes, "a lease's end"));
     ConfigReader reader(json, "a lease's end");
     const int64_t wait_status = reader.Integer("wait_status", 0, INT32_MAX);
@@ -234,7 +234,7 @@ class FollowedLease {
 
   int TellEnd() const {
     const auto& [wait_status, said] = *end_;
-    std::fputs(Harmless(said).c_str(), stderr);
+    std::fputs(Sanitized(said).c_str(), stderr);
     if (WIFEXITED(wait_status)) return WEXITSTATUS(wait_status);
     std::fprintf(stderr, "the runner was killed by signal %d\n", WTERMSIG(wait_status));
     return kTrouble;
@@ -312,7 +312,7 @@ int FollowLease(const std::string& order, int stop) {
   const absl::StatusOr<int> ended = Follow(order, stop);
   if (ended.ok()) return *ended;
   std::fprintf(stderr, "myograde-node: %s\n",
-               Harmless(std::string(ended.status().message())).c_str());
+               Sanitized(std::string(ended.status().message())).c_str());
   return kTrouble;
 }
 

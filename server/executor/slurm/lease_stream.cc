@@ -44,13 +44,13 @@ absl::Status LeaseStream::Fill() {
 
 absl::StatusOr<std::optional<LeaseMessage>> LeaseStream::Next() {
   const size_t end = arrived_.find('\n');
-  if (std::min(end, arrived_.size()) > kLongestHead) return Broken("what is no message");
+  if (std::min(end, arrived_.size()) > kLongestHead) return Broken("a malformed message");
   if (end == std::string::npos) return std::nullopt;
   const size_t space = arrived_.find(' ');
   size_t size = 0;
   if (space >= end || arrived_[space + 1] == '+' || arrived_[space + 1] == '-' ||
       !absl::SimpleAtoi(arrived_.substr(space + 1, end - space - 1), &size)) {
-    return Broken("what is no message");
+    return Broken("a malformed message");
   }
   if (size > most_) return Broken(absl::StrCat("a message of ", size, " bytes"));
   if (arrived_.size() - end - 1 <= size) return std::nullopt;
@@ -128,7 +128,7 @@ absl::StatusOr<ClusterOrder> ClusterOrderFromText(std::string_view text) {
     return absl::InvalidArgumentError(absl::StrCat(kWhere, ": runtimes: not those of its lease"));
   }
   if (!IsSha256Hex(order.artefact)) {
-    return absl::InvalidArgumentError(absl::StrCat(kWhere, ": artefact: is no digest"));
+    return absl::InvalidArgumentError(absl::StrCat(kWhere, ": artefact: is not a digest"));
   }
   return order;
 }

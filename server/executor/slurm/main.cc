@@ -56,7 +56,7 @@ std::optional<NodeOptions> Parse(int argc, char** argv) {
 
 // Root's in /var/lib, as nothing else of that host knows it; an ordinary user's in the cache folder
 // of the home, with the node's name, as homes are often shared by nodes.
-std::string UsualNodeDir() {
+std::string DefaultNodeDir() {
   if (geteuid() == 0) return "/var/lib/myograde-node";
   return absl::StrCat(OwnCacheDir(), "-node-", NodeName());
 }
@@ -70,22 +70,22 @@ std::string MakeNodeDir(const std::string& path) {
     return absl::StrCat(path, ": can't be made: ", std::strerror(errno));
   }
   if (S_ISDIR(info.st_mode) && info.st_uid == geteuid() && (info.st_mode & 022) == 0) return "";
-  return absl::StrCat(path, ": is no folder of this user alone; name one in \"node_dir\" of server.json");
+  return absl::StrCat(path, ": is not a folder of this user alone; name one in \"node_dir\" of server.json");
 }
 
 int Play(NodeOptions options) {
   umask(077);
   // Folders of the order are mounted, so they must be absolute.
-  const auto fill = [](std::string& option, const std::string& usual) {
-    option = fs::absolute(option.empty() ? usual : option).lexically_normal().string();
+  const auto fill = [](std::string& option, const std::string& fallback) {
+    option = fs::absolute(option.empty() ? fallback : option).lexically_normal().string();
   };
   fill(options.config_dir, ConfigDir());
   setenv("MYOGRADE_CONFIG_DIR", options.config_dir.c_str(), 1);
   const char* cache_dir = std::getenv("MYOGRADE_CACHE");
-  fill(options.cache_dir, cache_dir != nullptr ? cache_dir : UsualCacheDir());
-  fill(options.node_dir, UsualNodeDir());
+  fill(options.cache_dir, cache_dir != nullptr ? cache_dir : DefaultCacheDir());
+  fill(options.node_dir, DefaultNodeDir());
   if (const std::string why = MakeNodeDir(options.node_dir); !why.empty()) {
-    std::fprintf(stderr, "myograde-node: %s\n", Harmless(why).c_str());
+    std::fprintf(stderr, "myograde-node: %s\n", Sanitized(why).c_str());
     return kTrouble;
   }
   const Fd stop = StopSignals();

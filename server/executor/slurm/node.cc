@@ -209,7 +209,7 @@ class NodeLease {
   std::optional<HeldArtefact> artefact_;
   double policy_cpu_s_ = 0;
   std::string last_record_;  // of the runner; "": it has not printed it
-  std::string fault_;        // of the runner, which printed what is no record; "": none
+  std::string fault_;        // of the runner, which printed a malformed record; "": none
 };
 
 }  // namespace
@@ -219,7 +219,7 @@ int PlayOnNode(const NodeOptions& options) {
   const absl::Status status = lease.Run();
   lease.CleanUp();
   if (status.ok()) return kSaid;
-  std::fprintf(stderr, "myograde-node: %s\n", Harmless(std::string(status.message())).c_str());
+  std::fprintf(stderr, "myograde-node: %s\n", Sanitized(std::string(status.message())).c_str());
   return kNotSaid;
 }
 

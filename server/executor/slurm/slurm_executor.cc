@@ -30,14 +30,14 @@ constexpr absl::Duration kCommand = absl::Seconds(30);
 constexpr auto kWatchAgain = std::chrono::seconds(5);
 constexpr auto kWatchEvery = std::chrono::minutes(1);
 
-const std::string& OrElse(const std::string& own, const std::string& usual) {
-  return own.empty() ? usual : own;
+const std::string& OrElse(const std::string& own, const std::string& fallback) {
+  return own.empty() ? fallback : own;
 }
 
 absl::Status CheckNodeName(const std::string& node) {
   if (IsNodeName(node)) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat("\"", PrintableUtf8(node), "\" is no name of a node"));
+      absl::StrCat("\"", PrintableUtf8(node), "\" is not a name of a node"));
 }
 
 }  // namespace

@@ -56,8 +56,8 @@ const EndState* EndOf(std::string_view state) {
 
 std::vector<std::string> JobWords(const SlurmConfig& config, const Budgets& budgets,
                                   absl::Duration wall) {
-  const auto or_else = [](int64_t own, double usual) {
-    return own != 0 ? own : static_cast<int64_t>(std::ceil(usual));
+  const auto or_else = [](int64_t own, double fallback) {
+    return own != 0 ? own : static_cast<int64_t>(std::ceil(fallback));
   };
   const auto bytes = static_cast<double>(budgets.memory_bytes + budgets.scratch_bytes);
   // Policy and simulator take turns.

@@ -57,7 +57,7 @@ std::vector<std::string> QueueWords(const std::string& job_name);
 absl::StatusOr<std::vector<SlurmJob>> ParseQueue(std::string_view text);
 
 // Asks Slurm's sstat for the energy that the running job's step has used so far, in joules.
-// nullopt: this is no job (SLURM_JOB_ID), or the cluster does not measure it or does not answer
+// nullopt: this is not a job (SLURM_JOB_ID), or the cluster does not measure it or does not answer
 // soon.
 std::optional<double> EnergyOfJob();
 

@@ -36,7 +36,7 @@ def install(names: list[str], target: pathlib.Path, worker: Worker) -> list[dict
     libraries in debian-lib/. Returns the packages."""
     for name in names:
         if not re.fullmatch(r"[a-z0-9][a-z0-9+.-]+", name):
-            raise WrongUse(f'--debian: "{name}" is no name of a Debian package')
+            raise WrongUse(f'--debian: "{name}" is not a name of a Debian package')
     # Asked for a host without any package, so that the answer does not depend on this one's.
     (worker.folder / "no-packages").touch(0o644)
     base = _closure(list(BASE), worker)

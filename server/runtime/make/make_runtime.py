@@ -114,8 +114,8 @@ def check_python(python: str) -> str:
     """The version of the interpreter, "3.11". Policies see nothing of the host but /usr."""
     real = os.path.realpath(python)
     if not os.path.isabs(python) or not real.startswith("/usr/") or not os.access(real, os.X_OK):
-        raise WrongUse(f"--python: {python} is no program below /usr, and nothing else of this host is "
-                       "shown to policies; for another Python, hand in an image that holds it")
+        raise WrongUse(f"--python: {python} is not a program below /usr, and nothing else of this host is "
+                       "shown to policies; for another Python, submit an image that holds it")
     probe = Worker(pathlib.Path(tempfile.mkdtemp()) / "probe", 60, 1 << 30)
     try:
         os.chmod(probe.folder.parent, 0o711)

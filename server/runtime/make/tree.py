@@ -103,7 +103,7 @@ def _copy(source: pathlib.Path, target: pathlib.Path, top: pathlib.Path) -> None
         shutil.copyfile(source, target)
         target.chmod(0o555 if info.st_mode & stat.S_IXUSR else 0o444)
     else:
-        raise WrongUse(f"the packages hold {source.name}, which is no file, folder or link")
+        raise WrongUse(f"the packages hold {source.name}, which is not a file, folder or link")
 
 
 def close(root: pathlib.Path) -> None:

@@ -16,29 +16,29 @@ function check(fits, words) {
 }
 
 function text(value, what) {
-  check(typeof value === "string" && value.length <= MOST.text, `${what} is no text`);
+  check(typeof value === "string" && value.length <= MOST.text, `${what} is not text`);
   return value;
 }
 
 function finite(value, what) {
-  check(Number.isFinite(value), `${what} is no number`);
+  check(Number.isFinite(value), `${what} is not a number`);
   return value;
 }
 
 function whole(value, most, what) {
   check(Number.isInteger(value) && value >= 0 && value <= most,
-    `${what} is no whole number from 0 to ${most}`);
+    `${what} is not a whole number from 0 to ${most}`);
   return value;
 }
 
 function list(value, most, what) {
-  check(Array.isArray(value) && value.length <= most, `${what} is no list of at most ${most}`);
+  check(Array.isArray(value) && value.length <= most, `${what} is not a list of at most ${most}`);
   return value;
 }
 
 function object(value, what) {
   check(value !== null && typeof value === "object" && !Array.isArray(value),
-    `${what} is no JSON object`);
+    `${what} is not a JSON object`);
   return value;
 }
 

@@ -4,7 +4,7 @@ import {facts, h, href, replace} from "./dom.js";
 import {bytes, name, visible, whole} from "./format.js";
 import {pack} from "./tar.js";
 
-// What can be handed in to: phases that are open, and every track.
+// What can be submitted to: phases that are open, and every track.
 async function targets() {
   const [{tracks}, all] = await Promise.all([get("/v1/tracks"), get("/v1/challenges")]);
   const phases = all.challenges.flatMap((challenge) => challenge.phases);
@@ -44,7 +44,7 @@ async function filesBelow(entry, prefix) {
 // The last endings of the archives that are taken, for a browser's dialogue.
 const ARCHIVES = ".tar,.gz,.tgz,.zst,.tzst,.xz,.txz,.bz2,.tbz2,.tbz,.zip";
 
-// What was chosen, as {words, blob}. An error says why it can't be handed in.
+// What was chosen, as {words, blob}. An error says why it can't be submitted.
 export function parcelOf(files) {
   const single = files.length === 1 ? files[0] : null;
   if (single && /\.(tar|tar\.(gz|zst|xz|bz2)|tgz|tzst|txz|tbz2?|zip)$/i.test(single.path)) {
@@ -122,7 +122,7 @@ async function submit(body) {
 }
 
 function done(box, artefact, answer) {
-  const words = answer.linked ? "It was handed in before: this is its evaluation." : "It is handed in.";
+  const words = answer.linked ? "It was submitted before: this is its evaluation." : "It is submitted.";
   replace(box, h("div", {class: "card good", role: "status"}, h("h2", null, words),
     facts([["Policy", name(artefact.name)], ["Files", `${whole(artefact.files)}, `
       + bytes(artefact.bytes)], ["Submission", h("a", {href: href("/submission",
@@ -142,7 +142,7 @@ function teamField(who) {
 export async function show(main) {
   document.title = "Submit – MyoGrade";
   const who = await whoami();
-  if (who.role === "public") throw new ApiError(401, "no_token", "Sign in to hand in a policy.");
+  if (who.role === "public") throw new ApiError(401, "no_token", "Sign in to submit a policy.");
   const all = await targets();
   const team = teamField(who);
   const target = h("select", {id: "target"}, all.map((one, place) =>
@@ -152,7 +152,7 @@ export async function show(main) {
   const problem = h("p", {class: "problem", role: "alert"});
   const bar = h("progress", {max: 1, value: 0, hidden: true, "aria-label": "Upload"});
   const words = h("span", {role: "status"});
-  const send = h("button", {class: "main", type: "submit", disabled: true}, "Hand in");
+  const send = h("button", {class: "main", type: "submit", disabled: true}, "Submit");
   const showTarget = () => {
     countBox.hidden = !all[target.value]?.practice;
   };

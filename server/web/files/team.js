@@ -1,4 +1,4 @@
-// A team: what it may still hand in, what it was charged, and its submissions.
+// A team: what it may still submit, what it was charged, and its submissions.
 import {get, isOrganiser, whoami} from "./api.js";
 import {facts, h, href, replace, table} from "./dom.js";
 import {name, state, time, visible, whole} from "./format.js";

@@ -30,7 +30,7 @@ def steps_of(text):
     for entry in filter(None, text.split(",")):
         name, _, number = entry.partition("=")
         if name not in STEPS or not number.isdigit() or int(number) == 0:
-            raise argparse.ArgumentTypeError(f"{entry!r} is no TRACK=NUMBER of {', '.join(STEPS)}")
+            raise argparse.ArgumentTypeError(f"{entry!r} is not a TRACK=NUMBER of {', '.join(STEPS)}")
         steps[name] = int(number)
     return steps
 

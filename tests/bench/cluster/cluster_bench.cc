@@ -84,7 +84,7 @@ struct Options {
 };
 
 // The store, and how long the loop waits for it.
-class TimedDisk : public Disk {
+class TimedDisk : public StoreWriter {
  public:
   explicit TimedDisk(Store& store) : disk_(store) {}
   absl::Status Write(const StoreChange& change) override {
@@ -298,7 +298,7 @@ Options Parse(int argc, char** argv) {
                                   [&](const auto& entry) { return entry.first == std::string(argv[i]); });
     if (it == std::end(known) || i + 1 >= argc || !absl::SimpleAtoi(argv[i + 1], it->second) ||
         *it->second < 1) {
-      Fail(absl::StrCat(argv[i], " is no option, or lacks a number from 1 on"));
+      Fail(absl::StrCat(argv[i], " is not an option, or lacks a number from 1 on"));
     }
   }
   if (options.lease_episodes > kEpisodes || options.nodes > 1'000'000) Fail("a number is too large");

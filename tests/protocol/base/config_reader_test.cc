@@ -147,7 +147,7 @@ TEST(ParseJson, RefusesAKeyThatIsThereTwiceInOneObject) {
   EXPECT_TRUE(ParseJson(R"({"a": {"k": 1}, "b": {"k": 1}, "k": [{"k": 1}, {"k": 1}]})", "f").ok());
   const auto twice = ParseJson(R"({"a": {"k": 1, "b": [{}], "k": 2}})", "f.json");
   ASSERT_FALSE(twice.ok());
-  EXPECT_EQ(twice.status().message(), "f.json: the key \"k\" is there twice");
+  EXPECT_EQ(twice.status().message(), "f.json: the key \"k\" appears twice");
 }
 
 TEST(ReadJsonFile, NamesAMissingAndATooLargeFile) {

@@ -96,7 +96,7 @@ TEST_F(PracticeFiles, ARankedSeedOrABadListIsToldWithItsPlace) {
   EXPECT_THAT(error("[9, 7]"), HasSubstr("own.json (profile paper): \"practice_seeds\" has the "
                                          "seed 7, which \"seeds\" has too"));
   EXPECT_THAT(error("[]"), HasSubstr("practice_seeds: has 0 seeds, must have 1 to 10000"));
-  EXPECT_THAT(error("[1, 1]"), HasSubstr("practice_seeds: the seed 1 is there twice"));
+  EXPECT_THAT(error("[1, 1]"), HasSubstr("practice_seeds: the seed 1 appears twice"));
   EXPECT_THAT(error("9"), HasSubstr("practice_seeds: must be"));
 }
 

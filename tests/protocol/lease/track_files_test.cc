@@ -100,7 +100,7 @@ TEST_F(TrackFiles, AClientsFileTakesThePlaceOfTheTracksOwn) {
   };
   EXPECT_THAT(error(same), testing::AllOf(HasSubstr("request: config"), HasSubstr("\"tasks\"")));
   EXPECT_THAT(error(json::array()), HasSubstr("request: config: must hold a JSON object"));
-  EXPECT_THAT(error({{"extends", "../manipulation"}}), HasSubstr("is no name of a track config"));
+  EXPECT_THAT(error({{"extends", "../manipulation"}}), HasSubstr("is not a name of a track config"));
   EXPECT_THAT(error({{"extends", "none"}}), HasSubstr("there are: manipulation"));
   EXPECT_THAT(error({{"extends", 7}}), HasSubstr("\"extends\" must be the name"));
 }
@@ -133,7 +133,7 @@ TEST_F(TrackFiles, AMissingBaseIsNamedWithWhoWantsIt) {
 
 TEST_F(TrackFiles, BadFilesAreToldWithTheirPlace) {
   Write("outside", R"({"extends": "../manipulation"})");
-  EXPECT_THAT(ErrorOf("outside"), HasSubstr("is no name of a track config"));
+  EXPECT_THAT(ErrorOf("outside"), HasSubstr("is not a name of a track config"));
   Write("number", R"({"extends": 3})");
   EXPECT_THAT(ErrorOf("number"), HasSubstr("number.json: \"extends\" must be the name"));
   Write("list", "[]");
@@ -141,7 +141,7 @@ TEST_F(TrackFiles, BadFilesAreToldWithTheirPlace) {
   Write("empty", "{}");
   EXPECT_THAT(ErrorOf("empty"), HasSubstr("\"profiles\" must be an object"));
   Write("twice", R"({"extends": "manipulation", "extends": "manipulation"})");
-  EXPECT_THAT(ErrorOf("twice"), HasSubstr("twice.json: the key \"extends\" is there twice"));
+  EXPECT_THAT(ErrorOf("twice"), HasSubstr("twice.json: the key \"extends\" appears twice"));
   Write("named", R"({"extends": "manipulation", "id": "other"})");
   EXPECT_THAT(ErrorOf("named"), HasSubstr("\"id\" is given by the file's name"));
   Write("key", R"({"extends": "manipulation", "profiles": {"paper": {"track": "locomotion"}}})");

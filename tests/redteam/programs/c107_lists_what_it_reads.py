@@ -16,7 +16,7 @@ def content(path):
 
 
 def files(folder):
-    """All that is no link and has content, by its path below `folder`."""
+    """All that is not a link and has content, by its path below `folder`."""
     found = {}
     for above, folders, names in os.walk(folder):
         if above == "/proc":

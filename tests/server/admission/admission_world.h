@@ -39,7 +39,7 @@ class NothingIsPlayed : public Executor {
 };
 
 // The real store, on a disk that can be made full.
-class FillableDisk : public Disk {
+class FillableDisk : public StoreWriter {
  public:
   explicit FillableDisk(Store& store) : store_(store) {}
   absl::Status Write(const StoreChange& change) override {
@@ -107,7 +107,7 @@ class AdmissionWorld : public ::testing::Test {
     config.artefacts.disk_reserve = 0;
     config.http.request = absl::Minutes(1);
     config.http.upload = absl::Minutes(1);
-    config.quota.usual.quota = {
+    config.quota.defaults.quota = {
         .ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9};
   }
 

@@ -124,7 +124,7 @@ TEST_F(ReceiveTest, WithoutATeamARefusalIsChargedToNobody) {
 }
 
 TEST_F(ReceiveTest, WhoHasUsedUpTheFailedTriesIsRefusedBeforeAnythingIsUnpacked) {
-  options_.config.quota.usual.quota.failed = {1, 1};
+  options_.config.quota.defaults.quota.failed = {1, 1};
   EXPECT_EQ(ErrorCodeOf(Receive("no archive at all", "alpha").status()), "bad_artefact");
   MemoryArchive archive(GoodTar());
   const auto refused = Receive(archive, "alpha");

@@ -200,7 +200,7 @@ TEST_F(SubmitPhaseTest, APauseIsOfThePhaseOrOfAll) {
 // However the calendar is set, each answer agrees with it, and each accepted submission is there
 // once.
 TEST_F(SubmitPhaseTest, NoJumpOfTheCalendarLosesOrRepeatsASubmission) {
-  options_.config.quota.usual.quota = {
+  options_.config.quota.defaults.quota = {
       .ranked = {1000, 1000}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 1000};
   Hold({PhaseJson("final", 700)});
   for (const char artefact : {'a', 'b', 'c'}) AddArtefact(artefact);

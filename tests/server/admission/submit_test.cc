@@ -110,7 +110,7 @@ TEST_F(SubmitTest, TheSameArtefactAgainIsTheFirstSubmission) {
 }
 
 TEST_F(SubmitTest, AnotherTeamsArtefactIsRefusedWhereItCountsForEveryone) {
-  options_.config.quota.usual.one_for_everyone = true;
+  options_.config.quota.defaults.one_for_everyone = true;
   AddArtefact('a');
   ASSERT_TRUE(Submit("alpha", 'a').ok());
   EXPECT_EQ(CodeOf("beta", 'a'), "same_artefact");
@@ -128,7 +128,7 @@ TEST_F(SubmitTest, AnotherTeamsArtefactIsTakenWhereItCountsForEachTeam) {
 
 // Whoever knows the hash of another team's policy must not be able to submit, practise or block with it.
 TEST_F(SubmitTest, AnotherTeamsArtefactIsLikeOneThatThereIsNot) {
-  options_.config.quota.usual.one_for_everyone = true;
+  options_.config.quota.defaults.one_for_everyone = true;
   AddArtefact('a');
   ASSERT_TRUE(Submit("alpha", 'a').ok());
   SubmitRequest request{.artefact = std::string(64, 'a'),
@@ -188,7 +188,7 @@ TEST_F(SubmitTest, WhoeverUploadsAnArtefactMaySubmitIt) {
 }
 
 TEST_F(SubmitTest, AUsedUpQuotaIsOneTeamsAndOneBudgets) {
-  options_.config.quota.usual.quota.ranked = {1, 1};
+  options_.config.quota.defaults.quota.ranked = {1, 1};
   AddArtefact('a');
   AddArtefact('b');
   ASSERT_TRUE(Submit("alpha", 'a').ok());
@@ -200,7 +200,7 @@ TEST_F(SubmitTest, AUsedUpQuotaIsOneTeamsAndOneBudgets) {
 
 TEST_F(SubmitTest, ATracksOwnQuotaCountsThere) {
   QuotaConfig& quota = options_.config.quota;
-  quota.tracks[kTrack] = quota.usual;
+  quota.tracks[kTrack] = quota.defaults;
   quota.tracks[kTrack].quota.waiting = 1;
   AddArtefact('a');
   ASSERT_TRUE(Submit("alpha", 'a').ok());
@@ -208,7 +208,7 @@ TEST_F(SubmitTest, ATracksOwnQuotaCountsThere) {
 }
 
 TEST_F(SubmitTest, UsedUpFailedTriesForbidSubmissionsToo) {
-  options_.config.quota.usual.quota.failed = {1, 1};
+  options_.config.quota.defaults.quota.failed = {1, 1};
   AddArtefact('a');
   EXPECT_EQ(ErrorCodeOf(Receive(std::string(), "alpha").status()), "bad_artefact");
   EXPECT_EQ(CodeOf("alpha", 'a'), "quota");

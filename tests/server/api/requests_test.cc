@@ -141,7 +141,7 @@ TEST(ParseFilter, ChecksEveryParameter) {
   EXPECT_THAT(FilterProblem({{"before", "0"}}), HasSubstr("\"before\""));
   EXPECT_THAT(FilterProblem({{"state", "asleep"}}), HasSubstr("\"state\" must be queued"));
   EXPECT_THAT(FilterProblem({{"order", "team"}}), HasSubstr("\"order\" is not a parameter"));
-  EXPECT_THAT(FilterProblem({{"team", "a"}, {"team", "b"}}), HasSubstr("\"team\" is there twice"));
+  EXPECT_THAT(FilterProblem({{"team", "a"}, {"team", "b"}}), HasSubstr("\"team\" appears twice"));
 }
 
 absl::StatusOr<RequestKey> KeyOf(const std::vector<std::string>& values, const json& body = json(),

@@ -138,9 +138,9 @@ TEST(UnpackArtefact, RefusesKindsAndBitsThatNoPolicyNeeds) {
   EXPECT_THAT(Complaint({{.path = "su", .mode = AE_IFREG | 04755}}), HasSubstr("setuid or setgid"));
   EXPECT_THAT(Complaint({{.path = "sg", .mode = AE_IFREG | 02755}}), HasSubstr("setuid or setgid"));
   EXPECT_THAT(Complaint({{.path = "bell\a"}}), HasSubstr("control character"));
-  EXPECT_THAT(Complaint({{.path = "policy", .content = "again"}}), HasSubstr("is there twice"));
-  EXPECT_THAT(Complaint({{.path = "./policy", .content = "again"}}), HasSubstr("is there twice"));
-  EXPECT_THAT(Complaint({{.path = "policy/below"}}), HasSubstr("which is no folder"));
+  EXPECT_THAT(Complaint({{.path = "policy", .content = "again"}}), HasSubstr("appears twice"));
+  EXPECT_THAT(Complaint({{.path = "./policy", .content = "again"}}), HasSubstr("appears twice"));
+  EXPECT_THAT(Complaint({{.path = "policy/below"}}), HasSubstr("which is not a folder"));
 }
 
 TEST(UnpackArtefact, CountsWhatItUnpacks) {

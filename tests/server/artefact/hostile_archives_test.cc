@@ -206,14 +206,14 @@ TEST(HostileArchives, EntriesThatContradictEachOther) {
   const std::string link = TarEntry('2', "n", "", "/tmp");
   for (const std::string& first : {file, folder, link}) {
     for (const std::string& second : {file, folder, link}) {
-      EXPECT_THAT(RefusalOfEntry(first + second), HasSubstr("\"n\" is there twice"));
+      EXPECT_THAT(RefusalOfEntry(first + second), HasSubstr("\"n\" appears twice"));
     }
   }
   for (const std::string& first : {file, link}) {
     EXPECT_THAT(RefusalOfEntry(first + TarEntry('0', "n/below", "2")),
-                HasSubstr("\"n/below\" lies below \"n\", which is no folder"));
+                HasSubstr("\"n/below\" lies below \"n\", which is not a folder"));
   }
-  EXPECT_THAT(RefusalOfEntry(TarEntry('0', "n/below", "2") + link), HasSubstr("is there twice"));
+  EXPECT_THAT(RefusalOfEntry(TarEntry('0', "n/below", "2") + link), HasSubstr("appears twice"));
   // Two names on this file system, even if equal on others.
   EXPECT_EQ(RefusalOfEntry(TarEntry('0', "N", "1") + file), "");
 }

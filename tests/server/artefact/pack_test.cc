@@ -39,7 +39,7 @@ TEST(PackArtefact, TellsMistakesBeforeAnythingIsSent) {
   MakeFile(temp / "p/policy", "#!/bin/sh\n", 0755);
   ASSERT_EQ(complaint(temp / "p"), "");
   ASSERT_EQ(::mkfifo((temp / "p/pipe").c_str(), 0600), 0);
-  EXPECT_THAT(complaint(temp / "p"), HasSubstr("\"pipe\" is no file"));
+  EXPECT_THAT(complaint(temp / "p"), HasSubstr("\"pipe\" is not a file"));
   fs::remove(temp / "p/pipe");
   fs::create_symlink("../data.txt", temp / "p/out");
   EXPECT_THAT(complaint(temp / "p"), HasSubstr("targets with \"..\""));
@@ -70,7 +70,7 @@ TEST(PackArtefact, AFileIsWhatItsFirstBytesSayWhateverItsNameAndMode) {
     MakeFile(temp / "data.txt", "hello", mode);
     for (const auto& [file, why] :
          {std::pair("a.7z", "packed by 7z"), {"a.rar", "packed by RAR"}, {"a.tar.lz4", "packed by LZ4"},
-          {"policy.py", "\"command\": [\"python3\""}, {"data.txt", "is no program"}}) {
+          {"policy.py", "\"command\": [\"python3\""}, {"data.txt", "is not a program"}}) {
       EXPECT_THAT(complaint(temp / file), HasSubstr(why));
       EXPECT_THAT(complaint(temp / file), Not(HasSubstr("chmod")));
     }

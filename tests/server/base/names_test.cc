@@ -27,8 +27,8 @@ std::string Utf8(const std::u16string& text) {
 
 // Whether two names may be mistaken for each other.
 bool AreAlike(const std::string& a, const std::string& b) {
-  const std::set<std::string> looks = LooksOf(a);
-  const std::set<std::string> others = LooksOf(b);
+  const std::set<std::string> looks = ConfusableSkeletons(a);
+  const std::set<std::string> others = ConfusableSkeletons(b);
   return std::any_of(looks.begin(), looks.end(),
                      [&](const std::string& look) { return others.contains(look); });
 }
@@ -216,7 +216,7 @@ TEST(CleanName, IsContentWithWhatItGave) {
   EXPECT_TRUE(rc::check([](const std::string& noise) {
     const absl::StatusOr<std::string> clean = CleanName(noise, "name");
     if (clean.ok()) RC_ASSERT(*CleanName(*clean, "name") == *clean);
-    RC_ASSERT(!LooksOf(noise).empty());
+    RC_ASSERT(!ConfusableSkeletons(noise).empty());
   }));
 }
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr char kMark[] = "\xEF\xBF\xBD";  // U+FFFD
 
-bool IsHarmless(const std::string& text) {
+bool IsSafe(const std::string& text) {
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     if ((byte < 0x20 && c != '\n' && c != '\t') || byte == 0x7F) return false;
@@ -76,7 +76,7 @@ RC_GTEST_PROP(OutputTail, IsHarmlessAndBoundedWhateverComes,
   RC_ASSERT(tail.total() == static_cast<int64_t>(total));
   RC_ASSERT(tail.truncated() == (total > 64));
   RC_ASSERT(tail.tail().size() <= OutputTail::kTailBytes);
-  RC_ASSERT(IsHarmless(tail.tail()));
+  RC_ASSERT(IsSafe(tail.tail()));
 }
 
 }  // namespace

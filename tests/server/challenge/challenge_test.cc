@@ -96,10 +96,10 @@ TEST(Challenge, AMistakeIsNamedWithFilePhaseAndKey) {
       {{{"seeds", {{"committed", 0}}}}, "seeds: \"committed\" is 0, must be from 1 to 10000"},
       {{{"seeds", {{"committed", 5}, {"first", 1}}}}, "seeds: \"first\""},
       {{{"seeds", {{"first", 1}, {"count", 10001}}}}, "seeds: \"count\" is 10001"},
-      {{{"seeds", {1, 1}}}, "the seed 1 is there twice"},
+      {{{"seeds", {1, 1}}}, "the seed 1 appears twice"},
       {{{"seeds", "all"}}, "seeds: must be"},
       {{{"quota", {{"official_total", 0}}}}, "quota: \"official_total\" is 0, must be from 1"},
-      {{{"quota", {{"practice_total", 5}}}}, "quota: \"practice_total\" is no key of a phase"},
+      {{{"quota", {{"practice_total", 5}}}}, "quota: \"practice_total\" is not a key of a phase"},
       {{{"quota", 5}}, "\"quota\" must be an object"},
       {{{"teams", Json::array()}}, "\"teams\" must be 1 to 10000 names of teams"},
       {{{"teams", {"a\nb"}}}, "\"teams\" must be 1 to 10000 names of teams"},
@@ -139,15 +139,15 @@ TEST(Challenge, EachPhasesMistakeIsCollected) {
 }
 
 TEST(Challenge, OwnKeysOfAQuotaReplaceTheServers) {
-  const AdmissionRules usual = {
+  const AdmissionRules fallback = {
       .quota = {.ranked = {5, 100}, .practice = {50, 500}, .failed = {7, 70}, .waiting = 9}};
-  const AdmissionRules same = PhaseRules(ChallengeOf({PhaseJson("a")}).phases[0], usual);
+  const AdmissionRules same = PhaseRules(ChallengeOf({PhaseJson("a")}).phases[0], fallback);
   EXPECT_EQ(same.quota.ranked.total, 100);
   EXPECT_FALSE(same.one_for_everyone);
   const PhaseConfig own = ChallengeOf({PhaseJson(
       "a", {{"quota", {{"official_total", 3}, {"failed_per_day", 2},
                        {"same_artefact", "everyone"}}}})}).phases[0];
-  const AdmissionRules rules = PhaseRules(own, usual);
+  const AdmissionRules rules = PhaseRules(own, fallback);
   EXPECT_EQ(rules.quota.ranked.per_day, 5);
   EXPECT_EQ(rules.quota.ranked.total, 3);
   EXPECT_EQ(rules.quota.failed.per_day, 2);
@@ -156,10 +156,10 @@ TEST(Challenge, OwnKeysOfAQuotaReplaceTheServers) {
 }
 
 TEST(Challenge, APhaseThatWithholdsAnythingAllowsFewFailedTries) {
-  const AdmissionRules usual = {
+  const AdmissionRules fallback = {
       .quota = {.ranked = {5, 100}, .practice = {50, 500}, .failed = {1000, 10000}, .waiting = 9}};
   const auto failed = [&](const nlohmann::json& more) {
-    return PhaseRules(ChallengeOf({PhaseJson("a", more)}).phases[0], usual).quota.failed.total;
+    return PhaseRules(ChallengeOf({PhaseJson("a", more)}).phases[0], fallback).quota.failed.total;
   };
   EXPECT_EQ(failed(nlohmann::json::object()), 10000);
   EXPECT_EQ(failed({{"show", {{"metrics", false}}}}), 20);
@@ -168,17 +168,17 @@ TEST(Challenge, APhaseThatWithholdsAnythingAllowsFewFailedTries) {
 }
 
 TEST(Challenge, OwnKeysOfStatisticsReplaceTheServers) {
-  const scoring::StatisticsConfig usual = {.groups = {.level = 0.02, .samples = 5000, .places = 4}};
-  EXPECT_EQ(*PhaseStatistics(ChallengeOf({PhaseJson("a")}).phases[0], usual), usual);
+  const scoring::StatisticsConfig fallback = {.groups = {.level = 0.02, .samples = 5000, .places = 4}};
+  EXPECT_EQ(*PhaseStatistics(ChallengeOf({PhaseJson("a")}).phases[0], fallback), fallback);
   const PhaseConfig own = ChallengeOf({PhaseJson(
       "a", {{"statistics", {{"places", 6}, {"ranks", "groups"}}}})}).phases[0];
-  const scoring::StatisticsConfig config = *PhaseStatistics(own, usual);
+  const scoring::StatisticsConfig config = *PhaseStatistics(own, fallback);
   EXPECT_EQ(config.groups, (scoring::GroupRules{.level = 0.02, .samples = 5000, .places = 6}));
   EXPECT_EQ(config.ranks, scoring::StatisticsConfig::Ranks::kGroups);
   // It fits by itself, but not a server with so few samples.
   const PhaseConfig many =
       ChallengeOf({PhaseJson("a", {{"statistics", {{"places", 40}}}})}).phases[0];
-  const std::string mistake(PhaseStatistics(many, usual).status().message());
+  const std::string mistake(PhaseStatistics(many, fallback).status().message());
   EXPECT_THAT(mistake, HasSubstr("phase \"a\": statistics: \"samples\" is 5000"));
 }
 

@@ -133,7 +133,7 @@ TEST_F(ServerConfigTest, KeysThatAreLeftOutHaveTheShippedValues) {
   json.erase("executor");
   json.erase("slurm");
   std::ofstream(path_) << json.dump();
-  const ServerConfig usual = LoadServerConfig(path_.string(), "/cache").value();
+  const ServerConfig fallback = LoadServerConfig(path_.string(), "/cache").value();
   const auto numbers = [](const ServerConfig& config) {
     const HttpLimits& http = config.http;
     const UploadLimits& uploads = config.artefacts;
@@ -153,8 +153,8 @@ TEST_F(ServerConfigTest, KeysThatAreLeftOutHaveTheShippedValues) {
         config.slurm.cpus, absl::ToInt64Seconds(config.slurm.queue_wait),
         absl::ToInt64Seconds(config.pictures_ahead)};
   };
-  EXPECT_EQ(numbers(usual), numbers(now));
-  EXPECT_EQ(usual.statistics, now.statistics);
+  EXPECT_EQ(numbers(fallback), numbers(now));
+  EXPECT_EQ(fallback.statistics, now.statistics);
 }
 
 TEST_F(ServerConfigTest, AClusterTakesTheSlotsPlace) {

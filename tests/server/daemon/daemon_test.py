@@ -43,7 +43,7 @@ class DaemonCase(unittest.TestCase):
         return self.daemon.data
 
     def configure(self, **changes):
-        scheduler = {"replay_delay_s": 0.01, **changes.pop("scheduler", {})}
+        scheduler = {"retry_delay_s": 0.01, **changes.pop("scheduler", {})}
         self.daemon.configure(scheduler=scheduler, **changes)
 
     def start(self):

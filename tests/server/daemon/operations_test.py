@@ -243,7 +243,7 @@ class Log(DaemonCase):
         # The stand-in's runner writes to standard error, which the log quotes.
         for form in ("text", "json"):
             self.stop(signal.SIGTERM)
-            self.configure(log_format=form, scheduler={"suspect_after": 100, "max_replays": 1})
+            self.configure(log_format=form, scheduler={"suspect_after": 100, "max_retries": 1})
             start = len(self.daemon.log())
             self.start()
             runner = self.folder / "bin" / "myograde-runner"

@@ -391,7 +391,7 @@ class Tokens(PeopleCase):
         self.assertEqual(self.get("/v1/tokens")["tokens"], [])
         self.refused("--label", "token", "create", "--team", "alpha")
         self.refused("--days", "token", "create", "--label", "x", "--days", "0")
-        self.refused("no token's number", "token", "revoke", "x")
+        self.refused("not a token's number", "token", "revoke", "x")
 
 
 if __name__ == "__main__":

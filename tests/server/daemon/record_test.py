@@ -254,11 +254,11 @@ class Records(RecordCase):
         whole = self.exported()
         for make, words in (
                 (lambda f: (f / "receipts/1.json").unlink() or
-                 os.symlink("/etc/passwd", f / "receipts/1.json"), "is no plain file"),
-                (lambda f: os.mkfifo(f / "secrets/final.txt"), "is no plain file"),
+                 os.symlink("/etc/passwd", f / "receipts/1.json"), "is not a plain file"),
+                (lambda f: os.mkfifo(f / "secrets/final.txt"), "is not a plain file"),
                 (lambda f: (f / "more").write_text("x"), "does not belong there"),
                 (lambda f: (f / "boards/\x1b[2J").write_text("x"), "does not belong there"),
-                (lambda f: (f / "configs/deep").mkdir(), "is no plain file")):
+                (lambda f: (f / "configs/deep").mkdir(), "is not a plain file")):
             copy = self.altered(whole)
             make(copy)
             self.refuted(copy, "folder", words)

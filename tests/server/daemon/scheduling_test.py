@@ -94,7 +94,7 @@ class Scheduling(DaemonCase):
         self.assertEqual([self.ended(other)["state"] for other in official], ["done"] * 3)
 
     def test_a_broken_host_pauses_and_resumes_by_itself(self):
-        self.restart(scheduler={"self_test_every_s": 2, "replay_delay_s": 0.2})
+        self.restart(scheduler={"self_test_every_s": 2, "retry_delay_s": 0.2})
         broken = self.folder / "bin" / "broken"
         broken.write_text("the models are gone")
         submission = self.submit("ok")

@@ -120,7 +120,7 @@ class Events(WebhookCase):
         self.assertEqual(len({body for _, _, body in self.receiver.requests[:3]}), 1)
 
     def test_the_host_is_told_of(self):
-        self.configure(scheduler={"suspect_after": 1, "self_test_every_s": 1, "max_replays": 100})
+        self.configure(scheduler={"suspect_after": 1, "self_test_every_s": 1, "max_retries": 100})
         self.stop(signal.SIGTERM)
         runner = self.folder / "bin" / "myograde-runner"
         text = runner.read_text()
@@ -262,7 +262,7 @@ class Mistakes(WebhookCase):
                      "host only", url="http://192.0.2.1/x")
         self.refused('its "url" must begin with https://', url="ftp://example.org/x")
         self.refused('its "url" must have no user or password', url="https://a:b@example.org/x")
-        self.refused('its "url" is no URL', url="https://[")
+        self.refused('its "url" is not a URL', url="https://[")
         self.refused('webhooks[0]: "events" has "finished"', events=["finished"])
         self.refused('must name at least one event', events=[])
         self.refused('must be 1 to 64 letters', name="a b")
@@ -270,7 +270,7 @@ class Mistakes(WebhookCase):
         self.refused("the authority's certificate can't be read", ca_file="/nonexistent")
         self.refused("the secret can't be read (No such file or directory)",
                      secret_file="/nonexistent")
-        self.refused("is no file", secret_file="/tmp")
+        self.refused("is not a file", secret_file="/tmp")
         self.secret_file.write_text("short")
         self.refused("must hold one line of 16 to 1024 printable characters")
         self.secret_file.write_text(SECRET)
@@ -278,7 +278,7 @@ class Mistakes(WebhookCase):
         self.refused(f'others than its owner may read or write this secret; run "chmod 600 '
                      f'{self.secret_file}"')
         os.mkfifo(self.folder / "pipe")
-        self.refused("is no file", secret_file=str(self.folder / "pipe"))
+        self.refused("is not a file", secret_file=str(self.folder / "pipe"))
         self.assertEqual(stat.S_IMODE(self.secret_file.stat().st_mode), 0o640)
 
     def test_two_of_a_name_are_one_too_many(self):

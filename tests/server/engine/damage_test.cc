@@ -134,7 +134,7 @@ class DamageTest : public testing::Test {
     world.Boot();
     RunFor(world, absl::Seconds(5));
     EXPECT_EQ(world.broken, "") << "at the next start";
-    EXPECT_NE(world.Submit("new", 2), 0) << "others can hand in";
+    EXPECT_NE(world.Submit("new", 2), 0) << "others can submit";
   }
 
   static inline std::string folder_;

@@ -117,10 +117,10 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
                         "e.submission = s.id WHERE e.id = ", evaluation, ")");
   };
   std::vector<std::pair<std::string, std::string>> rows = {
-      {"meta", "key = 'team_looks'"},
-      {"team_look",
+      {"meta", "key = 'team_skeletons'"},
+      {"team_skeleton",
        "team = (SELECT id FROM team WHERE name = 'victim') AND look = (SELECT min(look) "
-       "FROM team_look WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
+       "FROM team_skeleton WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
       {"team", "name = 'victim'"},
       {"former_name", "name = 'former'"},
       {"journal", "id = 1"},

@@ -137,7 +137,7 @@ absl::StatusOr<std::vector<LeaseRecord>> FakeRunner::Read() {
     records.push_back(script_[said_++].second);
   }
   world_.clock.Advance(std::exchange(world_.next_look_takes, absl::ZeroDuration()));
-  if (garbage_ && said_ > 1) return absl::DataLossError("what is no record");
+  if (garbage_ && said_ > 1) return absl::DataLossError("a malformed record");
   return records;
 }
 

@@ -94,7 +94,7 @@ class FakeProcesses : public Executor {
 };
 
 // The real store, with power cuts and rejected writes.
-class FakeDisk : public Disk {
+class FakeDisk : public StoreWriter {
  public:
   FakeDisk(World& world, Store& store) : world_(world), store_(store) {}
   absl::Status Write(const StoreChange& change) override;

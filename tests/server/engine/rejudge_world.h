@@ -27,7 +27,7 @@ struct Playing {
 };
 
 // The disk of a daemon whose power goes at commit number `cut`: before it is written or after.
-class CutDisk : public Disk {
+class CutDisk : public StoreWriter {
  public:
   explicit CutDisk(Store& store) : store_(store) {}
   absl::Status Write(const StoreChange& change) override;

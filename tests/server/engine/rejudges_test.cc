@@ -121,7 +121,7 @@ TEST_F(RejudgesTest, WhatCanNotBePlayedIsWithoutResult) {
   const int64_t id = created->rejudge.id;
   AwaitComplete(id);
   EXPECT_THAT(Progress(id).without_result, ElementsAre(gone));
-  EXPECT_THAT(Items(id)[0].reason, HasSubstr("are not on this host any more"));
+  EXPECT_THAT(Items(id)[0].reason, HasSubstr("are no longer on this host"));
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("no result of these"));
   EXPECT_THAT(std::string(Apply(id, {gone, gone + 1}).status().message()),
               HasSubstr("name exactly these"));

@@ -69,7 +69,7 @@ TEST(Request, KeepsATokenApartAndTakesOneAlone) {
   const Read two = ReadHead(
       "GET / HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer abc\r\nauthorization: Bearer abc\r\n\r\n");
   EXPECT_FALSE(two.good);
-  EXPECT_THAT(two.error.message, HasSubstr("Authorization is there twice"));
+  EXPECT_THAT(two.error.message, HasSubstr("duplicate Authorization header"));
 }
 
 TEST(Request, SaysWhetherTheConnectionIsKept) {

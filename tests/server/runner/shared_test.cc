@@ -68,11 +68,11 @@ int64_t FillTheFlight(std::vector<Fd>& ends) {
 }
 
 TEST_F(SharedTest, DescriptorsInFlightOfTheUserHoldUpNoLease) {
-  rlimit usual;
-  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &usual), 0);
-  if (usual.rlim_max < 4096) GTEST_SKIP() << "the hard limit of open files is too low";
+  rlimit fallback;
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &fallback), 0);
+  if (fallback.rlim_max < 4096) GTEST_SKIP() << "the hard limit of open files is too low";
   // For this process and its children, as in a login session.
-  const rlimit low = {512, usual.rlim_max};
+  const rlimit low = {512, fallback.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
   {
     std::vector<Fd> ends;
@@ -83,7 +83,7 @@ TEST_F(SharedTest, DescriptorsInFlightOfTheUserHoldUpNoLease) {
     EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
     EXPECT_TRUE(outcomes.end->ok) << outcomes.end->detail;
   }
-  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &usual), 0);
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &fallback), 0);
 }
 
 TEST_F(SharedTest, NobodyLeavesAMarkInTheTimesOfDevices) {

@@ -112,8 +112,8 @@ TEST_F(BusNetworkTest, BoundsTheBuffersOfItsStreams) {
   Inside([] {
     for (const char* name : {"tcp_rmem", "tcp_wmem"}) {
       std::ifstream file(std::string("/proc/sys/net/ipv4/") + name);
-      int64_t least = 0, usual = 0, most = 0;
-      file >> least >> usual >> most;
+      int64_t least = 0, fallback = 0, most = 0;
+      file >> least >> fallback >> most;
       EXPECT_EQ(most, kStreamBufferBytes) << name;
     }
   });

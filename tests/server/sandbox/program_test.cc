@@ -66,7 +66,7 @@ TEST_F(ProgramTest, ABareWordIsLookedUpOnThePath) {
   EXPECT_EQ(Complaint("sh"), "");
   EXPECT_EQ(Complaint("env"), "");
   EXPECT_THAT(Complaint("no-such-program"),
-              HasSubstr("\"no-such-program\", which is no file of the submission and no program of "
+              HasSubstr("\"no-such-program\", which is not a file of the submission and no program of "
                         "the sandbox, which has its own in /usr/local/bin, /usr/bin, /bin"));
 }
 

@@ -42,24 +42,24 @@ TEST(RejudgesInTheQueueTest, GiveWayOneLeaseForEachThatIsReady) {
   Scheduler scheduler({.slots = 3});
   scheduler.Add(LeasesOf(1, "a", 3, Priority::kRejudge), kStart);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(scheduler.Next(kStart));
-  EXPECT_FALSE(scheduler.GiveWay(kStart)) << "nobody else wants a slot";
+  EXPECT_FALSE(scheduler.Preempt(kStart)) << "nobody else wants a slot";
   scheduler.Add(LeasesOf(2, "b", 2, Priority::kRanked), kStart);
   EXPECT_FALSE(scheduler.Next(kStart));
-  const auto first = scheduler.GiveWay(kStart);
-  const auto second = scheduler.GiveWay(kStart);
+  const auto first = scheduler.Preempt(kStart);
+  const auto second = scheduler.Preempt(kStart);
   ASSERT_TRUE(first && second);
   EXPECT_EQ(first->lease, 1002) << "the last to start has the least to lose";
   EXPECT_EQ(first->attempt, 1);
   EXPECT_EQ(second->lease, 1001);
-  EXPECT_FALSE(scheduler.GiveWay(kStart)) << "two slots become free, and two leases wait";
+  EXPECT_FALSE(scheduler.Preempt(kStart)) << "two slots become free, and two leases wait";
   EXPECT_FALSE(scheduler.Next(kStart)) << "their processes may still be there";
   EXPECT_EQ(scheduler.Finished(1002, 1, kStart).kind, Decision::Kind::kStale);
   scheduler.Free(2);
   EXPECT_EQ(scheduler.Next(kStart)->evaluation, 2);
-  EXPECT_FALSE(scheduler.GiveWay(kStart));
+  EXPECT_FALSE(scheduler.Preempt(kStart));
   // A slot whose processes can't be killed is of no use to the lease that waits for it.
   scheduler.Close(1);
-  EXPECT_EQ(scheduler.GiveWay(kStart)->lease, 1000);
+  EXPECT_EQ(scheduler.Preempt(kStart)->lease, 1000);
 }
 
 TEST(RejudgesInTheQueueTest, WhatGaveWayStartsAgainWithoutAFault) {
@@ -71,7 +71,7 @@ TEST(RejudgesInTheQueueTest, WhatGaveWayStartsAgainWithoutAFault) {
     ASSERT_EQ(rejudge->lease, 1000);
     EXPECT_EQ(rejudge->attempt, round);
     scheduler.Add(LeasesOf(1 + round, "b", 1, Priority::kRerun), kStart);
-    ASSERT_TRUE(scheduler.GiveWay(kStart));
+    ASSERT_TRUE(scheduler.Preempt(kStart));
     EXPECT_EQ(scheduler.WaitingLeasesOf(1), 1);
     scheduler.Free(rejudge->slot);
     const auto live = scheduler.Next(kStart);
@@ -90,11 +90,11 @@ TEST(RejudgesInTheQueueTest, DontGiveWayToWhatMayNotStart) {
   ASSERT_EQ(scheduler.Next(kStart)->evaluation, 1);
   ASSERT_EQ(scheduler.Next(kStart)->evaluation, 2) << "rejudges count in nobody's share";
   scheduler.Add(LeasesOf(3, "a", 1, Priority::kRanked), kStart);
-  EXPECT_FALSE(scheduler.GiveWay(kStart)) << "the team has as many as it may";
+  EXPECT_FALSE(scheduler.Preempt(kStart)) << "the team has as many as it may";
   scheduler.Faulted(1000, 1, kStart);  // to be played again in 2 s
   scheduler.Free(0);
   ASSERT_EQ(scheduler.Next(kStart)->evaluation, 3);
-  EXPECT_FALSE(scheduler.GiveWay(kStart)) << "it is not ready yet";
+  EXPECT_FALSE(scheduler.Preempt(kStart)) << "it is not ready yet";
 }
 
 // A scheduler whose slots are free as soon as a lease is over.
@@ -107,7 +107,7 @@ struct Line {
         running[start->lease] = {start->attempt, start->slot};
         if (!rejudges.contains(start->evaluation)) live_starts.push_back(start->lease);
       }
-      const auto gives_way = scheduler.GiveWay(now);
+      const auto gives_way = scheduler.Preempt(now);
       if (!gives_way) return;
       RC_ASSERT(rejudges.contains(gives_way->evaluation));
       scheduler.Free(running.at(gives_way->lease).second);

@@ -139,7 +139,7 @@ RC_GTEST_PROP(RemoteLeasesTest, DeadlinesAreThoseOfEachLease, ()) {
     } else if (what == 4) {
       const auto it = some();
       end(it, scheduler.Finished(it->first, it->second.attempt, now));
-    } else if (const auto way = scheduler.GiveWay(now)) {
+    } else if (const auto way = scheduler.Preempt(now)) {
       scheduler.Free(running.at(way->lease).slot);
       running.erase(way->lease);
     }

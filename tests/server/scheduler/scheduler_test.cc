@@ -240,12 +240,12 @@ TEST(SchedulerTest, SeveralTeamsOfOnePartyShareOneTurn) {
   std::map<int64_t, std::string> who;
   for (int64_t id = 1; id <= 4; ++id) {
     EvaluationSpec spec = WaitingEvaluation(id, absl::StrCat("puppet ", id), 10);
-    spec.party = "uid 1000";
+    spec.submitter = "uid 1000";
     scheduler.Add(spec, absl::ZeroDuration());
     who[id] = "puppets";
   }
   EvaluationSpec other = WaitingEvaluation(5, "honest", 10);
-  other.party = "uid 1001";
+  other.submitter = "uid 1001";
   scheduler.Add(other, absl::ZeroDuration());
   who[5] = "honest";
   EXPECT_EQ(scheduler.PlaceOf(5)->position, 5);
@@ -258,7 +258,7 @@ TEST(SchedulerTest, SeveralMembersOfOneTeamShareOneTurn) {
   std::map<int64_t, std::string> who;
   for (int64_t id = 1; id <= 4; ++id) {
     EvaluationSpec spec = WaitingEvaluation(id, "crowd", 10);
-    spec.party = absl::StrCat("uid ", id);
+    spec.submitter = absl::StrCat("uid ", id);
     scheduler.Add(spec, absl::ZeroDuration());
     who[id] = "crowd";
   }
@@ -372,7 +372,7 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
       for (const auto& [lease, at] : model.running) RC_ASSERT(at.second != start->slot);
       model.running[start->lease] = {start->attempt, start->slot};
     }
-    while (const auto lease = scheduler.GiveWay(now)) {
+    while (const auto lease = scheduler.Preempt(now)) {
       RC_ASSERT(model.running.at(lease->lease).first == lease->attempt);
       model.to_free.push_back(model.running.at(lease->lease).second);
       model.running.erase(lease->lease);

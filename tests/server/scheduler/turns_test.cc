@@ -25,9 +25,9 @@ int64_t PlayOne(Scheduler& scheduler, absl::Duration now = kNow) {
   return start->evaluation;
 }
 
-EvaluationSpec OfParty(int64_t id, const std::string& team, const std::string& party) {
+EvaluationSpec OfParty(int64_t id, const std::string& team, const std::string& submitter) {
   EvaluationSpec spec = WaitingEvaluation(id, team, 1);
-  spec.party = party;
+  spec.submitter = submitter;
   return spec;
 }
 
@@ -35,7 +35,7 @@ TEST(Turns, ATeamThatItsPartyHoldsBackDoesNotHideALaterOne) {
   Scheduler scheduler({.slots = 2});
   scheduler.Add(OfParty(1, "p", "person"), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
-  // By itself b would be first; its party runs one already, so c is, which came before a.
+  // By itself b would be first; its submitter runs one already, so c is, which came before a.
   scheduler.Add(OfParty(2, "b", "person"), kNow);
   scheduler.Add(WaitingEvaluation(3, "c", 1), kNow);
   scheduler.Add(WaitingEvaluation(4, "a", 1), kNow);
@@ -49,7 +49,7 @@ TEST(Turns, APartysLastStartCountsForEachOfItsTeams) {
   scheduler.Add(WaitingEvaluation(3, "c", 1), kNow);
   EXPECT_EQ(PlayOne(scheduler), 1);
   EXPECT_EQ(scheduler.PlaceOf(2)->position, 2);
-  EXPECT_EQ(PlayOne(scheduler), 3) << "b had no start, its party had";
+  EXPECT_EQ(PlayOne(scheduler), 3) << "b had no start, its submitter had";
   EXPECT_EQ(PlayOne(scheduler), 2);
 }
 
@@ -145,7 +145,7 @@ TEST(Turns, RejudgesGiveWayToAnOverdueEvaluation) {
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
   scheduler.Add(WaitingEvaluation(2, "b", 1), kNow);
   scheduler.Escalate(absl::Seconds(60));
-  EXPECT_TRUE(scheduler.GiveWay(absl::Seconds(60)).has_value());
+  EXPECT_TRUE(scheduler.Preempt(absl::Seconds(60)).has_value());
 }
 
 TEST(Turns, ThreeRejudgesGiveWayToThreeLeases) {
@@ -153,8 +153,8 @@ TEST(Turns, ThreeRejudgesGiveWayToThreeLeases) {
   scheduler.Add(WaitingEvaluation(1, "a", 3, Priority::kRejudge), kNow);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(scheduler.Next(kNow));
   scheduler.Add(WaitingEvaluation(2, "b", 3), kNow);
-  for (int i = 0; i < 3; ++i) EXPECT_TRUE(scheduler.GiveWay(kNow)) << i;
-  EXPECT_FALSE(scheduler.GiveWay(kNow));
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(scheduler.Preempt(kNow)) << i;
+  EXPECT_FALSE(scheduler.Preempt(kNow));
 }
 
 TEST(Turns, RejudgesGiveWayToNoMoreThanATeamMayRun) {
@@ -162,8 +162,8 @@ TEST(Turns, RejudgesGiveWayToNoMoreThanATeamMayRun) {
   scheduler.Add(WaitingEvaluation(1, "a", 2, Priority::kRejudge), kNow);
   for (int i = 0; i < 2; ++i) ASSERT_TRUE(scheduler.Next(kNow));
   scheduler.Add(WaitingEvaluation(2, "b", 2), kNow);
-  EXPECT_TRUE(scheduler.GiveWay(kNow));
-  EXPECT_FALSE(scheduler.GiveWay(kNow));
+  EXPECT_TRUE(scheduler.Preempt(kNow));
+  EXPECT_FALSE(scheduler.Preempt(kNow));
 }
 
 // Of an evaluation whose first lease waits for its delay, the second may go at once.
@@ -183,10 +183,10 @@ TEST(Turns, ARejudgeGivesWayToALeaseBehindADelayedOne) {
   scheduler.Add(WaitingEvaluation(1, "r", 1, Priority::kRejudge), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
   scheduler.Add(WaitingEvaluation(2, "a", 2), kNow);
-  EXPECT_FALSE(scheduler.GiveWay(kNow)) << "there is a free slot";
+  EXPECT_FALSE(scheduler.Preempt(kNow)) << "there is a free slot";
   ASSERT_EQ(scheduler.Next(kNow)->lease, 2000);
   scheduler.Faulted(2000, 1, kNow);
-  EXPECT_TRUE(scheduler.GiveWay(kNow))
+  EXPECT_TRUE(scheduler.Preempt(kNow))
       << "to the second lease; the slot of the first is not free yet";
 }
 
@@ -198,8 +198,8 @@ TEST(Turns, ARejudgeGivesWayFromTheEndOfADelayOn) {
   scheduler.Free(0);
   scheduler.Add(WaitingEvaluation(2, "r", 1, Priority::kRejudge), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 2);
-  EXPECT_FALSE(scheduler.GiveWay(absl::Seconds(9)));
-  EXPECT_TRUE(scheduler.GiveWay(absl::Seconds(10)));
+  EXPECT_FALSE(scheduler.Preempt(absl::Seconds(9)));
+  EXPECT_TRUE(scheduler.Preempt(absl::Seconds(10)));
 }
 
 TEST(Waits, BeginAgainWhenALeaseEnds) {

@@ -141,7 +141,7 @@ TEST_F(DeliveriesTest, StrangersAreGivenUpAndOldRowsGo) {
   Pause("", "one");
   absl::StatusOr<int64_t> given_up = 0;
   ASSERT_TRUE(store_->Write([&](Transaction& writer) {
-    given_up = writer.deliveries.GiveUpStrangers({"all"});
+    given_up = writer.deliveries.AbandonAllBut({"all"});
     return given_up.status();
   }).ok());
   EXPECT_EQ(*given_up, 1);

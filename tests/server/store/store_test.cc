@@ -300,7 +300,7 @@ TEST_F(StoreTest, StrangeFilesAreRefusedWithASentence) {
   store_.reset();
   const std::string junk = dir_ + "/junk.db";
   FILE* file = fopen(junk.c_str(), "w");
-  for (int i = 0; i < 1000; ++i) fputs("this is no database\n", file);
+  for (int i = 0; i < 1000; ++i) fputs("this is not a database\n", file);
   fclose(file);
   const absl::Status damaged = Store::Open(junk, clock_).status();
   EXPECT_TRUE(absl::IsDataLoss(damaged)) << damaged;

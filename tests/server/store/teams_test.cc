@@ -37,8 +37,8 @@ class TeamsTest : public StoreTest {
     SQLite::Statement insert(db, "INSERT INTO team (name, created_at) VALUES (?, 1)");
     insert.bind(1, name);
     insert.exec();
-    db.exec("DELETE FROM team_look");
-    db.exec("DELETE FROM meta WHERE key = 'team_looks'");
+    db.exec("DELETE FROM team_skeleton");
+    db.exec("DELETE FROM meta WHERE key = 'team_skeletons'");
   }
 };
 
@@ -107,7 +107,7 @@ TEST_F(TeamsTest, AChangeThatFailsLeavesNoLook) {
             return absl::UnavailableError("the disk is gone");
           })
           .ok());
-  EXPECT_EQ(Count("team_look"), 0);
+  EXPECT_EQ(Count("team_skeleton"), 0);
   EXPECT_TRUE(Try(kCyrillic).ok()) << "the name was nobody's";
 }
 
@@ -130,14 +130,14 @@ TEST_F(TeamsTest, TeamsOfEarlierStoresKeepTheirNames) {
 
 TEST_F(TeamsTest, LooksAreMadeAnewWhenTheRuleChanges) {
   ASSERT_TRUE(Try("alpha").ok());
-  const int64_t looks = Count("team_look");
-  EXPECT_EQ(SqlError("UPDATE team_look SET look = 'of old'"), "");
+  const int64_t looks = Count("team_skeleton");
+  EXPECT_EQ(SqlError("UPDATE team_skeleton SET look = 'of old'"), "");
   Open();
   EXPECT_TRUE(Try("Alpha").ok()) << "looks of the present rule are not made again";
-  EXPECT_EQ(SqlError("UPDATE meta SET value = x'30' WHERE key = 'team_looks'"), "");
+  EXPECT_EQ(SqlError("UPDATE meta SET value = x'30' WHERE key = 'team_skeletons'"), "");
   Open();
   EXPECT_EQ(ErrorCodeOf(Try("ALPHA")), "look_alike");
-  EXPECT_GE(Count("team_look"), 2 * looks);
+  EXPECT_GE(Count("team_skeleton"), 2 * looks);
 }
 
 TEST_F(TeamsTest, ThousandsOfTeamsAreLookedUpByAnIndex) {
@@ -154,8 +154,8 @@ TEST_F(TeamsTest, ThousandsOfTeamsAreLookedUpByAnIndex) {
   EXPECT_EQ(Count("team"), 10'000);
   EXPECT_EQ(ErrorCodeOf(Try("TEAM 1OOOOO2")), "look_alike");
   SQLite::Database db(path_);
-  SQLite::Statement plan(db, "EXPLAIN QUERY PLAN SELECT t.name FROM team_look AS l JOIN team AS t "
-                             "ON t.id = l.team WHERE l.look = 'x' ORDER BY t.id LIMIT 1");
+  SQLite::Statement plan(db, "EXPLAIN QUERY PLAN SELECT t.name FROM team_skeleton AS l JOIN team AS t "
+                             "ON t.id = l.team WHERE l.skeleton = 'x' ORDER BY t.id LIMIT 1");
   while (plan.executeStep()) {
     EXPECT_THAT(plan.getColumn(3).getString(), Not(HasSubstr("SCAN")));
   }

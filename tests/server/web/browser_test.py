@@ -352,7 +352,7 @@ class Uploads(BrowserCase):
             (deep / "größe.txt").write_text("x" * 1000)
             self.open(page, "/submit")
             choose(page, "#folder", policy)
-            self.assertIn("It is handed in", self.hand_in(page))
+            self.assertIn("It is submitted", self.hand_in(page))
             self.open(page, "/submit")
             choose(page, "#archive", policy / "policy")
             page.wait("document.querySelector('.problem').textContent.includes('policy.json')")

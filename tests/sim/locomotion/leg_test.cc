@@ -214,18 +214,18 @@ TEST(LegUpload, IsAllOrNothing) {
 
 TEST(LegUpload, ActsWhenSelectedAndEndsWithAReset) {
   const LegSensors sensors{.load = 10, .knee_angle = 0.5};
-  const double usual = 99.372 * (Radians(5) - 0.5);
+  const double fallback = 99.372 * (Radians(5) - 0.5);
   LegController leg;
   LegParameterSets sets = OneSet(3);
   sets.set[3][0].knee_stiffness = 10;
   ASSERT_TRUE(leg.Upload(sets, kRules).ok());
-  EXPECT_DOUBLE_EQ(leg.Update(sensors).knee, usual);
+  EXPECT_DOUBLE_EQ(leg.Update(sensors).knee, fallback);
   leg.Select(3);
   EXPECT_DOUBLE_EQ(leg.Update(sensors).knee, 10 * (Radians(5) - 0.5));
   leg.Reset();
   EXPECT_EQ(leg.selected(), 0);
   leg.Select(3);
-  EXPECT_DOUBLE_EQ(leg.Update(sensors).knee, usual);
+  EXPECT_DOUBLE_EQ(leg.Update(sensors).knee, fallback);
 }
 
 }  // namespace

@@ -117,7 +117,7 @@ def _pack_folder(folder: pathlib.Path, target: BinaryIO, new_name: str | None) -
             elif stat.S_ISREG(info.st_mode):
                 _add_file(archive, name, path, info)
             else:
-                raise WrongUse(f"{path}: is no file, folder or symbolic link; remove it")
+                raise WrongUse(f"{path}: is not a file, folder or symbolic link; remove it")
 
 
 def _below(folder: pathlib.Path) -> list[pathlib.Path]:
@@ -135,7 +135,7 @@ def _raise(error: OSError) -> None:
 def _pack_program(program: pathlib.Path, target: BinaryIO, policy_name: str) -> None:
     info = os.stat(program)
     if not _head(program).startswith((b"\x7fELF", b"#!")):
-        raise WrongUse(f"{program}: is no program (neither ELF nor a script with \"#!\") and no archive; give a "
+        raise WrongUse(f"{program}: is not a program (neither ELF nor a script with \"#!\") and no archive; give a "
                        "program, a folder with a policy.json, or an archive of one (.tar, .tar.gz, .tar.zst, "
                        ".tar.xz, .tar.bz2, .zip)")
     if not info.st_mode & 0o111:

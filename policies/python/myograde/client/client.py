@@ -259,7 +259,7 @@ def _passes(error: Exception) -> bool:
 
 def _address(submission: int) -> str:
     if isinstance(submission, bool) or not isinstance(submission, int) or submission < 1:
-        raise WrongUse(f"{submission!r} is no submission's number")
+        raise WrongUse(f"{submission!r} is not a submission's number")
     return f"/v1/submissions/{submission}"
 
 

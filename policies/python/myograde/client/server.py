@@ -64,7 +64,7 @@ def parse_server(text: str, what: str) -> Server:
     except ValueError:
         good = False
     if not good:
-        raise WrongUse(f'{what}: "{text[:80]}" is no server\'s address: write https://HOST:PORT, '
+        raise WrongUse(f'{what}: "{text[:80]}" is not a server\'s address: write https://HOST:PORT, '
                        "or the path of a daemon's socket")
     here = host == "localhost" or (numeric is not None and numeric.is_loopback)
     if scheme == "http" and not here:
@@ -105,7 +105,7 @@ def choose_server(server: str | None = None, *, socket: str | os.PathLike[str] |
 def check_token(token: str, what: str) -> None:
     """WrongUse with `what` if this can't be a token."""
     if not 0 < len(token) <= MAX_TOKEN or not all("!" <= sign <= "~" for sign in token):
-        raise WrongUse(f"{what}: this is no token; it is one word of at most {MAX_TOKEN} letters, "
+        raise WrongUse(f"{what}: this is not a token; it is one word of at most {MAX_TOKEN} letters, "
                        "digits and signs, as the organiser gave it")
 
 
@@ -136,10 +136,10 @@ def read_login() -> dict[str, str] | None:
         login = None
     known = {"server", "token", "ca_file"}
     if not isinstance(login, dict) or not {"server", "token"} <= set(login) <= known:
-        raise _not_usable(path, "is no login")
+        raise _not_usable(path, "is not a login")
     login = {key: login.get(key) or "" for key in known}
     if not all(isinstance(value, str) for value in login.values()):
-        raise _not_usable(path, "is no login")
+        raise _not_usable(path, "is not a login")
     check_token(login["token"], str(path))
     return login
 
@@ -174,7 +174,7 @@ def _socket(data: str | os.PathLike[str] | None) -> str:
 
 def _check_rights(path: pathlib.Path, info: os.stat_result) -> None:
     if not stat.S_ISREG(info.st_mode):
-        raise _not_usable(path, "is no file")
+        raise _not_usable(path, "is not a file")
     if hasattr(os, "geteuid") and info.st_uid != os.geteuid():
         raise _not_usable(path, "belongs to another user")
     if os.name == "posix" and info.st_mode & 0o077:

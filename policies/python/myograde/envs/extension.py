@@ -137,7 +137,7 @@ def seeds(track: str, profile: str = "",
 
 def replay(log: str | os.PathLike[str], cache: str | os.PathLike[str] | None = None) -> Replayed:
     """Plays an episode's log from a server (`myograde episode log`) here, and compares each observation and
-    state. MyogradeError if it is no log, or a damaged one."""
+    state. MyogradeError if it is not a log, or a damaged one."""
     try:
         record = load().replay(str(log), provide_models(cache))
     except (ValueError, FileNotFoundError, RuntimeError) as error:

@@ -23,7 +23,7 @@ def check(**values: Any) -> None:
 
 
 def whole(value: Any) -> Optional[int]:
-    """None if it is no whole number."""
+    """None if it is not a whole number."""
     if isinstance(value, (bool, np.bool_)):
         return None
     try:

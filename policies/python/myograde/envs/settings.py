@@ -93,7 +93,7 @@ def make_core(kind: Any, *counts: int, settings: Settings, **arguments: Any) -> 
 
 
 def check_seed(seed: Any) -> int:
-    """TypeError if it is no whole number, WrongUse if it can't be an episode's."""
+    """TypeError if it is not a whole number, WrongUse if it can't be an episode's."""
     number = kinds.whole(seed)
     if number is None:
         raise TypeError(f"the seed {seed!r} is of type {type(seed).__name__}; seeds are whole numbers "

@@ -114,8 +114,8 @@ class UsageTest(CliCase):
         for verb in ("show", "status", "cancel", "rerun", "submission hide", "submission unhide",
                      "submission baseline"):
             for bad in ("abc", "0", "1.5", "9" * 30):
-                self.refused(2, f'"{bad}" is no submission\'s number', *verb.split(), bad)
-        self.refused(2, "no episode's number", "episode", "log", "7", "--episode", "abc", "-o", "x")
+                self.refused(2, f'"{bad}" is not a submission\'s number', *verb.split(), bad)
+        self.refused(2, "not an episode's number", "episode", "log", "7", "--episode", "abc", "-o", "x")
         self.assertLess(len(myograde("show", "x" * 5000).stderr), 200)
 
     def test_mistyped_words(self):

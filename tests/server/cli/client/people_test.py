@@ -53,7 +53,7 @@ class PeopleTest(CliCase):
                       ("token", "revoke"), ("team", "list", "a")):
             self.refused(2, "", *words)
         for bad in ("0", "x", "-1", "1.5"):
-            self.refused(2, "no token's number", "token", "revoke", bad)
+            self.refused(2, "not a token's number", "token", "revoke", bad)
         self.refused(2, "--role", "token", "create", "--label", "x", "--role", "emperor")
         self.refused(2, "", "token", "create", "--label", "x", "--days", "1", "--expires",
                      "2999-01-01T00:00:00Z")

@@ -258,7 +258,7 @@ class ServerTest(CliCase):
         self.done("status", "7", "--server", f"https://localhost:{other}", *trust,
                   MYOGRADE_TOKEN="another", MYOGRADE_SERVER=f"https://localhost:{port}")
         self.assertEqual(self.shown(), [(other, None)])
-        self.told(2, "MYOGRADE_TOKEN: this is no token", "status", "7", MYOGRADE_TOKEN="a\nb: c")
+        self.told(2, "MYOGRADE_TOKEN: this is not a token", "status", "7", MYOGRADE_TOKEN="a\nb: c")
 
     def test_redirections_are_not_followed(self):
         class Away(NetworkHandler):

@@ -79,8 +79,8 @@ class Bounded(unittest.TestCase):
     def test_receipts(self):
         key = self.path("key.pem", KEY.encode())
         for receipt, sentence, status in (
-                (self.path("zeros", size=GIB), "larger than 16777216 bytes, so it is no receipt", 2),
-                (self.path("long", RECEIPT.encode(), size=GIB), "so it is no receipt", 2),
+                (self.path("zeros", size=GIB), "larger than 16777216 bytes, so it is not a receipt", 2),
+                (self.path("long", RECEIPT.encode(), size=GIB), "so it is not a receipt", 2),
                 (self.path("values", RECEIPT.replace("[]", "[" + "0," * 7_000_000 + "0]").encode()),
                  "it holds more than any evaluation has", 1),
                 ("/dev/zero", "is a device", 2)):
@@ -91,9 +91,9 @@ class Bounded(unittest.TestCase):
         key = self.path("key.pem", KEY.encode())
         receipt = self.path("receipt.json", RECEIPT.encode())
         for name, log, sentence in (
-                ("zeros", self.path("zeros.lcmlog", size=GIB), "the file is no log"),
+                ("zeros", self.path("zeros.lcmlog", size=GIB), "the file is not a log"),
                 ("endless", "/dev/zero", "is a device"),
-                ("bomb", self.packed("bomb.zst", b"", "zeros"), "the file is no log"),
+                ("bomb", self.packed("bomb.zst", b"", "zeros"), "the file is not a log"),
                 ("header", self.path("header.lcmlog", header, size=GIB), "the log is larger than"),
                 ("header and bomb", self.packed("header.zst", header, "zeros"),
                  "the log is larger than"),

@@ -19,7 +19,7 @@ class OfflineTest(CliCase):
     def test_bad_submissions_are_told_before_anything_runs(self):
         local = ("local", "--track", "manipulation")
         self.refused(2, "No such file", *local, self.path("missing"))
-        self.refused(2, "is no program", *local, self.path("data", "x"))
+        self.refused(2, "is not a program", *local, self.path("data", "x"))
         self.path("folder/readme", "x")
         self.refused(2, "no policy.json", *local, self.path("folder"))
         self.path("folder/policy.json", '{"name": "a", "command": ["./gone"]}')
@@ -94,8 +94,8 @@ class OfflineTest(CliCase):
                                           "server.deb is not the file that was signed",
                                           "more is no file of the release"])
         os.symlink("server.deb", self.path("release/python/kit.whl"))
-        self.assertIn("python/kit.whl can't be read or is no regular file", wrong(*verify))
-        self.refused(2, "is no regular file", *sign)
+        self.assertIn("python/kit.whl can't be read or is not a regular file", wrong(*verify))
+        self.refused(2, "is not a regular file", *sign)
         unsigned = ["SHA256SUMS was not signed with this key"]
         self.checked("release-key", "proof", "release", "key", self.path("other.key"), "-o", other)
         self.assertEqual(wrong("proof", "release", "verify", folder, "--key", other), unsigned)

@@ -83,7 +83,7 @@ class PlotTest(CliCase):
                 ("plot distributions shows 1 submission:", "plot", "distributions", "7", "8", *out),
                 ("plot paired shows 2 submissions", "plot", "paired", "7", *out),
                 ("named twice", "plot", "paired", "7", "7", *out),
-                ("no submission's number", "plot", "survival", "0", *out),
+                ("not a submission's number", "plot", "survival", "0", *out),
                 ("give --track or --phase", "plot", "board", *out),
                 ("shows a board, no submission", "plot", "board", "7", "--track", "t", *out),
                 ("leave out --track", "plot", "survival", "7", "--track", "t", *out),

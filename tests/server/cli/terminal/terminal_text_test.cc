@@ -123,17 +123,17 @@ const std::string kHarmful[] = {
     "\xff", "\xc3", "\xed\xa0\x80", "\xf4\x90\x80\x80",  // invalid UTF-8
 };
 
-bool HasHarm(const std::string& text) { return !IsUtf8(text) || !FirstHarm(text).empty(); }
+bool HasHarm(const std::string& text) { return !IsUtf8(text) || !FirstUnsafe(text).empty(); }
 
 TEST_F(TerminalText, ForeignTextIsHarmlessOnALine) {
   for (const std::string& harm : kHarmful) {
-    const std::string shown = Harmless("a" + harm + "b");
+    const std::string shown = Sanitized("a" + harm + "b");
     EXPECT_FALSE(HasHarm(shown)) << shown;
     EXPECT_TRUE(shown.starts_with("a?") && shown.ends_with("b")) << shown;
   }
-  EXPECT_EQ(Harmless("Müßig 東京 e\u0301 🦾"), "Müßig 東京 e\u0301 🦾");
-  EXPECT_EQ(Harmless("a\tb"), "a?b");
-  EXPECT_EQ(Harmless("a\tb", /*tabs=*/true), "a\tb");
+  EXPECT_EQ(Sanitized("Müßig 東京 e\u0301 🦾"), "Müßig 東京 e\u0301 🦾");
+  EXPECT_EQ(Sanitized("a\tb"), "a?b");
+  EXPECT_EQ(Sanitized("a\tb", /*tabs=*/true), "a\tb");
 }
 
 TEST_F(TerminalText, ForeignLinesAreMarked) {

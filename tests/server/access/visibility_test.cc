@@ -20,46 +20,46 @@ constexpr Visibility kNothing = {.aggregate = false,
 
 TEST(SightOf, OrganisersSeeEverything) {
   for (const Role role : {Role::kOrganiser, Role::kOperator}) {
-    EXPECT_TRUE(SeesAll(SightOf(role, {.shown = kNothing, .committed = true})));
+    EXPECT_TRUE(SeesAll(VisibilityOf(role, {.shown = kNothing, .committed = true})));
   }
 }
 
 TEST(SightOf, OutsideOfPhasesNothingIsWithheld) {
-  EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, {})));
+  EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, {})));
 }
 
 TEST(SightOf, ParticipantsSeeWhatThePhaseShowsUntilItIsPublished) {
-  const PhaseSight open = {.shown = kNothing};
-  EXPECT_EQ(SightOf(Role::kParticipant, open), kNothing);
-  EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, {.shown = kNothing, .published = true})));
-  EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, {.shown = kNothing, .revealed = true})));
+  const PhaseVisibility open = {.shown = kNothing};
+  EXPECT_EQ(VisibilityOf(Role::kParticipant, open), kNothing);
+  EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, {.shown = kNothing, .published = true})));
+  EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, {.shown = kNothing, .revealed = true})));
 }
 
 TEST(SightOf, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
   for (const bool published : {false, true}) {
-    PhaseSight phase = {.published = published, .committed = true};
-    EXPECT_FALSE(SightOf(Role::kParticipant, phase).seeds);
-    EXPECT_FALSE(SeesLogs(SightOf(Role::kParticipant, phase))) << "a log holds its seed";
+    PhaseVisibility phase = {.published = published, .committed = true};
+    EXPECT_FALSE(VisibilityOf(Role::kParticipant, phase).seeds);
+    EXPECT_FALSE(SeesLogs(VisibilityOf(Role::kParticipant, phase))) << "a log holds its seed";
     phase.revealed = true;
-    EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, phase)));
+    EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, phase)));
   }
 }
 
 TEST(SightOf, NothingOfARunningLeaseIsShownWhileAnythingIsWithheldAndUnpublished) {
-  EXPECT_TRUE(SightOf(Role::kParticipant, {}).progress);
-  EXPECT_FALSE(SightOf(Role::kParticipant, {.shown = {.metrics = false}}).progress);
-  EXPECT_FALSE(SightOf(Role::kParticipant, {.committed = true}).progress);
-  EXPECT_TRUE(SightOf(Role::kParticipant, {.published = true, .committed = true}).progress);
+  EXPECT_TRUE(VisibilityOf(Role::kParticipant, {}).progress);
+  EXPECT_FALSE(VisibilityOf(Role::kParticipant, {.shown = {.metrics = false}}).progress);
+  EXPECT_FALSE(VisibilityOf(Role::kParticipant, {.committed = true}).progress);
+  EXPECT_TRUE(VisibilityOf(Role::kParticipant, {.published = true, .committed = true}).progress);
 }
 
 TEST(SightOf, AFileCanNotShowCommittedSeeds) {
-  EXPECT_FALSE(SightOf(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
+  EXPECT_FALSE(VisibilityOf(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
 }
 
 TEST(WithheldParts, AreNamedInOrder) {
   EXPECT_THAT(WithheldParts({}), IsEmpty());
   EXPECT_THAT(WithheldParts({.metrics = false, .seeds = false}), ElementsAre("metrics", "seeds"));
-  EXPECT_THAT(WithheldParts(kSightOfUnknownPhase),
+  EXPECT_THAT(WithheldParts(kUnknownPhaseVisibility),
               ElementsAre("outcomes", "metrics", "logs", "output", "seeds"));
 }
 
