@@ -15,8 +15,8 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/image_archive.h"
+#include "server/artefact/listing.h"
 #include "server/artefact/submission.h"
 
 namespace myograde::server {

@@ -16,7 +16,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/artefact/artefact.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/submission.h"
 #include "server/base/plain_text.h"

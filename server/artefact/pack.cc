@@ -23,7 +23,6 @@
 #include "protocol/base/program_head.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/submission.h"

@@ -13,7 +13,6 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/lease/policy_image.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"
 

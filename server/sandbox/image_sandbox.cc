@@ -12,7 +12,6 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
 #include "server/sandbox/policy_sandbox.h"
 

@@ -19,7 +19,6 @@
 #include "protocol/base/file.h"
 #include "protocol/base/program_head.h"
 #include "protocol/base/status_macros.h"
-#include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
 #include "server/sandbox/policy_sandbox.h"
 
