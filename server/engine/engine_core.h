@@ -243,7 +243,7 @@ class EngineCore {
     bool begun = true;
     int64_t began_at = 0;  // milliseconds since 1970-01-01 UTC, for people; 0: it has not begun
   };
-  // Of a reclaimed lease, until the runner is dead.
+  // Of a reclaimed lease or an ended self-test, until the runner is dead.
   struct StoppingRunner : PlacedRunner {
     absl::Duration kill_at;
     bool stays = false;  // it was not asked to end

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include "protocol/lease/policy_seed.h"
 #include "server/runner/runner_process.h"
 
 namespace myograde::server {
