@@ -32,7 +32,7 @@ struct Verb {
   const char* heading;  // nullptr: it stands in the help of its noun
   const char* does;
   const char* example;  // what stands behind the verb; TRACK stands for the name of a track
-  Action (*add)(CLI::App& verb);  // nullptr: a noun, whose verbs follow
+  Command (*add)(CLI::App& verb);  // nullptr: a noun, whose verbs follow
 };
 
 constexpr Verb kVerbs[] = {
@@ -126,7 +126,7 @@ constexpr Verb kVerbs[] = {
      "7 -o receipt.json", AddReceipt},
     {"proof verify", nullptr, "Check a receipt or a record against the organiser's key",
      "receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
-    {"verify", kProve, "Check a receipt or a record against the organiser's key",
+    {"verify", kHidden, "Check a receipt or a record against the organiser's key",
      "receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
     {"proof record", nullptr,
      "Read, prove and export the public record of what happened to results", "export ./record",
@@ -171,7 +171,7 @@ void AddVerb(CLI::App& app, const Verb& verb) {
                            "\n\n", kStatuses));
   if (verb.add == nullptr) {
     sub->require_subcommand(1);
-  } else if (Action action = verb.add(*sub); action != nullptr) {
+  } else if (Command action = verb.add(*sub); action != nullptr) {
     sub->callback([action = std::move(action)] { Chosen() = action; });
   }
 }

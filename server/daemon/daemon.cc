@@ -151,7 +151,7 @@ class Daemon {
   const std::shared_ptr<Metrics> metrics_ = std::make_shared<Metrics>();
   ReaderPool readers_{store_path_};
   std::optional<Phases> phases_;
-  std::optional<StoreDisk> disk_;
+  std::optional<SqliteStoreWriter> disk_;
   std::unique_ptr<Executor> executor_;
   std::optional<Engine> engine_;
   KeyFile receipts_key_{options_.data_dir + "/receipts.key"};

@@ -59,7 +59,7 @@ using StoreChange = std::function<absl::Status(Transaction&)>;
 // Tests substitute fakes.
 class StoreWriter {
  public:
-  virtual ~Disk() = default;
+  virtual ~StoreWriter() = default;
 
   // See Store::Write.
   virtual absl::Status Write(const StoreChange& change) = 0;
@@ -67,10 +67,10 @@ class StoreWriter {
   virtual absl::Status Check() const { return absl::OkStatus(); }
 };
 
-class StoreDisk : public StoreWriter {
+class SqliteStoreWriter : public StoreWriter {
  public:
   // Both must outlive it. `metrics` may be nullptr.
-  explicit StoreDisk(Store& store, Metrics* metrics = nullptr)
+  explicit SqliteStoreWriter(Store& store, Metrics* metrics = nullptr)
       : store_(store), metrics_(metrics) {}
   absl::Status Write(const StoreChange& change) override {
     const absl::Duration begin = SystemClock().Monotonic();

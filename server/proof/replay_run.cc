@@ -10,6 +10,7 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
 #include "server/runner/lease_report.h"
+#include "server/runner/runner_process.h"
 
 namespace myograde::server {
 namespace {

@@ -149,7 +149,7 @@ absl::Status TryFilter(const std::string& config_dir) {
 }
 
 Check CheckSeccomp(const DoctorOptions& options) {
-  const ChildEnd end = RunInChild([&] { return ExitOf(TryFilter(options.config_dir)); }, kQuick);
+  const ChildEnd end = RunInChild([&] { return TrialExit(TryFilter(options.config_dir)); }, kQuick);
   if (end.exit_code == 0) return Fine("seccomp", "the policy's filter loads and denies");
   return Missing(
       "seccomp", Trouble(end), "no sandbox can be built",
@@ -213,7 +213,7 @@ absl::Status WithSandboxes(const DoctorOptions& options,
 // Runs WithSandboxes in a child, so that this process stays in its namespaces.
 ChildEnd InSandboxChild(const DoctorOptions& options,
                         const std::function<absl::Status(const Sandboxes&)>& use) {
-  ChildEnd end = RunInChild([&] { return ExitOf(WithSandboxes(options, use)); }, kSandboxTime);
+  ChildEnd end = RunInChild([&] { return TrialExit(WithSandboxes(options, use)); }, kSandboxTime);
   // A child that was killed at its deadline could not remove its own groups.
   if (!end.in_time) ControlGroup::RemoveStale();
   return end;

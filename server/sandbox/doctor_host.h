@@ -24,7 +24,7 @@ struct ChildEnd {
 ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout);
 
 // The exit code of a child's work; tells an error on stderr.
-int ExitOf(const absl::Status& status);
+int TrialExit(const absl::Status& status);
 
 // The last two non-empty lines, joined by "; ", without control characters.
 std::string LastWords(const std::string& output);

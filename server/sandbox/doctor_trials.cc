@@ -102,7 +102,7 @@ std::string Mitigations() {
 }
 
 int BusComplaint(absl::string_view problem) {
-  return ExitOf(absl::InternalError(absl::StrCat("the bus of the sandbox: ", problem)));
+  return TrialExit(absl::InternalError(absl::StrCat("the bus of the sandbox: ", problem)));
 }
 
 // The largest datagram; the kernel accepts one whenever a buffer is not full yet.
@@ -128,7 +128,7 @@ bool CanBoundBuffers() {
 
 }  // namespace
 
-int ExitOf(const absl::Status& status) {
+int TrialExit(const absl::Status& status) {
   if (status.ok()) return 0;
   dprintf(STDERR_FILENO, "%s\n", std::string(status.message()).c_str());
   return 1;

@@ -339,7 +339,7 @@ TEST(StatisticsConfig, KeepsWhatIsUsualWhereNothingIsSaid) {
                         {"ranks", "groups"}};
   EXPECT_EQ(StatisticsToJson(got), written);
   EXPECT_EQ(StatisticsToJson(*Statistics(written)), written);
-  EXPECT_EQ(StatisticsToJson(*Statistics({{"ranks", "rules"}}, usual))["ranks"], "rules");
+  EXPECT_EQ(StatisticsToJson(*Statistics({{"ranks", "rules"}}, fallback))["ranks"], "rules");
 }
 
 TEST(StatisticsConfig, AcceptsNumbersUpToTheirBounds) {

@@ -246,8 +246,8 @@ void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path) {
       ->required();
 }
 
-Action& Chosen() {
-  static Action& chosen = *new Action;
+Command& Chosen() {
+  static Command& chosen = *new Command;
   return chosen;
 }
 

@@ -32,7 +32,7 @@ enum Exit : int {
 };
 
 // What a verb does once its arguments are parsed; returns the exit status, or an error to report.
-using Action = std::function<absl::StatusOr<int>()>;
+using Command = std::function<absl::StatusOr<int>()>;
 
 // Statuses of this tool's own functions: kUnavailable means that no daemon answers;
 // InvalidArgument, NotFound, FailedPrecondition and OutOfRange are the user's to correct;
@@ -149,7 +149,7 @@ void AddHostOptions(CLI::App& verb, HostOptions& options);
 void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path);
 
 // What the command line asks for, once it is parsed; empty before.
-Action& Chosen();
+Command& Chosen();
 
 // "myograde board rejudge", as a verb is typed.
 std::string CommandOf(const CLI::App& verb);
@@ -189,55 +189,55 @@ std::string UsageError(const CLI::App& app, const CLI::ParseError& mistake,
                        const std::vector<std::string>& words);
 
 // Each adds its options to `verb` and returns what it does; {}: its parts do. Those of ../client:
-Action AddStatus(CLI::App& verb);
-Action AddCancel(CLI::App& verb);
-Action AddChoose(CLI::App& verb);
-Action AddPhase(CLI::App& verb);
-Action AddLeaderboard(CLI::App& verb);
-Action AddShow(CLI::App& verb);
-Action AddRerun(CLI::App& verb);
-Action AddRejudge(CLI::App& verb);
-Action AddEvaluate(CLI::App& verb);
-Action AddQuota(CLI::App& verb);
-Action AddHide(CLI::App& verb);
-Action AddUnhide(CLI::App& verb);
-Action AddDisqualify(CLI::App& verb);
-Action AddReinstate(CLI::App& verb);
-Action AddBaseline(CLI::App& verb);
-Action AddGrant(CLI::App& verb);
-Action AddExplain(CLI::App& verb);
-Action AddRebuild(CLI::App& verb);
-Action AddEvents(CLI::App& verb);
-Action AddLog(CLI::App& verb);
-Action AddReceipt(CLI::App& verb);
-Action AddRecord(CLI::App& verb);
-Action AddKey(CLI::App& verb);
-Action AddTeam(CLI::App& verb);
-Action AddToken(CLI::App& verb);
-Action AddLogin(CLI::App& verb);
-Action AddLogout(CLI::App& verb);
-Action AddCluster(CLI::App& verb);
-Action AddWebhook(CLI::App& verb);
-Action AddWhoami(CLI::App& verb);
+Command AddStatus(CLI::App& verb);
+Command AddCancel(CLI::App& verb);
+Command AddChoose(CLI::App& verb);
+Command AddPhase(CLI::App& verb);
+Command AddLeaderboard(CLI::App& verb);
+Command AddShow(CLI::App& verb);
+Command AddRerun(CLI::App& verb);
+Command AddRejudge(CLI::App& verb);
+Command AddEvaluate(CLI::App& verb);
+Command AddQuota(CLI::App& verb);
+Command AddHide(CLI::App& verb);
+Command AddUnhide(CLI::App& verb);
+Command AddDisqualify(CLI::App& verb);
+Command AddReinstate(CLI::App& verb);
+Command AddBaseline(CLI::App& verb);
+Command AddGrant(CLI::App& verb);
+Command AddExplain(CLI::App& verb);
+Command AddRebuild(CLI::App& verb);
+Command AddEvents(CLI::App& verb);
+Command AddLog(CLI::App& verb);
+Command AddReceipt(CLI::App& verb);
+Command AddRecord(CLI::App& verb);
+Command AddKey(CLI::App& verb);
+Command AddTeam(CLI::App& verb);
+Command AddToken(CLI::App& verb);
+Command AddLogin(CLI::App& verb);
+Command AddLogout(CLI::App& verb);
+Command AddCluster(CLI::App& verb);
+Command AddWebhook(CLI::App& verb);
+Command AddWhoami(CLI::App& verb);
 // Those of ../offline:
-Action AddServe(CLI::App& verb);
-Action AddSubmit(CLI::App& verb);
-Action AddExport(CLI::App& verb);
-Action AddBackup(CLI::App& verb);
-Action AddImport(CLI::App& verb);
-Action AddPlot(CLI::App& verb);
-Action AddRender(CLI::App& verb);
-Action AddReplay(CLI::App& verb);
-Action AddReport(CLI::App& verb);
-Action AddVerify(CLI::App& verb);
-Action AddChallenge(CLI::App& verb);
-Action AddSeeds(CLI::App& verb);
-Action AddRelease(CLI::App& verb);
-Action AddLocal(CLI::App& verb);
-Action AddTry(CLI::App& verb);
-Action AddNew(CLI::App& verb);
-Action AddRuntime(CLI::App& verb);
-Action AddSpec(CLI::App& verb);
-Action AddDoctor(CLI::App& verb);
+Command AddServe(CLI::App& verb);
+Command AddSubmit(CLI::App& verb);
+Command AddExport(CLI::App& verb);
+Command AddBackup(CLI::App& verb);
+Command AddImport(CLI::App& verb);
+Command AddPlot(CLI::App& verb);
+Command AddRender(CLI::App& verb);
+Command AddReplay(CLI::App& verb);
+Command AddReport(CLI::App& verb);
+Command AddVerify(CLI::App& verb);
+Command AddChallenge(CLI::App& verb);
+Command AddSeeds(CLI::App& verb);
+Command AddRelease(CLI::App& verb);
+Command AddLocal(CLI::App& verb);
+Command AddTry(CLI::App& verb);
+Command AddNew(CLI::App& verb);
+Command AddRuntime(CLI::App& verb);
+Command AddSpec(CLI::App& verb);
+Command AddDoctor(CLI::App& verb);
 
 }  // namespace myograde::server

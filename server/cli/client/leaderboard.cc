@@ -348,7 +348,7 @@ absl::StatusOr<int> Evaluate(const EvaluateOptions& options) {
 
 }  // namespace
 
-Action AddLeaderboard(CLI::App& verb) {
+Command AddLeaderboard(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
   AddBoardChoice(verb, options->board, "Name of the track (default: all)",
                  "Phase of a challenge, also of one that is over (default: the track's own board)");
@@ -360,7 +360,7 @@ Action AddLeaderboard(CLI::App& verb) {
   return [options] { return Leaderboard(*options); };
 }
 
-Action AddExplain(CLI::App& verb) {
+Command AddExplain(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
   for (const auto& [name, row] : {std::pair{"A", &options->above}, std::pair{"B", &options->below}}) {
     verb.add_option(name, *row, "A submission or a team")->required()->type_name("TEXT");
@@ -373,7 +373,7 @@ Action AddExplain(CLI::App& verb) {
   return [options] { return Explain(*options); };
 }
 
-Action AddRebuild(CLI::App& verb) {
+Command AddRebuild(CLI::App& verb) {
   auto options = std::make_shared<DaemonOptions>();
   AddDaemonOptions(verb, "leaderboard", *options);
   return [options] {
@@ -385,7 +385,7 @@ Action AddRebuild(CLI::App& verb) {
   };
 }
 
-Action AddPhase(CLI::App& verb) {
+Command AddPhase(CLI::App& verb) {
   DaemonParts<PhaseOptions> parts(verb);
   const auto add = [&](const std::string& name, const char* does, const char* example, bool all) {
     CLI::App* part = parts.Add(name, does, example, "phase", [name](const PhaseOptions& options) {
@@ -408,7 +408,7 @@ Action AddPhase(CLI::App& verb) {
   return {};
 }
 
-Action AddEvaluate(CLI::App& verb) {
+Command AddEvaluate(CLI::App& verb) {
   auto options = std::make_shared<EvaluateOptions>();
   verb.add_option("--phase", options->phase, "The phase whose places are close")->required();
   verb.add_option("--more-seeds", options->more_seeds,

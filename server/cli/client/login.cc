@@ -203,7 +203,7 @@ absl::StatusOr<int> CreateToken(const TokenOptions& options) {
 
 }  // namespace
 
-Action AddLogin(CLI::App& verb) {
+Command AddLogin(CLI::App& verb) {
   auto options = std::make_shared<LoginOptions>();
   verb.add_option("URL", options->url, "The server's address, https://HOST:PORT")->required();
   AddCaFile(verb, options->ca_file);
@@ -211,19 +211,19 @@ Action AddLogin(CLI::App& verb) {
   return [options] { return PrintAnswer(LogIn(*options), options->json, PrintWho); };
 }
 
-Action AddLogout(CLI::App& verb) {
+Command AddLogout(CLI::App& verb) {
   auto json = std::make_shared<bool>(false);
   AddJson(verb, "logout", *json);
   return [json] { return PrintAnswer(LogOut(), *json, PrintLogout); };
 }
 
-Action AddWhoami(CLI::App& verb) {
+Command AddWhoami(CLI::App& verb) {
   auto options = std::make_shared<DaemonOptions>();
   AddDaemonOptions(verb, "whoami", *options);
   return [options] { return PrintAnswer(AskWho(options->client()), options->json, PrintWho); };
 }
 
-Action AddToken(CLI::App& verb) {
+Command AddToken(CLI::App& verb) {
   DaemonParts<TokenOptions> parts(verb);
   TokenOptions& options = parts.options();
   CLI::App* create = parts.Add("create", "Make a token, which is shown once",

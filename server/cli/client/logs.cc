@@ -116,7 +116,7 @@ absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {
   return ParseEpisodeLog(bytes);
 }
 
-Action AddLog(CLI::App& verb) {
+Command AddLog(CLI::App& verb) {
   auto options = std::make_shared<LogOptions>();
   AddSubmissionId(verb, *options);
   verb.add_option("--episode", options->episode, "The episode, counted from 0")

@@ -260,7 +260,7 @@ void PrintQuota(const Json& quota) {
 
 }  // namespace
 
-Action AddTeam(CLI::App& verb) {
+Command AddTeam(CLI::App& verb) {
   TeamParts parts(verb);
   parts.AddReason(parts.AddOfTeam(
       "create", "Make a team", "create \"Team Blue\"", [](const TeamOptions& options) {
@@ -298,7 +298,7 @@ Action AddTeam(CLI::App& verb) {
   return {};
 }
 
-Action AddQuota(CLI::App& verb) {
+Command AddQuota(CLI::App& verb) {
   auto options = std::make_shared<QuotaOptions>();
   verb.add_option("--team", options->team, "Name of the team")->required();
   verb.add_option("--track", options->track, "Name of the track (default: all)");
@@ -313,7 +313,7 @@ Action AddQuota(CLI::App& verb) {
   };
 }
 
-Action AddGrant(CLI::App& verb) {
+Command AddGrant(CLI::App& verb) {
   auto options = std::make_shared<QuotaOptions>();
   verb.add_option("NAME", options->team, "The team")->required()->type_name("TEXT");
   verb.add_option("--track", options->track, "Name of the track")->required();

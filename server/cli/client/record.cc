@@ -186,7 +186,7 @@ absl::StatusOr<int> WriteRecord(const RecordOptions& options) {
 
 }  // namespace
 
-Action AddReceipt(CLI::App& verb) {
+Command AddReceipt(CLI::App& verb) {
   auto options = std::make_shared<ReceiptOptions>();
   AddSubmissionId(verb, *options);
   verb.add_option("-o,--output", options->file, "The file to write")->required();
@@ -198,14 +198,14 @@ Action AddReceipt(CLI::App& verb) {
   return [options] { return Receipt(*options); };
 }
 
-Action AddKey(CLI::App& verb) {
+Command AddKey(CLI::App& verb) {
   auto options = std::make_shared<KeyOptions>();
   verb.add_option("-o,--output", options->file, "File for the key (default: print it)");
   AddDaemonOptions(verb, "key", *options);
   return [options] { return Key(*options); };
 }
 
-Action AddRecord(CLI::App& verb) {
+Command AddRecord(CLI::App& verb) {
   DaemonParts<RecordOptions> parts(verb);
   RecordOptions& options = parts.options();
   parts

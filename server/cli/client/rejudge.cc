@@ -307,7 +307,7 @@ void AddCreatePart(RejudgeParts& parts) {
 
 }  // namespace
 
-Action AddRejudge(CLI::App& verb) {
+Command AddRejudge(CLI::App& verb) {
   RejudgeParts parts(verb);
   AddCreatePart(parts);
   parts.Add("list", "List all rejudges, newest first", "list", "rejudges", ListRejudges);

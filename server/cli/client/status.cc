@@ -280,7 +280,7 @@ void PrintNodes(const Json& answer) {
 
 }  // namespace
 
-Action AddStatus(CLI::App& verb) {
+Command AddStatus(CLI::App& verb) {
   auto options = std::make_shared<StatusOptions>();
   AddSubmissionId(verb, *options, /*required=*/false,
                   "A submission (default: the daemon and its newest 100)");
@@ -291,7 +291,7 @@ Action AddStatus(CLI::App& verb) {
   return [options] { return Status(*options); };
 }
 
-Action AddEvents(CLI::App& verb) {
+Command AddEvents(CLI::App& verb) {
   auto options = std::make_shared<EventsOptions>();
   verb.add_option("--kind", options->kind,
                   "Only requests that were denied, or only acts of organisers: denied or act "
@@ -305,7 +305,7 @@ Action AddEvents(CLI::App& verb) {
   return [options] { return Events(*options); };
 }
 
-Action AddWebhook(CLI::App& verb) {
+Command AddWebhook(CLI::App& verb) {
   DaemonParts<WebhookOptions> parts(verb);
   parts.Add("list", "List the webhooks and their latest deliveries", "list", "webhooks",
             [](const WebhookOptions& options) {
@@ -322,7 +322,7 @@ Action AddWebhook(CLI::App& verb) {
   return {};
 }
 
-Action AddCluster(CLI::App& verb) {
+Command AddCluster(CLI::App& verb) {
   DaemonParts<ClusterOptions> parts(verb);
   const auto add_node = [&](CLI::App* part) {
     part->add_option("NODE", parts.options().node, "The node, as the cluster names it")

@@ -93,7 +93,7 @@ absl::StatusOr<int> Mark(const MarkOptions& options) {
   });
 }
 
-Action AddMark(CLI::App& verb, const std::string& mark, bool set,
+Command AddMark(CLI::App& verb, const std::string& mark, bool set,
                const char* reason_help = kReasonHelp) {
   auto options = std::make_shared<MarkOptions>();
   options->mark = mark;
@@ -275,7 +275,7 @@ absl::StatusOr<int> Rerun(const RerunOptions& options) {
 
 }  // namespace
 
-Action AddShow(CLI::App& verb) {
+Command AddShow(CLI::App& verb) {
   auto options = std::make_shared<ShowOptions>();
   AddSubmissionId(verb, *options);
   verb.add_flag("--episodes", options->episodes, "Every episode on a line of its own");
@@ -288,7 +288,7 @@ Action AddShow(CLI::App& verb) {
   };
 }
 
-Action AddCancel(CLI::App& verb) {
+Command AddCancel(CLI::App& verb) {
   auto options = std::make_shared<MarkOptions>();
   AddSubmissionId(verb, *options);
   verb.add_option("--reason", options->reason, kReasonHelp);
@@ -300,7 +300,7 @@ Action AddCancel(CLI::App& verb) {
   };
 }
 
-Action AddChoose(CLI::App& verb) {
+Command AddChoose(CLI::App& verb) {
   auto options = std::make_shared<SubmissionOptions>();
   AddSubmissionId(verb, *options, /*required=*/true,
                   "A ranked submission of your team that is done");
@@ -314,20 +314,20 @@ Action AddChoose(CLI::App& verb) {
   };
 }
 
-Action AddHide(CLI::App& verb) { return AddMark(verb, "hidden", true); }
+Command AddHide(CLI::App& verb) { return AddMark(verb, "hidden", true); }
 
-Action AddUnhide(CLI::App& verb) { return AddMark(verb, "hidden", false); }
+Command AddUnhide(CLI::App& verb) { return AddMark(verb, "hidden", false); }
 
-Action AddDisqualify(CLI::App& verb) {
+Command AddDisqualify(CLI::App& verb) {
   return AddMark(verb, "disqualified", true,
                  "Why; the board shows it; up to 200 bytes (required)");
 }
 
-Action AddReinstate(CLI::App& verb) { return AddMark(verb, "disqualified", false); }
+Command AddReinstate(CLI::App& verb) { return AddMark(verb, "disqualified", false); }
 
-Action AddBaseline(CLI::App& verb) { return AddMark(verb, kBaselineMark, true); }
+Command AddBaseline(CLI::App& verb) { return AddMark(verb, kBaselineMark, true); }
 
-Action AddRerun(CLI::App& verb) {
+Command AddRerun(CLI::App& verb) {
   auto options = std::make_shared<RerunOptions>();
   AddSubmissionId(verb, *options);
   verb.add_option("--episodes", options->episodes,

@@ -160,7 +160,7 @@ absl::StatusOr<int> List(const RuntimeOptions& options) {
 
 }  // namespace
 
-Action AddServe(CLI::App& verb) {
+Command AddServe(CLI::App& verb) {
   auto options = std::make_shared<ServeOptions>();
   verb.add_option("--data", options->data,
                   "Folder for everything that is kept; made if missing (default: MYOGRADE_DATA, "
@@ -173,7 +173,7 @@ Action AddServe(CLI::App& verb) {
   return [options] { return Serve(*options); };
 }
 
-Action AddRuntime(CLI::App& verb) {
+Command AddRuntime(CLI::App& verb) {
   Parts<RuntimeOptions> parts(verb);
   RuntimeOptions& options = parts.options();
   const auto add = [&](const char* name, const char* does, const char* example, const char* schema,

@@ -222,7 +222,7 @@ absl::StatusOr<int> CheckFiles(const ChallengeOptions& options) {
 
 }  // namespace
 
-Action AddChallenge(CLI::App& verb) {
+Command AddChallenge(CLI::App& verb) {
   Parts<ChallengeOptions> parts(verb);
   ChallengeOptions& options = parts.options();
   CLI::App* check = parts.Add(

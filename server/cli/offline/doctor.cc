@@ -238,7 +238,7 @@ absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
 
 }  // namespace
 
-Action AddDoctor(CLI::App& verb) {
+Command AddDoctor(CLI::App& verb) {
   auto options = std::make_shared<DoctorVerb>();
   verb.add_flag("--sandbox", options->sandbox,
                 "Print the two sandboxes of a lease as they are built on this host, and nothing "

@@ -326,7 +326,7 @@ absl::StatusOr<int> DryRun(DryRunOptions options) {
 
 }  // namespace
 
-Action AddSubmit(CLI::App& verb) {
+Command AddSubmit(CLI::App& verb) {
   auto options = std::make_shared<DryRunOptions>();
   CLI::Option* wait = AddSubmitOptions(verb, *options);
   verb.add_flag("--dry-run", options->dry_run,

@@ -266,7 +266,7 @@ absl::StatusOr<int> WriteReport(const ReportOptions& options) {
 
 }  // namespace
 
-Action AddPlot(CLI::App& verb) {
+Command AddPlot(CLI::App& verb) {
   auto options = std::make_shared<PlotOptions>();
   std::vector<std::string> kinds;
   for (const PlotKind& kind : kPlotKinds) kinds.emplace_back(kind.name);
@@ -285,7 +285,7 @@ Action AddPlot(CLI::App& verb) {
   return [options] { return Plot(*options); };
 }
 
-Action AddReport(CLI::App& verb) {
+Command AddReport(CLI::App& verb) {
   auto options = std::make_shared<ReportOptions>();
   AddSubmissionId(verb, *options, /*required=*/false, "The submission to report on");
   AddBoardChoice(verb, options->board,

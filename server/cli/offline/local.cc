@@ -305,7 +305,7 @@ absl::StatusOr<int> Try(TryOptions options) {
 
 }  // namespace
 
-Action AddLocal(CLI::App& verb) {
+Command AddLocal(CLI::App& verb) {
   auto options = std::make_shared<LocalOptions>();
   AddLocalOptions(verb, *options, "PATH", "local");
   verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
@@ -328,7 +328,7 @@ Action AddLocal(CLI::App& verb) {
   };
 }
 
-Action AddTry(CLI::App& verb) {
+Command AddTry(CLI::App& verb) {
   auto options = std::make_shared<TryOptions>();
   options->track = TrackNames().back();  // the quickest, and the one that newcomers begin with
   options->episodes = 5;

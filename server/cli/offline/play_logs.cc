@@ -277,7 +277,7 @@ absl::StatusOr<int> Replay(const ReplayOptions& options) {
 
 }  // namespace
 
-Action AddReplay(CLI::App& verb) {
+Command AddReplay(CLI::App& verb) {
   auto options = std::make_shared<ReplayOptions>();
   verb.add_option("TARGET", options->target,
                   "The submission, or the file of a log (\"myograde episode log\", \"local --logs\")")

@@ -320,7 +320,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
 
 }  // namespace
 
-Action AddRender(CLI::App& verb) {
+Command AddRender(CLI::App& verb) {
   auto options = std::make_shared<RenderOptions>();
   verb.add_option("TARGET", options->target,
                   "The submission, or the file of a log (\"myograde episode log\", \"local --logs\")")

@@ -280,7 +280,7 @@ absl::StatusOr<std::string> GivenSecret(const std::string& digits_or_path) {
   return file ? ReadPhaseSecret(digits_or_path) : SecretOfDigits(digits_or_path, "--secret");
 }
 
-Action AddSeeds(CLI::App& verb) {
+Command AddSeeds(CLI::App& verb) {
   Parts<SeedOptions> parts(verb);
   SeedOptions& options = parts.options();
   CLI::App* commit =
@@ -335,7 +335,7 @@ Action AddSeeds(CLI::App& verb) {
   return {};
 }
 
-Action AddRelease(CLI::App& verb) {
+Command AddRelease(CLI::App& verb) {
   Parts<ReleaseOptions> parts(verb);
   ReleaseOptions& options = parts.options();
   CLI::App* key = parts.Add(

@@ -195,7 +195,7 @@ void PrintSpec(const Json& spec, const TrackConfig& config, const Tracks::Entry&
     PrintLayout("Extra observation (\"extra_observations\" in policy.json; behind the others)",
                 extra);
   }
-  PrintLayout("Action", spec["action"]);
+  PrintLayout("Command", spec["action"]);
   std::cout
       << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
          "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
@@ -393,7 +393,7 @@ absl::StatusOr<int> New(const NewOptions& options) {
 
 }  // namespace
 
-Action AddSpec(CLI::App& verb) {
+Command AddSpec(CLI::App& verb) {
   auto options = std::make_shared<SpecOptions>();
   verb.add_option("--track", options->track, "Name of the track (default: list them all)");
   verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
@@ -403,7 +403,7 @@ Action AddSpec(CLI::App& verb) {
   return [options] { return Spec(*options); };
 }
 
-Action AddNew(CLI::App& verb) {
+Command AddNew(CLI::App& verb) {
   auto options = std::make_shared<NewOptions>();
   verb.add_option("NAME", options->starter.name, "Name of the policy and of its folder")
       ->required()

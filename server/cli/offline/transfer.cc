@@ -224,7 +224,7 @@ absl::StatusOr<int> Import(const FileOptions& options) {
 
 }  // namespace
 
-Action AddExport(CLI::App& verb) {
+Command AddExport(CLI::App& verb) {
   auto options = std::make_shared<ExportOptions>();
   verb.add_option("FILE", options->file,
                   "The file to write, with FILE.sha256 beside it; for CSV a folder "
@@ -237,14 +237,14 @@ Action AddExport(CLI::App& verb) {
   return [options] { return Export(*options); };
 }
 
-Action AddBackup(CLI::App& verb) {
+Command AddBackup(CLI::App& verb) {
   auto options = std::make_shared<FileOptions>();
   verb.add_option("FILE", options->file, "The file to write")->required();
   AddDaemonOptions(verb, "backup", *options);
   return [options] { return Backup(*options); };
 }
 
-Action AddImport(CLI::App& verb) {
+Command AddImport(CLI::App& verb) {
   auto options = std::make_shared<FileOptions>();
   verb.add_option("FILE", options->file, "An export as JSON")->required();
   AddDaemonOptions(verb, "import", *options);

@@ -331,7 +331,7 @@ absl::StatusOr<int> Verify(const VerifyOptions& options) {
 
 }  // namespace
 
-Action AddVerify(CLI::App& verb) {
+Command AddVerify(CLI::App& verb) {
   auto options = std::make_shared<VerifyOptions>();
   CLI::Option* file = verb.add_option("RECEIPT", options->file, "The receipt's file");
   CLI::Option* all =

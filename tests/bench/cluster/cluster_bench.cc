@@ -98,7 +98,7 @@ class TimedDisk : public StoreWriter {
   int64_t writes() const { return writes_; }
 
  private:
-  StoreDisk disk_;
+  SqliteStoreWriter disk_;
   double seconds_ = 0;
   int64_t writes_ = 0;
 };

@@ -8,6 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/base/json_value.h"
+
 namespace myograde::server {
 namespace {
 

@@ -98,7 +98,7 @@ class RetentionFolder : public testing::Test {
     for (const char* part : {"artefacts", "logs", "spool"}) fs::create_directory(dir_ + "/" + part);
     store_ = *Store::Open(dir_ + "/store.db", clock_);
     readers_ = std::make_unique<ReaderPool>(dir_ + "/store.db");
-    disk_ = std::make_unique<StoreDisk>(*store_);
+    disk_ = std::make_unique<SqliteStoreWriter>(*store_);
     EngineOptions options;
     options.data_dir = dir_;
     options.config.scheduler.slots = 0;
@@ -210,7 +210,7 @@ class RetentionFolder : public testing::Test {
   NoProcesses processes_;
   std::unique_ptr<Store> store_;
   std::unique_ptr<ReaderPool> readers_;
-  std::unique_ptr<StoreDisk> disk_;
+  std::unique_ptr<SqliteStoreWriter> disk_;
   std::unique_ptr<Engine> engine_;
   std::thread loop_;
 };
