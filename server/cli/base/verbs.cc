@@ -53,11 +53,20 @@ std::vector<std::string> NamesOf(const CLI::App& app) {
   return names;
 }
 
+bool HasVerb(const CLI::App& app, const std::string& word) {
+  const std::vector<std::string> names = NamesOf(app);
+  return std::find(names.begin(), names.end(), word) != names.end();
+}
+
 // For a word that is not a verb of `app`; `known` is what stands before its verbs ("seeds ").
 std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
   const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
   if (word.empty()) return absl::StrCat("no verb is given; ", help, " lists them");
-  const std::string nearest = NearestOf(word, NamesOf(app));
+  std::string nearest = NearestOf(word, NamesOf(app));
+  // "disqualify" is "submission disqualify".
+  for (const std::string& noun : NamesOf(app)) {
+    if (HasVerb(*app.get_subcommand(noun), word)) nearest = absl::StrCat(noun, " ", word);
+  }
   return absl::StrCat("there is no verb \"", known, CutText(Sanitized(word), 40), "\"; ",
                       nearest.empty() ? absl::StrCat(help, " lists them")
                                       : absl::StrCat("did you mean \"", known, nearest, "\"?"));

@@ -121,6 +121,7 @@ class UsageTest(CliCase):
     def test_mistyped_words(self):
         self.refused(2, 'did you mean "submit"?', "sbmit", "x", "--track", "t")
         self.refused(2, 'did you mean "phase seeds commit"?', "phase", "seeds", "comit")
+        self.refused(2, 'did you mean "submission disqualify"?', "disqualify", "7")
         self.refused(2, 'did you mean "--episodes"?', "show", "7", "--epsodes")
         self.refused(2, 'there is no verb "paint"; "myograde --help" lists them', "paint")
         self.refused(2, "no verb is given")
