@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "sim/locomotion/locomotion.h"
+#include "sim/locomotion/environment.h"
 
 namespace myograde::sim {
 namespace locomotion {
@@ -23,7 +23,7 @@ constexpr double kPainScale = 1000;  // the official term is in thousands of N m
 
 class WalkTelemetry final : public Telemetry {
  public:
-  explicit WalkTelemetry(const Locomotion& environment) : environment_(environment) {}
+  explicit WalkTelemetry(const LocomotionEnvironment& environment) : environment_(environment) {}
 
   std::span<const Series> series() const override { return kSeries; }
 
@@ -59,7 +59,7 @@ class WalkTelemetry final : public Telemetry {
   }
 
  private:
-  const Locomotion& environment_;
+  const LocomotionEnvironment& environment_;
   LegState state_ = LegState::kEarlyStance;
 };
 
@@ -67,7 +67,7 @@ class WalkTelemetry final : public Telemetry {
 }  // namespace locomotion
 
 std::unique_ptr<Telemetry> WatchLocomotion(const Environment& environment) {
-  return std::make_unique<locomotion::WalkTelemetry>(static_cast<const Locomotion&>(environment));
+  return std::make_unique<locomotion::WalkTelemetry>(static_cast<const LocomotionEnvironment&>(environment));
 }
 
 }  // namespace myograde::sim

@@ -37,7 +37,7 @@
 #include "protocol/base/pinned_maths.h"
 #include "protocol/lease/track_config.h"
 #include "sim/tracks.h"
-#include "sim/locomotion/locomotion.h"
+#include "sim/locomotion/environment.h"
 #include "sim/manipulation/environment.h"
 
 namespace myograde::sim {
@@ -102,7 +102,7 @@ Player MakePlayer(const TrackConfig& config, const std::string& cache) {
   if (auto* arm = dynamic_cast<ManipulationEnvironment*>(player.environment.get())) {
     player.model = &arm->model();
     player.data = &arm->data();
-  } else if (auto* leg = dynamic_cast<Locomotion*>(player.environment.get())) {
+  } else if (auto* leg = dynamic_cast<LocomotionEnvironment*>(player.environment.get())) {
     player.model = &leg->model();
     player.data = &leg->data();
   }

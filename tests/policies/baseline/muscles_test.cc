@@ -19,7 +19,7 @@ constexpr std::array<const char*, kLengthJoints> kJoints = {
     "hip_rotation_l", "knee_angle_l",   "ankle_angle_l",  "subtalar_angle_l", "mtp_angle_l"};
 constexpr int kKneeJoint = 6;
 
-MuscleState StateOf(const sim::Locomotion& course) {
+MuscleState StateOf(const sim::LocomotionEnvironment& course) {
   const mjModel& model = course.model();
   const mjData& data = course.data();
   MuscleState state;

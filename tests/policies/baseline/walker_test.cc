@@ -62,15 +62,15 @@ Walker ShippedWalker(const std::string& profile) {
   return walker;
 }
 
-std::unique_ptr<sim::Locomotion> CourseOf(const nlohmann::json& rules) {
+std::unique_ptr<sim::LocomotionEnvironment> CourseOf(const nlohmann::json& rules) {
   auto course = sim::MakeEnvironment(sim::ParsedRules(rules));
   course->SetConvention(ActionConvention::kDirect);
   return course;
 }
 
-std::unique_ptr<sim::Locomotion> PaperCourse() { return CourseOf(sim::ShippedRules("paper")); }
+std::unique_ptr<sim::LocomotionEnvironment> PaperCourse() { return CourseOf(sim::ShippedRules("paper")); }
 
-std::vector<double> Walk(sim::Locomotion& course, Walker& walker, uint64_t seed, int steps) {
+std::vector<double> Walk(sim::LocomotionEnvironment& course, Walker& walker, uint64_t seed, int steps) {
   course.Reset(seed);
   EXPECT_TRUE(course.SetParameters(LegSetsToJson(SetsOf(walker))).ok());
   walker.Reset();

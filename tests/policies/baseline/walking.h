@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "policies/baseline/walker.h"
-#include "sim/locomotion/locomotion.h"
+#include "sim/locomotion/environment.h"
 
 namespace myograde::baseline {
 
@@ -17,11 +17,11 @@ namespace myograde::baseline {
 Walker ShippedWalker(const std::string& profile = "paper");
 
 // The course of these rules (ShippedRules) with direct actions.
-std::unique_ptr<sim::Locomotion> CourseOf(const nlohmann::json& rules);
-std::unique_ptr<sim::Locomotion> PaperCourse();
+std::unique_ptr<sim::LocomotionEnvironment> CourseOf(const nlohmann::json& rules);
+std::unique_ptr<sim::LocomotionEnvironment> PaperCourse();
 
 // Uploads the walker's sets of the leg, plays up to `steps` steps of the episode `seed` and returns
 // its actions, one after the other.
-std::vector<double> Walk(sim::Locomotion& course, Walker& walker, uint64_t seed, int steps);
+std::vector<double> Walk(sim::LocomotionEnvironment& course, Walker& walker, uint64_t seed, int steps);
 
 }  // namespace myograde::baseline

@@ -1,5 +1,6 @@
 #include "rejudge_world.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include <absl/strings/match.h>
@@ -285,6 +286,13 @@ RejudgeProgress RejudgeWorld::Progress(int64_t rejudge) {
     progress = *read;
   });
   return progress;
+}
+
+bool RejudgeWorld::Plays(int64_t rejudge) {
+  const std::vector<EvaluationRow> items = Items(rejudge);
+  return std::any_of(items.begin(), items.end(), [](const EvaluationRow& item) {
+    return item.state == EvaluationState::kRunning;
+  });
 }
 
 std::vector<EvaluationRow> RejudgeWorld::Items(int64_t rejudge) {

@@ -67,6 +67,8 @@ class RejudgeWorld : public testing::Test {
   absl::StatusOr<RejudgeDone> Drop(int64_t rejudge);
   RejudgeProgress Progress(int64_t rejudge);
   std::vector<EvaluationRow> Items(int64_t rejudge);
+  // Whether one of them is running.
+  bool Plays(int64_t rejudge);
   std::string StateOf(int64_t evaluation);
   // Waits until `holds`; fails the test after 30 s.
   void Await(const std::function<bool()>& holds, const std::string& what);

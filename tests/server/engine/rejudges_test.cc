@@ -1,5 +1,4 @@
 // Rejudges from their creation to their end: from facts, played, followed, applied and dropped.
-#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -33,12 +32,6 @@ class RejudgesTest : public RejudgeWorld {
   TrackPtr LongerSteps() const {
     return Changed([](Json& config) {
       config["budgets"]["step_s"] = config["budgets"]["step_s"].get<double>() * 2;
-    });
-  }
-  bool Plays(int64_t id) {
-    const std::vector<EvaluationRow> items = Items(id);
-    return std::any_of(items.begin(), items.end(), [](const EvaluationRow& item) {
-      return item.state == EvaluationState::kRunning;
     });
   }
   int64_t MustCreate(const NewRejudge& rejudge) {

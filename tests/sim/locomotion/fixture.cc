@@ -40,12 +40,12 @@ LocomotionRules OfficialRules(const std::string& environment, const std::string&
   return ParsedRules(rules);
 }
 
-std::unique_ptr<Locomotion> MakeEnvironment(const LocomotionRules& rules) {
-  return Get(Locomotion::Make(rules, Get(LoadModel(LocomotionModel(), CacheDir()))));
+std::unique_ptr<LocomotionEnvironment> MakeEnvironment(const LocomotionRules& rules) {
+  return Get(LocomotionEnvironment::Make(rules, Get(LoadModel(LocomotionModel(), CacheDir()))));
 }
 
 std::vector<double> SineAction(int t) {
-  std::vector<double> action(Locomotion::kActionSize, 0.0);
+  std::vector<double> action(LocomotionEnvironment::kActionSize, 0.0);
   for (int i = 0; i < kLegMuscles; ++i) action[i] = std::sin(0.1 * t + i);
   return action;
 }
@@ -57,7 +57,7 @@ std::vector<double> WithSetZero(std::vector<double> official) {
 }
 
 std::vector<double> ConstantAction(double muscles, double set) {
-  std::vector<double> action(Locomotion::kActionSize, muscles);
+  std::vector<double> action(LocomotionEnvironment::kActionSize, muscles);
   action.back() = set;
   return action;
 }

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/locomotion/rules.h"
-#include "sim/locomotion/locomotion.h"
+#include "sim/locomotion/environment.h"
 
 namespace myograde::sim {
 
@@ -22,7 +22,7 @@ LocomotionRules ParsedRules(const nlohmann::json& rules);
 LocomotionRules OfficialRules(const std::string& environment, const std::string& terrain = "");
 
 // A new environment with the model of the cache. Throws std::runtime_error.
-std::unique_ptr<Locomotion> MakeEnvironment(const LocomotionRules& rules);
+std::unique_ptr<LocomotionEnvironment> MakeEnvironment(const LocomotionRules& rules);
 
 // The action of the golden files: sin(0.1 t + i) for the muscles, set 0.
 std::vector<double> SineAction(int t);

@@ -24,7 +24,7 @@ struct Draw {
   CourseKind course;
 };
 
-Draw DrawOf(Locomotion& environment) {
+Draw DrawOf(LocomotionEnvironment& environment) {
   const mjData& data = environment.data();
   const LocomotionIndices& at = environment.indices();
   const double* q = data.qpos + 3;

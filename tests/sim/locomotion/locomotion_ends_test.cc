@@ -46,11 +46,11 @@ class Probe {
   LocomotionDetails details() const {
     return std::get<LocomotionDetails>(environment_->details().value());
   }
-  Locomotion& environment() { return *environment_; }
+  LocomotionEnvironment& environment() { return *environment_; }
   std::vector<double>& qpos() { return qpos_; }
 
  private:
-  std::unique_ptr<Locomotion> environment_;
+  std::unique_ptr<LocomotionEnvironment> environment_;
   std::vector<double> qpos_, qvel_, act_;
 };
 

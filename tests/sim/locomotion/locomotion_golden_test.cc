@@ -186,11 +186,11 @@ class EpisodeFile {
   // The 260 numbers of the official vector and the pieces of the 365.
   void CheckObservation(const nlohmann::json& want, const std::string& kind, const char* key) {
     const auto row = [&](const char* quantity) { return absl::StrCat(kind, ": ", quantity); };
-    std::vector<double> official(Locomotion::kOfficialObservationSize);
+    std::vector<double> official(LocomotionEnvironment::kOfficialObservationSize);
     environment_->ObserveOfficial(official);
     table_.CompareRelative(row("official observation (single)"), official, Doubles(want.at(key)),
                            kSingle, where_);
-    std::vector<double> full(Locomotion::kObservationSize);
+    std::vector<double> full(LocomotionEnvironment::kObservationSize);
     environment_->Observe(full);
     const auto part = [&](int from, int to) {
       return std::span<const double>(full).subspan(from, to - from);
@@ -288,7 +288,7 @@ class EpisodeFile {
   std::string name_;
   const nlohmann::json& json_;
   GoldenTable& table_;
-  std::unique_ptr<Locomotion> environment_;
+  std::unique_ptr<LocomotionEnvironment> environment_;
   std::string where_;
 };
 

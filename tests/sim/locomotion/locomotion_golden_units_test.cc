@@ -173,7 +173,7 @@ TEST(LocomotionGoldenUnits, Ends) {
 
 // One recorded episode of a file, played from the environment's own reset to its end: the
 // file's actions, its own, or those of the policy that it names.
-void PlayEpisode(Locomotion& environment, const nlohmann::json& file, const nlohmann::json& want,
+void PlayEpisode(LocomotionEnvironment& environment, const nlohmann::json& file, const nlohmann::json& want,
                  const std::string& where, GoldenTable& table) {
   environment.ResetEpisode();
   const auto action = [&](int t) {

@@ -1,6 +1,6 @@
 // The environment as the episode loop sees it: actions, observation, sets,
 // repeatability and faults of the simulation.
-#include "sim/locomotion/locomotion.h"
+#include "sim/locomotion/environment.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,12 +21,12 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::unique_ptr<Locomotion> Profile(const std::string& name) {
+std::unique_ptr<LocomotionEnvironment> Profile(const std::string& name) {
   return MakeEnvironment(ParsedRules(ShippedRules(name)));
 }
 
-std::vector<double> Observation(const Locomotion& environment) {
-  std::vector<double> out(Locomotion::kObservationSize);
+std::vector<double> Observation(const LocomotionEnvironment& environment) {
+  std::vector<double> out(LocomotionEnvironment::kObservationSize);
   environment.Observe(out);
   return out;
 }
@@ -127,7 +127,7 @@ TEST(LocomotionLeg, UploadedSetsActAtOnceAndEndWithTheEpisode) {
 TEST(LocomotionObservation, ShowsJointVelocitiesPerSecondOrPerStep) {
   auto paper = Profile("paper");
   auto myosuite = Profile("myosuite");
-  for (Locomotion* environment : {paper.get(), myosuite.get()}) {
+  for (LocomotionEnvironment* environment : {paper.get(), myosuite.get()}) {
     environment->Reset(3);
     for (int t = 0; t < 5; ++t) environment->Step(SineAction(t));
     const std::vector<double> seen = Observation(*environment);
@@ -154,8 +154,8 @@ TEST(LocomotionObservation, IsOrderedAsTheLayoutSays) {
   auto environment = Profile("paper");
   const mjModel& m = environment->model();
   const LocomotionIndices& at = environment->indices();
-  ASSERT_EQ(ObservationOf(LocomotionTrack()).size(), Locomotion::kObservationSize);
-  ASSERT_EQ(ActionOf(LocomotionTrack()).size(), Locomotion::kActionSize);
+  ASSERT_EQ(ObservationOf(LocomotionTrack()).size(), LocomotionEnvironment::kObservationSize);
+  ASSERT_EQ(ActionOf(LocomotionTrack()).size(), LocomotionEnvironment::kActionSize);
   const auto names = ObservationOf(LocomotionTrack()).names();
   for (const Part& part : ObservationOf(LocomotionTrack()).parts()) {
     for (int i = 0; i < part.size; ++i) {
@@ -252,7 +252,7 @@ TEST(LocomotionFaults, AFullContactBufferIsAnOverflow) {
   auto model = LoadModel(LocomotionModel(), CacheDir());
   ASSERT_TRUE(model.ok()) << model.status();
   (*model)->nconmax = 2;
-  auto environment = Locomotion::Make(ParsedRules(ShippedRules("paper")), *std::move(model));
+  auto environment = LocomotionEnvironment::Make(ParsedRules(ShippedRules("paper")), *std::move(model));
   ASSERT_TRUE(environment.ok()) << environment.status();
   (*environment)->Reset(1);
   StepResult result;
@@ -267,7 +267,7 @@ TEST(LocomotionSpeed, AStepAllocatesNothing) {
   auto environment = Profile("paper");
   environment->Reset(6);
   const std::vector<double> action = SineAction(3);
-  std::vector<double> observation(Locomotion::kObservationSize);
+  std::vector<double> observation(LocomotionEnvironment::kObservationSize);
   environment->Step(action);
   const int64_t before = Allocations();
   for (int t = 0; t < 20; ++t) {

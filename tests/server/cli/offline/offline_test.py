@@ -104,9 +104,9 @@ class OfflineTest(CliCase):
         self.assertEqual(wrong(*verify), unsigned)
         os.remove(self.path("release/SHA256SUMS.sig"))
         self.refused(2, "SHA256SUMS.sig", *verify)
-        self.refused(2, "none.key", "release", "sign", folder, "--key", self.path("none.key"))
-        self.refused(2, "holds no Ed25519 private key", "release", "sign", folder, "--key", public)
-        self.refused(2, "printable", "release", "sign", folder, "--key", private, "--name", "a\nb")
+        self.refused(2, "none.key", "proof", "release", "sign", folder, "--key", self.path("none.key"))
+        self.refused(2, "holds no Ed25519 private key", "proof", "release", "sign", folder, "--key", public)
+        self.refused(2, "printable", "proof", "release", "sign", folder, "--key", private, "--name", "a\nb")
         self.assertFalse(os.path.exists(self.path("none.key")))
 
     def test_what_local_took_has_the_packing_in_it(self):

@@ -97,11 +97,11 @@ class Render(CliCase):
 
     def test_films_without_or_with_a_broken_ffmpeg_are_told_in_a_sentence(self):
         file = self.out("a.mp4")
-        self.refused(4, "ffmpeg is not installed: install it", "render", LOG, "-o", file, *SMALL,
+        self.refused(4, "ffmpeg is not installed: install it", "episode", "render", LOG, "-o", file, *SMALL,
                      PATH="/nowhere")
         broken = self.program("ffmpeg", "#!/bin/sh\nhead -c 1 >/dev/null\n"
                               "echo 'no such codec' >&2\nexit 3\n")
-        self.refused(4, "ffmpeg can't encode the film: no such codec", "render", LOG, "-o", file,
+        self.refused(4, "ffmpeg can't encode the film: no such codec", "episode", "render", LOG, "-o", file,
                      *SMALL, PATH=f"{broken}:/usr/bin:/bin")
         self.nothing_left(file)
 
@@ -112,8 +112,8 @@ class Render(CliCase):
         with open(path, "wb") as cut:
             cut.write(content[:-3])
         file = self.out("a.png")
-        self.refused(1, "cut", "render", path, "-o", file)
-        self.refused(2, "nowhere.lcmlog", "render", self.path("nowhere.lcmlog"), "-o", file)
+        self.refused(1, "cut", "episode", "render", path, "-o", file)
+        self.refused(2, "nowhere.lcmlog", "episode", "render", self.path("nowhere.lcmlog"), "-o", file)
         self.nothing_left(file)
 
     def test_a_renderer_that_fails_is_told_and_its_pictures_are_thrown_away(self):
@@ -126,7 +126,7 @@ class Render(CliCase):
                 ("kill -ALRM $$", 4, "took longer than 600 s")):
             folder = self.program("myograde-render", f"#!/bin/sh\ncat >/dev/null\n{script}\n")
             file = self.out("a.png")
-            self.refused(status, sentence, "render", LOG, "-o", file, MYOGRADE_BIN_DIR=folder)
+            self.refused(status, sentence, "episode", "render", LOG, "-o", file, MYOGRADE_BIN_DIR=folder)
             self.nothing_left(file)
 
     def test_an_interrupt_ends_the_programs_and_leaves_nothing(self):
@@ -166,7 +166,7 @@ class Render(CliCase):
                 ("name the episode", "7", "-o", "a.png"),
                 ("holds one episode", LOG, "--episode", "0", "-o", "a.png"),
                 ("can't be written", LOG, "-o", "/nowhere/a.png")):
-            self.refused(2, sentence, "render", *words)
+            self.refused(2, sentence, "episode", "render", *words)
 
     def rows(self, config, outcome="success"):
         with open(LOG, "rb") as file:
@@ -213,7 +213,7 @@ class Render(CliCase):
                 (2, "no log of episode 1", ("--episode", "1"), {}),
                 (2, "withholds", ("--strip",), {"outcome": None}),
                 (1, "another episode or config", ("--episode", "0"), {"config": "e" * 64})):
-            self.refused(status, sentence, "render",
+            self.refused(status, sentence, "episode", "render",
                          *self.of_submission("7", *words, "-o", file, **changes))
             os.remove(self.path("sock"))
         self.nothing_left(file)

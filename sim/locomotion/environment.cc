@@ -1,4 +1,4 @@
-#include "sim/locomotion/locomotion.h"
+#include "sim/locomotion/environment.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +11,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/bridge/leg_sets_json.h"
 #include "sim/locomotion/height_map.h"
+#include "sim/locomotion/locomotion.h"
 #include "sim/locomotion/model.h"
 #include "sim/model/state.h"
 #include "sim/model/warnings.h"
@@ -63,12 +64,12 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& c
   auto rules = ParseLocomotionRules(config.rules, absl::StrCat(config.id, ": rules"));
   if (!rules.ok()) return rules.status();
   ASSIGN_OR_RETURN(auto model, LoadModel(LocomotionModel(), cache_dir));
-  ASSIGN_OR_RETURN(auto environment, Locomotion::Make(*rules, std::move(model)));
+  ASSIGN_OR_RETURN(auto environment, LocomotionEnvironment::Make(*rules, std::move(model)));
   return std::unique_ptr<Environment>(std::move(environment));
 }
 
-absl::StatusOr<std::unique_ptr<Locomotion>> Locomotion::Make(const LocomotionRules& rules,
-                                                             ModelPtr model) {
+absl::StatusOr<std::unique_ptr<LocomotionEnvironment>> LocomotionEnvironment::Make(
+    const LocomotionRules& rules, ModelPtr model) {
   ASSIGN_OR_RETURN(auto indices, FindLocomotionIndices(*model));
   if (rules.field.rows * rules.field.columns > model->nhfielddata) {
     return absl::InvalidArgumentError(
@@ -77,12 +78,12 @@ absl::StatusOr<std::unique_ptr<Locomotion>> Locomotion::Make(const LocomotionRul
   }
   DataPtr data(mj_makeData(model.get()));
   if (data == nullptr) return absl::ResourceExhaustedError("no memory for the leg's simulation");
-  std::unique_ptr<Locomotion> out(
-      new Locomotion(rules, std::move(model), std::move(data), indices));
+  std::unique_ptr<LocomotionEnvironment> out(
+      new LocomotionEnvironment(rules, std::move(model), std::move(data), indices));
   return out;
 }
 
-Locomotion::Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr data,
+LocomotionEnvironment::LocomotionEnvironment(const LocomotionRules& rules, ModelPtr model, DataPtr data,
                        const LocomotionIndices& indices)
     : rules_(rules),
       model_(std::move(model)),
@@ -100,17 +101,17 @@ Locomotion::Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr dat
   Reset(0);
 }
 
-void Locomotion::Seed(uint64_t seed) {
+void LocomotionEnvironment::Seed(uint64_t seed) {
   random_.emplace(seed);
   legacy_.emplace(static_cast<uint32_t>(seed));
 }
 
-void Locomotion::Reset(uint64_t seed) {
+void LocomotionEnvironment::Reset(uint64_t seed) {
   Seed(seed);
   ResetEpisode();
 }
 
-void Locomotion::LayTerrain() {
+void LocomotionEnvironment::LayTerrain() {
   terrain_.Build(*random_, *legacy_);
   // MuJoCo multiplies its samples by the ceiling. With the official ceiling of
   // 1 m, and any power of two, this is exact.
@@ -119,7 +120,7 @@ void Locomotion::LayTerrain() {
   for (const float height : terrain_.heights()) *samples++ = height / ceiling;
 }
 
-void Locomotion::DrawPose(VectorXd& qpos, VectorXd& qvel) {
+void LocomotionEnvironment::DrawPose(VectorXd& qpos, VectorXd& qvel) {
   const int key = static_cast<int>(random_->Integers(kKeyframes));
   qpos = VectorXd::Map(model_->key_qpos + key * model_->nq, model_->nq);
   qvel = VectorXd::Map(model_->key_qvel + key * model_->nv, model_->nv);
@@ -133,7 +134,7 @@ void Locomotion::DrawPose(VectorXd& qpos, VectorXd& qvel) {
   qvel.head<2>() = Eigen::Vector2d(std::cos(yaw), std::sin(yaw)) * qvel.head<2>().norm();
 }
 
-void Locomotion::HardReset(const VectorXd& qpos, const VectorXd& qvel) {
+void LocomotionEnvironment::HardReset(const VectorXd& qpos, const VectorXd& qvel) {
   mj_resetData(model_.get(), data_.get());
   const int flags = model_->opt.disableflags;
   model_->opt.disableflags |= mjDSBL_ACTUATION;
@@ -146,7 +147,7 @@ void Locomotion::HardReset(const VectorXd& qpos, const VectorXd& qvel) {
   for (int i = 0; i < 3; ++i) mj_forward(model_.get(), data_.get());
 }
 
-void Locomotion::ResetEpisode() {
+void LocomotionEnvironment::ResetEpisode() {
   LayTerrain();
   VectorXd qpos, qvel;
   DrawPose(qpos, qvel);
@@ -173,14 +174,14 @@ void Locomotion::ResetEpisode() {
   CopyState(*model_, *data_, state_);
 }
 
-absl::Status Locomotion::SetParameters(const nlohmann::json& parameters) {
+absl::Status LocomotionEnvironment::SetParameters(const nlohmann::json& parameters) {
   ASSIGN_OR_RETURN(const LegParameterSets sets, LegSetsFromJson(parameters));
   RETURN_IF_ERROR(leg_.Upload(sets, rules_.leg));
   leg_.Select(leg_.selected());
   return absl::OkStatus();
 }
 
-void Locomotion::SetState(const State& state) {
+void LocomotionEnvironment::SetState(const State& state) {
   mj_resetData(model_.get(), data_.get());
   data_->time = state.time;
   std::copy(state.qpos.begin(), state.qpos.end(), data_->qpos);
@@ -192,7 +193,7 @@ void Locomotion::SetState(const State& state) {
   CopyState(*model_, *data_, state_);
 }
 
-double Locomotion::MuscleControl(double action) {
+double LocomotionEnvironment::MuscleControl(double action) {
   const bool normalized = convention_ == ActionConvention::kNormalized;
   if (rules_.clip_actions) {
     const double clipped = std::clamp(action, normalized ? -1.0 : 0.0, 1.0);
@@ -202,14 +203,14 @@ double Locomotion::MuscleControl(double action) {
   return normalized ? MuscleSigmoid(action) : action;
 }
 
-void Locomotion::SelectLegSet(double action) {
+void LocomotionEnvironment::SelectLegSet(double action) {
   const double last = rules_.leg.sets - 1;
   const double clipped = std::clamp(action, 0.0, last);
   if (clipped != action && rules_.clip_actions) ++facts_.clipped;
   leg_.Select(static_cast<int>(std::nearbyint(clipped)));
 }
 
-LegSensors Locomotion::SenseLeg() const {
+LegSensors LocomotionEnvironment::SenseLeg() const {
   return {.load = -data_->sensordata[at_.leg_load + 1],
           .knee_angle = data_->qpos[at_.knee_qpos],
           .knee_velocity = data_->qvel[at_.knee_dof],
@@ -217,7 +218,7 @@ LegSensors Locomotion::SenseLeg() const {
           .ankle_velocity = data_->qvel[at_.ankle_dof]};
 }
 
-void Locomotion::WriteLegControls(const LegTorques& torques) {
+void LocomotionEnvironment::WriteLegControls(const LegTorques& torques) {
   const double knee = std::clamp(torques.knee / kLegKneeGear, -kLegMotorLimit, kLegMotorLimit);
   const double ankle = std::clamp(torques.ankle / kLegAnkleGear, -kLegMotorLimit, kLegMotorLimit);
   // The official code scales the motors' controls to [-1, 1] when actions are
@@ -227,7 +228,7 @@ void Locomotion::WriteLegControls(const LegTorques& torques) {
   data_->ctrl[at_.ankle_motor] = scaled ? ankle / kLegMotorLimit : ankle;
 }
 
-StepResult Locomotion::Step(std::span<const double> action) {
+StepResult LocomotionEnvironment::Step(std::span<const double> action) {
   SelectLegSet(action[kLegMuscles]);
   WriteLegControls(leg_.Update(SenseLeg()));
   for (int i = 0; i < kLegMuscles; ++i) data_->ctrl[at_.muscle[i]] = MuscleControl(action[i]);
@@ -260,12 +261,12 @@ StepResult Locomotion::Step(std::span<const double> action) {
   return result;
 }
 
-bool Locomotion::OffTrack() const {
+bool LocomotionEnvironment::OffTrack() const {
   return std::abs(data_->qpos[0]) > rules_.end.half_width_m ||
          data_->qpos[1] > rules_.start.y_m + rules_.end.behind_m;
 }
 
-bool Locomotion::Fallen() const {
+bool LocomotionEnvironment::Fallen() const {
   if (!rules_.end.fall_ends) return false;
   const double head = data_->site_xpos[3 * at_.head_site + 2];
   const double feet =
@@ -276,7 +277,7 @@ bool Locomotion::Fallen() const {
   return head - feet < rules_.end.head_above_feet_m || head - ground < rules_.end.head_height_m;
 }
 
-Locomotion::LimitTorques Locomotion::MeasureLimitTorques() const {
+LocomotionEnvironment::LimitTorques LocomotionEnvironment::MeasureLimitTorques() const {
   // The rows of the joint limits in the constraint Jacobian (dense for this
   // model) times their forces.
   LimitTorques torque;
@@ -288,9 +289,9 @@ Locomotion::LimitTorques Locomotion::MeasureLimitTorques() const {
   return torque;
 }
 
-LocomotionTerms Locomotion::terms() const { return TermsWith(MeasureLimitTorques()); }
+LocomotionTerms LocomotionEnvironment::terms() const { return TermsWith(MeasureLimitTorques()); }
 
-LocomotionTerms Locomotion::TermsWith(const LimitTorques& torques) const {
+LocomotionTerms LocomotionEnvironment::TermsWith(const LimitTorques& torques) const {
   LocomotionTerms out;
   out.effort = VectorXd::Map(data_->act, model_->na).squaredNorm() / kLegMuscles;
   out.pain = (torques.cwiseAbs().cwiseMin(rules_.pain_clip_nm) / 1000).sum() / kPainJoints;
@@ -306,17 +307,17 @@ std::span<const RewardTerm> LocomotionRewardTerms() {
   return kTerms;
 }
 
-void Locomotion::RewardTerms(std::span<double> out) const {
+void LocomotionEnvironment::RewardTerms(std::span<double> out) const {
   const LocomotionTerms now = terms();
   VectorXd::Map(out.data(), std::ssize(out)) << now.effort, now.pain, now.sparse,
       static_cast<double>(now.solved), static_cast<double>(now.done());
 }
 
-int64_t Locomotion::MaxSteps() const {
+int64_t LocomotionEnvironment::MaxSteps() const {
   return std::llround(rules_.end.time_limit_s / kControlPeriod);
 }
 
-bool Locomotion::JudgeStep() {
+bool LocomotionEnvironment::JudgeStep() {
   const LimitTorques torques = MeasureLimitTorques();
   const LocomotionTerms now = TermsWith(torques);
   const EndRules& end = rules_.end;
@@ -347,13 +348,13 @@ bool Locomotion::JudgeStep() {
   return true;
 }
 
-EpisodeFacts Locomotion::facts() const {
+EpisodeFacts LocomotionEnvironment::facts() const {
   EpisodeFacts out = facts_;
   out.track = progress_;
   return out;
 }
 
-EpisodeDetails Locomotion::details() const {
+EpisodeDetails LocomotionEnvironment::details() const {
   if (judged_steps_ == 0) return std::nullopt;
   LocomotionDetails out;
   constexpr CourseKind kKinds[] = {CourseKind::kHilly, CourseKind::kRough, CourseKind::kStairs};
@@ -372,7 +373,7 @@ EpisodeDetails Locomotion::details() const {
   return out;
 }
 
-Eigen::Matrix<double, 3 * kLegMuscles, 1> Locomotion::SortedMuscles() const {
+Eigen::Matrix<double, 3 * kLegMuscles, 1> LocomotionEnvironment::SortedMuscles() const {
   Eigen::Matrix<double, 3 * kLegMuscles, 1> out;
   out << Pick(data_->actuator_length, at_.sorted_muscle),
       Pick(data_->actuator_velocity, at_.sorted_muscle),
@@ -381,7 +382,7 @@ Eigen::Matrix<double, 3 * kLegMuscles, 1> Locomotion::SortedMuscles() const {
   return out;
 }
 
-void Locomotion::Observe(std::span<double> out) const {
+void LocomotionEnvironment::Observe(std::span<double> out) const {
   const double scale = rules_.observation.velocities_times_step ? kControlPeriod : 1;
   const std::span<double> map = out.last(kHeightMapSize * kHeightMapSize);
   VectorXd::Map(out.data(), std::ssize(out) - std::ssize(map)) << data_->time,
@@ -398,7 +399,7 @@ void Locomotion::Observe(std::span<double> out) const {
   }
 }
 
-void Locomotion::ObserveOfficial(std::span<double> out) const {
+void LocomotionEnvironment::ObserveOfficial(std::span<double> out) const {
   VectorXd::Map(out.data(), std::ssize(out)) << Pick(data_->qpos, at_.joint_qpos),
       Pick(data_->qvel, at_.joint_dof) * kControlPeriod, data_->sensordata[at_.left_foot_touch],
       data_->sensordata[at_.left_toes_touch], VectorXd::Map(data_->xquat + 4 * at_.pelvis_body, 4),
