@@ -90,6 +90,14 @@ absl::StatusOr<std::string> StoredText(SQLite::Database& db, const char* table, 
   return text;
 }
 
+// Of a config or a seed list that was added: a damaged row if another text is there under its hash.
+absl::Status CheckText(SQLite::Database& db, const char* table, const char* column,
+                       const std::string& hash, const std::string& text) {
+  const std::string same = absl::StrCat("SELECT 1 FROM ", table, " WHERE hash = ? AND ", column, " = ?");
+  if (AnyRow(db, same, hash, text)) return absl::OkStatus();
+  return DamagedRow({table, hash, "its content has another hash"});
+}
+
 }  // namespace
 
 absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
@@ -317,12 +325,12 @@ absl::Status Content::AddConfig(const std::string& hash, const std::string& trac
                                 const std::string& profile, const std::string& json) {
   Run(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", hash, track, profile,
       json, now_ms_);
-  return ConfigJson(hash).status();
+  return CheckText(db_, "config", "effective_json", hash, json);
 }
 
 absl::Status Content::AddSeedList(const std::string& hash, int64_t count, const std::string& json) {
   Run(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING", hash, count, json);
-  return SeedsJson(hash).status();
+  return CheckText(db_, "seed_list", "seeds_json", hash, json);
 }
 
 }  // namespace myograde::server

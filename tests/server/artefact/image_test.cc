@@ -136,7 +136,7 @@ TEST_F(ImageTest, NothingLeavesTheImage) {
   EXPECT_THAT(Why({kRun + TarEntry('0', "../x", "x")}), HasSubstr("\"..\""));
   EXPECT_THAT(Why({kRun + TarEntry('2', "self", {}, "self"), TarEntry('0', "self/x", "x")}),
               HasSubstr("loop of symbolic links"));
-  EXPECT_THAT(Why({kRun + TarEntry('1', "copy", {}, victim + "/file")}), HasSubstr("no file of the"));
+  EXPECT_THAT(Why({kRun + TarEntry('1', "copy", {}, victim + "/file")}), HasSubstr("not a file of the"));
   EXPECT_THAT(Why({kRun + TarEntry('1', "copy", {}, "../../etc/passwd")}), HasSubstr("\"..\""));
 }
 
@@ -164,7 +164,7 @@ TEST_F(ImageTest, WhatTheSandboxReplacesIsLeftOutAndTheRestIsMadeHarmless) {
               HasSubstr("ld.so.preload"));
   EXPECT_THAT(Why({kRun + TarEntry('2', "etc", {}, "other")}), HasSubstr("must be a folder"));
   EXPECT_THAT(Why({kRun + TarEntry('2', "e", {}, "/dev"), TarEntry('1', "x", {}, "e/null")}),
-              HasSubstr("no file of the image"));
+              HasSubstr("not a file of the image"));
 }
 
 TEST_F(ImageTest, LiesAboutDigestsSizesAndLayersAreFound) {

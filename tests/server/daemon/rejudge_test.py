@@ -298,7 +298,7 @@ class BadInput(Graded):
             ('{"extends": "demo-manipulation", "extends": "manipulation"}', "extends"),
             ({}, '"profiles"'),
             ({"extends": "nothing"}, "nothing"),
-            ({"extends": "../../etc/passwd"}, "no name of a track config"),
+            ({"extends": "../../etc/passwd"}, "not a name of a track config"),
             ({"extends": TRACK, "colour": 1}, '"colour"'),
             ({"extends": TRACK, "scoring": {"force_limit_n": None}}, '"force_limit_n"'),
             ({"extends": TRACK, "scoring": {"force_limit_n": -1}}, '"force_limit_n"'),

@@ -245,8 +245,8 @@ class Tokens(AccessCase):
 
     def test_wrong_ones_are_told_alike_and_old_ones_how(self):
         unknown = "myo_" + "0" * 64
-        self.assertEqual(self.refused(unknown, "no token of this server"),
-                         self.refused("nonsense", "no token of this server"))
+        self.assertEqual(self.refused(unknown, "not a token of this server"),
+                         self.refused("nonsense", "not a token of this server"))
         made = self.token("participant", "alpha")
         self.make(f"/v1/tokens/{made['id']}/revoke", {})
         self.refused(made["token"], "revoked at 2")

@@ -40,7 +40,7 @@ class UsageTest(CliCase):
                              f"--episodes={episodes}")
                 self.refused(2, "", *verb, program, "--track", "manipulation",
                              "--episodes", episodes)
-        self.refused(2, "no range", "rerun", "7", "--episodes", "9..3")
+        self.refused(2, "not a range", "rerun", "7", "--episodes", "9..3")
         self.refused(2, "running", "spec", "--track", "running")
         self.refused(2, "running", "local", program, "--track", "running")
         self.refused(2, "holiday", "spec", "--track", "manipulation", "--profile", "holiday")
