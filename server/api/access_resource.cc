@@ -120,7 +120,7 @@ ApiResult ListEvents(const ApiContext&, const Transaction& reader, const Request
     return absl::InvalidArgumentError("\"kind\" must be denied or act");
   }
   return PageAnswer(request, page, "events", reader.callers.Events(kind, page.before, page.limit),
-                    EventToJson);
+                    [](const AccessEventRow& event) { return EventToJson(event); });
 }
 
 ApiResult GetWhoami(const ApiContext& context, const Request& request) {

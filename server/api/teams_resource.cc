@@ -115,7 +115,7 @@ Json BudgetsToJson(const BudgetPlace& place,
 ApiResult ListTeams(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
   return PageAnswer(request, page, "teams", reader.teams.List(page.before, page.limit),
-                    TeamToJson);
+                    [](const TeamRow& team) { return TeamToJson(team); });
 }
 
 ApiResult GetTeam(const ApiContext&, const Transaction& reader, const Request& request) {

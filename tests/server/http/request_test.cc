@@ -113,7 +113,7 @@ TEST(Request, ItsAddressIsDecoded) {
   EXPECT_EQ(read.head.path, "/sign-in");
   EXPECT_EQ(read.head.Param("to"), "/a?b=c?d");
   EXPECT_EQ(read.head.Param("x"), "A %zz%2");
-  EXPECT_EQ(read.head.ParamCount("x"), 2u);
+  EXPECT_EQ(read.head.params.count("x"), 2u);
   EXPECT_TRUE(read.head.HasParam("y") && !read.head.HasParam("z"));
 }
 
