@@ -49,12 +49,12 @@ struct Artefact {
 // Called from time to time with the bytes done and the total.
 using ByteProgress = std::function<void(int64_t done, int64_t total)>;
 
-// Packs what a participant has at `path` (README.md) into the file `archive`, created or replaced, as
-// a canonical tar: sorted entries, no owners, modes 0755 or 0644, file times in whole seconds and no
-// other times. `name` is written into the packed policy.json in place of the name there; "": that one
-// stays, and an image has the name that it was saved by, or its file's. Enforces the rules of
-// UnpackArtefact, so that most mistakes are reported before anything is sent; of an image, which is
-// packed as it is, it reads no more than its name. Returns what the packed policy.json says: an
+// Packs what a participant has at `path` (README.md) into the file `archive`, created or replaced,
+// as a canonical tar: sorted entries, no owners, modes 0755 or 0644, file times in whole seconds and
+// no other times. `name` is written into the packed policy.json in place of the name there; "":
+// that one stays, and an image has the name that it was saved by, or its file's. Enforces the rules
+// of UnpackArtefact, so that most mistakes are reported before anything is sent; of an image, which
+// is packed as it is, it reads no more than its name. Returns what the packed policy.json says: an
 // image's own command is not in it.
 // InvalidArgumentError: `path` or `name` breaks a rule (NotFoundError: `path` doesn't exist); other
 // codes: a problem of this host.

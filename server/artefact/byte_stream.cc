@@ -112,8 +112,8 @@ StreamArchive::StreamArchive(ByteStream& from, Form form)
 
 absl::Status StreamArchive::Open(std::string_view what) {
   if (archive_read_open1(reader_.get()) != ARCHIVE_OK) {
-    const bool packed = form_ == Form::kPacked;
-    return Failure(!what.empty() ? what : packed ? "it can't be decompressed" : "it is not a tar archive");
+    if (!what.empty()) return Failure(what);
+    return Failure(form_ == Form::kPacked ? "it can't be decompressed" : "it is not a tar archive");
   }
   if (form_ != Form::kSubmission && compressions() > (form_ == Form::kPacked ? 1 : 0)) {
     return absl::InvalidArgumentError("it is compressed more than once; once is enough");

@@ -33,7 +33,7 @@ class FileStream : public ByteStream {
   explicit FileStream(int fd, int64_t offset = 0);
   absl::StatusOr<std::string_view> Next() override;
   int64_t Skip(int64_t bytes) override;
-  int64_t Seek(int64_t offset, int whence) override;  // REQUIRES: it begins at the file's first byte
+  int64_t Seek(int64_t offset, int whence) override;  // REQUIRES: `offset` was 0
 
  private:
   const int fd_;
@@ -77,8 +77,8 @@ class StreamArchive {
   };
   StreamArchive(ByteStream& from, Form form);
 
-  // After construction: whether it could be opened. Of the errors of these three, those that are the
-  // archive's say `what` in front of libarchive's reason.
+  // After construction: whether it could be opened. Of the errors of these three, those that are
+  // the archive's say `what` in front of libarchive's reason.
   absl::Status Open(std::string_view what = {});
   // False at the end of the archive. Also for damage that libarchive would pass over: a file would
   // be missing.

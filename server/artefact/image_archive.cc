@@ -86,11 +86,12 @@ absl::StatusOr<Json> BlobOf(const ImageArchive& archive, const Described& descri
                             const std::string& what) {
   ASSIGN_OR_RETURN(const std::string text, TextOf(archive, BlobName(described.sha256)));
   if (std::ssize(text) != described.size) {
-    return BadImage(absl::StrCat("has a ", what, " of ", text.size(), " bytes where its archive states ",
-                                 described.size, "; save the image again"));
+    return BadImage(absl::StrCat("has a ", what, " of ", text.size(), " bytes where its archive "
+                                 "states ", described.size, "; save the image again"));
   }
   if (Sha256Hex(text) != described.sha256) {
-    return BadImage(absl::StrCat("has a ", what, " whose digest is not the stated one; save the image again"));
+    return BadImage(absl::StrCat("has a ", what, " whose digest is not the stated one; save the "
+                                 "image again"));
   }
   return ParseJson(text, absl::StrCat("the image's ", what));
 }
@@ -138,7 +139,8 @@ absl::StatusOr<bool> IsOfImage(const ImageArchive& archive, const Described& des
   const Json& layers = At(manifest, "layers");
   return std::all_of(layers.begin(), layers.end(), [](const Json& layer) {
     const std::string layer_kind = TextAt(layer, "mediaType");
-    return layer_kind.find("layer") != std::string::npos || layer_kind.find("rootfs") != std::string::npos;
+    return layer_kind.find("layer") != std::string::npos ||
+           layer_kind.find("rootfs") != std::string::npos;
   });
 }
 
@@ -205,16 +207,16 @@ absl::StatusOr<ImageContent> ReadOci(const ImageArchive& archive) {
   std::map<std::string, Described>& fitting = candidates.fitting;
   if (fitting.empty() && !candidates.unusable.ok()) return candidates.unusable;
   if (fitting.empty() && !candidates.others.empty()) {
-    return BadImage(absl::StrCat("is for ", absl::StrJoin(candidates.others, ", "), ", and the server runs "
-                                 "linux/amd64; build it with --platform linux/amd64"));
+    return BadImage(absl::StrCat("is for ", absl::StrJoin(candidates.others, ", "), ", and the "
+                                 "server runs linux/amd64; build it with --platform linux/amd64"));
   }
   // Of variants for newer processors, the one that runs on most.
   std::string least = fitting.empty() ? "" : fitting.begin()->second.variant;
   for (const auto& [sha256, described] : fitting) least = std::min(least, described.variant);
   std::erase_if(fitting, [&](const auto& one) { return one.second.variant != least; });
   if (fitting.size() != 1) {
-    return absl::InvalidArgumentError(absl::StrCat("the archive's index.json lists ", fitting.size(),
-                                                   " images; save exactly one"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the archive's index.json lists ", fitting.size(), " images; save exactly one"));
   }
   ASSIGN_OR_RETURN(ImageContent content, ReadManifest(archive, fitting.begin()->second));
   content.tag = TagOfIndex(index);

@@ -414,8 +414,8 @@ absl::StatusOr<Artefact> MakeImage(const ImageArchive& archive, ImageContent con
   }
   if (!manifest.contains("command")) manifest["command"] = content.config.command;
   if (manifest["command"].empty()) {
-    return absl::InvalidArgumentError("the image has neither ENTRYPOINT nor CMD; build it with one, "
-                                      "or give a \"command\" in policy.json");
+    return absl::InvalidArgumentError("the image has neither ENTRYPOINT nor CMD; build it with "
+                                      "one, or give a \"command\" in policy.json");
   }
   manifest.erase("image");
   ASSIGN_OR_RETURN(ArtefactManifest parsed, ParseManifest(manifest));

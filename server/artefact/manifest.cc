@@ -49,7 +49,7 @@ bool MayBeSet(std::string_view name) {
     return false;
   }
   return std::ranges::any_of(kNames, [&](const char* known) { return name == known; }) ||
-         std::ranges::any_of(kPrefixes, [&](const char* prefix) { return name.starts_with(prefix); });
+         std::ranges::any_of(kPrefixes, [&](const char* begin) { return name.starts_with(begin); });
 }
 
 std::string Known() {

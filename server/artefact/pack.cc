@@ -281,8 +281,8 @@ absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct 
   const bool program = ReadProgramHead(file.get()).kind != ProgramHead::Kind::kText;
   if (const std::string foreign = ForeignFormat(head); !foreign.empty()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("is packed by ", foreign, ", which is not accepted; pack it as .tar.gz, .tar.zst, "
-                     ".tar.xz, .tar.bz2 or .zip"));
+        absl::StrCat("is packed by ", foreign, ", which is not accepted; pack it as .tar.gz, "
+                     ".tar.zst, .tar.xz, .tar.bz2 or .zip"));
   }
   if ((!program && IsArchive(file.get(), head)) || HasArchiveName(path)) {
     return MayBeImageArchive(file.get()) ? PackImage(path, packing) : Repack(path, packing);

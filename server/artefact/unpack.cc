@@ -44,8 +44,8 @@ std::string Forbidden(archive_entry* entry) {
 }
 
 constexpr char kBroken[] =
-    "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, "
-    "zip)";
+    "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, tar.xz, "
+    "tar.bz2, zip)";
 
 // Makes the files of an archive's entries, which a participant chose, in a folder.
 class Unpacker {
@@ -183,8 +183,8 @@ absl::StatusOr<Listing> UnpackFiles(int file, int folder, const ArtefactLimits& 
   const Utf8Names utf8_names;
   FileStream bytes(file);
   StreamArchive archive(bytes, StreamArchive::Form::kSubmission);
-  RETURN_IF_ERROR(archive.Open("this is not an archive of a kind that is accepted (tar, tar.gz, tar.zst, "
-                               "tar.xz, tar.bz2, zip)"));
+  RETURN_IF_ERROR(archive.Open("this is not an archive of a kind that is accepted (tar, tar.gz, "
+                               "tar.zst, tar.xz, tar.bz2, zip)"));
   // One layer besides the file itself: nested bombs multiply.
   if (archive.compressions() > (IsCompressed(file) ? 1 : 0)) {
     return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");

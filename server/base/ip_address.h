@@ -1,5 +1,5 @@
-// Addresses of the internet, of either version, as limits count by them; and this host among others:
-// its name and address, and what it may send them.
+// Addresses of the internet, of either version, as limits count by them; and this host among
+// others: its name and address, and what it may send them.
 #pragma once
 
 #include <netinet/in.h>

@@ -140,7 +140,8 @@ absl::Status TryFilter(const std::string& config_dir) {
   const sock_fprog loaded = {static_cast<uint16_t>(program.size()), program.data()};
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
       syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0, &loaded) != 0) {
-    return absl::InternalError(absl::StrCat("the kernel refuses the filter: ", std::strerror(errno)));
+    return absl::InternalError(
+        absl::StrCat("the kernel refuses the filter: ", std::strerror(errno)));
   }
   if (ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0 || errno != EPERM) {
     return absl::InternalError("the filter is loaded but lets ptrace through");

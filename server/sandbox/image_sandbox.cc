@@ -100,8 +100,8 @@ class ImageMounts {
   absl::Status TooMany(const std::string& path) const {
     return absl::InvalidArgumentError(absl::StrCat(
         "the image has more than ", kMaxImageMounts, " names on the way to a runtime of policy.json, "
-        "the last of them in ", Quoted("/" + FolderName(path)), "; leave \"runtimes\" out and install its "
-        "packages in the image, or put those files into a subfolder"));
+        "the last of them in ", Quoted("/" + FolderName(path)), "; leave \"runtimes\" out and "
+        "install its packages in the image, or put those files into a subfolder"));
   }
 
   // The loader of the grader's programs loads what /etc/ld.so.preload names.

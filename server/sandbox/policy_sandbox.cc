@@ -227,9 +227,11 @@ std::vector<std::string> SystemLinks() {
 
 absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& stage) {
   EtcFiles files;
+  constexpr char kUsers[] =
+      "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n";
   for (const auto& [name, text] :
-       {std::pair("passwd", "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"),
-        std::pair("group", "root:x:0:\npolicy:x:1000:\n"), std::pair("hosts", kImageHosts)}) {
+       {std::pair("passwd", kUsers), std::pair("group", "root:x:0:\npolicy:x:1000:\n"),
+        std::pair("hosts", kImageHosts)}) {
     ASSIGN_OR_RETURN(const std::string path, stage.AddFile(name, text));
     files.etc.push_back({Kind::kReadOnly, path, absl::StrCat("/etc/", name)});
   }

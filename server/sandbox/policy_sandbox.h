@@ -1,6 +1,6 @@
 // Builds the two kinds of sandboxes of a lease. Nothing else does. The sandbox of a container image
-// shows the image's files at the top, where other policies see the host's; the grader's own programs
-// in it run with the host's loader and libraries (image_sandbox.cc).
+// shows the image's files at the top, where other policies see the host's; the grader's own
+// programs in it run with the host's loader and libraries (image_sandbox.cc).
 #pragma once
 
 #include <string>

@@ -113,8 +113,8 @@ class SandboxView {
     return 0;
   }
 
-  // Where the artefact has it, "" if it does not: runtimes and the sandbox' own parts replace what an
-  // image has.
+  // Where the artefact has it, "" if it does not: runtimes and the sandbox' own parts replace what
+  // an image has.
   std::string InArtefact(const std::string& path) const {
     if (!image_) return path.starts_with("/policy/") ? path.substr(sizeof(kPolicy)) : "";
     for (const std::string& place : host_) {

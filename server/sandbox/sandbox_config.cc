@@ -253,7 +253,8 @@ absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
 }
 
 absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config) {
-  const std::unique_ptr<void, void (*)(void*)> filter(seccomp_init(SCMP_ACT_ALLOW), seccomp_release);
+  const std::unique_ptr<void, void (*)(void*)> filter(seccomp_init(SCMP_ACT_ALLOW),
+                                                      seccomp_release);
   if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
   int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_ERRNO(EPERM));
   RETURN_IF_ERROR(DenyByName(filter.get(), config.denied_system_calls, EPERM));
