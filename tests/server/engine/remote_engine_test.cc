@@ -58,7 +58,7 @@ TEST_F(RemoteEngineTest, ALeaseThatWaitsForAProcessorIsNeitherSilentNorLate) {
   const LiveLease waits = world.core->Running().begin()->second;
   EXPECT_FALSE(waits.begun);
   EXPECT_EQ(waits.site.node, "node0");
-  EXPECT_EQ(waits.job, "7_0");
+  EXPECT_EQ(waits.site.job, "7_0");
   RunFor(absl::Hours(1) + absl::Seconds(2));
   const LiveLease runs = world.core->Running().begin()->second;
   EXPECT_TRUE(runs.begun);
