@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Makes the two pictures of README.md, board.png and replay.png, beside this file: the demo's warm-up
-board, and the replay of an episode of the baseline that walks, as a headless Chromium shows them.
+board, and the replay of an episode of a baseline, as a headless Chromium shows them.
 
 Use: ./dev build && server/docs/pictures.py [BUILD]   (default: build/release; needs Debian's chromium
 and python3-pil). A machine with other fonts gives other pixels, and nothing compares them."""
@@ -32,7 +32,7 @@ def submit(daemon, policy, track, team):
 
 
 def play(daemon, policies):
-    """The demo's submissions to its warm-up, and one to the walk, whose number is returned."""
+    """The demo's submissions to its warm-up, and a baseline's, whose number is returned."""
     gentle = daemon.root / "gentle"
     shutil.copytree(policies / "scripted-elbow", gentle)
     (gentle / "policy.json").write_text(json.dumps(
@@ -40,7 +40,8 @@ def play(daemon, policies):
     for policy, team in ((policies / "random", "Random team"), (gentle, "Gentle team"),
                          (policies / "scripted-elbow", "Scripted team")):
         submit(daemon, policy, "elbow", team)
-    return submit(daemon, policies / "baseline-locomotion", "demo-locomotion", "Baseline team")
+    baseline = sorted(policies.glob("baseline-*"))[0]
+    return submit(daemon, baseline, baseline.name.replace("baseline", "demo"), "Baseline team")
 
 
 def save(page, name, height):
