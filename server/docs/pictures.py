@@ -2,8 +2,8 @@
 """Makes the two pictures of README.md, board.png and replay.png, beside this file: the demo's warm-up
 board, and the replay of an episode of a baseline, as a headless Chromium shows them.
 
-Use: ./dev build && server/docs/pictures.py [BUILD]   (default: build/release; needs Debian's chromium
-and python3-pil). A machine with other fonts gives other pixels, and nothing compares them."""
+Use: ./dev build && server/docs/pictures.py TRACK [BUILD]   (the warm-up's name; default: build/release;
+needs Debian's chromium and python3-pil). A machine with other fonts gives other pixels, and nothing compares them."""
 
 import io
 import json
@@ -31,15 +31,16 @@ def submit(daemon, policy, track, team):
                                       text=True).stdout)["submission"]
 
 
-def play(daemon, policies):
+def play(daemon, policies, track):
     """The demo's submissions to its warm-up, and a baseline's, whose number is returned."""
     gentle = daemon.root / "gentle"
-    shutil.copytree(policies / "scripted-elbow", gentle)
+    scripted = policies / f"scripted-{track}"
+    shutil.copytree(scripted, gentle)
     (gentle / "policy.json").write_text(json.dumps(
-        {"name": "gentle-elbow", "command": ["./scripted-elbow", "--stiffness", "10"]}))
+        {"name": f"gentle-{track}", "command": [f"./{scripted.name}", "--stiffness", "10"]}))
     for policy, team in ((policies / "random", "Random team"), (gentle, "Gentle team"),
-                         (policies / "scripted-elbow", "Scripted team")):
-        submit(daemon, policy, "elbow", team)
+                         (scripted, "Scripted team")):
+        submit(daemon, policy, track, team)
     baseline = sorted(policies.glob("baseline-*"))[0]
     return submit(daemon, baseline, baseline.name.replace("baseline", "demo"), "Baseline team")
 
@@ -59,22 +60,23 @@ def save(page, name, height):
 
 
 def main():
-    build = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else SOURCE / "build/release").resolve()
+    track = sys.argv[1]
+    build = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else SOURCE / "build/release").resolve()
     with Daemon(build / "bin", SOURCE, "pictures") as daemon:
         daemon.configure(http={"listen": {"address": "127.0.0.1", "port": 0}})
         daemon.start()
-        walk = play(daemon, build / "policies")
+        played = play(daemon, build / "policies", track)
         token = daemon.post("/v1/tokens", {"role": "organiser", "label": "pictures"})["token"]
         url = (daemon.data / "listen").read_text(encoding="utf-8").strip()
-        rows = daemon.get(f"/v1/submissions/{walk}/result?episodes=1")["episode_rows"]
+        rows = daemon.get(f"/v1/submissions/{played}/result?episodes=1")["episode_rows"]
         log = next(row["log"]["sha256"] for row in rows if row.get("log"))
         with Browser() as browser:
             page = Page(browser, width=1100, height=760)
             page.open(url + "/sign-in")
             page.evaluate(f"sessionStorage.setItem('myograde.token', {json.dumps(token)})")
-            page.open(f"{url}/board?track=elbow")
+            page.open(f"{url}/board?track={track}")
             save(page, "board.png", 760)
-            page.open(f"{url}/replay?log={log}&of={walk}", DRAWN)
+            page.open(f"{url}/replay?log={log}&of={played}", DRAWN)
             page.evaluate("(() => { const bar = document.querySelector('.timebar input');"
                           "bar.value = bar.max * 0.4; bar.dispatchEvent(new Event('input')); })()")
             page.evaluate("new Promise((done) => setTimeout(done, 3000))")
