@@ -185,7 +185,7 @@ class Manual(SystemTest):
         self.schedule(opens_at=FUTURE, freeze_at="2099-01-02T00:00:00Z",
                       closes_at="2099-01-03T00:00:00Z")
         self.follow(5, SERVER)
-        self.assertEqual(self.phase(self.ask_server("challenge status"))["state"], "upcoming")
+        self.assertEqual(self.phase(self.ask_server("phase status"))["state"], "upcoming")
         self.follow(6, SERVER)
         for team in WALKERS:
             self.assertEqual((self.work / f"{team}.token").stat().st_mode & 0o777, 0o600)
@@ -218,10 +218,10 @@ class Manual(SystemTest):
         there = self.refused(self.on_laptop("alpha", f"myograde show {theirs}"))
         missing = self.refused(self.on_laptop("alpha", "myograde show 4711"))
         self.assertEqual(there.replace(str(theirs), "N"), missing.replace("4711", "N"))
-        for words in (f"receipt {theirs} -o their-receipt.json", f"cancel {theirs}",
+        for words in (f"proof receipt {theirs} -o their-receipt.json", f"cancel {theirs}",
                       f"rerun {theirs}", "submit policies/alpha-walker --phase warm-up --team beta",
                       "quota --team beta", "token list", "team ban beta --reason envy",
-                      "phase pause final --reason tired", "rejudge list", "seeds reveal --phase final",
+                      "phase pause final --reason tired", "board rejudge list", "seeds reveal --phase final",
                       f"disqualify {theirs} --reason envy", "backup stolen.db", "events"):
             with self.subTest(words=words):
                 self.refused(self.on_laptop("alpha", f"myograde {words}"))
@@ -250,7 +250,7 @@ class Manual(SystemTest):
         before = self.ask_server("leaderboard --phase final")
         said = self.follow(0, SERVER, 3)
         self.assertIn("2 further episodes of 2 submissions", said)
-        self.assertTrue(self.ask_server("rejudge list")["rejudges"][0]["complete"])
+        self.assertTrue(self.ask_server("board rejudge list")["rejudges"][0]["complete"])
         rows = self.ask_server("leaderboard --phase final --statistics")["rows"]
         self.assertEqual([row["further_episodes"] for row in rows], [2, 2])
         self.assertEqual(self.ask_server("leaderboard --phase final"), before)
@@ -260,12 +260,12 @@ class Manual(SystemTest):
     def look_for_seeds(self, team, submission):
         """Nothing that a participant can ask for has a seed of the final in it."""
         answers = ""
-        for words in (f"show {submission} --episodes", f"status {submission}", "challenge status",
+        for words in (f"show {submission} --episodes", f"status {submission}", "phase status",
                       "leaderboard --phase final", f"quota --team {team}", "status", "whoami"):
             answers += self.works(self.on_laptop(team, f"myograde {words} --json"))
             answers += self.works(self.on_laptop(team, f"myograde {words}"))
         # An answer that is refused must not say it either.
-        for words in (f"receipt {submission} -o early.json", f"log {submission} --episode 0 -o l",
+        for words in (f"proof receipt {submission} -o early.json", f"episode log {submission} --episode 0 -o l",
                       f"rerun {submission}"):
             done = self.on_laptop(team, f"myograde {words}")
             answers += done.stdout + done.stderr

@@ -272,7 +272,7 @@ class Records(RecordCase):
         self.refuted(copy, "entries", "longer than any entry")
         copy = self.altered(whole)
         (copy / "withheld.json").write_text("[" * 100000)
-        self.refuted(copy, "withheld", "no JSON in its canonical form")
+        self.refuted(copy, "withheld", "not JSON in its canonical form")
         missing = self.daemon.run_verb("verify", "--all", self.folder / "none", "--key", self.key(),
                                        timeout_s=60, text=True)
         self.assertEqual(missing.returncode, 2, missing)
