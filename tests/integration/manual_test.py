@@ -221,8 +221,8 @@ class Manual(SystemTest):
         for words in (f"proof receipt {theirs} -o their-receipt.json", f"cancel {theirs}",
                       f"rerun {theirs}", "submit policies/alpha-walker --phase warm-up --team beta",
                       "quota --team beta", "token list", "team ban beta --reason envy",
-                      "phase pause final --reason tired", "board rejudge list", "seeds reveal --phase final",
-                      f"disqualify {theirs} --reason envy", "backup stolen.db", "events"):
+                      "phase pause final --reason tired", "board rejudge list", "phase seeds reveal --phase final",
+                      f"submission disqualify {theirs} --reason envy", "store backup stolen.db", "events"):
             with self.subTest(words=words):
                 self.refused(self.on_laptop("alpha", f"myograde {words}"))
         self.refused(self.on_server("myograde phase seeds reveal --phase final --reason early"), "close")
