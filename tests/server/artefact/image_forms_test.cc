@@ -110,7 +110,7 @@ TEST_F(ImageFormsTest, OfAnIndexTheImageForMostProcessorsIsTaken) {
     if (variant != nullptr) manifest["platform"]["variant"] = variant;
     return manifest;
   };
-  const Json plain = layout.Manifest(fallback), fast = layout.Manifest(newer);
+  const Json plain = layout.Manifest(usual), fast = layout.Manifest(newer);
   const Json signature = layout.Manifest("{}", "application/vnd.dev.cosign.simplesigning.v1+json");
   const Json bill = layout.Manifest("{}", "application/vnd.in-toto+json", "application/vnd.oci.empty.v1+json");
   for (const char* variant : {"v2", "v3", "v4"}) {
