@@ -68,7 +68,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
 VERBS = ("serve", "submit", "status", "cancel", "choose", "leaderboard", "show", "rerun", "quota",
          "team", "team grant", "token", "board", "board explain", "board rebuild", "board rejudge", "submission",
          "submission hide", "submission unhide", "submission disqualify", "submission reinstate",
-         "submission baseline", "phase", "phase check", "phase seeds", "store", "store export", "store import",
+         "submission baseline", "phase", "phase seeds", "store", "store export", "store import",
          "store backup", "episode", "episode log", "episode replay", "episode render", "plot", "report", "proof",
          "proof receipt", "proof key", "proof release", "verify", "login", "logout", "whoami", "new", "local", "try",
          "spec", "doctor")

@@ -131,7 +131,7 @@ TEST_F(TeamsTest, TeamsOfEarlierStoresKeepTheirNames) {
 TEST_F(TeamsTest, LooksAreMadeAnewWhenTheRuleChanges) {
   ASSERT_TRUE(Try("alpha").ok());
   const int64_t looks = Count("team_skeleton");
-  EXPECT_EQ(SqlError("UPDATE team_skeleton SET look = 'of old'"), "");
+  EXPECT_EQ(SqlError("UPDATE team_skeleton SET skeleton = 'of old'"), "");
   Open();
   EXPECT_TRUE(Try("Alpha").ok()) << "looks of the present rule are not made again";
   EXPECT_EQ(SqlError("UPDATE meta SET value = x'30' WHERE key = 'team_skeletons'"), "");

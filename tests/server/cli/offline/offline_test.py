@@ -92,7 +92,7 @@ class OfflineTest(CliCase):
         os.remove(self.path("release/python/kit.whl"))
         self.assertEqual(wrong(*verify), ["python/kit.whl is missing",
                                           "server.deb is not the file that was signed",
-                                          "more is no file of the release"])
+                                          "more is not a file of the release"])
         os.symlink("server.deb", self.path("release/python/kit.whl"))
         self.assertIn("python/kit.whl can't be read or is not a regular file", wrong(*verify))
         self.refused(2, "is not a regular file", *sign)
