@@ -63,9 +63,9 @@ MUTANTS = [
     ("engine_test", "Retention*", ENGINE + "retention.cc", "if (!fs::exists(file.path, error)) continue;", ""),
     # What is accepted.
     ("engine_test", "*AreGone*", ENGINE + "engine.cc",
-     "HasArtefactFiles(data_dir_, submission.artefact)", "absl::OkStatus()"),
+     "HasArtefactFiles(core_.options().data_dir, submission.artefact)", "absl::OkStatus()"),
     ("engine_test", "*AreGone*", ENGINE + "engine.cc",
-     "HasArtefactFiles(data_dir_, rerun.artefact)", "absl::OkStatus()"),
+     "HasArtefactFiles(core_.options().data_dir, rerun.artefact)", "absl::OkStatus()"),
     ("store_test", "*", STORE + "submissions.cc", "if (!AnyRow(db_, \"SELECT 1 FROM artefact WHERE hash = ?\", asked.artefact))", "if (false)"),
     ("store_test", "QuotaTest.*", STORE + "submissions.cc", "if (first.has_value()) return *first;", ""),
     ("store_test", "QuotaTest.*", STORE + "submissions.cc", "  if (submission.ranked) {\n", "  if (true) {\n"),

@@ -341,7 +341,7 @@ absl::StatusOr<Drawn> DrawFigure(const Json& order) {
 }
 
 absl::Status RunRender(std::vector<std::string> words) {
-  words.insert(words.begin(), "render");
+  words.insert(words.begin(), {"episode", "render"});
   const absl::StatusOr<ProgramEnd> run = RunProgram({.program = "myograde",
                                                      .words = std::move(words),
                                                      .most_output = kMostRenderOutput,

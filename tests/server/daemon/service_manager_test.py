@@ -31,7 +31,7 @@ class ServiceManager(DaemonCase):
         self.unix = socket.socket(socket.AF_UNIX)
         self.unix.bind(str(self.folder / "handed"))
         self.tcp = socket.create_server(("127.0.0.1", 0))
-        for submitted (self.unix, self.tcp):
+        for handed in (self.unix, self.tcp):
             self.addCleanup(handed.close)
             handed.listen(64)
 

@@ -222,7 +222,7 @@ class Store(WebhookCase):
         self.stop(signal.SIGTERM)
         del self.receivers["hook"]
         self.start()
-        self.assertIn("server.json has not their webhooks any more", self.daemon.log())
+        self.assertIn("whose webhooks are no longer in server.json", self.daemon.log())
         states = sqlite3.connect(self.data / "store.db").execute(
             "SELECT state FROM delivery WHERE webhook = 'hook'").fetchall()
         self.assertEqual(states, [("given_up",)])

@@ -96,7 +96,7 @@ def _renamed(source: pathlib.Path, manifest: bytes, name: str) -> bytes:
     except ValueError as error:
         raise WrongUse(f"{source}: its policy.json is no JSON ({error})") from error
     if not isinstance(about, dict):
-        raise WrongUse(f"{source}: its policy.json is no object")
+        raise WrongUse(f"{source}: its policy.json is not an object")
     return json.dumps({**about, "name": name}).encode()
 
 

@@ -307,13 +307,13 @@ class ServerTest(CliCase):
 
     def test_addresses_that_are_none(self):
         for text, sentence in (
-                ("http://grader.example.org", "is without TLS"), ("ftp://x", "no server's address"),
-                ("https://", "no server's address"), ("https://x:0", "no server's address"),
-                ("https://x:99999", "no server's address"), ("https://x/path", "no server's address"),
-                ("https://a b", "no server's address"), ("grader", "no server's address"),
-                ("https://[::1", "no server's address"), ("https://[x]", "no server's address"),
+                ("http://grader.example.org", "is without TLS"), ("ftp://x", "not a server's address"),
+                ("https://", "not a server's address"), ("https://x:0", "not a server's address"),
+                ("https://x:99999", "not a server's address"), ("https://x/path", "not a server's address"),
+                ("https://a b", "not a server's address"), ("grader", "not a server's address"),
+                ("https://[::1", "not a server's address"), ("https://[x]", "not a server's address"),
                 (f"https://user:{TOKEN}@x", "no user and no password"),
-                ("unix:", "no server's address")):
+                ("unix:", "not a server's address")):
             self.told(2, sentence, "status", "7", "--server", text)
             self.told(2, sentence, "status", "7", MYOGRADE_SERVER=text)
         self.told(3, "no server can be reached", "status", "7", "--server", "https://127.0.0.1:1")
