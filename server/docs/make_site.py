@@ -24,6 +24,8 @@ HERE = pathlib.Path(__file__).resolve().parent
 FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 PAGE_NAME = re.compile(r"(?<!\[)`([\w./-]+\.md)`(?!\])")
 HEADING = re.compile(r"^# (.+)$", re.MULTILINE)
+# The root page's, which the site leaves out: whoever reads it there has the pages themselves.
+PICTURE = re.compile(r"^!\[[^\]]*\]\([^)]*\)\n\n?", re.MULTILINE)
 ITEM = re.compile(r"([-*]|\d+\.) ")
 ROW = re.compile(r"^\|.*$", re.MULTILINE)
 CODE = re.compile(r"<code>([^<]+)</code>")
@@ -119,7 +121,7 @@ def collect(source, work, version):
             target = work / "pages" / place_of(page)
             target.parent.mkdir(parents=True, exist_ok=True)
             check_lists(page, texts[page])
-            text = with_pipes(linked(page, texts[page], titles))
+            text = PICTURE.sub("", with_pipes(linked(page, texts[page], titles)))
             if page in site["titles"]:
                 text = HEADING.sub(lambda _, title=titles[page]: f"# {title}", text, count=1)
             for placeholder, example in site["examples"].items():

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Makes the two pictures of README.md, board.png and replay.png, beside this file: the demo's warm-up
 board, and the replay of an episode of a baseline, as a headless Chromium shows them.
 
@@ -75,7 +75,7 @@ def main():
             page.open(url + "/sign-in")
             page.evaluate(f"sessionStorage.setItem('myograde.token', {json.dumps(token)})")
             page.open(f"{url}/board?track={track}")
-            save(page, "board.png", 760)
+            save(page, "board.png", 560)
             page.open(f"{url}/replay?log={log}&of={played}", DRAWN)
             page.evaluate("(() => { const bar = document.querySelector('.timebar input');"
                           "bar.value = bar.max * 0.4; bar.dispatchEvent(new Event('input')); })()")
