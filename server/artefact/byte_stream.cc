@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <functional>
 
 #include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>

@@ -53,20 +53,17 @@ std::vector<std::string> NamesOf(const CLI::App& app) {
   return names;
 }
 
-bool HasVerb(const CLI::App& app, const std::string& word) {
-  const std::vector<std::string> names = NamesOf(app);
-  return std::find(names.begin(), names.end(), word) != names.end();
-}
-
-// For a word that is not a verb of `app`; `known` is what stands before its verbs ("seeds ").
+// For a word that is not a verb of `app`; `known` is what stands before its verbs ("phase seeds ").
 std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
   const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
   if (word.empty()) return absl::StrCat("no verb is given; ", help, " lists them");
   std::string nearest = NearestOf(word, NamesOf(app));
-  // "disqualify" is "submission disqualify".
-  for (const std::string& noun : NamesOf(app)) {
-    if (HasVerb(*app.get_subcommand(noun), word)) nearest = absl::StrCat(noun, " ", word);
-  }
+  // "disqualify" is "submission disqualify"; of "list", which several nouns have, none is meant.
+  const auto nouns = app.get_subcommands([&](const CLI::App* noun) {
+    const std::vector<std::string> verbs = NamesOf(*noun);
+    return std::find(verbs.begin(), verbs.end(), word) != verbs.end();
+  });
+  if (nouns.size() == 1) nearest = absl::StrCat(nouns[0]->get_name(), " ", word);
   return absl::StrCat("there is no verb \"", known, CutText(Sanitized(word), 40), "\"; ",
                       nearest.empty() ? absl::StrCat(help, " lists them")
                                       : absl::StrCat("did you mean \"", known, nearest, "\"?"));

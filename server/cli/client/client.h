@@ -180,7 +180,7 @@ struct DaemonOptions : ServerOptions {
   absl::StatusOr<int> GetAndPrint(const std::string& path, const AnswerPrinter& print) const;
   absl::StatusOr<int> PostAndPrint(const std::string& path, const Json& body,
                                    const AnswerPrinter& print) const;
-  // All pages of a list, as PrintList (report.h) prints one.
+  // All pages of a list, as PrintList (verbs.h) prints one.
   absl::StatusOr<int> ListAndPrint(const std::string& path, const std::string& rows,
                                    const std::string& none,
                                    const std::vector<RowColumn>& columns) const;

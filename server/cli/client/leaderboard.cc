@@ -346,14 +346,18 @@ absl::StatusOr<int> Evaluate(const EvaluateOptions& options) {
   return PrintAnswer(asked, options.json, PrintFurther);
 }
 
+void AddBoardOfAMoment(CLI::App& verb, BoardOptions& options, const std::string& track_help) {
+  AddBoardChoice(verb, options.board, track_help,
+                 "Phase of a challenge, also of one that is over (default: the track's own board)");
+  verb.add_option("--at", options.board.at,
+                  "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
+}
+
 }  // namespace
 
 Command AddLeaderboard(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
-  AddBoardChoice(verb, options->board, "Name of the track (default: all)",
-                 "Phase of a challenge, also of one that is over (default: the track's own board)");
-  verb.add_option("--at", options->board.at,
-                  "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
+  AddBoardOfAMoment(verb, *options, "Name of the track (default: all)");
   verb.add_flag("--statistics", options->statistics,
                 "Show which places the episodes decide: groups, intervals and faults");
   AddDaemonOptions(verb, "leaderboard", *options);
@@ -365,10 +369,7 @@ Command AddExplain(CLI::App& verb) {
   for (const auto& [name, row] : {std::pair{"A", &options->above}, std::pair{"B", &options->below}}) {
     verb.add_option(name, *row, "A submission or a team")->required()->type_name("TEXT");
   }
-  AddBoardChoice(verb, options->board, "Name of the track (default: that of the submissions)",
-                 "Phase of a challenge, also of one that is over (default: the track's own board)");
-  verb.add_option("--at", options->board.at,
-                  "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
+  AddBoardOfAMoment(verb, *options, "Name of the track (default: that of the submissions)");
   AddDaemonOptions(verb, "leaderboard", *options);
   return [options] { return Explain(*options); };
 }

@@ -5,7 +5,6 @@
 #include <absl/strings/str_split.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <iostream>
 #include <memory>
 #include <optional>

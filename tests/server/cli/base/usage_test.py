@@ -122,6 +122,7 @@ class UsageTest(CliCase):
         self.refused(2, 'did you mean "submit"?', "sbmit", "x", "--track", "t")
         self.refused(2, 'did you mean "phase seeds commit"?', "phase", "seeds", "comit")
         self.refused(2, 'did you mean "submission disqualify"?', "disqualify", "7")
+        self.refused(2, 'there is no verb "list"; "myograde --help" lists them', "list")
         self.refused(2, 'did you mean "--episodes"?', "show", "7", "--epsodes")
         self.refused(2, 'there is no verb "paint"; "myograde --help" lists them', "paint")
         self.refused(2, "no verb is given")
