@@ -230,7 +230,7 @@ class RequestParser::Beast : public http::basic_parser<true> {
     Refusal why = ReadHost(old_version_, authority_, request);
     if (!why.has_value()) why = ReadFraming(request);
     if (!why.has_value()) why = ReadMeaning(old_version_, request);
-    request.keep_alive = keep_alive();
+    request.keep_alive = !old_version_ && keep_alive();  // our answers say HTTP/1.1
     RefuseIf(std::move(why), code);
   }
 

