@@ -124,8 +124,8 @@ int Main(int argc, char** argv) {
                  "the XDG cache folder if it has models, else /var/cache/myograde)");
   bool adopt = false;
   app.add_flag("--adopt", adopt,
-               "Only make a copy of another daemon's data folder this one's own, where leases run on a "
-               "cluster (OPERATIONS.md, 'Copies of a data folder'); with the daemon stopped");
+               "Only take over a copy of another daemon's data folder, where leases run on a "
+               "cluster (OPERATIONS.md, 'Copies of a data folder'); stop the daemon first");
   app.set_version_flag("--version", MYOGRADE_VERSION);
   try {
     app.parse(argc, argv);

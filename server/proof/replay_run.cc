@@ -116,7 +116,7 @@ class Run {
     if (finished) report.Conclude(slot->runner->wait_status(), slot->runner->stderr_tail());
     if (report.faulty()) {
       return absl::InternalError(
-          absl::StrCat("the replay failed by a fault of the grader: ", report.fault()));
+          absl::StrCat("the replay failed because of a fault of the grader: ", report.fault()));
     }
     if (!finished) return absl::OkStatus();
     slot.reset();

@@ -207,7 +207,7 @@ class Client:
         for phase in self.phases():
             if phase["phase"] == name:
                 return phase["track"]
-        raise WrongUse(f'there is no phase "{name}"; phases() lists those that there are')
+        raise WrongUse(f'there is no phase "{name}"; phases() lists the phases')
 
     def _check_runtimes(self, needed: list[str]) -> None:
         if not needed:
