@@ -44,14 +44,14 @@ class Server:
 
 
 def parse_server(text: str, what: str) -> Server:
-    """An address as people write it: https://HOST:PORT, unix:PATH, or a path with a slash. WrongUse
-    with `what` if it is none, or http:// to another host."""
+    """An address as people write it: https://HOST:PORT, unix:PATH, or a path with a slash. WrongUse with `what` for
+    anything else, and for http:// to another host."""
     if text.startswith("unix:") and len(text) > 5:
         return Server(socket=text[5:])
     if "://" not in text and "/" in text:
         return Server(socket=text)
     if "@" in text:
-        raise WrongUse(f"{what}: an address has no user and no password in it; "
+        raise WrongUse(f"{what}: leave user and password out of the address; "
                        '"myograde login" takes a token')
     try:
         parts = urllib.parse.urlsplit(text)
@@ -77,9 +77,8 @@ def choose_server(server: str | None = None, *, socket: str | os.PathLike[str] |
                   data: str | os.PathLike[str] | None = None, token: str | None = None,
                   ca_file: str | os.PathLike[str] | None = None) -> Server:
     """The server of the arguments; else of MYOGRADE_SERVER, of MYOGRADE_DATA, of `myograde login`,
-    or the daemon of this host. A token is shown only to the server that it is for: MYOGRADE_TOKEN
-    to that of MYOGRADE_SERVER, the login's to the login's. WrongUse if something is no address, no
-    token or no login."""
+    or the daemon of this host. A token is sent only to its own server: MYOGRADE_TOKEN to that of MYOGRADE_SERVER, the
+    login's to the login's. WrongUse if an address, a token or the login is not valid."""
     if server is not None and (socket is not None or data is not None):
         raise WrongUse("give the server's address, or the socket or data folder of a daemon of "
                        "this host, not both")

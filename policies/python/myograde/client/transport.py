@@ -1,5 +1,5 @@
-"""One HTTP request after another, each on a connection of its own and with a deadline as a whole,
-so that no server can hold a caller by sending a byte now and then."""
+"""One HTTP request after another, each on its own connection and with one deadline, so that no server can stall a
+caller by sending a byte now and then."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PIECE = 256 << 10
 
 
 class Lost(Unreachable):
-    """The request may have arrived, and there is no answer."""
+    """The request may have arrived, but there is no answer."""
 
 
 class Transport:
@@ -107,7 +107,7 @@ def _context(server: Server) -> ssl.SSLContext:
     try:
         context = ssl.create_default_context(cafile=server.ca_file or None)
     except (OSError, ssl.SSLError) as error:
-        raise WrongUse(f"{server.ca_file}: can't be read as certificates in PEM ({error}); correct "
+        raise WrongUse(f"{server.ca_file}: can't be read as PEM certificates ({error}); correct "
                        "ca_file, MYOGRADE_CA_FILE, or the login") from error
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     return context
@@ -144,7 +144,7 @@ def _shake_hands(wire: ssl.SSLSocket, server: Server) -> None:
                           ) from error
     except OSError as error:
         raise Unreachable(f"can't make a TLS connection to {server} ({error}); check the address, or try again in a "
-                          f"minute") from error
+                          "minute") from error
 
 
 def _read(answer: http.client.HTTPResponse) -> bytes:
@@ -177,7 +177,7 @@ def _answer(server: Server, status: int, text: bytes) -> Any:
 
 
 def _harmless(text: str) -> str:
-    """Without what a terminal would obey."""
+    """Without control characters that a terminal would obey."""
     return "".join(sign if sign.isprintable() else "\ufffd" for sign in text[:MAX_SENTENCE])
 
 
