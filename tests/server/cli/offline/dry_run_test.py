@@ -143,7 +143,7 @@ class DryRunTest(CliCase):
         self.fails("submission", "./gone")
         self.assertEqual([self.report["name"], self.report["episode"]], [None, None])
         self.path("policy/policy.json", '{"name": "walker", "command": ["python99"]}')
-        self.fails("program", "no program of the sandbox")
+        self.fails("program", "nor a program of the sandbox")
         self.path("policy/policy.json",
                   '{"name": "w", "command": ["/bin/true"], "runtimes": ["elsewhere"]}')
         self.fails("runtimes",
