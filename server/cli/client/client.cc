@@ -201,7 +201,7 @@ absl::Status NoAnswer(const ServerChoice& choice, const HttpAnswer& answer) {
         absl::StrCat("no daemon listens on ", where, "; start one with \"myograde serve\""));
   }
   return absl::UnavailableError(absl::StrCat("the daemon on ", where, " did not answer (",
-                                             answer.problem, "); look at its log, or try again"));
+                                             answer.problem, "); see its log, or try again"));
 }
 
 absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice) {

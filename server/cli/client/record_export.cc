@@ -101,7 +101,7 @@ class RecordExporter {
     }
     if (!error) return absl::OkStatus();
     return absl::InvalidArgumentError(
-        absl::StrCat(folder_, ": can't be made (", error.message(), "); name another folder"));
+        absl::StrCat(folder_, ": can't be created (", error.message(), "); name another folder"));
   }
 
   absl::Status Write(const std::string& name, const std::string& text) const {

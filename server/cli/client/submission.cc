@@ -11,6 +11,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
+#include "server/board/acts.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/terminal.h"
@@ -68,8 +69,6 @@ void PrintCancelled(const Json& status) {
             << CountsText(status) << "." << QuotaText(status) << std::endl;
 }
 
-constexpr char kBaselineMark[] = "baseline";
-
 struct MarkOptions : SubmissionOptions {
   std::string reason;
   std::string mark;  // "" of cancel
@@ -80,7 +79,7 @@ struct MarkOptions : SubmissionOptions {
 absl::StatusOr<int> Mark(const MarkOptions& options) {
   const bool set = options.set && !options.undo;
   RETURN_IF_ERROR(RefuseIf(
-      {{set && options.mark == "disqualified" && options.reason.empty(),
+      {{set && options.mark == kDisqualified && options.reason.empty(),
         "give --reason: a disqualification needs one, and the board shows it"}}));
   Json body = {{"mark", options.mark}, {"set", set}};
   SetIfGiven(body, "reason", options.reason);
@@ -88,7 +87,7 @@ absl::StatusOr<int> Mark(const MarkOptions& options) {
     const bool changed = answer.value("changed", false);
     std::cout << "Submission " << options.id << Filled(answer, " of {team} is ")
               << (set ? (changed ? "now " : "already ") : (changed ? "no longer " : "not "))
-              << (options.mark == kBaselineMark ? "a baseline" : options.mark)
+              << (options.mark == kBaseline ? "a baseline" : options.mark)
               << (changed ? "." : "; nothing changed.") << std::endl;
   });
 }
@@ -101,7 +100,7 @@ Command AddMark(CLI::App& verb, const std::string& mark, bool set,
   AddSubmissionId(verb, *options);
   verb.add_option("--reason", options->reason, reason_help);
   AddDaemonOptions(verb, "mark", *options);
-  if (mark == kBaselineMark) {
+  if (mark == kBaseline) {
     verb.add_flag("--undo", options->undo, "Make it an ordinary submission again");
   }
   return [options] { return Mark(*options); };
@@ -135,7 +134,7 @@ void Judge(const Client& client, const Json& first, const Json& second, Json& en
                              : "the logs are equal up to the end of the shorter";
 }
 
-// For each episode of a re-run whether actions, states and result were the same, and if not, whose
+// For each episode of a rerun whether actions, states and result were the same, and if not, whose
 // doing it is: the object `verify` of the verb's JSON. `rerun`: the evaluation with its comparison.
 // Where the rows differ, the logs of both playings are asked for.
 absl::StatusOr<Json> VerifyRerun(const Client& client, const Json& rerun) {
@@ -208,7 +207,7 @@ absl::StatusOr<Json> RangeOf(const std::string& text) {
                    "\" is not a range; write A..B with 0 <= A <= B, both included, as 10..19"));
 }
 
-// What a re-run found, episode by episode.
+// What a rerun found, episode by episode.
 void PrintComparison(const Json& comparison) {
   if (!comparison.is_object()) return;
   for (const Json& episode : comparison.value("episodes", Json::array())) {
@@ -247,7 +246,7 @@ absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& clien
   return PrintAnswer(
       result, options.json,
       [&](const Json&) {
-        std::cout << Bold(absl::StrCat(Filled(result, "Re-run {evaluation} of submission "),
+        std::cout << Bold(absl::StrCat(Filled(result, "Rerun {evaluation} of submission "),
                                        options.id, " is ", Sanitized(state)))
                   << '\n';
         PrintComparison(comparison);
@@ -271,7 +270,7 @@ absl::StatusOr<int> Rerun(const RerunOptions& options) {
   }
   ASSIGN_OR_RETURN(const Json result,
                    FollowUntil(client, Filled(rerun, "/v1/evaluations/{evaluation}"),
-                          Filled(rerun, "re-run of episodes {first} to {last}")));
+                          Filled(rerun, "rerun of episodes {first} to {last}")));
   return ReportRerun(options, client, result);
 }
 
@@ -317,18 +316,18 @@ Command AddChoose(CLI::App& verb) {
   };
 }
 
-Command AddHide(CLI::App& verb) { return AddMark(verb, "hidden", true); }
+Command AddHide(CLI::App& verb) { return AddMark(verb, kHidden, true); }
 
-Command AddUnhide(CLI::App& verb) { return AddMark(verb, "hidden", false); }
+Command AddUnhide(CLI::App& verb) { return AddMark(verb, kHidden, false); }
 
 Command AddDisqualify(CLI::App& verb) {
-  return AddMark(verb, "disqualified", true,
+  return AddMark(verb, kDisqualified, true,
                  "Reason, shown on the board; up to 200 bytes (required)");
 }
 
-Command AddReinstate(CLI::App& verb) { return AddMark(verb, "disqualified", false); }
+Command AddReinstate(CLI::App& verb) { return AddMark(verb, kDisqualified, false); }
 
-Command AddBaseline(CLI::App& verb) { return AddMark(verb, kBaselineMark, true); }
+Command AddBaseline(CLI::App& verb) { return AddMark(verb, kBaseline, true); }
 
 Command AddRerun(CLI::App& verb) {
   auto options = std::make_shared<RerunOptions>();

@@ -56,7 +56,7 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
     std::filesystem::create_directories(order.log_dir, error);
     if (error) {
       return absl::InvalidArgumentError(
-          absl::StrCat("--logs: ", options.logs, " can't be made: ", error.message()));
+          absl::StrCat("--logs: ", options.logs, " can't be created: ", error.message()));
     }
   }
   return order;
@@ -76,7 +76,7 @@ absl::Status NameLogs(const std::string& folder, Json& rows) {
                fs::path(folder) / name, error);
     if (error) {
       return absl::InternalError(
-          absl::StrCat(folder, "/", name, ": can't be made: ", error.message()));
+          absl::StrCat(folder, "/", name, ": can't be created: ", error.message()));
     }
     row["log"]["file"] = name;
   }

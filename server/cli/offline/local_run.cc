@@ -157,7 +157,7 @@ class LocalRun {
     std::error_code error;
     if (!std::filesystem::create_directory(lease.work_dir, error)) {
       return absl::InternalError(
-          absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
+          absl::StrCat(lease.work_dir, ": can't be created: ", error.message()));
     }
     const LeaseOrder order = OrderFor(lease);
     absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);

@@ -128,7 +128,7 @@ std::string RowDifference(const char* list, size_t place, const Json& found,
   const std::string key = DifferentKey(found, expected);
   return Sanitized(absl::StrCat(where, ", ", RowText(expected), ", has another \"", key,
                                "\" than the record implies: ",
-                               found.value(key, Json()).dump().substr(0, 80), " in place of ",
+                               found.value(key, Json()).dump().substr(0, 80), " instead of ",
                                expected.value(key, Json()).dump().substr(0, 80)));
 }
 

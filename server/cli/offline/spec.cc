@@ -252,7 +252,7 @@ constexpr size_t kLongestName = 64;  // of policy.json
 
 absl::Status CantMake(const std::string& folder, const std::string& reason) {
   return absl::InvalidArgumentError(
-      absl::StrCat(folder, ": can't be made: ", reason, "; choose another place with --output"));
+      absl::StrCat(folder, ": can't be created: ", reason, "; choose another place with --output"));
 }
 
 absl::Status IsThere(const std::string& folder) {

@@ -151,7 +151,7 @@ class Records(RecordCase):
         copy = self.altered(whole)
         receipts = sorted((copy / "receipts").iterdir())
         receipts[0].write_bytes(receipts[1].read_bytes())
-        self.refuted(copy, "receipts", f"{receipts[0].name}: it is the receipt of another evaluation")
+        self.refuted(copy, "receipts", f"{receipts[0].name}: it is the receipt of a different evaluation")
         copy = self.altered(whole)
         receipts[0].unlink()
         self.refuted(copy, "receipts", "neither a receipt nor a line in withheld.json")
@@ -200,7 +200,7 @@ class Records(RecordCase):
         damaged = self.exported("damaged")
         self.assertEqual((self.said["receipts"], self.said["withheld"]), (2, 1))
         answer = self.incomplete(damaged, "the receipt of evaluation 1 is withheld: unreadable",
-                                 "main.json: the receipt of evaluation 1 is withheld, and it may")
+                                 "main.json: the receipt of evaluation 1 is withheld and may")
         self.assertEqual(answer["boards"], self.said["boards"] - answer["withheld"])
         line = json.loads((damaged / "withheld.json").read_text())["receipts"][0]
         self.assertEqual(line["withheld"]["head"],

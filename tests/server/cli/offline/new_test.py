@@ -80,7 +80,7 @@ class NewTest(CliCase):
     def test_places_that_can_not_be(self):
         self.path("file", "")
         for place in ("no/where", "file/walker"):
-            self.refused(2, "can't be made", "new", "walker", "--lang", "cpp",
+            self.refused(2, "can't be created", "new", "walker", "--lang", "cpp",
                          "-o", self.path(place))
 
     def test_names_that_would_break_a_program_or_leave_the_folder(self):

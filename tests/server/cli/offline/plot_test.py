@@ -218,7 +218,7 @@ class PlotTest(CliCase):
     def test_a_program_that_fails_is_a_sentence(self):
         broken = {**result(7, [1.0], [1]), "metrics": [{"name": 7}]}
         socket = self.serve({path_of(7): (200, broken)})
-        self.refused(4, "the figure could not be drawn: the drawing program exited with status 1",
+        self.refused(4, "can't draw the figure: the drawing program exited with status 1",
                      "plot", "distributions", "7", "-o", self.path("a.svg"), "--socket", socket)
 
 
