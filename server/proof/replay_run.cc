@@ -76,7 +76,7 @@ class Run {
     std::error_code error;
     if (!std::filesystem::create_directory(lease.work_dir, error)) {
       return absl::InternalError(
-          absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
+          absl::StrCat(lease.work_dir, ": can't be created: ", error.message()));
     }
     absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(lease);
     if (!runner.ok()) return absl::InternalError(runner.status().message());
