@@ -114,7 +114,7 @@ TEST(UnpackArtefact, KeepsLinksAsLinksAndFollowsNone) {
                             {.path = "d", .mode = AE_IFLNK | 0777, .link = temp / "victim"},
                             {.path = "d/secret", .content = "overwritten"}});
   const auto through = UnpackArtefact(temp / "b", temp / "out2", {});
-  EXPECT_THAT(through.status().message(), HasSubstr("\"d/secret\" lies below \"d\""));
+  EXPECT_THAT(through.status().message(), HasSubstr("\"d/secret\" is below \"d\""));
   std::string secret;
   std::ifstream(temp / "victim/secret") >> secret;
   EXPECT_EQ(secret, "untouched");

@@ -211,7 +211,7 @@ TEST(HostileArchives, EntriesThatContradictEachOther) {
   }
   for (const std::string& first : {file, link}) {
     EXPECT_THAT(RefusalOfEntry(first + TarEntry('0', "n/below", "2")),
-                HasSubstr("\"n/below\" lies below \"n\", which is not a folder"));
+                HasSubstr("\"n/below\" is below \"n\", which is not a folder"));
   }
   EXPECT_THAT(RefusalOfEntry(TarEntry('0', "n/below", "2") + link), HasSubstr("appears twice"));
   // Two names on this file system, even if equal on others.

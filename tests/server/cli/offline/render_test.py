@@ -210,7 +210,7 @@ class Render(CliCase):
         file = self.out("a.png")
         for status, sentence, words, changes in (
                 (2, "no recorded episode 9", ("--episode", "9"), {}),
-                (2, "no log of episode 1", ("--episode", "1"), {}),
+                (2, "the log of episode 1 was not kept", ("--episode", "1"), {}),
                 (2, "withholds", ("--strip",), {"outcome": None}),
                 (1, "another episode or config", ("--episode", "0"), {"config": "e" * 64})):
             self.refused(status, sentence, "episode", "render",
