@@ -92,7 +92,7 @@ TEST_F(ProgramTest, PathsAreThoseOfTheSandbox) {
   EXPECT_EQ(Complaint("/usr/bin/env"), "");
   EXPECT_THAT(Complaint("/usr/bin/no-such-python"), HasSubstr("does not exist: the sandbox has"));
   // Exists on the host but not in the sandbox.
-  EXPECT_THAT(Complaint("/etc/passwd"), HasSubstr("is not there"));
+  EXPECT_THAT(Complaint("/etc/passwd"), HasSubstr("does not exist"));
   EXPECT_THAT(Complaint(folder_ / "bin/policy"), HasSubstr("leads to"));
   EXPECT_THAT(Complaint("/usr"), HasSubstr("is a folder"));
   EXPECT_THAT(Complaint("./data"), HasSubstr("is not executable; set its bit with chmod +x"));
