@@ -80,7 +80,7 @@ absl::Status AllowOnly(const std::vector<std::string>& names, NewCode code) {
   // Ends the whole process: an error code might be taken for a state of the
   // host, and a call that is not needed is never a mistake of a caller.
   const std::unique_ptr<void, Release> filter(seccomp_init(SCMP_ACT_KILL_PROCESS));
-  if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
+  if (filter == nullptr) return absl::InternalError("libseccomp can't allocate a filter");
   int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
   result |= seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_TSYNC, 1);
   // Kernels before 5.16 slow down the loads and stores of whoever has a filter, unless asked not

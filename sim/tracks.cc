@@ -58,8 +58,9 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeEnvironment(const TrackConfig& 
   for (const SimulatedTrack& track : SimulatedTracks()) {
     if (track.kind == config.kind) return track.make(config, cache_dir);
   }
-  return absl::InternalError(absl::StrCat("track config ", config.id, ": its track is in the "
-                                          "registry of the protocol, and not in the simulator's"));
+  return absl::InternalError(absl::StrCat("track config ", config.id,
+                                          ": its track is in the protocol's registry but not in "
+                                          "the simulator's"));
 }
 
 absl::Status CompileModels(const std::string& cache_dir) {

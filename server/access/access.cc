@@ -30,7 +30,7 @@ constexpr Rule kRules[] = {
     {Action::kSubmit, "submit", Role::kParticipant, true},
     {Action::kReadSubmission, "read submission", Role::kParticipant, true},
     {Action::kCancel, "cancel", Role::kParticipant, true},
-    {Action::kRerun, "re-run", Role::kParticipant, true},
+    {Action::kRerun, "rerun", Role::kParticipant, true},
     {Action::kReadReceipt, "read receipt", Role::kParticipant, true},
     {Action::kReadLog, "read log", Role::kParticipant, true},
     {Action::kReadQuota, "read quota", Role::kParticipant, true},

@@ -65,7 +65,7 @@ absl::Status CheckPractice(const std::vector<uint64_t>& seeds, const TrackConfig
     const std::string who = RankedBy(*config.kind, seed, tracks, phases);
     if (who.empty()) continue;
     return BadRequest("ranked_seed",
-                      absl::StrCat("practice can't play the seed ", seed, ", which ", who,
+                      absl::StrCat("practice can't use the seed ", seed, ", which ", who,
                                    " ranks; leave \"seeds\" and \"episodes\" out for a ranked "
                                    "evaluation, or choose other seeds"));
   }
@@ -159,8 +159,8 @@ absl::StatusOr<Admission::Entry> Admission::EntryOf(const SubmitRequest& request
   const bool practice = request.seeds.has_value() || request.episodes.has_value();
   if (practice && !request.phase.empty()) {
     return absl::InvalidArgumentError(
-        "request: \"phase\" can't stand beside \"seeds\" or \"episodes\": a phase is played as a "
-        "whole; leave one of them out");
+        "request: \"phase\" can't be combined with \"seeds\" or \"episodes\", because a phase is "
+        "played as a whole; leave one of them out");
   }
   ASSIGN_OR_RETURN(const TrackPtr track, tracks_.Find(request.track, request.profile));
   if (!HasPhases(phases_, request.track)) {
@@ -177,8 +177,7 @@ absl::Time Admission::Now() {
   const absl::Time now = clock_.Now();
   if (const auto jump = calendar_.Jump(now, clock_.Monotonic())) {
     spdlog::warn(
-        "the calendar was set {} by {}; phases open and close, and days of quotas begin, by "
-        "the calendar",
+        "the system clock was set {} by {}; phases and quota days follow it",
         *jump > absl::ZeroDuration() ? "forward" : "back",
         absl::FormatDuration(absl::AbsDuration(*jump)));
   }
@@ -203,7 +202,7 @@ absl::Status Admission::CheckInvited(const std::string& team, const PhaseConfig&
   return WithErrorCode(
       absl::FailedPreconditionError(absl::StrCat(
           "phase \"", phase.name, "\" is open to ", Counted(std::ssize(phase.teams), "team"),
-          " that the organisers have named, and \"", team, "\" is not among them")),
+          " named by the organisers, and \"", team, "\" is not one of them")),
       kForbiddenCode);
 }
 
@@ -271,8 +270,8 @@ absl::Status Admission::CheckRankedHere(const TrackKind& kind) const {
       absl::UnavailableError(
           verdict.has_value()
               ? absl::StrCat(*verdict, "; only practice (fewer episodes) is graded here")
-              : "the reference episodes, which say whether this host may grade ranked submissions, "
-                "are still being played; try again in a few seconds"),
+              : "the reference episodes, which decide whether this host may grade ranked "
+                "submissions, are still being played; try again in a few seconds"),
       "not_official");
 }
 

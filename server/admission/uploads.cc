@@ -28,7 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kStopsNow[] = "the daemon is about to stop; nothing was changed";
+constexpr char kStopsNow[] = "the daemon is stopping; nothing was changed";
 constexpr size_t kReadAtOnce = 256 << 10;
 
 absl::StatusOr<std::string> HashOf(const IncomingArchive& archive,
@@ -38,7 +38,7 @@ absl::StatusOr<std::string> HashOf(const IncomingArchive& archive,
   for (int64_t done = 0; done < archive.size();) {
     if (stopping()) return absl::CancelledError(kStopsNow);
     const ssize_t n = archive.ReadAt(piece.data(), piece.size(), done);
-    if (n <= 0) return absl::UnavailableError("the upload can't be read back from the disk");
+    if (n <= 0) return absl::UnavailableError("can't read the upload back from the disk");
     hash.Update(std::string_view(piece.data(), static_cast<size_t>(n)));
     done += n;
   }
@@ -52,12 +52,12 @@ absl::Status MayGoOn(const std::string& folder, int64_t disk_reserve,
   std::error_code error;
   const fs::space_info disk = fs::space(folder, error);
   if (error) {
-    return absl::ErrnoToStatus(error.value(), absl::StrCat(folder, ": can't be looked at"));
+    return absl::ErrnoToStatus(error.value(), absl::StrCat(folder, ": can't be examined"));
   }
   if (static_cast<int64_t>(disk.available) >= disk_reserve) return absl::OkStatus();
   return absl::ResourceExhaustedError(
       "the server's disk is too full to unpack the archive; try again later, or tell the "
-      "organiser");
+      "organisers");
 }
 
 // What the host did to an unpacking has a word of its own.
@@ -85,7 +85,7 @@ absl::Status Settle(const std::string& fresh, const std::string& place) {
   if (rename(fresh.c_str(), place.c_str()) == 0 || errno == EEXIST || errno == ENOTEMPTY) {
     return Sync(fs::path(place).parent_path());
   }
-  return absl::ErrnoToStatus(errno, absl::StrCat(place, ": can't be put in its place"));
+  return absl::ErrnoToStatus(errno, absl::StrCat(place, ": can't be moved to its place"));
 }
 
 // Checks nothing if a runtime is missing, as nobody can say what it would bring: an unknown one is

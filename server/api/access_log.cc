@@ -71,7 +71,7 @@ void AccessLog::Act(const Identity& who, Action action, const std::string& subje
   row.detail = detail;
   const MutexLock lock(mutex_);
   if (acts_.size() >= kMostActs) {
-    spdlog::error("{} of {} ({}) is not recorded: the store takes no rows", row.action, row.who,
+    spdlog::error("{} of {} ({}) is not recorded: the store can't be written", row.action, row.who,
                   row.subject);
     return;
   }

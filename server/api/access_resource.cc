@@ -65,7 +65,7 @@ Json TokenToJson(const TokenRow& token, int64_t now_ms) {
 int64_t ReadExpiry(ConfigReader& reader, int64_t now_ms) {
   const bool has_time = reader.Has("expires_at");
   if (reader.Has("valid_days")) {
-    if (has_time) reader.Fail("valid_days", "is there beside expires_at; give one of them");
+    if (has_time) reader.Fail("valid_days", "can't be combined with expires_at; give one of them");
     const absl::Duration valid = absl::Hours(24) * reader.Integer("valid_days", 1, kMaxValidDays);
     return now_ms + absl::ToInt64Milliseconds(valid);
   }
@@ -93,7 +93,7 @@ absl::StatusOr<NewToken> ParseToken(const Json& body, int64_t now_ms) {
   }
   if (reader.Has("team")) token.team = reader.String("team");
   if ((token.role == kParticipantRole) == token.team.empty()) {
-    reader.Fail("team", token.team.empty() ? "is missing: a participant's token is for one team"
+    reader.Fail("team", token.team.empty() ? "is missing: a participant's token acts for one team"
                                            : "is only for tokens of participants; leave it out");
   }
   token.expires_at = ReadExpiry(reader, now_ms);
@@ -109,7 +109,8 @@ absl::Status MayManage(const std::string& role) {
   if (role == kParticipantRole || CallerMay(Action::kManageOperators)) return absl::OkStatus();
   NoteDenial("role");
   return WithErrorCode(absl::PermissionDeniedError(
-                           "only an operator makes and revokes tokens of organisers and operators"),
+                           "only operators may create and revoke tokens of organisers and "
+                           "operators"),
                        kForbiddenCode);
 }
 

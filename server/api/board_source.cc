@@ -54,7 +54,7 @@ absl::StatusOr<TrackPtr> NamedTrack(const Request& request, const Transaction& r
       return context.tracks.Find(request.Param("track"), request.Param("profile"));
     }
     return absl::InvalidArgumentError(
-        "\"track\" is missing: a board is of one track, or of one \"phase\"");
+        "\"track\" is missing: a board belongs to one track, or to one \"phase\"");
   }
   ASSIGN_OR_RETURN(TrackPtr track, TrackOfPhase(reader, context, request.Param("phase")));
   RETURN_IF_ERROR(CheckNamed(request, track->config));
@@ -68,7 +68,7 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, const Transaction
   if (!hexadecimal || digits.size() < kLeastDigits || digits.size() > kHashDigits) {
     return absl::InvalidArgumentError(
         absl::StrCat("\"config\" must be the hash of a config, or its first ", kLeastDigits,
-                     " or more of the digits 0-9 and a-f"));
+                     " or more hexadecimal digits"));
   }
   std::map<std::string, TrackPtr> found;
   for (const std::string& hash : reader.Board().ConfigsLike(digits, CallerIsOrganiser()))
@@ -88,7 +88,7 @@ absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, const Transaction
   }
   if (found.empty()) {
     return absl::NotFoundError(absl::StrCat("no board has or had a config ", digits,
-                                            "; \"other_configs\" of a board lists its own"));
+                                            "; \"other_configs\" of a board lists its configs"));
   }
   const std::string hashes = absl::StrJoin(
       found, ", ", [](std::string* out, const auto& entry) { out->append(entry.first); });
@@ -122,8 +122,8 @@ absl::StatusOr<int64_t> ReadMoment(const Request& request, absl::Time now) {
   }
   if (time > now) {
     return absl::InvalidArgumentError(absl::StrCat("\"at\" is ", UtcText(time),
-                                                   ", which is still to come; leave it out for the "
-                                                   "board of now"));
+                                                   ", which is in the future; leave it out for "
+                                                   "the present board"));
   }
   return absl::ToUnixMillis(time);
 }

@@ -157,8 +157,8 @@ absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Tr
                                                group_rules, HttpServer::IsOver);
   if (groups.stopped) {
     return absl::DeadlineExceededError(
-        "the board's statistics take longer than a request may; ask for them again later, or test "
-        "fewer places or samples (\"statistics\" in server.json)");
+        "the board's statistics take longer than a request may; try again later, or test fewer "
+        "places or samples (\"statistics\" of server.json)");
   }
   statistics.tests = groups.tests;
   for (size_t i = 0; i < groups.places.size(); ++i) {
@@ -196,7 +196,7 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
       "/");
   if (Made made = Find(key); made != nullptr) return made;
   const absl::Status busy = Busy(
-      "statistics of boards are being computed for others; ask again in some seconds", 1);
+      "other boards' statistics are being computed; try again in a few seconds", 1);
   if (++waiting_ > kMostWaitingForStatistics) {
     --waiting_;
     return busy;

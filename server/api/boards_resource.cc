@@ -120,7 +120,7 @@ ApiResult ExplainPlaces(const ApiContext& context, const Transaction& reader,
   ASSIGN_OR_RETURN(const BoardQuery board, ParseBoardQuery(request, reader, context, {"a", "b"}));
   for (const char* key : {"a", "b"}) {
     if (request.HasParam(key)) continue;
-    return MissingParameter(key, "the number of a submission, or the name of a team");
+    return MissingParameter(key, "the number of a submission or the name of a team");
   }
   ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
   ASSIGN_OR_RETURN(const auto explanation,

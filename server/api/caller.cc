@@ -66,7 +66,8 @@ bool CallerSees(const RejudgeVisibility& rejudge) {
 
 absl::Status RequireTeam(const Transaction& reader, const std::string& name) {
   return Require(reader.teams.NameOf(name),
-                 absl::NotFoundError(absl::StrCat("there is no team \"", name, "\" of yours")));
+                 absl::NotFoundError(absl::StrCat(
+                     "there is no team \"", name, "\" that you belong to")));
 }
 
 void NoteDenial(const std::string& why) { caller.log->Deny(Caller(), caller.action, why); }
@@ -84,7 +85,7 @@ CallerScope::CallerScope(const Identity& identity, Action action, AccessLog& log
 CallerScope::~CallerScope() { caller = {}; }
 
 void CallerScope::Finish(const std::string& method, const std::string& path, int http) {
-  constexpr int kDeadline = 504;  // it is not known whether it took effect
+  constexpr int kDeadline = 504;  // whether it took effect is unknown
   const bool reads = method == "GET" || method == "HEAD";
   // A participant's cancel ends work of the host as an organiser's does.
   const bool act = CallerIsOrganiser() || caller.action == Action::kCancel;
@@ -92,7 +93,7 @@ void CallerScope::Finish(const std::string& method, const std::string& path, int
   const std::string subject =
       caller.noted ? caller.subject : std::string(absl::StripPrefix(path, "/v1/"));
   const std::string detail =
-      http == kDeadline ? "it is not known whether it took effect" : caller.detail;
+      http == kDeadline ? "whether it took effect is unknown" : caller.detail;
   caller.log->Act(Caller(), caller.action, Short(subject), Short(detail));
 }
 

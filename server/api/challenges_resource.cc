@@ -155,7 +155,7 @@ absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row,
   ASSIGN_OR_RETURN(TrackPtr track, StoredTrack(reader, row.config));
   if (track->scoring.team != scoring::TeamRule::kChosen) {
     return absl::FailedPreconditionError(absl::StrCat(
-        "submission ", row.id, " can't be chosen: on its board a team stands with its ",
+        "submission ", row.id, " can't be chosen: its board ranks each team's ",
         std::string(TeamRuleName(track->scoring.team)),
         " submission, so there is nothing to choose"));
   }
@@ -164,7 +164,7 @@ absl::Status CheckChoice(const Transaction& reader, const SubmissionRow& row,
     return CheckOpen(*phase, context.clock.Now());
   }
   return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
-                           "phase \"", row.phase, "\" is over: no challenge has it now")),
+                           "phase \"", row.phase, "\" is over: no challenge has it any longer")),
                        "phase_closed");
 }
 

@@ -45,9 +45,9 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
     if (!text.ok()) return absl::InvalidArgumentError(std::string(text.status().message()));
     bytes += text->size();
     if (bytes > kMostBytes) {
-      return absl::InvalidArgumentError(absl::StrCat(folder, ": the documents are larger than ",
+      return absl::InvalidArgumentError(absl::StrCat(folder, ": the documents exceed ",
                                                      kMostBytes,
-                                                     " bytes together; remove versions"));
+                                                     " bytes in total; remove some versions"));
     }
     std::string packed = GzipOf(*text);
     if (packed.size() >= text->size()) packed.clear();
@@ -56,7 +56,7 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
   }
   if (error) {
     return absl::InvalidArgumentError(
-        absl::StrCat(folder, ": the documents can't be listed: ", error.message()));
+        absl::StrCat(folder, ": can't list the documents: ", error.message()));
   }
   return documents;
 }

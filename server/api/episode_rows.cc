@@ -33,7 +33,8 @@ absl::Status ReadFields(const std::string& text, EpisodeSelection& selection) {
     if (std::find(kRowKeys.begin(), kRowKeys.end(), key) != kRowKeys.end()) continue;
     return absl::InvalidArgumentError(absl::StrCat(
         "\"fields\" has \"", field, "\", which is not a key of an episode's row; known: ",
-        absl::StrJoin(kRowKeys, ", "), "; a key within one of them follows a dot: facts.course"));
+        absl::StrJoin(kRowKeys, ", "), "; write a key within one of them after a dot: "
+                                       "facts.course"));
   }
   return absl::OkStatus();
 }

@@ -71,7 +71,7 @@ void DropUnended(const std::vector<LeaseRow>& leases, std::vector<EpisodeRow>& r
   std::erase_if(rows, [&](const EpisodeRow& row) { return open.contains(row.lease); });
 }
 
-// A re-run against its original; null for an original.
+// A rerun against its original; null for an original.
 absl::StatusOr<Json> ComparisonOf(const Transaction& reader, const EvaluationRow& evaluation,
                                   const std::vector<EpisodeRow>& rows,
                                   const std::string& seed_salt) {
@@ -79,7 +79,7 @@ absl::StatusOr<Json> ComparisonOf(const Transaction& reader, const EvaluationRow
   ASSIGN_OR_RETURN(const EvaluationRow original,
                    reader.evaluations.Original(evaluation.submission));
   ASSIGN_OR_RETURN(const std::vector<EpisodeRow> its, reader.episodes.Of(original.id));
-  // A re-run has the config of its original.
+  // A rerun has the config of its original.
   RETURN_IF_ERROR(CheckResults(reader, original, its, seed_salt));
   return CompareRows(original.id, its, evaluation, rows);
 }
@@ -152,14 +152,14 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
   // A policy that plays its phase again has one more look at it, which no quota counts.
   if (!SeesAll(FindConfigVisibility(reader, context, config))) {
     return WithheldError(absl::StrCat(
-        "submission ", submission, " can't be run again yet: phase \"", config.phase,
-        "\" withholds parts of results, and a re-run would be a further look"));
+        "submission ", submission, " can't be rerun yet: phase \"", config.phase,
+        "\" withholds parts of results, which a rerun would show"));
   }
   const EvaluationRow& original = stored.evaluation;
   if (!IsFinal(original.state)) {
     return absl::FailedPreconditionError(
         absl::StrCat("submission ", submission,
-                     " has not ended; wait for it, or cancel it, before it is run again"));
+                     " has not ended; wait for it or cancel it before you rerun it"));
   }
   if (wanted.last.value_or(0) > original.last) {
     return absl::InvalidArgumentError(absl::StrCat("request: \"last\" is ", *wanted.last,

@@ -36,19 +36,19 @@ std::string DayOf(int64_t ms) {
 ApiError Forbidden(const Identity& identity, Action action) {
   if (identity.remote && identity.role == Role::kPublic) {
     return {401, "no_token",
-            "this needs a token, in the header \"Authorization: Bearer TOKEN\"; organisers give "
-            "tokens to teams"};
+            "this needs a token, in the header \"Authorization: Bearer TOKEN\"; ask an organiser "
+            "for one"};
   }
   switch (RoleFor(action)) {
     case Role::kOperator:
       return {403, "forbidden",
-              "only operators may do this: root, the user that runs the daemon, and those whom "
-              "they make operators"};
+              "only operators may do this: root, the user that runs the daemon, and others whom "
+              "server.json or a token makes operators"};
     case Role::kOrganiser:
       return {403, "forbidden", "only organisers may do this"};
     default:
       return {403, "forbidden",
-              "only those who belong to a team may do this; ask an organiser to add you to yours"};
+              "only members of a team may do this; ask an organiser to add you to yours"};
   }
 }
 
@@ -96,7 +96,7 @@ std::optional<ApiError> Guard::TakeUpload(Connection& connection, const Identity
   int& count = uploads_->of[whose];
   if (count >= std::max(context_.config.http.address_clients / 2, 1)) {
     return ApiError{429, "too_many",
-                    "too many uploads of your team arrive at once; let some of them end first"};
+                    "your team has too many uploads at once; let some of them end first"};
   }
   ++count;
   connection.upload = std::shared_ptr<void>(nullptr, [uploads = uploads_, whose](void*) {
@@ -191,7 +191,7 @@ std::optional<ApiError> Guard::CheckTries(const Peer& peer, const std::string& h
   absl::Duration wait = wrong_tokens_.Wait(peer.key, now);
   if (wait == absl::ZeroDuration()) wait = requests_.Take(peer.key, now);
   if (wait == absl::ZeroDuration()) return std::nullopt;
-  return TooMany("tries with wrong tokens from here", wait);
+  return TooMany("attempts with wrong tokens from your address", wait);
 }
 
 ApiError Guard::RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
@@ -205,7 +205,7 @@ ApiError Guard::RefuseToken(const Peer& peer, const std::string& hash, TokenProb
   if (problem == TokenProblem::kUnknown) {
     context_.access_log.Deny(nobody, action, "wrong token");
     return {401, "bad_token",
-            "this is not a token of this server; check that it was copied as a whole, or ask an "
+            "this is not a token of this server; check that you copied all of it, or ask an "
             "organiser for a new one"};
   }
   // Who holds an old token is known by its number.
@@ -233,7 +233,7 @@ std::optional<ApiError> Guard::Count(const Identity& identity) {
   const MutexLock lock(mutex_);
   const absl::Duration wait = requests_.Take(identity.key, now);
   if (wait == absl::ZeroDuration()) return std::nullopt;
-  return TooMany("requests of yours", wait);
+  return TooMany("requests from you", wait);
 }
 
 bool IsOrganiser(const Peer& peer, const AccessConfig& access) {

@@ -140,8 +140,8 @@ ApiResult SetNode(const ApiContext& context, const Request& request, const Json&
   RETURN_IF_ERROR(reader.Finish());
   if (!context.config.on_cluster) {
     return WithErrorCode(absl::FailedPreconditionError(
-                             "leases run on this host, so there are no nodes; \"executor\" of "
-                             "server.json says where they run"),
+                             "leases run on this host, so there are no nodes; see \"executor\" of "
+                             "server.json"),
                          "no_cluster");
   }
   const std::string node = request.matches[1];

@@ -49,29 +49,29 @@ void AddEngineMetrics(const ApiContext& context, const LiveHealth& health, Famil
     evaluations[name] = depth.evaluations;
     leases[name] = depth.leases;
   }
-  AddGauges(families, "myograde_queue_evaluations", "Evaluations with a lease that waits, by class",
+  AddGauges(families, "myograde_queue_evaluations", "Evaluations with a waiting lease, by class",
             "class", evaluations);
-  AddGauges(families, "myograde_queue_leases", "Leases that wait, by class", "class", leases);
+  AddGauges(families, "myograde_queue_leases", "Waiting leases, by class", "class", leases);
   AddGauge(families, "myograde_queue_oldest_wait_seconds",
-           "How long the evaluation that waits longest has had no lease started, in seconds; 0: "
-           "nothing waits",
+           "How long the longest waiting evaluation has had no lease started, in seconds; 0: none "
+           "is waiting",
            SecondsOf(health.queue.oldest));
-  AddGauge(families, "myograde_leases_running", "Leases that run", health.running);
+  AddGauge(families, "myograde_leases_running", "Running leases", health.running);
   AddGauge(families, "myograde_leases_ending",
-           "Leases that were taken back and whose processes are not dead yet", health.ending);
+           "Reclaimed leases whose processes have not ended yet", health.ending);
   AddGauge(families, "myograde_lease_oldest_running_seconds",
-           "How long the lease that runs longest has run, in seconds; 0: none runs",
+           "How long the longest running lease has run, in seconds; 0: none is running",
            SecondsOf(health.oldest_run));
   AddGauge(families, "myograde_slots", "Leases that may run at once",
            context.config.scheduler.slots);
-  AddGauge(families, "myograde_slots_busy", "Slots that a lease or a self-test occupies",
+  AddGauge(families, "myograde_slots_busy", "Slots in use by a lease or a self-test",
            health.busy_slots);
   AddGauge(families, "myograde_slots_closed",
            "Slots that are closed until processes on them are gone", health.closed_slots.size());
   AddGauge(families, "myograde_unreadable_evaluations",
            "Evaluations with damaged rows that can't be ended", health.unreadable.size());
   AddGauge(families, "myograde_journal_entries",
-           "Events that wait in memory until the store can be written", health.journal);
+           "Events in memory until the store can be written", health.journal);
   AddGauge(families, "myograde_store_writable", "1, or 0 while the store can't be written",
            health.store_trouble.empty() ? 1 : 0);
 }
@@ -83,7 +83,7 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
     states[std::string(HostStateName(state))] = health.host == state;
   }
   AddGauges(families, "myograde_host_state",
-            "1 for the state that this host is in, 0 for the others", "state", states);
+            "1 for the present state of this host, 0 for the others", "state", states);
   std::map<std::string, bool> reasons;
   for (const Obstacle& obstacle : ObstaclesOf(context, health)) {
     reasons[obstacle.code] = !obstacle.message.empty();
@@ -128,10 +128,11 @@ void AddDiskMetrics(const ApiContext& context, Families& families) {
   }
   AddGauges(families, "myograde_disk_size_bytes", "Size of the disk of a folder", "folder", size);
   AddGauges(families, "myograde_disk_used_bytes", "Used part of it", "folder", used);
-  AddGauges(families, "myograde_disk_free_bytes", "Free part of it, without what is kept for root",
+  AddGauges(families, "myograde_disk_free_bytes",
+            "Free part of it, without the space reserved for root",
             "folder", free);
   AddGauge(families, "myograde_disk_reserve_bytes",
-           "What uploads must leave free on the data folder's disk",
+           "Space that uploads must leave free on the data folder's disk",
            context.config.artefacts.disk_reserve);
   AddGauge(families, "myograde_store_size_bytes", "Size of the store with its write-ahead log",
            StoreBytes(context.data_dir));
@@ -149,10 +150,10 @@ void AddWebhookMetrics(const ApiContext& context, const Transaction& reader, Fam
     waiting[name] = counts[name].waiting;
     oldest[name] = since == 0 ? 0 : std::max(absl::ToDoubleSeconds(age), 0.0);
   }
-  AddGauges(families, "myograde_webhook_waiting", "Events that wait to be delivered, by webhook",
+  AddGauges(families, "myograde_webhook_waiting", "Events waiting for delivery, by webhook",
             "webhook", waiting);
   AddGauges(families, "myograde_webhook_oldest_waiting_seconds",
-            "Age of the oldest of them in seconds; 0: none waits", "webhook", oldest);
+            "Age of the oldest of them in seconds; 0: none is waiting", "webhook", oldest);
 }
 
 // What only a reading of the store tells; without it where the store can't be read.
@@ -169,13 +170,13 @@ void AddStoreMetrics(const ApiContext& context, Families& families) {
     int64_t bytes = 0;
     const std::vector<UploadRow> uploads = reader.content.Uploads();
     for (const UploadRow& upload : uploads) bytes += upload.bytes;
-    AddGauge(families, "myograde_unsubmitted_uploads", "Uploads that nobody has submitted yet",
+    AddGauge(families, "myograde_unsubmitted_uploads", "Uploads not submitted yet",
              uploads.size());
     AddGauge(families, "myograde_unsubmitted_upload_bytes", "Their size in bytes, unpacked", bytes);
     AddWebhookMetrics(context, reader, families);
     return absl::OkStatus();
   });
-  AddGauge(families, "myograde_store_readable", "1, or 0 if the store could not be read just now",
+  AddGauge(families, "myograde_store_readable", "1, or 0 if the store can't be read",
            status.ok() ? 1 : 0);
 }
 

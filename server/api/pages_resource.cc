@@ -83,10 +83,11 @@ void ServeDocument(const Documents& documents, const Request& request, Response&
       return;
     }
     response.status = 404;
-    response.SetContent(documents.empty() ? "The documents are not on this server: ./dev docs "
-                                            "makes them, and README.md has a tour.\n"
-                                          : absl::StrCat("There is no such page. ", root,
-                                                         " leads to the documents.\n"),
+    response.SetContent(documents.empty() ?
+                        "This server has no documents: build them with ./dev docs, or read "
+                        "README.md.\n"
+                                          : absl::StrCat("Page not found. ", root,
+                                                         " has the documents.\n"),
                         "text/plain; charset=utf-8");
     return;
   }

@@ -25,7 +25,7 @@ constexpr int kAskAgainSeconds = 1;
 // There is no such log, or none for this caller.
 absl::Status MissingLog(const std::string& hash) {
   return absl::NotFoundError(
-      absl::StrCat("there is no log ", hash, " here; it was never kept, or was removed"));
+      absl::StrCat("there is no log ", hash, " on this server; it was never kept, or was removed"));
 }
 
 // Whether the caller may see a log: one of their teams' episodes has it, and its phase shows logs.
@@ -101,7 +101,7 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
     case PictureState::Is::kReady:
       if (SendFile(context.pictures.files(), key, type, request, response)) return absl::OkStatus();
       // It was removed this very moment, to make room.
-      return Busy("the file was just removed; ask again", kAskAgainSeconds);
+      return Busy("the file was just removed; try again", kAskAgainSeconds);
     case PictureState::Is::kWaiting:
     case PictureState::Is::kPlaying: {
       const bool plays = state.is == PictureState::Is::kPlaying;
@@ -117,7 +117,7 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
     case PictureState::Is::kFull:
       break;
   }
-  return Busy("too many trajectories and pictures wait to be made; ask again later",
+  return Busy("too many trajectories and pictures are waiting; try again later",
               10 * kAskAgainSeconds);
 }
 
@@ -136,7 +136,7 @@ absl::Status SendModel(const ApiContext& context, const Request& request, Respon
   const std::string track = request.matches[1];
   RETURN_IF_ERROR(CheckParameters(request, {}));
   if (FindTrack(track) == nullptr) {
-    return absl::NotFoundError(absl::StrCat("there is no model of a track ", track));
+    return absl::NotFoundError(absl::StrCat("there is no model of track ", track));
   }
   return SendPictureFile(context, {PictureKind::kModel, track}, "model/gltf-binary", request,
                          response);

@@ -58,7 +58,7 @@ absl::Status HideSeeds(const Transaction& reader, const TrackConfig& config, Jso
 }
 
 // The proof is that of the record as its entry left it, so that a receipt stays the same for ever.
-// Practice and re-runs have no entry.
+// Practice and reruns have no entry.
 absl::Status AddRecord(const Transaction& reader, RecordLog& record,
                        const EvaluationRow& evaluation, Json& receipt) {
   const absl::StatusOr<RecordRow> entry = reader.journal.GradedEntry(evaluation.id);
@@ -81,7 +81,7 @@ absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record,
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::FailedPreconditionError(absl::StrCat(
         "submission ", submission.id, " is ", std::string(EvaluationStateName(evaluation.state)),
-        "; there is a receipt once it is done or failed"));
+        "; it has a receipt once it is done or failed"));
   }
   const std::string& hash = ConfigOf(evaluation, submission);
   ASSIGN_OR_RETURN(const std::string config, reader.content.ConfigJson(hash));
@@ -153,7 +153,7 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, const Tran
   }
   if (evaluation.kind != EvaluationKind::kRerun) return evaluation;
   return absl::FailedPreconditionError(
-      absl::StrCat("evaluation ", id, " is a re-run, which is for comparison and has no receipt"));
+      absl::StrCat("evaluation ", id, " is a rerun, which has no receipt"));
 }
 
 // Until a rejudge is applied, only organisers know of its results.

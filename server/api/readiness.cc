@@ -21,7 +21,7 @@ std::string MissingProgram() {
   for (const char* program : kPrograms) {
     const std::string path = absl::StrCat(*folder, "/", program);
     if (access(path.c_str(), X_OK) != 0) {
-      return absl::StrCat(path, " is missing or can't be run; install MyoGrade again");
+      return absl::StrCat(path, " is missing or not executable; install MyoGrade again");
     }
   }
   return "";
@@ -37,7 +37,7 @@ std::vector<Obstacle> ObstaclesOf(const ApiContext& context, const LiveHealth& h
                          "on slot ", health.closed_slots.begin()->first, " ",
                          health.closed_slots.begin()->second);
   }
-  return {{"stopping", HttpServer::Stopping() ? "the daemon is about to stop" : ""},
+  return {{"stopping", HttpServer::Stopping() ? "the daemon is stopping" : ""},
           {"store", health.store_trouble},
           {"disk", LackOfRoom(context.data_dir, context.config.artefacts.disk_reserve)},
           {"host", health.host_trouble},

@@ -56,9 +56,9 @@ Json KeysOfPhase(const ApiContext& context, const TrackConfig& live) {
 absl::Status CheckFits(const TrackConfig& live, const TrackConfig& config) {
   if (config.kind != live.kind) {
     return absl::InvalidArgumentError(
-        absl::StrCat(kWhereSent, " is of the environment \"", std::string(config.kind->name),
+        absl::StrCat(kWhereSent, " is for the environment \"", std::string(config.kind->name),
                      "\", but track \"", live.id, "\" is of \"", std::string(live.kind->name),
-                     "\"; give one that extends this board's track"));
+                     "\"; give a config that extends this board's track"));
   }
   if (config.seeds.size() != live.seeds.size()) {
     return absl::InvalidArgumentError(absl::StrCat(kWhereSent, " has ", config.seeds.size(),
@@ -106,9 +106,9 @@ absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
   request.track = ReadBoardName(reader, "track");
   request.profile = ReadBoardName(reader, "profile");
   if (request.phase.empty() == request.track.empty()) {
-    reader.Fail("phase", "or \"track\" must be there, and not both: which board is rejudged");
+    reader.Fail("phase", "or \"track\" must be given, but not both: the board to rejudge");
   } else if (!request.phase.empty() && !request.profile.empty()) {
-    reader.Fail("profile", "is of a track's own board; a phase has one profile");
+    reader.Fail("profile", "is only for a track's own board; a phase has one profile");
   }
   if (reader.Has("config")) request.config = reader.Object("config");
   if (reader.Has("method")) {

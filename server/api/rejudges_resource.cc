@@ -283,8 +283,8 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
     });
     if (switched.ok()) return;
     spdlog::error(
-        "rejudge {} is {}, and its board's config is {}; it will be played after a restart, "
-        "but not yet: {}",
+        "rejudge {} is {} and its board's config is {}, but episodes are played under it only "
+        "after a restart: {}",
         done.event.rejudge, RejudgeEventName(done.event.event), done.config_after,
         std::string(switched.message()));
   };

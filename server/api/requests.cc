@@ -140,8 +140,8 @@ absl::StatusOr<RequestKey> ReadRequestKey(const Request& request, const nlohmann
                     std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 0x7f; });
   if (!good) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the header Idempotency-Key must be there once, with 1 to ", kMaxKeyBytes,
-                     " visible characters of ASCII and no space"));
+        absl::StrCat("the header Idempotency-Key must appear once, with 1 to ", kMaxKeyBytes,
+                     " visible ASCII characters without spaces"));
   }
   return RequestKey{key, Sha256Hex(absl::StrCat(request.path, "\n", CanonicalJson(body)))};
 }

@@ -59,7 +59,7 @@ auto ChangeStore(const ApiContext& context, Change change) {
 void AddAccess(Routes& routes, const ApiContext& context);
 // Teams: who belongs to them, their names, merging and banning them; what each may still submit.
 void AddTeams(Routes& routes, const ApiContext& context);
-// Uploads of archives; submissions, and the organiser's marks; evaluations, and re-runs.
+// Uploads of archives; submissions, and the organiser's marks; evaluations, and reruns.
 void AddSubmissions(Routes& routes, const ApiContext& context);
 void AddEvaluations(Routes& routes, const ApiContext& context);
 // Logs of episodes, trajectories, small pictures, and the shapes of the tracks' bodies.

@@ -29,10 +29,12 @@ std::string MessageFor(const ApiError& error) {
     return error.message;
   }
   if (error.code == "store") {
-    return "the server's store can't be read or written at the moment, and nothing was changed; try "
-           "again later, and tell the organisers if this lasts";
+    return "the server's store can't be read or written at the moment; nothing was changed; try "
+           "again later, and tell the organisers if this persists";
   }
-  if (error.code == "internal") return "the server failed; its log says why, for the organisers";
+  if (error.code == "internal") {
+    return "the server failed; its log has the reason, for the organisers";
+  }
   return error.message;
 }
 
@@ -123,12 +125,13 @@ absl::Status TeamErrorOf(const absl::Status& status, const std::string& team) {
   const std::string other = ResembledTeam(status);
   if (other.empty()) return status;
   const LogScope scope({.team = team});
-  spdlog::info("a team \"{}\" was refused: it looks like team \"{}\"", team, other);
+  spdlog::info("refused a team \"{}\": its name looks like \"{}\"", team, other);
   if (!CallerIsOrganiser()) return status;
   return WithErrorCode(
       absl::Status(status.code(),
                    absl::StrCat("the team's name looks like that of team \"", other,
-                                "\"; choose another name, or write that one exactly as it stands here")),
+                                "\"; choose another name, or write that name exactly as shown "
+                                "here")),
       ErrorCodeOf(status));
 }
 

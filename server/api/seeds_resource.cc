@@ -60,11 +60,11 @@ absl::Status CheckOver(const PhaseConfig& phase, absl::Time now) {
   if (now >= phase.closes) return absl::OkStatus();
   const std::string when =
       phase.closes == absl::InfiniteFuture()
-          ? "it never closes; give it \"closes_at\" first"
+          ? "it never closes; set its \"closes_at\" first"
           : absl::StrCat("it closes at ", UtcText(phase.closes), "; reveal it afterwards");
   return absl::FailedPreconditionError(
       absl::StrCat("the seeds of phase \"", phase.name,
-                   "\" can't be revealed while it takes submissions: ", when));
+                   "\" can't be revealed while it accepts submissions: ", when));
 }
 
 absl::Status NothingToReveal(const std::string& phase) {
@@ -89,8 +89,8 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(const Transaction& reader, const ApiCo
   if (absl::IsNotFound(secret.status())) {
     return absl::FailedPreconditionError(absl::StrCat(
         "this store does not have the secret of phase \"", name,
-        "\", as exports do not hold it; reveal it where it was held, with \"myograde phase seeds reveal "
-        "--secret\""));
+        "\", because exports leave it out; reveal it on the server that ran the phase, with "
+        "\"myograde phase seeds reveal --secret\""));
   }
   if (!secret.ok()) return secret.status();
   ASSIGN_OR_RETURN(std::vector<uint64_t> further, PlayedFurtherSeeds(reader, name, *secret));
@@ -173,7 +173,7 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader,
     if (chosen.size() >= 2) return chosen;
     return absl::InvalidArgumentError(absl::StrCat("the board has ", chosen.size(),
                                                    " rows at the places ", first, " to ", last,
-                                                   "; it takes two to compare"));
+                                                   "; a comparison needs two"));
   }
   ASSIGN_OR_RETURN(const BoardStatistics statistics,
                    StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, board,
@@ -182,8 +182,8 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader,
   if (!chosen.empty()) return chosen;
   return absl::FailedPreconditionError(
       absl::StrCat("no two of the ", statistics.places.size(),
-                   " tested places share a group, so "
-                   "their order is decided; name \"places\" for others"));
+                   " tested places share a group, so their order is decided; give \"places\" to "
+                   "choose others"));
 }
 
 // How many of `seeds` a submission has, or will have, from the first on.
@@ -252,7 +252,8 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& r
   if (lacking.empty()) {
     return absl::FailedPreconditionError(absl::StrCat("each of the ", rows.size(),
                                                       " submissions has ", request.episodes,
-                                                      " further episodes already; ask for more"));
+                                                      " further episodes already; ask for a larger "
+                                                      "number"));
   }
   std::vector<NewRejudge> rejudges;
   for (auto& [had, submissions] : lacking) {
@@ -279,7 +280,8 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
   if (hidden) {
     return absl::FailedPreconditionError(absl::StrCat(
         "this store does not have the secret of phase \"", phase,
-        "\", as exports do not hold it; further seeds follow from it where it was held"));
+        "\", because exports leave it out; only the server that ran the phase can draw further "
+        "seeds"));
   }
   return ChangeStore(
       context, [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); });

@@ -58,7 +58,7 @@ absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
     return WithErrorCode(
         absl::FailedPreconditionError(absl::StrCat(
             "team \"", known, "\" belongs to others; choose another name, or ask an organiser to "
-            "add you")),
+            "add you to it")),
         kForbiddenCode);
   }));
   return founding;

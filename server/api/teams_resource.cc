@@ -317,7 +317,7 @@ absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
   }
   if (grant.budget == Budget::kPractice) {
     return absl::InvalidArgumentError(
-        "request: practice belongs to the track; leave \"phase\" out to grant it");
+        "request: practice is granted by track; leave \"phase\" out");
   }
   return absl::OkStatus();
 }
@@ -325,7 +325,7 @@ absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
 ApiResult GetQuota(const ApiContext& context, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request, {"team", "track"}));
   if (!request.HasParam("team")) {
-    return absl::InvalidArgumentError("\"team\" is missing: a quota is a team's");
+    return absl::InvalidArgumentError("\"team\" is missing: quotas belong to teams");
   }
   const std::string asked = request.Param("team");
   const std::string track = request.Param("track");

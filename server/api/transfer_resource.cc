@@ -26,7 +26,7 @@ namespace {
 
 absl::Status WriteExport(ReaderPool& readers, const std::string& path) {
   const Fd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-  if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
+  if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be created"));
   absl::Status written;
   std::string buffer;
   const absl::Status status = readers.Read([&](const Transaction& reader) {
@@ -74,7 +74,7 @@ absl::Status SendBackup(const ApiContext& context, const Request&, Response& res
           spdlog::info("backup: {} of {} pages are copied", done, total);
         },
         [](const std::string& what) {
-          spdlog::error("backup: a row of the store is damaged, and so in the copy: {}", what);
+          spdlog::error("backup: a row of the store, and of its copy, is damaged: {}", what);
         });
   };
   RETURN_IF_ERROR(SendMade(context, "application/vnd.sqlite3", response, copy));

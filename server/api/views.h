@@ -31,7 +31,7 @@ Json SecondsOrNull(const std::optional<absl::Duration>& duration);
 Json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt);
 // Changes of a submission's marks, oldest first.
 Json MarksToJson(const std::vector<MarkRow>& rows);
-// A re-run against its original; both sorted by index.
+// A rerun against its original; both sorted by index.
 Json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
                  const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows);
 // The nodes of a cluster by name: what the executor knows, and what the store has as drained,

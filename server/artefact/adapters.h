@@ -38,8 +38,9 @@ inline absl::Status CheckAdapter(std::string_view name, const TrackKind& kind) {
   const Adapter* adapter = FindAdapter(name);
   if (adapter == nullptr || kind.*(adapter->plays_track)) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
-      "policy.json: \"adapter\" is \"", adapter->name, "\", which can't play tracks of the kind \"",
-      std::string(kind.name), "\"; submit to another track, or leave it out and speak LCM"));
+      "policy.json: \"adapter\" is \"", adapter->name,
+      "\", which does not support tracks of the kind \"",
+      std::string(kind.name), "\"; submit to another track, or leave it out and use LCM"));
 }
 
 }  // namespace myograde::server

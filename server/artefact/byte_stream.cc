@@ -53,7 +53,7 @@ absl::StatusOr<std::string_view> CheckedStream::Next() {
   const int64_t bytes = std::ssize(piece);
   if (bytes > left_) {
     return absl::InvalidArgumentError(absl::StrCat(
-        what_, " yields more bytes than the submission may have; make the image smaller"));
+        what_, " unpacks to more bytes than a submission may have; make the image smaller"));
   }
   left_ -= bytes;
   size_ += bytes;
@@ -115,7 +115,7 @@ absl::Status StreamArchive::Open(std::string_view what) {
     return Failure(form_ == Form::kPacked ? "it can't be decompressed" : "it is not a tar archive");
   }
   if (form_ != Form::kSubmission && compressions() > (form_ == Form::kPacked ? 1 : 0)) {
-    return absl::InvalidArgumentError("it is compressed more than once; once is enough");
+    return absl::InvalidArgumentError("it is compressed more than once; compress it only once");
   }
   return absl::OkStatus();
 }

@@ -100,7 +100,7 @@ absl::StatusOr<Described> Descriptor(const Json& json, const std::string& where)
   ASSIGN_OR_RETURN(const std::string sha256, DigestOf(TextAt(json, "digest"), where));
   const Json& size = At(json, "size");
   if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
-    return BadImage(absl::StrCat("states no size for its ", where));
+    return BadImage(absl::StrCat("gives no size for its ", where));
   }
   return Described{sha256, size.get<int64_t>(), ""};
 }
@@ -163,7 +163,7 @@ absl::Status Collect(const ImageArchive& archive, const Json& index, int depth,
       continue;
     }
     if (is_index) {
-      if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
+      if (depth >= kMaxIndexDepth) return BadImage("has too many nested indexes");
       ASSIGN_OR_RETURN(const Json inner, BlobOf(archive, *described, "index"));
       RETURN_IF_ERROR(Collect(archive, inner, depth + 1, candidates));
       continue;
@@ -191,7 +191,8 @@ absl::StatusOr<ImageContent> ReadManifest(const ImageArchive& archive, const Des
     const std::string kind = TextAt(layer, "mediaType");
     if (kind.find("encrypted") != std::string::npos || kind.find("foreign") != std::string::npos) {
       return BadImage(absl::StrCat("has a layer of the kind ", Quoted(kind),
-                                   ", which is not in the archive as it is; save it without"));
+                                   ", which the archive does not contain; save the image without "
+                                   "such layers"));
     }
     ASSIGN_OR_RETURN(const Described stated, Descriptor(layer, "layer"));
     ASSIGN_OR_RETURN(std::string member, archive.Find(BlobName(stated.sha256)));
@@ -207,7 +208,7 @@ absl::StatusOr<ImageContent> ReadOci(const ImageArchive& archive) {
   std::map<std::string, Described>& fitting = candidates.fitting;
   if (fitting.empty() && !candidates.unusable.ok()) return candidates.unusable;
   if (fitting.empty() && !candidates.others.empty()) {
-    return BadImage(absl::StrCat("is for ", absl::StrJoin(candidates.others, ", "), ", and the "
+    return BadImage(absl::StrCat("is for ", absl::StrJoin(candidates.others, ", "), ", but the "
                                  "server runs linux/amd64; build it with --platform linux/amd64"));
   }
   // Of variants for newer processors, the one that runs on most.
@@ -227,7 +228,7 @@ absl::StatusOr<ImageContent> ReadDocker(const ImageArchive& archive) {
   ASSIGN_OR_RETURN(const Json images, JsonOf(archive, "manifest.json"));
   if (images.contains("schemaVersion")) {
     return absl::InvalidArgumentError(
-        "the archive holds an image as \"skopeo copy IMAGE dir:FOLDER\" writes it; save it with "
+        "the archive has an image as written by \"skopeo copy IMAGE dir:FOLDER\"; save it with "
         "\"skopeo copy IMAGE oci-archive:FILE.tar\"");
   }
   if (!ListsOneImage(images)) {
@@ -241,7 +242,7 @@ absl::StatusOr<ImageContent> ReadDocker(const ImageArchive& archive) {
   // Its name is its digest, wherever tools put it.
   const std::string base = config_name.substr(config_name.rfind('/') + 1);
   if (IsHexDigest(base) && Sha256Hex(text) != base.substr(0, kHexDigits)) {
-    return BadImage("has a config whose digest is not its name; save the image again");
+    return BadImage("has a config whose name is not its digest; save the image again");
   }
   ASSIGN_OR_RETURN(const Json config, ParseJson(text, "the image's config"));
   ImageContent content;
@@ -329,7 +330,7 @@ absl::Status ImageArchive::Take(archive_entry* entry, int64_t position) {
       return BadImage(absl::StrCat("has the member ", Quoted(name), " twice, with other content"));
     }
   }
-  if (members_.size() > kMaxMembers) return BadImage("has more members than images have");
+  if (members_.size() > kMaxMembers) return BadImage("has too many members for an image");
   return absl::OkStatus();
 }
 

@@ -35,7 +35,7 @@ absl::StatusOr<std::vector<std::string>> Texts(const Json& json, std::string_vie
     if (good) texts.push_back(text);
   }
   if (good) return texts;
-  return BadConfig(absl::StrCat("has a \"", std::string(key), "\" that is not a list of texts"));
+  return BadConfig(absl::StrCat("has a \"", std::string(key), "\" that is not a list of strings"));
 }
 
 absl::Status ReadVariables(const Json& config, PolicyImage& image) {
@@ -107,14 +107,14 @@ absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view whe
   if (text.starts_with(kPrefix) && IsSha256Hex(hex)) return std::string(hex);
   return absl::InvalidArgumentError(absl::StrCat("the image's ", std::string(where),
                                                  " has the digest ", Quoted(text),
-                                                 "; only SHA-256 is accepted"));
+                                                 "; only SHA-256 is supported"));
 }
 
 absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
   if (PlatformName(json) != "linux/amd64") {
     return absl::InvalidArgumentError(absl::StrCat(
         "the image is for ", Quoted(PlatformName(json)),
-        ", and the server runs linux/amd64; build it with --platform linux/amd64"));
+        ", but the server runs linux/amd64; build it with --platform linux/amd64"));
   }
   ImageConfig read;
   const Json& config = At(json, "config");

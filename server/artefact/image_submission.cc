@@ -31,7 +31,7 @@ constexpr char kDecompressed[] = ".decompressed";
 absl::StatusOr<Fd> Decompressed(int file, int folder, int64_t limit) {
   Fd plain(::openat(folder, kDecompressed, O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!plain.valid() || ::unlinkat(folder, kDecompressed, 0) != 0) {
-    return HostError("can't make a file for the decompressed image");
+    return HostError("can't create a file for the decompressed image");
   }
   FileStream bytes(file);
   EntryStream stream(bytes);
@@ -127,7 +127,7 @@ absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manife
   ASSIGN_OR_RETURN(const OpenedImage image, OpenImage(file, folder, limits));
   if (!image.archive.IsImage()) {
     return absl::InvalidArgumentError(
-        "the image is not in a form that is accepted: write it with podman save, docker save or "
+        "the image's format is not supported: write it with podman save, docker save or "
         "buildah push IMAGE oci-archive:FILE.tar");
   }
   ASSIGN_OR_RETURN(ImageContent content, image.archive.Read());

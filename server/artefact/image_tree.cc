@@ -82,8 +82,9 @@ class ImageTree {
     size_t tops = 0;
     for (const auto& [path, node] : nodes_) tops += path.find('/') == std::string::npos ? 1 : 0;
     if (tops > kMaxTopNames) {
-      return BadEntry("/", absl::StrCat("has ", tops, " names; put them into folders, of which it "
-                                        "may have ", kMaxTopNames));
+      return BadEntry("/", absl::StrCat("has ", tops,
+                                        " names; group them into folders, at most ",
+                                        kMaxTopNames));
     }
     ASSIGN_OR_RETURN(const std::string passwd, ReadText("etc/passwd"));
     ASSIGN_OR_RETURN(const std::string group, ReadText("etc/group"));
@@ -141,7 +142,7 @@ class ImageTree {
   absl::Status Whiteout(const std::string& folder, const std::string& name) {
     if (name.empty() || name == "." || name == "..") {
       return BadEntry(Joined(folder, std::string(kWhiteout) + name),
-                      "removes no name; it is not a whiteout as container engines write it");
+                      "removes no name, so it is not a valid whiteout; save the image again");
     }
     return Remove(Joined(folder, name), /*itself=*/true, /*of_this_layer=*/false);
   }
@@ -157,7 +158,7 @@ class ImageTree {
     if (hard_link != nullptr) return PutHardLink(path, hard_link);
     if (type != AE_IFDIR && type != AE_IFREG && type != AE_IFLNK) {
       return BadEntry(path, "is a device node, a named pipe or a socket; images may have devices "
-                            "in /dev only, which the sandbox replaces by its own");
+                            "only in /dev, which the sandbox replaces with its own");
     }
     RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
     RETURN_IF_ERROR(MakeFoldersOf(path));
@@ -241,7 +242,7 @@ class ImageTree {
       const std::string next = Joined(at, name);
       if (!Has(next, EntryType::kLink) || (names.empty() && !last)) {
         if (Has(next, EntryType::kFile) && !names.empty()) {
-          return BadEntry(path, absl::StrCat("lies below ", Quoted(next), ", which is not a folder"));
+          return BadEntry(path, absl::StrCat("is below ", Quoted(next), ", which is not a folder"));
         }
         at = next;
         continue;
@@ -330,13 +331,14 @@ class ImageTree {
     image.working_dir = "/" + real;
     if (real.empty() || real == "tmp") return absl::OkStatus();
     if (IsReplaced(real)) {
-      return BadEntry(image.working_dir, "is its working folder, which the sandbox replaces by its "
-                                         "own; choose another WORKDIR");
+      return BadEntry(image.working_dir,
+                      "is its working folder, which the sandbox replaces with its own; choose "
+                      "another WORKDIR");
     }
     // Engines make it if it is missing.
     const bool there = nodes_.contains(real);
     if (there && !Has(real, EntryType::kFolder)) {
-      return BadEntry(image.working_dir, "is its working folder, but no folder");
+      return BadEntry(image.working_dir, "is its working folder, but not a folder");
     }
     RETURN_IF_ERROR(MakeFoldersOf(real));
     return there ? absl::OkStatus() : MakeFolder(real);
@@ -359,11 +361,11 @@ absl::Status CheckLayer(const CheckedStream& packed, const CheckedStream& tar,
   }
   if (!layer.sha256.empty() && packed.sha256() != layer.sha256) {
     return absl::InvalidArgumentError(
-        "has another digest than its archive states; save the image again");
+        "has a different digest than its archive states; save the image again");
   }
   if (tar.sha256() != layer.diff_id) {
     return absl::InvalidArgumentError(
-        "has another content than the image's config states (diff_ids); save the image again");
+        "has different content than the image's config states (diff_ids); save the image again");
   }
   return absl::OkStatus();
 }

@@ -125,7 +125,7 @@ absl::StatusOr<std::string> Listing::CleanPath(std::string_view path) const {
                                        limits_.name_bytes, " are allowed"));
     }
     if (++depth > limits_.depth) {
-      return Broken(clean, absl::StrCat("lies deeper than ", limits_.depth, " folders"));
+      return Broken(clean, absl::StrCat("is deeper than ", limits_.depth, " folders"));
     }
     if (!clean.empty()) clean += '/';
     clean += name;
@@ -139,7 +139,7 @@ absl::StatusOr<Entry*> Listing::Add(const std::string& path, EntryType type) {
     const std::string above = path.substr(0, slash);
     const auto [it, added] = entries_.try_emplace(above, Entry{.type = EntryType::kFolder});
     if (it->second.type != EntryType::kFolder) {
-      return Broken(path, absl::StrCat("lies below ", Quoted(above), ", which is not a folder"));
+      return Broken(path, absl::StrCat("is below ", Quoted(above), ", which is not a folder"));
     }
   }
   const auto [it, added] = entries_.try_emplace(path, Entry{.type = type});
@@ -162,7 +162,7 @@ absl::Status Listing::TooManyEntries(std::string_view where) const {
 absl::Status Listing::CheckRoom(const std::string& path, int64_t bytes) const {
   if (bytes < 0 || bytes > limits_.bytes - bytes_) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the files together are larger than ", limits_.bytes, " bytes unpacked (at ",
+        absl::StrCat("the files are larger than ", limits_.bytes, " bytes in total, unpacked (at ",
                      Quoted(path), "); leave out what the policy does not need"));
   }
   return absl::OkStatus();
@@ -205,7 +205,7 @@ absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
   if (target == ".." || target.starts_with("../") || target.ends_with("/..") ||
       target.find("/../") != std::string_view::npos) {
     return Broken(path, absl::StrCat("is a symbolic link to ", Quoted(target),
-                                     "; targets with \"..\" are not allowed, put a copy there"));
+                                     "; targets with \"..\" are not allowed; put a copy there"));
   }
   return absl::OkStatus();
 }
@@ -221,7 +221,7 @@ Utf8Names::~Utf8Names() {
 
 absl::StatusOr<Fd> MakeFolderToFill(const std::string& path) {
   if (::mkdir(path.c_str(), 0755) != 0) {
-    return HostError(absl::StrCat("can't make the folder ", path));
+    return HostError(absl::StrCat("can't create the folder ", path));
   }
   Fd folder(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   if (folder.valid() && ::fchmod(folder.get(), 0755) == 0) return folder;
@@ -290,7 +290,7 @@ absl::Status MakeFolderBeneath(int root, const std::string& path) {
   const std::string name = LastName(path);
   if (::mkdirat(folder.get(), name.c_str(), 0755) != 0 ||
       ::fchmodat(folder.get(), name.c_str(), 0755, 0) != 0) {
-    return HostError(absl::StrCat("can't make the folder ", Quoted(path)));
+    return HostError(absl::StrCat("can't create the folder ", Quoted(path)));
   }
   return absl::OkStatus();
 }
@@ -300,7 +300,7 @@ absl::Status MakeLinkBeneath(int root, const std::string& path, const std::strin
   if (::symlinkat(target.c_str(), folder.get(), LastName(path).c_str()) == 0) {
     return absl::OkStatus();
   }
-  return HostError(absl::StrCat("can't make the link ", Quoted(path)));
+  return HostError(absl::StrCat("can't create the link ", Quoted(path)));
 }
 
 absl::Status MakeFileBeneath(int root, const std::string& path, Entry& entry,
@@ -308,7 +308,7 @@ absl::Status MakeFileBeneath(int root, const std::string& path, Entry& entry,
   ASSIGN_OR_RETURN(const Fd folder, OpenFolderOf(root, path));
   const Fd file(::openat(folder.get(), LastName(path).c_str(),
                          O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
+  if (!file.valid()) return HostError(absl::StrCat("can't create the file ", Quoted(path)));
   Sha256 hash;
   for (;;) {
     ASSIGN_OR_RETURN(const std::string_view piece, next());

@@ -44,8 +44,8 @@ class Listing {
   // limit.
   absl::StatusOr<std::string> CleanPath(std::string_view path) const;
 
-  // Adds an entry at a clean path, and its parent folders. An error if it exists already, lies
-  // below something that is not a folder, or breaks a limit.
+  // Adds an entry at a clean path, and its parent folders. An error if it exists already, is below
+  // something that is not a folder, or breaks a limit.
   absl::StatusOr<Entry*> Add(const std::string& path, EntryType type);
 
   // AddBytes counts `bytes` more of file content; CheckRoom only checks whether they would fit.

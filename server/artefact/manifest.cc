@@ -62,8 +62,8 @@ absl::Status MissingManifest(int root) {
   std::string hint;
   const auto has = [&](const std::string& path) { return OpenBeneath(root, path, O_PATH).valid(); };
   if (has(".dockerenv") || (has("usr/bin") && has("etc"))) {
-    hint = "; it looks like the files of a container without the image's configuration, as \"docker "
-           "export\" writes them: save the image, with \"docker save\" or \"podman save\"";
+    hint = "; it looks like the files of a container, as written by \"docker export\", without "
+           "the image's configuration: save the image, with \"docker save\" or \"podman save\"";
   }
   if (has("index.json") && has("blobs")) {
     hint = "; it looks like a container image in OCI's layout that is not a tar, or lacks the file oci-layout: "
@@ -73,11 +73,11 @@ absl::Status MissingManifest(int root) {
     if (folder.starts_with('.')) continue;
     if (has(folder + "/policy.json")) {
       hint = absl::StrCat("; it is at ", Quoted(folder + "/policy.json"),
-                          ", so submit that folder itself");
+                          "; submit that folder itself");
     } else if (has(folder + "/index.json") || has(folder + "/manifest.json")) {
       hint = absl::StrCat("; the folder ", Quoted(folder),
-                          " looks like a container image: pack what is in it and not the folder, "
-                          "with \"tar -C ",
+                          " looks like a container image: pack its contents, not the folder, with "
+                          "\"tar -C ",
                           folder, " -cf image.tar .\"");
     }
   }
@@ -91,14 +91,14 @@ absl::StatusOr<std::string> ReadManifestText(int root) {
   if (!fd.valid() && errno == ENOENT) return MissingManifest(root);
   struct stat info = {};
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
-    return absl::InvalidArgumentError("policy.json must be a file that can be read, not a link");
+    return absl::InvalidArgumentError("policy.json must be a readable file, not a link");
   }
   ASSIGN_OR_RETURN(std::string text, ReadAll(fd.get(), "policy.json", kMaxManifestBytes));
   if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") ||
       text.find('\0') != std::string::npos) {
     return absl::InvalidArgumentError(
-        "policy.json is not in UTF-8, perhaps in UTF-16, as some shells and editors of Windows write files; "
-        "save it as UTF-8 (in PowerShell: Set-Content -Encoding utf8)");
+        "policy.json is not UTF-8; it may be UTF-16, as some Windows programs write; save it as "
+        "UTF-8 (in PowerShell: Set-Content -Encoding utf8)");
   }
   return text;
 }
@@ -119,10 +119,10 @@ absl::Status CheckProgram(int root, const std::string& command) {
     const Fd fd = OpenBeneath(root, path, O_PATH);
     struct stat info = {};
     if (!fd.valid() || ::fstat(fd.get(), &info) != 0) {
-      return BadCommand(command, errno == ELOOP ? "goes through a symbolic link to a folder; "
-                                                  "name the program's real place"
-                                                : "is not there; give a file of the submission, "
-                                                  "or a program of the sandbox as python3");
+      return BadCommand(command, errno == ELOOP ?
+                        "goes through a symbolic link to a folder; give the program's real path"
+                                                : "does not exist; give a file of the submission, "
+                                                  "or a program of the sandbox such as python3");
     }
     if (S_ISREG(info.st_mode)) {
       const Fd file = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
@@ -143,23 +143,23 @@ absl::Status CheckProgram(int root, const std::string& command) {
 
 void CheckName(ConfigReader& reader, const std::string& name) {
   if (const std::string harm = FirstUnsafe(name); !harm.empty()) {
-    reader.Fail("name", absl::StrCat("has ", harm, ", which is not seen, or changes how others are "
-                                     "seen; leave it out"));
+    reader.Fail("name", absl::StrCat("has ", harm, ", which is invisible or changes how other "
+                                     "characters look; leave it out"));
   } else if (!IsPlainText(name, kMaxNameBytes)) {
     reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes,
-                                     " bytes without a space at its ends"));
+                                     " bytes, without a space at either end"));
   }
 }
 
 void CheckCommand(ConfigReader& reader, const std::vector<std::string>& command) {
   if (command.empty() || command.size() > kMaxArguments) {
-    reader.Fail("command", absl::StrCat("must hold the program and its arguments: 1 to ",
+    reader.Fail("command", absl::StrCat("must be the program and its arguments: 1 to ",
                                         kMaxArguments, " strings"));
     return;
   }
   for (const std::string& argument : command) {
     if (argument.size() > kMaxArgumentBytes || argument.find('\0') != std::string::npos) {
-      reader.Fail("command", absl::StrCat("holds a string with a zero byte or of more than ",
+      reader.Fail("command", absl::StrCat("has a string with a zero byte or of more than ",
                                           kMaxArgumentBytes, " bytes"));
     }
   }
@@ -185,7 +185,7 @@ void CheckRuntimes(ConfigReader& reader, const std::vector<std::string>& runtime
                           std::string::npos;
     if (!good) {
       reader.Fail("runtimes", absl::StrCat("holds ", Quoted(runtime),
-                                           "; names are of a-z, 0-9, '.', '_', '-'"));
+                                           "; names consist of a-z, 0-9, '.', '_', '-'"));
     } else if (!seen.insert(runtime).second) {
       reader.Fail("runtimes", absl::StrCat("names ", Quoted(runtime), " twice"));
     }
@@ -202,8 +202,8 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
   size_t bytes = 0;
   for (const auto& [name, value] : variables) {
     if (!MayBeSet(name)) {
-      reader.Fail("env", absl::StrCat("sets ", Quoted(name), ", which it may not; it may set ",
-                                      Known(), " (POLICY_* for names of your own)"));
+      reader.Fail("env", absl::StrCat("sets ", Quoted(name), ", which is not allowed; it may set ",
+                                      Known(), " (POLICY_* for your own names)"));
     }
     if (value.size() > kMaxValueBytes || value.find('\0') != std::string::npos) {
       reader.Fail(
@@ -236,12 +236,12 @@ absl::Status BadImageFile(const std::string& file, absl::string_view rule) {
 // The image's archive lies beside policy.json, and nothing else does: the image has all files.
 absl::Status CheckImageFile(int root, const std::string& file) {
   if (file.find('/') != std::string::npos || file == "policy.json" || file.starts_with('.')) {
-    return BadImageFile(file, "is not the name of a file beside policy.json");
+    return BadImageFile(file, "is not the name of a file in the folder of policy.json");
   }
   const Fd fd = OpenBeneath(root, file, O_PATH);
   struct stat info = {};
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
-    return BadImageFile(file, "is not there; save the image into the submission's folder");
+    return BadImageFile(file, "does not exist; save the image into the submission's folder");
   }
   const auto names = NamesIn(root);
   if (!names.has_value()) return HostError("can't list the submission");
@@ -249,7 +249,7 @@ absl::Status CheckImageFile(int root, const std::string& file) {
     if (name == file || name == "policy.json") continue;
     return absl::InvalidArgumentError(
         absl::StrCat("beside policy.json and its image there is ", Quoted(name),
-                     ", which the image would not see; put it into the image, or remove it"));
+                     ", which the image can't see; put it into the image, or remove it"));
   }
   return absl::OkStatus();
 }

@@ -111,7 +111,7 @@ class TarWriter {
   absl::Status Failed() const {
     if (!status_.ok()) return status_;
     return absl::UnavailableError(
-        absl::StrCat("writing the archive failed: ", ArchiveReason(writer_.get())));
+        absl::StrCat("can't write the archive: ", ArchiveReason(writer_.get())));
   }
 
   const ByteSink sink_;
@@ -261,12 +261,13 @@ std::string ForeignFormat(std::string_view head) {
 absl::Status NoProgram(const std::string& path) {
   if (absl::AsciiStrToLower(path).ends_with(".py")) {
     return absl::InvalidArgumentError(
-        "is a Python file, which can't start by itself; put it into a folder with a policy.json that names "
-        "the command: {\"name\": \"my policy\", \"command\": [\"python3\", \"policy.py\"], \"runtimes\": "
-        "[\"python\"]}");
+        "is a Python file, which can't run by itself; put it into a folder with a policy.json "
+        "that gives the command: {\"name\": \"my policy\", \"command\": [\"python3\", "
+        "\"policy.py\"], \"runtimes\": [\"python\"]}");
   }
   return absl::InvalidArgumentError(
-      "is not a program (neither ELF nor a script with \"#!\") and no archive; give a program, a folder with "
+      "is not a program (neither ELF nor a script with \"#!\") and not an archive; give a program, "
+      "a folder with "
       "a policy.json, or an archive of one (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip)");
 }
 
@@ -281,7 +282,7 @@ absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct 
   const bool program = ReadProgramHead(file.get()).kind != ProgramHead::Kind::kText;
   if (const std::string foreign = ForeignFormat(head); !foreign.empty()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("is packed by ", foreign, ", which is not accepted; pack it as .tar.gz, "
+        absl::StrCat("is packed by ", foreign, ", which is not supported; pack it as .tar.gz, "
                      ".tar.zst, .tar.xz, .tar.bz2 or .zip"));
   }
   if ((!program && IsArchive(file.get(), head)) || HasArchiveName(path)) {
@@ -339,8 +340,8 @@ absl::Status StreamArtefact(const std::string& folder, const std::string& digest
   RETURN_IF_ERROR(tar.Close());
   if (listing.Digest() == digest) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(
-      "the submission's folder ", folder, " holds files of digest ", listing.Digest(),
-      ", and should hold ", digest, "; restore it from a backup, or have it submitted again"));
+      "the submission's folder ", folder, " has files with the digest ", listing.Digest(),
+      ", but should have ", digest, "; restore it from a backup, or have it submitted again"));
 }
 
 }  // namespace myograde::server

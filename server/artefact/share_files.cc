@@ -78,7 +78,7 @@ absl::Status ShareImage(const std::string& artefact, const std::string& pool) {
   const Fd image = folder.valid() ? OpenFolder(folder.get(), kImageFolder) : Fd();
   if (!image.valid()) return absl::OkStatus();
   if (::mkdir(pool.c_str(), 0700) != 0 && errno != EEXIST) {
-    return HostError(absl::StrCat("can't make the folder ", pool));
+    return HostError(absl::StrCat("can't create the folder ", pool));
   }
   const Fd pooled = OpenFolder(AT_FDCWD, pool.c_str());
   if (!pooled.valid()) return HostError(absl::StrCat("can't open the folder ", pool));

@@ -32,7 +32,7 @@ std::string Forbidden(archive_entry* entry) {
   }
   if ((mode & S_ISVTX) != 0) return "has the sticky bit; remove it with chmod -t";
   if (archive_entry_is_encrypted(entry) != 0) {
-    return "is encrypted; make the archive without a password";
+    return "is encrypted; create the archive without a password";
   }
   const mode_t type = archive_entry_filetype(entry);
   if (type == AE_IFDIR || type == AE_IFREG || type == AE_IFLNK) return "";
@@ -44,7 +44,7 @@ std::string Forbidden(archive_entry* entry) {
 }
 
 constexpr char kBroken[] =
-    "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, tar.xz, "
+    "the archive is broken or of an unsupported kind (tar, tar.gz, tar.zst, tar.xz, "
     "tar.bz2, zip)";
 
 // Makes the files of an archive's entries, which a participant chose, in a folder.
@@ -81,7 +81,7 @@ class Unpacker {
     if (++headers_ > limits_.files + 1) return listing_.TooManyEntries(std::string_view("./"));
     const char* raw = archive_entry_pathname(entry);
     if (raw == nullptr) {
-      return absl::InvalidArgumentError("an entry of the archive has no name that is UTF-8");
+      return absl::InvalidArgumentError("an entry of the archive has a name that is not UTF-8");
     }
     ASSIGN_OR_RETURN(const std::string path, listing_.CleanPath(raw));
     if (const std::string what = Forbidden(entry); !what.empty()) {
@@ -128,8 +128,8 @@ class Unpacker {
           piece.starts_with("version https://git-lfs.github.com/spec/")) {
         return absl::InvalidArgumentError(absl::StrCat(
             "the file ", Quoted(path),
-            " is a pointer of Git LFS in place of its content; get that with \"git lfs pull\" "
-            "before you pack, or leave the file out"));
+            " is a Git LFS pointer instead of its content; run \"git lfs pull\" before you pack, "
+            "or leave the file out"));
       }
       return piece;
     });
@@ -183,11 +183,12 @@ absl::StatusOr<Listing> UnpackFiles(int file, int folder, const ArtefactLimits& 
   const Utf8Names utf8_names;
   FileStream bytes(file);
   StreamArchive archive(bytes, StreamArchive::Form::kSubmission);
-  RETURN_IF_ERROR(archive.Open("this is not an archive of a kind that is accepted (tar, tar.gz, "
+  RETURN_IF_ERROR(archive.Open("this is not an archive of a supported kind (tar, tar.gz, "
                                "tar.zst, tar.xz, tar.bz2, zip)"));
   // One layer besides the file itself: nested bombs multiply.
   if (archive.compressions() > (IsCompressed(file) ? 1 : 0)) {
-    return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
+    return absl::InvalidArgumentError("the archive is compressed more than once; compress it only "
+                                      "once");
   }
   struct stat info = {};
   const int64_t total = ::fstat(file, &info) == 0 ? info.st_size : 0;
@@ -240,8 +241,8 @@ absl::Status UnpackStream(const ByteSource& source, const std::string& digest, i
   RETURN_IF_ERROR(status);
   const std::string found = unpacker.listing().Digest();
   if (found == digest) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("the packed submission holds files of digest ", found,
-                                          ", and is to be ", digest));
+  return absl::DataLossError(absl::StrCat("the packed submission has files with the digest ", found,
+                                          ", not ", digest));
 }
 
 // `result`, and after an error no `folder`.

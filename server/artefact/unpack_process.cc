@@ -68,13 +68,13 @@ void UseLibrariesOnce() {
 }
 
 absl::Status EnterFolder(int folder) {
-  if (::fchdir(folder) != 0) return HostError("can't enter the folder to unpack into");
+  if (::fchdir(folder) != 0) return HostError("can't enter the unpacking folder");
   if (::chroot(".") == 0) return absl::OkStatus();
   if (errno == EPERM && !EnterUserNamespace()) {
-    return HostError("unpacking needs a user namespace, or root, and can't have one here");
+    return HostError("unpacking needs root or a user namespace, and this host allows neither");
   }
   return ::chroot(".") == 0 ? absl::OkStatus()
-                            : HostError("can't make the folder to unpack into its own root");
+                            : HostError("can't make the unpacking folder the root");
 }
 
 absl::Status DropRights() {
@@ -82,7 +82,7 @@ absl::Status DropRights() {
   const std::array<__user_cap_data_struct, _LINUX_CAPABILITY_U32S_3> none = {};
   if (::syscall(SYS_capset, &header, none.data()) != 0 ||
       ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {
-    return HostError("can't give up capabilities");
+    return HostError("can't drop capabilities");
   }
   return absl::OkStatus();
 }
@@ -90,7 +90,7 @@ absl::Status DropRights() {
 absl::Status LoadFilter() {
   const std::unique_ptr<void, void (*)(void*)> filter(seccomp_init(SCMP_ACT_KILL_PROCESS),
                                                       seccomp_release);
-  if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
+  if (filter == nullptr) return absl::InternalError("libseccomp can't allocate a filter");
   int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
   const auto allow = [&](int call, auto... conditions) {
     result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, sizeof...(conditions),
@@ -109,11 +109,11 @@ absl::Status LoadFilter() {
   for (const int call : kSanitizerCalls) allow(call);
 #endif
   if (result != 0) {
-    return absl::InternalError("libseccomp refuses a rule of the unpacking's filter");
+    return absl::InternalError("libseccomp refuses a rule of the unpacking filter");
   }
   if (const int error = seccomp_load(filter.get()); error != 0) {
     errno = -error;
-    return HostError("the kernel refuses the unpacking's filter of system calls");
+    return HostError("the kernel refuses the unpacking filter of system calls");
   }
   return absl::OkStatus();
 }
@@ -152,7 +152,8 @@ bool Limit(int resource, int64_t value, int64_t hard) {
 absl::Status LimitThisProcess(int64_t memory_bytes, int64_t cpu_s, pid_t parent) {
   // Dies with the thread that waits for it, even if that had died before this line.
   bool done = ::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
-  if (::getppid() != parent) return absl::CancelledError("nobody waits for the unpacking now");
+  if (::getppid() != parent) return absl::CancelledError(
+      "nobody is waiting for the unpacking any longer");
   done = done && Limit(RLIMIT_CORE, 0, 0);
   // At the hard time limit the signal would be SIGKILL, as if from outside.
   done = done && Limit(RLIMIT_CPU, cpu_s, cpu_s + 10);
@@ -161,7 +162,7 @@ absl::Status LimitThisProcess(int64_t memory_bytes, int64_t cpu_s, pid_t parent)
 #else
   (void)memory_bytes;
 #endif
-  return done ? absl::OkStatus() : HostError("the process for unpacking can't be limited");
+  return done ? absl::OkStatus() : HostError("can't limit the unpacking process");
 }
 
 absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::string& destination,
@@ -198,7 +199,7 @@ absl::StatusOr<ProgramEnd> RunUnpacking(std::vector<std::string> words,
   if (!absl::IsDeadlineExceeded(end.status())) return absl::InternalError(end.status().message());
   return absl::DeadlineExceededError(absl::StrCat("the archive could not be unpacked within ",
                                                   absl::FormatDuration(budget.time),
-                                                  ", as the host is too busy; send it again"));
+                                                  ", because the host is too busy; send it again"));
 }
 
 // Signals that a process causes itself. Any other comes from outside: a person, or a kernel out of
@@ -214,15 +215,15 @@ absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& b
   }
   if (std::ranges::find(kOwnFaults, signal) != kOwnFaults.end()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("unpacking the archive was ended by signal ", signal,
+        absl::StrCat("unpacking the archive was killed by signal ", signal,
                      "; pack it again with an ordinary tar or zip"));
   }
   if (signal != 0) {
     return absl::UnavailableError(absl::StrCat(
-        "what unpacked the archive was ended from outside (signal ", signal, "); send it again"));
+        "the unpacking process was killed from outside (signal ", signal, "); send it again"));
   }
   const absl::StatusOr<nlohmann::json> json = ParseJson(end.output, "unpacking");
-  if (!json.ok()) return absl::InternalError("the process for unpacking gave no answer");
+  if (!json.ok()) return absl::InternalError("the unpacking process returned no answer");
   ConfigReader reader(*json, "unpacking");
   const auto code = static_cast<absl::StatusCode>(reader.Integer("code", 0, 16));
   if (code != absl::StatusCode::kOk) return absl::Status(code, reader.String("message"));
@@ -272,7 +273,7 @@ int RunUnpackProcess(int argc, char** argv) {
     good = absl::SimpleAtoi(argv[3 + i], &numbers[i]);
   }
   if (!good) {
-    std::fputs("error: myograde-unpack is started by myograded only; submit with myograde submit\n",
+    std::fputs("error: only myograded runs myograde-unpack; submit with \"myograde submit\"\n",
                stderr);
     return 2;
   }

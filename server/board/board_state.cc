@@ -94,7 +94,7 @@ absl::Status BoardState::Apply(const Act& act) {
   } else if (act.kind == kKeyAct) {
     key_ = TextAt(act.content, "key");
   } else {
-    return Wrong(act, "is of a kind that is not known here");
+    return Wrong(act, "is of a kind that is not known to this program");
   }
   return absl::OkStatus();
 }

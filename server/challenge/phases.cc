@@ -271,8 +271,9 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
             "name"));
       } else if (StatusOfPhase(phase, events, now).revealed && now < phase.closes) {
         found.push_back(absl::StrCat(
-            place, "its seeds were revealed in this store, so it no longer takes anything, and its "
-            "times would keep it open; set \"closes_at\" back to when it closed, or give a new phase "
+            place, "its seeds were revealed in this store, so it no longer accepts anything, but "
+            "its times would keep it open; set \"closes_at\" back to when it closed, or give a new "
+            "phase "
             "another name"));
       }
     }
@@ -348,7 +349,7 @@ absl::StatusOr<Overlaid> OverlayConfigs(const Transaction& reader, Tracks& track
     if (!FileConfigsBehind(own).contains(hash)) {
       overlaid.changed.push_back({board, hash, CanonicalJson(config.effective)});
       overlaid.warnings.push_back(absl::StrCat(
-          ShownBoard(board), " was changed after it got submissions: they stand under its "
+          ShownBoard(board), " was changed after it got submissions: they remain under its "
           "earlier config ", before, ", and not on its board"));
       continue;
     }

@@ -18,7 +18,7 @@
 namespace myograde::server {
 namespace {
 
-// Headings of the help, and what a verb without one stands under: the row's noun.
+// Headings of the help.
 constexpr char kWrite[] = "Write a policy";
 constexpr char kSubmit[] = "Submit";
 constexpr char kLook[] = "Look closer";
@@ -29,14 +29,14 @@ constexpr char kHidden[] = "";  // a short form, which the help leaves out
 
 struct Verb {
   const char* name;     // "submit", or with the noun that it belongs to, "episode log"
-  const char* heading;  // nullptr: it stands in the help of its noun
+  const char* heading;  // nullptr: listed in the help of its noun
   const char* does;
-  const char* example;  // what stands behind the verb; TRACK stands for the name of a track
+  const char* example;  // what follows the verb; TRACK is replaced by a track's name
   Command (*add)(CLI::App& verb);  // nullptr: a noun, whose verbs follow
 };
 
 constexpr Verb kVerbs[] = {
-    {"new", kWrite, "Write a folder with a policy that plays as it is",
+    {"new", kWrite, "Write a folder with a policy that is ready to run",
      "my_policy --lang python --track TRACK", AddNew},
     {"spec", kWrite, "Print a track's observations, actions, budgets, rules and scoring",
      "--track TRACK --json", AddSpec},
@@ -44,7 +44,7 @@ constexpr Verb kVerbs[] = {
      "./my_policy --track TRACK -o ./try1", AddTry},
     {"local", kWrite, "Grade a policy on this host, without a daemon",
      "./my_policy --track TRACK --episodes 5", AddLocal},
-    {"runtime", kWrite, "Make, list and remove the runtimes that policies may ask for",
+    {"runtime", kWrite, "Build, list and remove the runtimes that policies may ask for",
      "add torch-cpu", AddRuntime},
 
     {"login", kSubmit, "Log in to a server with a token", "https://grader.example.org:8443",
@@ -63,7 +63,7 @@ constexpr Verb kVerbs[] = {
     {"leaderboard", kSubmit, "Show the ranking of the submissions", "--track TRACK",
      AddLeaderboard},
 
-    {"episode", kLook, "Logs, replays, films and re-runs of episodes",
+    {"episode", kLook, "Logs, replays, films and reruns of episodes",
      "render 7 --episode 3 -o episode3.mp4", nullptr},
     {"episode log", nullptr, "Write the log of an episode to a file that LCM's tools can read",
      "7 --episode 3 -o episode3.lcmlog", AddLog},
@@ -73,9 +73,7 @@ constexpr Verb kVerbs[] = {
     {"episode render", nullptr,
      "Draw an episode from its log: a film, a picture, or a strip of the best and the worst",
      "7 --episode 3 -o episode3.mp4", AddRender},
-    {"episode rerun", nullptr, "Play a submission's episodes again and print what differs",
-     "7 --episodes 10..19 --verify", AddRerun},
-    {"rerun", kHidden, "Play a submission's episodes again and print what differs",
+    {"episode rerun", nullptr, "Run a submission's episodes again and print what differs",
      "7 --episodes 10..19 --verify", AddRerun},
     {"report", kLook, "Write a submission's or a phase's results as one HTML file",
      "7 -o report.html", AddReport},
@@ -83,22 +81,23 @@ constexpr Verb kVerbs[] = {
      "survival 7 9 -o survival.svg", AddPlot},
 
     {"board", kRun, "Explain, rejudge and rebuild boards", "explain 7 9", nullptr},
-    {"board explain", nullptr, "Say why one of two submissions (or teams) ranks above the other",
-     "7 9", AddExplain},
+    {"board explain", nullptr,
+     "Explain why one of two submissions (or teams) ranks above the other", "7 9", AddExplain},
     {"board rejudge", nullptr,
      "Compute a board under other rules, see what changes, and apply or drop it",
      "create --track TRACK --config new_rules.json --reason \"The line is 80.\"", AddRejudge},
     {"board evaluate", nullptr, "Play extra episodes to separate statistically tied ranks",
      "--phase final --more-seeds 100", AddEvaluate},
     {"board rebuild", nullptr,
-     "Rebuild the boards from the episodes' rows, which changes no result", "", AddRebuild},
+     "Rebuild the boards from the stored episodes, without changing any result", "", AddRebuild},
     {"phase", kRun, "Check, pause and publish phases, and reveal their seeds",
      "pause final --reason \"a slot is broken\"",
      [](CLI::App& verb) {
        AddChallenge(verb);
        return AddPhase(verb);
      }},
-    {"phase seeds", nullptr, "Commit to a phase's seeds, reveal them afterwards, and check them",
+    {"phase seeds", nullptr,
+     "Commit to a phase's seeds, reveal them after the close, and check them",
      "commit --phase final --secret final.secret", AddSeeds},
     {"submission", kRun, "Hide, disqualify and reinstate submissions",
      "disqualify 7 --reason \"reads the seeds\"", nullptr},
@@ -106,18 +105,18 @@ constexpr Verb kVerbs[] = {
      AddHide},
     {"submission unhide", nullptr, "Put a hidden submission back on the boards", "7", AddUnhide},
     {"submission disqualify", nullptr,
-     "List a submission apart, without a rank and with the reason",
+     "Take a submission out of the ranking and list it apart, with the reason",
      "7 --reason \"reads the seeds\"", AddDisqualify},
-    {"submission reinstate", nullptr, "Take a disqualification back", "7", AddReinstate},
+    {"submission reinstate", nullptr, "Revoke a disqualification", "7", AddReinstate},
     {"submission baseline", nullptr,
-     "Show a submission on the boards without a rank, for comparison", "7", AddBaseline},
+     "Show a submission on the boards for comparison, without a rank", "7", AddBaseline},
     {"team", kRun, "Teams: their names, members, merges, bans and grants",
      "create \"Team Blue\"", AddTeam},
-    {"team grant", nullptr, "Let a team submit more, for the present day and in all",
+    {"team grant", nullptr, "Let a team submit more, both today and in total",
      "\"Team Blue\" --track TRACK --units 1 --reason \"a broken host\"", AddGrant},
-    {"token", kRun, "Make, list and revoke the tokens that people use over the network",
+    {"token", kRun, "Create, list and revoke the tokens for access over the network",
      "create --team \"Team Blue\" --label \"Ada's laptop\"", AddToken},
-    {"events", kRun, "List the requests that were denied, and what organisers did",
+    {"events", kRun, "List denied requests and what organisers did",
      "--kind denied", AddEvents},
 
     {"proof", kProve, "Receipts, the public record, and signed releases",
@@ -126,20 +125,18 @@ constexpr Verb kVerbs[] = {
      "7 -o receipt.json", AddReceipt},
     {"proof verify", nullptr, "Check a receipt or a record against the organiser's key",
      "receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
-    {"verify", kHidden, "Check a receipt or a record against the organiser's key",
-     "receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
     {"proof record", nullptr,
-     "Read, prove and export the public record of what happened to results", "export ./record",
+     "Read, prove and export the public record of all ranked results", "export ./record",
      AddRecord},
-    {"proof key", nullptr, "Print the public key that receipts are checked against",
+    {"proof key", nullptr, "Print the public key for checking receipts",
      "-o organiser.pem", AddKey},
     {"proof release", nullptr,
-     "Sign the files of a release, and check those of one that you downloaded",
+     "Sign the files of a release, or check those of a downloaded one",
      "verify ./myograde-1.0.0 --key release.pem", AddRelease},
 
-    {"serve", kServe, "Run the daemon; SIGTERM stops it without losing anything",
+    {"serve", kServe, "Run the daemon; SIGTERM stops it cleanly",
      "--data /srv/myograde", AddServe},
-    {"doctor", kServe, "Check what this host has for grading, what it lacks and what that costs",
+    {"doctor", kServe, "Check what this host lacks for grading, and what that costs",
      "", AddDoctor},
     {"store", kServe, "Export, import and back up the store", "backup /srv/backup/store.db",
      nullptr},
@@ -151,12 +148,12 @@ constexpr Verb kVerbs[] = {
      AddBackup},
     {"webhook", kServe, "List the webhooks of server.json and their deliveries, and test one",
      "test chat", AddWebhook},
-    {"cluster", kServe, "List the nodes of the cluster, drain one and admit it again",
+    {"cluster", kServe, "List the nodes of the cluster, and drain or readmit one",
      "drain node17 --reason \"a fan is broken\"", AddCluster},
 };
 
 constexpr char kStatuses[] =
-    "Exit status: 0 done, 1 ended without a score or a difference was found, 2 wrong use,\n"
+    "Exit status: 0 done, 1 ended without a score or with a difference found, 2 usage error,\n"
     "3 the daemon can't be reached, 4 the grader or its host is in trouble.";
 
 void AddVerb(CLI::App& app, const Verb& verb) {
@@ -180,9 +177,16 @@ int Run(int argc, char** argv) {
   CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
                "myograde");
   app.set_version_flag("--version", MYOGRADE_VERSION);
-  app.footer("\"myograde VERB --help\" describes each, with an example.");
+  app.footer("\"myograde VERB --help\" describes a verb, with an example.");
   app.require_subcommand(1);
-  for (const Verb& verb : kVerbs) AddVerb(app, verb);
+  for (Verb verb : kVerbs) {
+    AddVerb(app, verb);
+    const std::string_view name = verb.name;
+    if (name != "episode rerun" && name != "proof verify") continue;
+    verb.name += name.find(' ') + 1;  // "rerun" and "verify" work too
+    verb.heading = kHidden;
+    AddVerb(app, verb);
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help, --version

@@ -122,12 +122,12 @@ absl::Status ReadListen(const nlohmann::json& json, const std::string& where,
                 "is missing: a certificate and its key go together");
   } else if (listen.certificate.empty() && !address->IsLoopback()) {
     reader.Fail("certificate",
-                "is missing: without TLS only an address of this host's own, such as 127.0.0.1, can "
-                "be listened on");
+                "is missing: without TLS the daemon listens only on a loopback address such as "
+                "127.0.0.1");
   } else if (listen.behind_proxy && !address->IsLoopback()) {
     reader.Fail("behind_proxy",
-                "is for a proxy on this host: it needs an address such as 127.0.0.1, as anybody else "
-                "could claim to be somebody else");
+                "is for a proxy on this host: it needs a loopback address such as 127.0.0.1, "
+                "because other hosts could forge the header");
   }
   config.listen = std::move(listen);
   return reader.Finish();
@@ -195,12 +195,11 @@ absl::StatusOr<UserRule> ReadUserRule(const nlohmann::json& json, const std::str
   if (reader.Has("team")) rule.team = reader.String("team");
   const std::string who = !rule.user.empty() ? rule.user : rule.group;
   if (named != 1) {
-    reader.Fail("uid", "stands for whom: give exactly one of \"uid\", \"user\", \"gid\" and "
-                       "\"group\"");
+    reader.Fail("uid", "or one of \"user\", \"gid\" and \"group\" must be given, and only one");
   } else if (!rule.uid && !rule.gid && !IsPlainText(who, kMaxNameBytes)) {
     reader.Fail(rule.user.empty() ? "group" : "user", "must be a name");
   } else if (rule.role != Role::kParticipant && !rule.team.empty()) {
-    reader.Fail("team", "is of participants only; organisers act for every team");
+    reader.Fail("team", "is only for participants; organisers act for every team");
   } else if (reader.Has("team") && !IsPlainText(rule.team, kMaxNameBytes)) {
     reader.Fail("team", absl::StrCat("must be 1 to ", kMaxNameBytes, " bytes of text"));
   }
@@ -337,8 +336,8 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
     }
     // Where only the client is installed, nobody misses a file.
     return absl::InternalError(
-        "no episode can be played on this host: the programs for that are not installed; install them "
-        "(Debian: the package myograde-server), or name their folder by MYOGRADE_BIN_DIR");
+        "can't play episodes on this host: the programs for it are missing; install them (Debian: "
+        "the package myograde-server), or set MYOGRADE_BIN_DIR to their folder");
   }
   ConfigReader reader(*json, path);
   ServerConfig config;

@@ -78,7 +78,7 @@ absl::StatusOr<std::vector<WebhookConfig>> ReadWebhooks(const nlohmann::json& js
     ASSIGN_OR_RETURN(WebhookConfig webhook, ReadWebhook(json[i], place));
     if (!names.insert(webhook.name).second) {
       return absl::InvalidArgumentError(
-          absl::StrCat(place, ": \"name\" is \"", webhook.name, "\", as that of an earlier one"));
+          absl::StrCat(place, ": \"name\" is \"", webhook.name, "\", as is an earlier one's"));
     }
     webhooks.push_back(std::move(webhook));
   }

@@ -113,7 +113,7 @@ class NetworkGuard {
 void EndSoon(int exit_status, absl::Duration within) {
   std::thread([exit_status, within] {
     std::this_thread::sleep_for(absl::ToChronoMilliseconds(within));
-    spdlog::warn("stopped without waiting for hanging threads");
+    spdlog::warn("stopped without waiting for blocked threads");
     std::_Exit(exit_status);
   }).detach();
 }
@@ -183,8 +183,8 @@ absl::Status Daemon::OpenStore() {
   WarnOfLostStore(options_.data_dir, store_path_);
   ASSIGN_OR_RETURN(store_, Store::Open(store_path_, clock_));
   if (const auto& migration = store_->migration()) {
-    spdlog::info("the store had schema {} and now has {}; {} keeps it as it was", migration->from,
-                 migration->to, migration->copy);
+    spdlog::info("migrated the store from schema {} to {}; {} is a copy of the old one",
+                 migration->from, migration->to, migration->copy);
   }
   RETURN_IF_ERROR(SetWebhooks(configs_.webhooks, *store_));
   readers_.SetObserver([this](absl::Duration took) { metrics_->ObserveStoreRead(took); });
@@ -205,7 +205,7 @@ absl::Status Daemon::RecoverEngine() {
                   *executor_, clock_);
   // Grading needs no key: without one, the daemon serves everything but receipts.
   if (absl::Status status = receipts_key_.Get().status(); !status.ok()) {
-    spdlog::error("no receipt can be signed: {}", std::string(status.message()));
+    spdlog::error("can't sign receipts: {}", std::string(status.message()));
   }
   RETURN_IF_ERROR(StartRecord(*store_, readers_, receipts_key_, record_));
   signals_.emplace(*engine_);
@@ -221,7 +221,7 @@ absl::Status Daemon::AddServices() {
   for (const auto& [name, entry] : configs_.tracks.entries()) {
     const std::string why =
         WhyUnreferenced(references, entry.profiles.at(entry.default_profile)->config.kind->name);
-    if (!why.empty()) spdlog::warn("the track {} is for practice only: {}", name, why);
+    if (!why.empty()) spdlog::warn("track {} is only for practice: {}", name, why);
   }
   const auto reference = [this](std::string_view kind, absl::Duration timeout) {
     return reference_->Result(kind, timeout);
@@ -356,7 +356,7 @@ void Daemon::Stop(const absl::Status& status) {
   const absl::Status recorded = access_log_->WriteAll(
       [this](AccessLog::Change change) { return store_->Write(change); });
   if (!recorded.ok()) {
-    spdlog::error("the last denied requests and acts are not recorded: {}",
+    spdlog::error("the latest denied requests and acts are not recorded: {}",
                   std::string(recorded.message()));
   }
   spdlog::info("stopped");

@@ -110,7 +110,7 @@ int Fail(int exit_status, const std::string& error) {
 
 int Main(int argc, char** argv) {
   DaemonOptions options;
-  CLI::App app{"The MyoGrade daemon: takes submissions, plays and ranks them.\n"
+  CLI::App app{"The MyoGrade daemon: accepts, evaluates and ranks submissions.\n"
                "Example: myograded --data ~/myograde-data"};
   app.add_option("--data", options.data_dir,
                  "Folder of the store and the submissions (default: MYOGRADE_DATA, else "
@@ -118,14 +118,14 @@ int Main(int argc, char** argv) {
   app.add_option("--socket", options.socket, "Socket to listen on (default: DATA/myograde.sock)");
   app.add_option(
       "--configs", options.configs_dir,
-      "Folder with server.json and tracks/ (default: MYOGRADE_CONFIG_DIR, else as built)");
+      "Folder with server.json and tracks/ (default: MYOGRADE_CONFIG_DIR, else the built-in path)");
   app.add_option("--cache", options.cache_dir,
-                 "Folder of the models and the physics library (default: MYOGRADE_CACHE, else "
+                 "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "
                  "the XDG cache folder if it has models, else /var/cache/myograde)");
   bool adopt = false;
   app.add_flag("--adopt", adopt,
-               "Only make a copy of another daemon's data folder this one's own, where leases run on a "
-               "cluster (OPERATIONS.md, 'Copies of a data folder'); with the daemon stopped");
+               "Only take over a copy of another daemon's data folder, where leases run on a "
+               "cluster (OPERATIONS.md, 'Copies of a data folder'); stop the daemon first");
   app.set_version_flag("--version", MYOGRADE_VERSION);
   try {
     app.parse(argc, argv);

@@ -82,7 +82,7 @@ absl::Status MakeFolders(const std::string& data) {
     if (!error) fs::permissions(path, rights, error);
     if (error) {
       return absl::PermissionDeniedError(absl::StrCat(
-          path, ": can't be made or given its rights (", error.message(),
+          path, ": can't create it or set its permissions (", error.message(),
           "); choose another data folder with --data"));
     }
   }
@@ -97,7 +97,8 @@ void CheckSandboxes(const ServerConfig& config) {
   }
   if (geteuid() == 0 || CanMakeUserNamespace()) return;
   spdlog::error(
-      "this host lets the daemon's user (uid {}) make no user namespaces, so nothing can be graded: set "
+      "the daemon's user (uid {}) can't create user namespaces on this host, so nothing can be "
+      "graded: set "
       "user.max_user_namespaces, and kernel.unprivileged_userns_clone=1 where the kernel has it, with "
       "sysctl, or run the daemon as root",
       geteuid());
@@ -134,7 +135,7 @@ absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& track
 
 absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now) {
   for (const auto& [name, why] : phases.unusable()) {
-    spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
+    spdlog::error("phase \"{}\" accepts nothing: {}", name, std::string(why.message()));
   }
   return readers.Read([&](const Transaction& reader) {
     std::vector<ChallengeConfig> usable = phases.challenges();
@@ -155,8 +156,8 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now
     for (const PhaseUse& use : *uses) {
       if (phases.ConfigOf(use.phase) != nullptr) continue;
       spdlog::info(
-          "phase \"{}\" has {} submissions and no file: it is closed, and its board is "
-          "shown in full",
+          "phase \"{}\" has {} submissions but no file: it is closed, and its board is shown in "
+          "full",
           use.phase, use.submissions);
     }
     return absl::OkStatus();
@@ -196,8 +197,9 @@ void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
   const std::string artefacts = data_dir + "/artefacts";
   const bool there = fs::exists(path, error) && fs::file_size(path, error) > 0;
   if (there || fs::is_empty(artefacts, error)) return;
-  spdlog::error("{} is not there, or empty, so an empty store is made, though {} has the files of "
-                "submissions; if it was lost, stop the daemon and restore it from a backup", path, artefacts);
+  spdlog::error("{} is missing or empty, so the daemon creates an empty store, although {} has "
+                "files of submissions; if the store was lost, stop the daemon and restore it "
+                "from a backup", path, artefacts);
 }
 
 absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
@@ -209,13 +211,14 @@ absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, boo
   if (copied && on_cluster && !adopt) {
     found.held_back = absl::StrCat(
         found.home.place, " is a copy of the data folder ", recorded->place,
-        ", which may still grade, so this daemon touches no job; if it takes that one's place, stop "
-        "it, run \"myograde serve --data ", data, " --adopt\" once, and start it again");
+        ", which may still be grading, so this daemon leaves all jobs alone; if it replaces that "
+        "daemon, stop it, run \"myograde serve --data ", data,
+        " --adopt\" once, and start it again");
     spdlog::error("{}", found.held_back);
     return found;
   }
   if (copied && !adopt) {
-    spdlog::warn("{} is a copy of the data folder {}, and a server of its own from now on",
+    spdlog::warn("{} is a copy of the data folder {} and now a separate server",
                  found.home.place, recorded->place);
   }
   if (!recorded.has_value() || copied || recorded->place != found.home.place) {
@@ -260,8 +263,8 @@ void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed) {
   const std::optional<IpAddress> own = wanted.empty() ? std::nullopt : OwnAddress();
   if (!own.has_value() || !IsRefused(*own)) return;
   spdlog::warn(
-      "this service may not send packets to other hosts (IPAddressDeny= of its unit), which {} of "
-      "server.json need: enable myograded-https.socket for listen, and for the rest copy network.conf "
+      "this service can't reach other hosts (IPAddressDeny= of its unit), which {} of server.json "
+      "need: enable myograded-https.socket for listen, and for the rest copy network.conf "
       "from /usr/share/myograde/systemd to /etc/systemd/system/myograded.service.d",
       absl::StrJoin(wanted, ", "));
 }

@@ -84,7 +84,7 @@ absl::Status CommandQueue::Call(std::function<void(Answer)> command, absl::Durat
     const MutexLock lock(mutex_);
     if (closed_) return Stopping();
     if (entries_.size() >= capacity_) {
-      return absl::ResourceExhaustedError("too many commands wait already; try again in a second");
+      return absl::ResourceExhaustedError("too many commands are waiting; try again in a second");
     }
     entries_.push_back({std::move(command), std::make_shared<std::promise<absl::Status>>()});
     answer = entries_.back().answer->get_future();
@@ -92,7 +92,7 @@ absl::Status CommandQueue::Call(std::function<void(Answer)> command, absl::Durat
   Wake();
   if (answer.wait_for(absl::ToChronoNanoseconds(timeout)) != std::future_status::ready) {
     return absl::DeadlineExceededError(
-        "the daemon did not get to it in time; ask for the status before you try again");
+        "the daemon was too busy to answer in time; check the status before you try again");
   }
   return answer.get();
 }

@@ -70,8 +70,8 @@ class Engine {
   // See EngineCore::Recover. Call before Run().
   absl::Status Recover() { return core_.Recover(); }
 
-  // Has the loop call `alive` on its thread about every `interval` for as long as it turns, so that somebody
-  // notices when it hangs. Before Run().
+  // Has the loop call `alive` on its thread about every `interval` while it runs, so that a hang is
+  // noticed. Call before Run().
   void SetHeartbeat(absl::Duration interval, std::function<void()> alive);
 
   // Runs the loop until Stop() was called, every runner is dead and every interrupted lease is
@@ -96,12 +96,12 @@ class Engine {
   // `effect` runs on the loop's thread once the change is written.
   absl::Status Change(StoreChange change, absl::Duration timeout,
                       std::function<absl::Status()> effect = nullptr);
-  // The same for a change that gives a value.
+  // The same for a change that returns a value.
   template <typename T>
   absl::StatusOr<T> Change(std::function<absl::StatusOr<T>(Transaction&)> change,
                            absl::Duration timeout,
                            std::function<absl::Status(const T&)> effect = nullptr);
-  // For a change that renames or merges teams, or adds members: gives whether there was any.
+  // For a change that renames or merges teams, or adds members: returns whether there was any.
   absl::StatusOr<bool> ChangeTeams(std::function<absl::StatusOr<bool>(Transaction&)> change,
                                    absl::Duration timeout);
   // See EngineCore::Cancel.
@@ -116,7 +116,7 @@ class Engine {
   // wait for it, and in the order of the acts. It must own what it touches.
   absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignDocument& sign,
                                                const std::string& who, absl::Duration timeout);
-  // Applies it, or drops it: the leases that still run of it are then killed.
+  // Applies it, or drops it, which kills its running leases.
   absl::StatusOr<RejudgeDone> EndRejudge(bool apply, const RejudgeAct& act,
                                          const SignDocument& sign, const std::string& who,
                                          absl::Duration timeout, AfterRejudge after = nullptr);
@@ -138,7 +138,7 @@ class Engine {
   Metrics& metrics() const { return core_.metrics(); }
   std::vector<NodeView> Nodes() const { return core_.executor().Nodes(); }
 
-  // A cluster's node gets no more leases, or proves itself and gets some again; the store remembers it.
+  // Gives a cluster's node no more leases, or some again once it passes its self-test; the store keeps it.
   // Errors of Executor::Drain and Admit, and of Change().
   absl::Status DrainNode(const std::string& node, const std::string& why, const std::string& who,
                          absl::Duration timeout);
@@ -165,7 +165,7 @@ template <typename T>
 absl::StatusOr<T> Engine::Change(std::function<absl::StatusOr<T>(Transaction&)> change,
                                  absl::Duration timeout,
                                  std::function<absl::Status(const T&)> effect) {
-  const auto value = std::make_shared<T>();  // the loop's, if its caller waits no more
+  const auto value = std::make_shared<T>();  // the loop's, if its caller no longer waits
   RETURN_IF_ERROR(Change(
       [change = std::move(change), value](Transaction& writer) -> absl::Status {
         ASSIGN_OR_RETURN(*value, change(writer));

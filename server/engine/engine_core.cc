@@ -114,7 +114,7 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
   }
   const MutexLock lock(mutex_);
   return absl::UnavailableError(
-      absl::StrCat("the store can't be written, nothing was changed: ", troubles_.store_trouble));
+      absl::StrCat("can't write the store; nothing was changed: ", troubles_.store_trouble));
 }
 
 // In one transaction, so that there is a single wait for the disk.
@@ -154,7 +154,7 @@ absl::Status EngineCore::RequireWritable() {
   if (journal_.empty()) return absl::OkStatus();
   const MutexLock lock(mutex_);
   return absl::UnavailableError(
-      absl::StrCat("the store can't be written, nothing was changed: ", troubles_.store_trouble));
+      absl::StrCat("can't write the store; nothing was changed: ", troubles_.store_trouble));
 }
 
 // A store that lost its file takes writes without an error, and a corrupt one most of them: look
@@ -196,10 +196,10 @@ void EngineCore::Escalate() {
       absl::FormatDuration(options_.config.scheduler.queue_wait);
   for (const int64_t id : late) {
     const LogScope scope({.evaluation = id});
-    spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that have not", id, waited);
+    spdlog::warn("evaluation {} has waited for {} and now goes first", id, waited);
     AddToJournal(id, [id, waited, who = owner_](Transaction& writer) {
       return writer.evaluations.Note(
-          id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
+          id, who, absl::StrCat("waited for ", waited, " and now goes first"));
     });
   }
 }

@@ -7,16 +7,16 @@
 // of a lease) can't be refused: they go through a journal that is written in order and retried
 // every second while the store can't be written; no lease starts meanwhile.
 //
-// What can't be read or written ends its evaluation alone; only a broken database file stops the
+// What can't be read or written ends only its own evaluation; only a broken database file stops the
 // engine (store/damage.h, server/daemon/README.md).
 //
 // A reclaimed lease (silent, over its time, wrong records, cancelled) has ended at that moment:
-// anything its runner says later is rejected. Its slot stays taken until the runner is dead and no
+// anything its runner sends later is rejected. Its slot stays taken until the runner is dead and no
 // process of the slot's sandboxes lives, even one that another daemon started.
 //
 // On other hosts (Executor::remote) a slot is a job. A lease begins when its job has a processor; one
-// whose node, job or way back was lost, or that is silent, is returned: it is played again, and counts
-// as no fault.
+// whose node, job or connection was lost, or that is silent, is returned: it is retried, and does not
+// count as a fault.
 #pragma once
 
 #include <poll.h>
@@ -144,7 +144,7 @@ struct QueueOutlook {
 // What is to be ended of a submission that is cancelled.
 struct CancelOrder {
   int64_t submission = 0;
-  bool reruns = false;  // its re-runs too, and not its original evaluation alone
+  bool reruns = false;  // its reruns too, not only its original evaluation
   // Also an evaluation whose first episode has not ended is charged, if a lease of it has begun.
   bool charge = false;
   std::string why;
@@ -208,10 +208,10 @@ class EngineCore {
 
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const;
-  // As of Scheduler::QueueOf.
+  // See Scheduler::QueueOf.
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
-  // By lease; of these leases alone if there is a set, so that its cost doesn't grow with all that
-  // run.
+  // By lease; only of these leases if there is a set, so that its cost doesn't grow with all running
+  // ones.
   std::map<int64_t, LiveLease> Running(const std::set<int64_t>* among = nullptr) const;
   LiveHealth Health() const;
   Metrics& metrics() const { return *options_.metrics; }
@@ -286,7 +286,7 @@ class EngineCore {
     journal_.push_back({evaluation, std::move(change)});
     journal_size_ = std::ssize(journal_);
   }
-  // Has webhooks told of an event; one that can't be is logged, as nothing else hangs on it.
+  // Queues an event for webhooks; a failure is only logged, as nothing depends on it.
   void TellLater(const std::string& event, const std::string& about_json);
   absl::Status RequireWritable();
   void WatchStore();
@@ -309,7 +309,7 @@ class EngineCore {
   // NotFoundError, InternalError: a runtime is no longer there.
   absl::StatusOr<LeaseOrder> OrderFor(const LeaseRun& run) const;
   static LogFields FieldsOf(const LeaseRun& run);
-  // Writes that the lease is to be played again.
+  // Writes that the lease is to be retried.
   void WriteReturn(const LeaseRun& run, bool fault, const std::string& why);
   void Listen(LeaseRun& run);
   // Of leases on other hosts.
@@ -327,8 +327,8 @@ class EngineCore {
   void ReapRunners();
   void OnRunnerEnd(LeaseRun& run);
   // `kind`: as Metrics::CountGraderFault has it.
-  // `permanent`: what the lease needs is not on this server, so no attempt can go otherwise, and its
-  // host is well.
+  // `permanent`: what the lease needs is not on this server, so every attempt would fail, and the
+  // host is not to blame.
   void Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent = false);
   void GiveUp(const Decision& decision, int64_t lease, const std::string& last,
               bool permanent = false);

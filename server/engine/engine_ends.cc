@@ -156,7 +156,7 @@ void EngineCore::ReopenSlots() {
 void EngineCore::OnRunnerEnd(LeaseRun& run) {
   const LogScope scope(FieldsOf(run));
   if (!run.report.end().has_value() && !run.report.faulty()) {
-    spdlog::error("lease {}: the runner wrote: {}", run.lease, run.runner->stderr_tail());
+    spdlog::error("lease {}: the runner printed: {}", run.lease, run.runner->stderr_tail());
   }
   run.report.Conclude(run.runner->wait_status(), run.runner->stderr_tail());
   if (run.report.faulty()) return Fault(run, kReportFault, run.report.fault());
@@ -336,7 +336,7 @@ absl::StatusOr<std::set<int64_t>> EngineCore::CancelEvaluations(const CancelOrde
   if (open.empty()) {
     return absl::FailedPreconditionError(
         absl::StrCat("submission ", order.submission, " has ended; there is nothing to cancel",
-                     order.reruns ? "" : ", and only organisers can end its re-runs"));
+                     order.reruns ? "" : ", and only organisers can end its reruns"));
   }
   std::set<int64_t> killed;
   for (const int64_t evaluation : open) killed.merge(Forget(evaluation));

@@ -77,11 +77,11 @@ std::optional<std::string> EngineCore::TestVerdict() {
   if (finished) test.report.Conclude(test.runner->wait_status(), test.runner->stderr_tail());
   if (test.report.faulty()) return test.report.fault();
   if (!finished && now < test.deadline) return std::nullopt;
-  if (!finished) return "it was not over in its time";
+  if (!finished) return "it did not end in time";
   const FaultEvidence& fault = test.facts->fault;
   if (fault.outcome == Outcome::kCrash && fault.value == kWaitStatus) return "";
-  return absl::StrCat("its policy ends at once with status ", kExitStatus,
-                      ", and the record says otherwise: ",
+  return absl::StrCat("its policy exits at once with status ", kExitStatus,
+                      ", but the record has: ",
                       fault.detail.empty() ? "no fault" : fault.detail);
 }
 
@@ -123,8 +123,8 @@ bool EngineCore::LookAtDisk() {
   const MutexLock lock(mutex_);
   // The number of bytes changes all the time.
   const bool was_short = !troubles_.disk_trouble.empty();
-  if (trouble.empty() && was_short) spdlog::info("the disk has its reserve again");
-  if (!trouble.empty() && !was_short) spdlog::error("no lease begins: {}", trouble);
+  if (trouble.empty() && was_short) spdlog::info("the disk has enough free space again");
+  if (!trouble.empty() && !was_short) spdlog::error("no lease can start: {}", trouble);
   troubles_.disk_trouble = std::move(trouble);
   return troubles_.disk_trouble.empty();
 }

@@ -77,10 +77,11 @@ void EngineCore::Preempt() {
       if (MayStart()) given = scheduler_.Preempt(clock_.Monotonic());
     }
     if (!given.has_value()) return;
-    spdlog::info("lease {} (evaluation {}) of a rejudge gives way to others", given->lease,
+    spdlog::info("lease {} (evaluation {}) of a rejudge is preempted", given->lease,
                  given->evaluation);
-    WriteReturn(running_.at(given->lease), /*fault=*/false, "it gave way to submissions that wait");
-    metrics().CountReturn("gave way");
+    WriteReturn(running_.at(given->lease), /*fault=*/false,
+                "it was preempted by waiting submissions");
+    metrics().CountReturn("preempted");
     ReclaimAs(given->lease, RunEnd::kReturned);
   }
 }
@@ -168,8 +169,8 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
                    const LogScope about(
                        {.evaluation = row.evaluation, .lease = row.lease, .attempt = row.attempt});
                    spdlog::warn(
-                       "evaluation {}, episode {}: played again with another result (policy not "
-                       "repeatable)",
+                       "evaluation {}, episode {}: repeated with a different result (the policy "
+                       "is not repeatable)",
                        row.evaluation, row.index);
                  }
                  return absl::OkStatus();
@@ -227,7 +228,7 @@ void EngineCore::FollowSite(LeaseRun& run) {
   run.began_at = absl::ToUnixMillis(clock_.Now());
   live.since = live.heard = now;
   scheduler_.Begun(run.lease, run.attempt, now);
-  spdlog::info("lease {} begins on node {}, job {}", run.lease, live.lease.site.node,
+  spdlog::info("lease {} starts on node {}, job {}", run.lease, live.lease.site.node,
                live.lease.site.job);
 }
 

@@ -165,7 +165,7 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
   const LogScope scope({.evaluation = evaluation,
                         .submission = context.submission.id,
                         .team = context.submission.team});
-  spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
+  spdlog::info("evaluation {}: {}, {} of {} episodes succeeded", evaluation,
                std::string(EvaluationStateName(result.state)), result.standing.ranked.successes,
                result.standing.ranked.episodes);
   return absl::OkStatus();

@@ -32,7 +32,7 @@ absl::Status CheckListed(const NewRejudge& rejudge,
     return absl::InvalidArgumentError(
         absl::StrCat("submission ", submission, " can't get further episodes: it is not ranked, has "
                      "no result under config ", rejudge.from_config.substr(0, 12),
-                     ", or is of another board"));
+                     ", or is on another board"));
   }
   return absl::OkStatus();
 }
@@ -73,21 +73,21 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
   if (rejudge.why.empty()) return absl::InvalidArgumentError("a rejudge needs a reason");
   if (rejudge.repeats < 1 || rejudge.repeats > kMostRepeats) {
     return absl::InvalidArgumentError(absl::StrCat("a rejudge has 1 to ", kMostRepeats,
-                                                   " repetitions, not ", rejudge.repeats));
+                                                   " repeats, not ", rejudge.repeats));
   }
   if (rules != rejudge.submissions.empty()) {
     return absl::InvalidArgumentError(
-        rules ? "a change of rules is for all submissions of the board; don't list some"
-              : "which submissions get further episodes? List at least one");
+        rules ? "a change of rules covers all submissions of the board; don't list some"
+              : "list at least one submission for further episodes");
   }
   if (facts && (rejudge.repeats > 1 || !rules)) {
     return absl::InvalidArgumentError(
-        "repetitions and further episodes have to be played; stored facts don't give them");
+        "repeats and further episodes have to be played; stored facts are not enough");
   }
   if (facts && !HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json)) {
     return absl::InvalidArgumentError(
-        "stored facts don't give these results: the configs differ in more than \"scoring\"; leave "
-        "the method to \"auto\", or say \"play\"");
+        "stored facts are not enough: the configs differ in more than \"scoring\"; leave the "
+        "method at \"auto\", or choose \"play\"");
   }
   for (const auto& [hash, json] : {std::pair(&rejudge.from_config, &rejudge.from_config_json),
                                    std::pair(&rejudge.to_config, &rejudge.to_config_json),

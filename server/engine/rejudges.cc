@@ -66,7 +66,7 @@ void Rejudger::Loop() {
   std::string trouble;
   do {
     const std::string now = std::string(LookForWork().message());
-    if (!now.empty() && now != trouble) spdlog::warn("rejudges can't go on yet: {}", now);
+    if (!now.empty() && now != trouble) spdlog::warn("rejudges can't continue yet: {}", now);
     trouble = now;
   } while (!WaitForStop(stop_, options_.every));
 }
@@ -89,7 +89,7 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
       absl::StatusOr<Work> work = WorkOf(reader, rejudge);
       if (MayPass(work.status()) || IsBrokenStore(work.status())) return work.status();
       if (!work.ok()) {
-        spdlog::error("rejudge {} can't go on: {}", id, std::string(work.status().message()));
+        spdlog::error("rejudge {} can't continue: {}", id, std::string(work.status().message()));
       } else if (!work->missing.empty()) {
         open.push_back(*std::move(work));
       }
@@ -169,7 +169,7 @@ absl::Status Rejudger::Write(Batch batch) {
       engine_.AddRejudgeItems(std::move(batch.judged), std::move(batch.to_play), kWrite));
   for (const absl::Status& status : statuses) {
     // One that was dropped meanwhile takes no more items.
-    if (!status.ok()) spdlog::warn("an item is not added: {}", std::string(status.message()));
+    if (!status.ok()) spdlog::warn("can't add an item: {}", std::string(status.message()));
   }
   return absl::OkStatus();
 }

@@ -22,7 +22,7 @@ namespace myograde::server {
 struct RejudgerOptions {
   std::string data_dir;
   std::function<nlohmann::json()> grader;          // this host's build (GraderBuild)
-  absl::Duration every = absl::Milliseconds(250);  // between looks for something new
+  absl::Duration every = absl::Milliseconds(250);  // between checks for something new
 };
 
 class Rejudger {
@@ -61,8 +61,8 @@ class Rejudger {
   Engine& engine_;
   ReaderPool& readers_;
   StoredContent content_;
-  int64_t seen_ = -1;  // BoardState::last() before the last look that left nothing to do
-  std::stop_token stop_;  // of the thread alone
+  int64_t seen_ = -1;  // BoardState::last() before the last check that left nothing to do
+  std::stop_token stop_;  // only of the thread
   std::jthread thread_;
 };
 

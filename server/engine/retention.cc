@@ -54,10 +54,11 @@ std::vector<KeptFile> ChooseRemovals(std::vector<KeptFile> files, absl::Duration
     const absl::Duration unused = absl::Milliseconds(now_ms - file.last_use);
     if (unused > age && may_age_out > 0) {
       --may_age_out;
-      file.why = absl::StrCat("of no use for ", absl::ToInt64Hours(unused) / 24, " days, kept for ",
+      file.why = absl::StrCat("unused for ", absl::ToInt64Hours(unused) / 24,
+                              " days; the limit is ",
                               absl::ToInt64Hours(age) / 24);
     } else if (sum > bytes) {
-      file.why = absl::StrCat("all together had ", sum, " bytes, ", bytes, " are kept");
+      file.why = absl::StrCat("all of them had ", sum, " bytes; the limit is ", bytes);
     } else {
       continue;
     }
@@ -72,8 +73,8 @@ TrustedTime::TrustedTime(std::optional<absl::Time> before, const Clock& clock)
       began_(clock.Monotonic()),
       at_began_(before ? std::min(clock.Now(), *before + kLongestPause) : clock.Now()) {
   if (!before.has_value() || clock.Now() <= *before + kLongestPause) return;
-  spdlog::warn("the clock is {} days ahead of when this store was last in use; if it is wrong, set it. For the "
-               "next {} days of running, retention counts ages from {}",
+  spdlog::warn("the clock is {} days ahead of this store's last use; if it is wrong, set it. For "
+               "the next {} days of running, retention counts ages from {}",
                absl::ToInt64Hours(clock.Now() - *before) / 24, absl::ToInt64Hours(kDoubt) / 24,
                absl::FormatTime("%Y-%m-%d", at_began_, absl::UTCTimeZone()));
 }
@@ -133,8 +134,8 @@ void Retention::MakeRoom() {
       ChooseRemovals(std::move(logs), absl::InfiniteDuration(), std::max<int64_t>(sum - wanted, 0),
                      absl::ToUnixMillis(clock_.Now()));
   for (KeptFile& choice : choices) {
-    choice.why = absl::StrCat("the disk had ", disk->free, " bytes free, and ", disk_reserve_,
-                              " are its reserve");
+    choice.why = absl::StrCat("the disk had ", disk->free, " bytes free; its reserve is ",
+                              disk_reserve_);
   }
   Remove(kPracticeLogKind, choices);
 }
@@ -150,7 +151,7 @@ void Retention::Write(const char* what, const std::function<void(Transaction&)>&
 }
 
 void Retention::NoteTime() {
-  Write("the time of the store's use", [now = absl::ToUnixMillis(time_.Now())](
+  Write("the time of the store's last use", [now = absl::ToUnixMillis(time_.Now())](
                                            Transaction& writer) { writer.SetTrustedTime(now); });
 }
 
@@ -181,7 +182,7 @@ void Retention::Sweep() {
   }
   look("artefact", Artefacts(), limits_.artefact_age, limits_.artefact_bytes);
   const int64_t freed = SweepPool(SharedFolder(data_dir_));
-  if (freed > 0) spdlog::info("{} bytes that images had shared are removed", freed);
+  if (freed > 0) spdlog::info("removed {} bytes that images had shared", freed);
   absl::StatusOr<std::vector<KeptFile>> logs = Logs();  // `needed` is unset
   // Which logs are needed is in every episode's row, so don't ask while there is room for all.
   if (!ChooseRemovals(*logs, limits_.log_age, limits_.log_bytes, now).empty()) {
@@ -286,7 +287,7 @@ void Retention::Remove(const std::string& kind, const std::vector<KeptFile>& fil
     fs::remove_all(to, error);
     if (!*removed) continue;
     engine_.metrics().CountRemoved(kind == kPracticeLogKind ? "log" : kind, file.bytes);
-    spdlog::info("{} {} is removed: {}", kind, file.name, file.why);
+    spdlog::info("removed {} {}: {}", kind, file.name, file.why);
   }
 }
 

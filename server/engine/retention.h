@@ -36,8 +36,8 @@ std::vector<KeptFile> ChooseRemovals(std::vector<KeptFile> files, absl::Duration
                                    int64_t now_ms);
 
 // What ages are counted to. A clock that is ahead of what the daemon trusted last by more than
-// kLongestPause may be wrong, so time goes on from there, by the monotonic clock. A jump of the calendar
-// later on changes nothing either. After kDoubt of running somebody would have set a wrong clock.
+// kLongestPause may be wrong, so time continues from there, by the monotonic clock. A later jump of the
+// system clock changes nothing either. After kDoubt of running somebody would have set a wrong clock.
 class TrustedTime {
  public:
   static constexpr absl::Duration kLongestPause = absl::Hours(48);
@@ -91,7 +91,7 @@ class Retention {
   const Clock& clock_;
   const TrustedTime time_;
 
-  std::stop_token stop_;  // of the thread alone
+  std::stop_token stop_;  // only of the thread
   std::jthread thread_;
 };
 

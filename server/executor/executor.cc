@@ -30,7 +30,7 @@ absl::Status Executor::MakeWorkDir(const std::string& path) {
   std::error_code error;
   fs::remove_all(path, error);
   if (!fs::create_directory(path, error)) {
-    return absl::UnavailableError(absl::StrCat(path, ": can't be made: ", error.message()));
+    return absl::UnavailableError(absl::StrCat(path, ": can't be created: ", error.message()));
   }
   fs::permissions(path, fs::perms::owner_all, error);
   return absl::OkStatus();

@@ -53,7 +53,7 @@ std::optional<Json> AggregateOf(const StandingRow& row, std::vector<Damage>& dam
   Json aggregate = Json::parse(row.standing.aggregate_json, nullptr, /*allow_exceptions=*/false);
   if (aggregate.is_object()) return aggregate;
   damaged.push_back({"standing", absl::StrCat(row.evaluation),
-                     "its aggregate is no JSON object; the boards can be rebuilt"});
+                     "its aggregate is not a JSON object; rebuild the boards"});
   return std::nullopt;
 }
 
@@ -151,7 +151,7 @@ std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, con
   if (team == TeamRule::kChosen && !row->chosen) return "its team has not chosen it";
   for (const LeaderboardRow& other : board.rows) {
     if (other.source.team == row->team && other.ranked.rank != 0) {
-      return absl::StrCat("its team stands with submission ", other.source.submission);
+      return absl::StrCat("its team's entry is submission ", other.source.submission);
     }
   }
   return "it does not reach what this board asks for";

@@ -59,8 +59,9 @@ absl::StatusOr<TrackPtr> StoredTrack(const Transaction& reader, const std::strin
 absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
   ASSIGN_OR_RETURN(std::vector<std::string> names, ListTracks(dir));
   if (names.empty()) {
-    return absl::NotFoundError(absl::StrCat(dir, ": holds no track config; give --configs the "
-                                            "folder that has tracks/ in it"));
+    return absl::NotFoundError(absl::StrCat(dir,
+                                            ": has no track configs; give --configs a folder with "
+                                            "tracks/"));
   }
   std::map<std::string, Entry> named;
   for (const std::string& name : names) {

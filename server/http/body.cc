@@ -27,7 +27,7 @@ absl::Status WriteToDisk(int fd, std::string_view bytes) {
 
 absl::StatusOr<Fd> NewFile(const std::string& path) {
   Fd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-  if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
+  if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be created"));
   return fd;
 }
 
@@ -46,7 +46,7 @@ std::optional<ApiError> Spool::Reserve(PeerLoad& peer, int64_t bytes) {
   }
   if (bytes > total_ - taken_) {
     return ApiError{429, "too_many",
-                    "the server is receiving as much as it can keep; try again in some minutes"};
+                    "the server is receiving as much as it can store; try again in a few minutes"};
   }
   peer.spooled += bytes;
   taken_ += bytes;
@@ -64,11 +64,12 @@ std::optional<ApiError> Spool::CheckDisk(int64_t bytes) const {
   const std::filesystem::space_info disk = std::filesystem::space(folder_, error);
   if (error) {
     return ApiError{503, "store",
-                    "the server's folder for uploads can't be looked at; tell the organiser"};
+                    "the server's folder for uploads can't be examined; tell the organisers"};
   }
   if (static_cast<int64_t>(disk.available) - bytes >= disk_reserve_) return std::nullopt;
   return ApiError{503, "store",
-                  "the server's disk is too full for this; try again later, or tell the organiser"};
+                  "the server's disk is too full for this; try again later, or tell the "
+                  "organisers"};
 }
 
 std::string Spool::NewPath() { return absl::StrCat(folder_, "/body-", ++names_); }
@@ -93,7 +94,7 @@ absl::Status Body::MoveTo(const std::string& path) {
     return written;
   }
   if (::rename(path_.c_str(), path.c_str()) != 0) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
+    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be created"));
   }
   path_.clear();
   Drop();

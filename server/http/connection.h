@@ -31,7 +31,7 @@ class HttpServer;
 struct TlsContext;
 
 inline const ApiError kStoppingError = {503, "stopping",
-                                        "the daemon is about to stop; nothing was changed"};
+                                        "the daemon is stopping; nothing was changed"};
 
 // For the thread of its executor; what a worker may touch is said.
 class Connection {

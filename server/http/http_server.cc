@@ -254,7 +254,8 @@ void HttpServer::Serve(Connection& connection, Response& response) {
     router_.Serve(*connection.head, response);
   } catch (const std::exception& error) {
     spdlog::warn("{} failed: {}", connection.head->path, error.what());
-    response.SetError({500, "internal", "the server failed; its log says why, for the organisers"});
+    response.SetError({500, "internal",
+                       "the server failed; its log has the reason, for the organisers"});
   }
   current = {};
 }

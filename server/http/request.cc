@@ -154,7 +154,8 @@ Refusal ReadMeaning(bool old_version, Request& request) {
   }
   for (const std::string& value : ValuesOf(request, "content-encoding")) {
     if (Lower(value) == "identity") continue;
-    return ApiError{415, "bad_type", "a body is taken as it is: send it without Content-Encoding"};
+    return ApiError{415, "bad_type", "encoded bodies are not supported; send it without "
+                                     "Content-Encoding"};
   }
   return std::nullopt;
 }
@@ -295,7 +296,8 @@ void RequestParser::ScanHead(std::string_view bytes) {
     if (c == '\n' && (scanned_ == 1 || (scanned_ > 1 && bytes[scanned_ - 2] == '\n'))) return;
     const bool after_return = scanned_ > 0 && bytes[scanned_ - 1] == '\r';
     if ((c == '\n') != after_return) {
-      error_ = Bad("every line of a request's head ends in CR and LF, and neither stands elsewhere");
+      error_ = Bad("every line of a request's head must end in CR LF, and neither may occur "
+                   "elsewhere");
     } else if ((static_cast<unsigned char>(c) < ' ' && c != '\r' && c != '\n' && c != '\t') || c == 0x7f) {
       error_ = Bad("a request's head has no control characters");
     } else if ((c == ' ' || c == '\t') && scanned_ > 0 && bytes[scanned_ - 1] == '\n') {

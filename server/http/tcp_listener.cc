@@ -153,7 +153,8 @@ absl::StatusOr<Key> ReadKey(const std::string& path) {
   if (key != nullptr) return key;
   const std::string reason = TlsReason();
   if (asked)
-    return WrongFile(path, "the key has a passphrase, and nobody could type it; store it without");
+    return WrongFile(path, "the key has a passphrase, which nobody can enter here; store it "
+                           "without one");
   return WrongFile(path, absl::StrCat("holds no private key in PEM (", reason, ")"));
 }
 

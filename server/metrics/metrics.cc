@@ -30,7 +30,7 @@ constexpr std::array<std::string_view, 6> kDenials = {
     "role", "another team's", "too many requests", "wrong token", "expired token", "revoked token"};
 
 // Why leases are taken back; anything else counts as "other".
-constexpr std::array<std::string_view, 6> kReturns = {"lost", "silent", "not begun", "gave way",
+constexpr std::array<std::string_view, 6> kReturns = {"lost", "silent", "not begun", "preempted",
                                                       "stop", "disk"};
 
 std::string Text(std::string_view view) { return std::string(view); }

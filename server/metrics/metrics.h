@@ -37,8 +37,8 @@ class Metrics {
   // A lease failed by the grader's fault: "start", "report" or "overdue".
   void CountGraderFault(const std::string& kind);
   // A lease was taken back though nobody failed, and is played again. `why`: "lost" (its node, its
-  // job or the way back), "silent", "not begun" (the same before it had a processor), "gave way" (to
-  // others), "stop" (of the daemon), "disk" (a fault while it lacks room).
+  // job or the way back), "silent", "not begun" (the same before it had a processor),
+  // "preempted", "stop" (of the daemon), "disk" (a fault while it lacks room).
   void CountReturn(std::string_view why);
   // What an attempt used, once it has ended: CPU time in s and energy in J; not positive: not known.
   void CountUse(const std::string& track, double cpu_s, double energy_j);

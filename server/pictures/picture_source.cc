@@ -63,7 +63,7 @@ absl::Status MakeEmptyFolder(const std::string& path) {
   if (!error) fs::create_directories(path, error);
   if (!error) fs::permissions(path, fs::perms::owner_all, error);
   if (!error) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat(path, ": can't be made: ", error.message()));
+  return absl::InternalError(absl::StrCat(path, ": can't be created: ", error.message()));
 }
 
 // A file that one of the grader's programs has written.

@@ -168,7 +168,7 @@ void Pictures::NoteFailure(const PictureKey& key, const absl::Status& why) {
   } else if (absl::IsDataLoss(why)) {
     failure.why = text;
   } else {
-    spdlog::warn("{} {} can't be made: {}", kKindNames[static_cast<size_t>(key.kind)], key.of,
+    spdlog::warn("can't make {} {}: {}", kKindNames[static_cast<size_t>(key.kind)], key.of,
                  text);
     failure.why = "it could not be made, by a fault of this server; its log says why, for the organisers";
   }

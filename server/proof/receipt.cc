@@ -85,7 +85,8 @@ absl::StatusOr<Json> ParseReceipt(std::string_view text) {
   absl::StatusOr<Json> json = ParseJson(text, "receipt");
   if (!json.ok()) return absl::DataLossError(json.status().message());
   if (!HasShape(*json)) {
-    return absl::DataLossError("this is not a receipt, or one of a format that is not known here");
+    return absl::DataLossError("this is not a receipt, or one of a format that is not known to "
+                               "this program");
   }
   if (CanonicalJson(*json) + "\n" != text) {
     return absl::DataLossError("the receipt was altered: it is not in its canonical form");

@@ -76,7 +76,7 @@ class Run {
     std::error_code error;
     if (!std::filesystem::create_directory(lease.work_dir, error)) {
       return absl::InternalError(
-          absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
+          absl::StrCat(lease.work_dir, ": can't be created: ", error.message()));
     }
     absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(lease);
     if (!runner.ok()) return absl::InternalError(runner.status().message());
@@ -116,7 +116,7 @@ class Run {
     if (finished) report.Conclude(slot->runner->wait_status(), slot->runner->stderr_tail());
     if (report.faulty()) {
       return absl::InternalError(
-          absl::StrCat("the replay failed by a fault of the grader: ", report.fault()));
+          absl::StrCat("the replay failed because of a fault of the grader: ", report.fault()));
     }
     if (!finished) return absl::OkStatus();
     slot.reset();

@@ -249,7 +249,7 @@ absl::Status LeaseRunner::SendLog() {
 absl::Status LeaseRunner::KeepTrajectory(const nlohmann::json& json) {
   const auto bytes = json.find("bytes");
   if (context_.trajectory == nullptr || bytes == json.end() || !bytes->is_number_integer()) {
-    return absl::InternalError("the simulator reported a trajectory that nobody asked for");
+    return absl::InternalError("the simulator reported a trajectory that was not requested");
   }
   return context_.trajectory->Keep(bytes->get<int64_t>());
 }
@@ -411,7 +411,7 @@ absl::Status LeaseRunner::Print(std::string line) {
     if (n > 0) {
       written += static_cast<size_t>(n);
     } else if (errno != EINTR && errno != EAGAIN) {
-      return absl::CancelledError("nobody reads the lease's records now");
+      return absl::CancelledError("nobody reads the lease's records any longer");
     }
     if (deadline.over()) return absl::CancelledError("the lease's records are not read");
   }

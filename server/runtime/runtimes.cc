@@ -53,7 +53,7 @@ absl::StatusOr<Runtime> Configured(const std::string& name, const std::string& f
   if (!fs::is_directory(folder, error)) {
     return absl::InternalError(absl::StrCat("the runtime \"", name, "\" has no folder ", folder,
                                             "; ", SetUpAdvice(),
-                                            ", or mend runtimes in server.json"));
+                                            ", or fix runtimes in server.json"));
   }
   const std::string version = VersionFolder(folder);
   absl::StatusOr<Runtime> runtime = ReadRuntime(version);

@@ -39,7 +39,7 @@ std::string Trouble(const ChildEnd& end) {
   if (!end.in_time && end.exit_code < 0 && end.output.empty()) return "no answer in time";
   // The cause, and what it led to.
   const std::string words = LastWords(end.output);
-  if (!end.in_time) return absl::StrCat("no answer in time; last words: ", words);
+  if (!end.in_time) return absl::StrCat("no answer in time; last output: ", words);
   return words.empty() ? absl::StrCat("exit status ", end.exit_code) : words;
 }
 
@@ -64,9 +64,9 @@ Check CheckUserNamespaces(const DoctorOptions& options) {
   const std::string who = uid >= 0 ? absl::StrCat("uid ", uid) : "this user";
   if (end.exit_code == 0) return Fine("user_namespaces", absl::StrCat("work for ", who));
   return Missing(
-      "user_namespaces", end.exit_code == 1 ? absl::StrCat(who, " may make none") : Trouble(end),
+      "user_namespaces", end.exit_code == 1 ? absl::StrCat(who, " may create none") : Trouble(end),
       "no sandbox can be built, so nothing can be graded",
-      "allow them with sysctl: user.max_user_namespaces above 0, and where they exist "
+      "allow them with sysctl: user.max_user_namespaces above 0, and where present "
       "kernel.unprivileged_userns_clone=1 and kernel.apparmor_restrict_unprivileged_userns=0; "
       "in a container, start it privileged");
 }
@@ -85,9 +85,9 @@ Check CheckSlotUsers(const DoctorOptions& options) {
   if (geteuid() != 0) {
     return Poorer(
         name, absl::StrCat("runs as the ordinary user with uid ", geteuid()),
-        "all sandboxes have this user's own uid, so only namespaces keep leases apart from each "
-        "other and from the user's files; policies' limits rest on rlimits where control groups "
-        "are not delegated",
+        "all sandboxes run with this user's uid, so only namespaces separate leases from each "
+        "other and from the user's files; without delegated control groups, policies are limited "
+        "only by rlimits",
         "start the daemon as root: each slot then gets an unprivileged uid of its own");
   }
   for (int slot = 0; slot < options.slots; ++slot) {
@@ -96,7 +96,7 @@ Check CheckSlotUsers(const DoctorOptions& options) {
     if (user == nullptr) continue;
     return Poorer(name, absl::StrCat("uid ", uid, " of slot ", slot, " belongs to ", user->pw_name),
                   "a policy that got out of its namespaces would own that user's files",
-                  "set uid_base in server.json to a range that nobody has");
+                  "set uid_base in server.json to an unused range");
   }
   return Fine(name, absl::StrCat("uid ", options.uid_base, " to ",
                                  options.uid_base + options.slots - 1, ", one for each slot"));
@@ -113,21 +113,21 @@ void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks
         there ? Fine(name, absl::StrCat("control groups version ", got.version))
               : Poorer(name,
                        got.version == 0
-                           ? "no control group can be made"
-                           : absl::StrCat("not with control groups version ", got.version),
+                           ? "can't create a control group"
+                           : absl::StrCat("not available with control groups version ",
+                                          got.version),
                        costs,
                        "run as root, or as a service whose control groups systemd delegates "
                        "(Delegate=yes)"));
   };
   check("cgroup_memory", got.memory,
-        "each process has the memory limit by itself instead of all together; running out shows as "
-        "crash, and peak memory is not reported");
+        "the memory limit applies to each process, not to all together; exceeding it is reported "
+        "as a crash, and peak memory is not reported");
   check("cgroup_pids", got.pids,
-        "processes are limited by RLIMIT_NPROC; reaching the limit shows as crash");
+        "processes are limited by RLIMIT_NPROC; reaching the limit is reported as a crash");
   check("cgroup_cpu", got.cpu, "a policy may use all processors, at the expense of other leases");
   check("cgroup_cpuacct", got.cpu_account,
-        "CPU time is added up over the processes of a sandbox, which misses some of those that "
-        "ended unseen");
+        "CPU time is summed over the processes of a sandbox, which misses some short-lived ones");
 }
 
 // Loads the policy's filter into this process permanently. OK: it denies what it should.
@@ -154,8 +154,7 @@ Check CheckSeccomp(const DoctorOptions& options) {
   if (end.exit_code == 0) return Fine("seccomp", "the policy's filter loads and denies");
   return Missing(
       "seccomp", Trouble(end), "no sandbox can be built",
-      "use a kernel with CONFIG_SECCOMP_FILTER and the sandbox/policy.json that MyoGrade "
-      "came with");
+      "use a kernel with CONFIG_SECCOMP_FILTER, and the sandbox/policy.json shipped with MyoGrade");
 }
 
 // Both sandboxes of a lease, as values.
@@ -247,7 +246,7 @@ Check TrySandbox(const char* name, const DoctorOptions& options, const char* goo
                  const std::function<absl::Status(const Sandboxes&)>& play) {
   if (!options.track.has_value()) {
     return Missing(name, "can't be tried without a track's budgets", "nothing can be graded",
-                   "mend the configs first");
+                   "fix the configs first");
   }
   const ChildEnd end = InSandboxChild(options, play);
   return end.exit_code == 0 ? Fine(name, good) : Missing(name, Trouble(end), costs, todo);
@@ -257,8 +256,8 @@ Check CheckPolicySandbox(const DoctorOptions& options) {
   return TrySandbox(
       "policy_sandbox", options, "starts, and LCM's multicast works in its own network",
       "no policy can be started, so nothing can be graded",
-      "mend what is missing above first; in a plain chroot or an unprivileged container "
-      "no sandbox can start",
+      "fix what is missing above first; no sandbox can start in a plain chroot or an unprivileged "
+      "container",
       [](const Sandboxes& sandboxes) {
         SandboxSpec spec = sandboxes.policy;
         // Skip the bridge, which waits for a simulator.
@@ -272,7 +271,7 @@ Check CheckSimulatorSandbox(const DoctorOptions& options) {
   return TrySandbox("simulator_sandbox", options,
                     "starts; the simulator finds its libraries and sets its filter",
                     "no episode can be simulated, so nothing can be graded",
-                    "mend what is missing elsewhere in this list first",
+                    "fix what is missing elsewhere in this list first",
                     [](const Sandboxes& sandboxes) {
                       SandboxSpec spec = sandboxes.simulator;
                       // Loads its libraries, sets its own filter and exits.
@@ -335,7 +334,7 @@ std::vector<Check> ExamineHost(const DoctorOptions& options) {
 
 absl::StatusOr<nlohmann::json> DescribeSandboxes(const DoctorOptions& options) {
   if (!options.track.has_value()) {
-    return absl::InternalError("a sandbox needs a track's budgets, and no track can be read");
+    return absl::InternalError("a sandbox needs a track's budgets, but no track can be read");
   }
   const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
     const std::string text = Describe(sandboxes).dump();
@@ -344,7 +343,7 @@ absl::StatusOr<nlohmann::json> DescribeSandboxes(const DoctorOptions& options) {
   });
   nlohmann::json json = nlohmann::json::parse(end.output, nullptr, false);
   if (end.exit_code == 0 && json.is_object()) return json;
-  return absl::InternalError(absl::StrCat("no sandbox can be made here: ", Trouble(end)));
+  return absl::InternalError(absl::StrCat("can't build a sandbox here: ", Trouble(end)));
 }
 
 }  // namespace myograde::server

@@ -33,7 +33,9 @@ constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
 // Compiling both models takes seconds, longer on a busy host.
 constexpr absl::Duration kCompileTime = absl::Seconds(300);
 
-std::string HowToSetUp() { return SetUpAdvice() + ", or name the folder that it filled with --cache"; }
+std::string HowToSetUp() {
+  return SetUpAdvice() + ", or pass the folder that it filled as --cache";
+}
 
 std::string FirstLine(const std::string& path) {
   const std::string text = ReadKernelFile(path);
@@ -86,7 +88,7 @@ Check CheckProcessor() {
                                          sysconf(_SC_NPROCESSORS_ONLN), " processors");
   if (absl::StrContains(flags, " avx ")) return Fine("processor", found);
   return Missing("processor", found + ", without AVX", "the upstream build of MuJoCo can't run",
-                 "take an x86-64 processor with AVX, or build with -DMYOGRADE_MUJOCO=system");
+                 "use an x86-64 processor with AVX, or build with -DMYOGRADE_MUJOCO=system");
 }
 
 Check CheckCores(const DoctorOptions& options) {
@@ -139,8 +141,8 @@ Check CheckMemory(const DoctorOptions& options) {
   return Poorer(
       "memory", found,
       absl::StrCat(options.slots, " policies that use their whole budget of ", GiB(policy),
-                   " at once don't fit; the kernel may then stop one below its limit, and the "
-                   "participant hears of a crash"),
+                   " at once don't fit; the kernel may then kill one below its limit, which the "
+                   "participant sees as a crash"),
       "lower slots in server.json, or memory_bytes in the tracks' budgets");
 }
 
@@ -159,14 +161,14 @@ Check CheckDisk(const char* name, const std::string& folder, double wanted, bool
   if (statvfs(path.c_str(), &space) != 0 || (written && access(path.c_str(), W_OK | X_OK) != 0)) {
     return Missing(
         name, absl::StrCat(folder, ": ", std::strerror(errno)),
-        written ? "no daemon can be started by this user" : "nothing can be installed there",
+        written ? "this user can't start a daemon" : "nothing can be installed there",
         "choose a folder that this user may write to");
   }
   const double free = static_cast<double>(space.f_bavail) * static_cast<double>(space.f_frsize);
   const std::string found = absl::StrCat(GiB(free), " free in ", path.string(),
                                          path == folder ? "" : absl::StrCat(" (for ", folder, ")"));
   if (free < reserve) {
-    return Missing(name, found, "uploads are refused, and no lease begins",
+    return Missing(name, found, "uploads are refused, and no lease can start",
                    absl::StrCat("make ", GiB(std::max(wanted, reserve)),
                                 " free (disk_reserve_bytes is ", GiB(reserve), ")"));
   }
@@ -196,15 +198,15 @@ Check CheckRuntime(const DoctorOptions& options, const std::string& name,
   if (access(folder.c_str(), R_OK | X_OK) != 0) {
     return Poorer(check, absl::StrCat(folder, ": ", std::strerror(errno)),
                   "submissions that ask for this runtime are refused",
-                  SetUpAdvice() + ", or mend runtimes in server.json");
+                  SetUpAdvice() + ", or fix runtimes in server.json");
   }
   const absl::Status same =
       options.check_runtime == nullptr ? absl::OkStatus() : options.check_runtime(name);
   if (same.ok()) return Fine(check, folder);
   return Poorer(
       check, std::string(same.message()),
-      "policies with this runtime are played with something else than their receipts say",
-      absl::StrCat("make it anew: myograde runtime add ", name, " REQUIREMENTS --replace"));
+      "policies with this runtime run with other packages than their receipts state",
+      absl::StrCat("build it again: myograde runtime add ", name, " REQUIREMENTS --replace"));
 }
 
 Check CheckSystem() {
@@ -235,7 +237,7 @@ Check CheckPrograms(const DoctorOptions& options) {
       absl::StrAppend(&absent, absent.empty() ? "" : ", ", program);
     }
   }
-  if (absent.empty()) return Fine("programs", "all beside each other in " + options.bin_dir);
+  if (absent.empty()) return Fine("programs", "all in " + options.bin_dir);
   return Missing("programs", absl::StrCat("not in ", options.bin_dir, ": ", absent),
                  "nothing can be graded",
                  absl::StrCat(IsInstalled(options.bin_dir + "/myograded")
@@ -259,8 +261,8 @@ Check CheckPictures() {
       absl::StrCat("libOSMesa.so.8 is missing", encoder.ok() ? "" : ", and so is ffmpeg");
   return Poorer(
       "pictures", draws ? "ffmpeg is missing" : no_library,
-      draws ? "render draws pictures, and makes no films"
-            : "render and the pages draw no pictures of episodes; grading needs none",
+      draws ? "render draws pictures but no films"
+            : "neither render nor the pages draw pictures of episodes; grading needs none",
       "apt-get install" + install);
 }
 
@@ -299,8 +301,8 @@ Check CheckModels(const DoctorOptions& options) {
   }
   const std::string found = "every source file has its SHA-256, and both tracks' models compile";
   if (CompiledModels(options.cache_dir) >= 2) return Fine(name, found);
-  return Poorer(name, absl::StrCat(found, "; none is kept compiled in ", options.cache_dir),
-                "each lease compiles its model anew, about a second each",
+  return Poorer(name, absl::StrCat(found, "; none is compiled in ", options.cache_dir),
+                "each lease compiles its model, which takes about a second",
                 absl::StrCat("myograde-sim --compile-models ", options.cache_dir));
 }
 

@@ -210,9 +210,9 @@ std::optional<absl::Duration> MeasureMessages() {
 Check JudgeMessages(std::optional<absl::Duration> there_and_back, const std::string& mitigations) {
   const char name[] = "messages";
   if (!there_and_back.has_value()) {
-    return Poorer(name, "no two processes could be made to measure it",
-                  "how fast steps are graded is not known",
-                  "make room for one more process of this user");
+    return Poorer(name, "could not start two processes to measure it",
+                  "the speed of steps is unknown",
+                  "allow this user one more process");
   }
   const double us = absl::ToDoubleMicroseconds(*there_and_back);
   const std::string found = absl::StrFormat(
@@ -236,7 +236,7 @@ int ProbeBus() {
   one->Send(kChannel, {});
   const std::optional<Datagram> heard = ParseDatagram(other->Await());
   if (heard && heard->channel == kChannel) return 0;
-  return BusComplaint("a datagram did not come through in 2 s");
+  return BusComplaint("a datagram did not arrive within 2 s");
 }
 
 Check JudgeSocketMemory(const SocketMemory& memory) {
@@ -248,13 +248,13 @@ Check JudgeSocketMemory(const SocketMemory& memory) {
       "policies on ", Counted(memory.slots, "slot"), " can fill ", MiB(udp),
       " of the ", MiB(memory.udp_total), " that all UDP sockets of the host may hold",
       memory.bounded ? absl::StrCat(", and ", MiB(tcp), " of ", MiB(memory.tcp_total), " of TCP's")
-                     : "; of TCP's memory without a bound");
+                     : "; their TCP memory has no bound");
   const char costs[] =
-      "hostile policies together can fill memory that the whole host shares: messages of other "
-      "leases get lost, and their episodes are played again";
+      "hostile policies can together fill memory that the whole host shares: messages of other "
+      "leases get lost, and those leases are retried";
   if (!memory.bounded) {
     return Poorer(name, found, costs,
-                  "let this user write /proc/sys/net in network namespaces of its own; in a "
+                  "let this user write /proc/sys/net in its own network namespaces; in a "
                   "container, start it privileged");
   }
   if (udp <= memory.udp_total / 2 && tcp <= memory.tcp_total / 2) return Fine(name, found);
@@ -266,7 +266,7 @@ Check JudgeSocketMemory(const SocketMemory& memory) {
 Check JudgeFlight(const FlightLimits& limits) {
   const char name[] = "descriptors";
   if (limits.own < 0) {
-    return Fine(name, "those in flight between processes are counted for each slot's user");
+    return Fine(name, "descriptors in flight are counted for each slot's user");
   }
   // All tasks may pass the kernel's check of the limit at the same moment.
   const int64_t flight =
@@ -276,8 +276,8 @@ Check JudgeFlight(const FlightLimits& limits) {
                    Counted(limits.slots, "slot"), " can have ", flight, " descriptors in flight");
   if (limits.own >= flight) return Fine(name, found);
   return Poorer(name, found,
-                "they count for the user: a policy that keeps very many in flight makes other "
-                "leases end as faults of the grader",
+                "they count for the user: a policy with very many in flight makes other leases "
+                "end as faults of the grader",
                 absl::StrCat("raise the hard limit of open files to ", flight,
                              " (LimitNOFILE= of a systemd unit, ulimit -Hn), lower open_files or "
                              "tasks in the tracks' budgets, or start the daemon as root"));

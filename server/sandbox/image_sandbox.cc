@@ -36,13 +36,13 @@ std::string OnHost(const std::string& path) {
 // The host's trouble: files that the unpacking left can't be read.
 absl::Status Unreadable(const std::string& path, const std::string& what) {
   return absl::FailedPreconditionError(
-      absl::StrCat("the unpacked image can't be shown in a sandbox: ", path, " ", what));
+      absl::StrCat("can't mount the unpacked image in a sandbox: ", path, " ", what));
 }
 
 // The image's own doing.
 absl::Status Unshowable(const std::string& path, const std::string& what) {
   return absl::InvalidArgumentError(
-      absl::StrCat("the image can't be shown in a sandbox: ", path, " ", what));
+      absl::StrCat("can't mount the image in a sandbox: ", path, " ", what));
 }
 
 // Shows the entries of an image's folder at their places.
@@ -99,8 +99,9 @@ class ImageMounts {
   // Without runtimes there can't be as many: the unpacking limits the names at the top.
   absl::Status TooMany(const std::string& path) const {
     return absl::InvalidArgumentError(absl::StrCat(
-        "the image has more than ", kMaxImageMounts, " names on the way to a runtime of policy.json, "
-        "the last of them in ", Quoted("/" + FolderName(path)), "; leave \"runtimes\" out and "
+        "the image has more than ", kMaxImageMounts, " names along the path to a runtime of "
+        "policy.json, the last of them in ", Quoted("/" + FolderName(path)),
+        "; leave \"runtimes\" out and "
         "install its packages in the image, or put those files into a subfolder"));
   }
 

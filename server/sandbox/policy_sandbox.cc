@@ -269,8 +269,8 @@ absl::Status CheckOrderPaths(const LeaseOrder& order) {
                           absl::StartsWith(path, taken + "/"));
       if (hides) {
         return absl::InvalidArgumentError(absl::StrCat(
-            "the folder ", path, " can't be shown in a sandbox at its own path, as ", taken,
-            " has a meaning there; move it"));
+            "the folder ", path, " can't be mounted in a sandbox at its own path, because ", taken,
+            " has another meaning there; move it"));
       }
     }
   }

@@ -155,13 +155,13 @@ class ProgramCheck {
     const std::string place = OnPath(word_);
     if (!place.empty()) return Check(place, 0);
     if (image_) {
-      return Refused(absl::StrCat("is in none of the image's folders of programs: ",
+      return Refused(absl::StrCat("is in none of the image's program folders: ",
                                   absl::StrJoin(path_, ", "), "; set PATH in its ENV"));
     }
-    return Refused(absl::StrCat("is not a file of the submission and no program of the sandbox, which "
-                                "has its own in ", absl::StrJoin(path_, ", "),
-                                "; add the file, or name a program of Debian, a runtime or the "
-                                "submission"));
+    return Refused(absl::StrCat("is neither a file of the submission nor a program of the "
+                                "sandbox, which has programs in ", absl::StrJoin(path_, ", "),
+                                "; add the file, or name a program of Debian, of a runtime or of "
+                                "the submission"));
   }
 
  private:
@@ -196,7 +196,8 @@ class ProgramCheck {
     switch (head.kind) {
       case ProgramHead::Kind::kForeign:
         return Refused(absl::StrCat(start, "is a program for ", head.processor,
-                                    ", which this host can't run; build it for this host's"));
+                                    ", which this host can't run; build it for this host's "
+                                    "processor"));
       case ProgramHead::Kind::kBinary:
         if (head.interpreter.empty() || view_.Find(head.interpreter, missing)) break;
         return Refused(absl::StrCat(start, "needs the dynamic loader ", Quoted(head.interpreter),
@@ -225,8 +226,8 @@ class ProgramCheck {
         next.find('/') != std::string::npos || !OnPath(next).empty()) {
       return absl::OkStatus();
     }
-    return Refused(absl::StrCat("is a script for ", Quoted(next), ", which is on none of the "
-                                "sandbox' folders of programs: ", absl::StrJoin(path_, ", ")));
+    return Refused(absl::StrCat("is a script for ", Quoted(next), ", which is in none of the "
+                                "sandbox's program folders: ", absl::StrJoin(path_, ", ")));
   }
 
   // A Python virtual environment finds its library through the file pyvenv.cfg beside or above the
@@ -242,8 +243,8 @@ class ProgramCheck {
     const std::string home = HomeOf(config->path);
     if (!home.empty() && !view_.Find(home, missing)) {
       return Refused(absl::StrCat("belongs to the virtual environment ", Quoted(place),
-                                  ", whose Python is in ", Quoted(home), ", which the sandbox does "
-                                  "not have; make it with /usr/bin/python3 -m venv"));
+                                  ", whose Python is in ", Quoted(home), ", which the sandbox "
+                                  "does not have; create it with /usr/bin/python3 -m venv"));
     }
     const std::string version = std::filesystem::path(interpreter.path).filename().string();
     const bool versioned = version.starts_with("python") && version.find('.') != std::string::npos;
@@ -251,8 +252,8 @@ class ProgramCheck {
       return absl::OkStatus();
     }
     return Refused(absl::StrCat("is ", version, " here, but the virtual environment ",
-                                Quoted(place), " has no lib/", version, ": it was made for another "
-                                "version of Python; make it with this one"));
+                                Quoted(place), " has no lib/", version, ": it was created for "
+                                "another version of Python; create it with this one"));
   }
 
   // The value of "home" in a pyvenv.cfg, "" if there is none.
@@ -273,12 +274,12 @@ class ProgramCheck {
     if (image_) {
       return absl::StrCat("needs ", Quoted(missing), ", which the image does not have",
                           IsReplacedByTheSandbox(missing.substr(1, missing.find('/', 1) - 1))
-                              ? ": /dev, /myograde, /proc and /tmp are the sandbox' own"
+                              ? ": /dev, /myograde, /proc and /tmp are the sandbox's own"
                               : "");
     }
     const std::string place = std::filesystem::path(path).lexically_normal().string();
     if (missing == place) {
-      return absl::StrCat("is not there: the sandbox has the submission in ", kPolicy,
+      return absl::StrCat("does not exist: the sandbox has the submission in ", kPolicy,
                           ", the host's /usr and the runtimes that policy.json names");
     }
     return absl::StrCat("leads to ", Quoted(missing), ", which the sandbox does not have: it has "

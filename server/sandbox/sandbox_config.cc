@@ -31,7 +31,7 @@ namespace {
 // call because of a typo looks like any other.
 std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
   std::vector<std::string> names = reader.Strings(key);
-  if (names.empty()) reader.Fail(key, "must hold at least one system call");
+  if (names.empty()) reader.Fail(key, "must have at least one system call");
   for (const std::string& name : names) {
     if (seccomp_syscall_resolve_name(name.c_str()) != __NR_SCMP_ERROR) continue;
     reader.Fail(key,
@@ -51,7 +51,7 @@ absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
   for (const std::string& name : reader.Strings("socket_families")) {
     const auto family = kFamilies.find(name);
     if (family == kFamilies.end()) {
-      reader.Fail("socket_families", "must hold only \"unix\", \"inet\" and \"inet6\"");
+      reader.Fail("socket_families", "may have only \"unix\", \"inet\" and \"inet6\"");
       break;
     }
     config.socket_families.push_back(family->second);
@@ -255,7 +255,7 @@ absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
 absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config) {
   const std::unique_ptr<void, void (*)(void*)> filter(seccomp_init(SCMP_ACT_ALLOW),
                                                       seccomp_release);
-  if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
+  if (filter == nullptr) return absl::InternalError("libseccomp can't allocate a filter");
   int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_ERRNO(EPERM));
   RETURN_IF_ERROR(DenyByName(filter.get(), config.denied_system_calls, EPERM));
   RETURN_IF_ERROR(DenyByName(filter.get(), config.unimplemented_system_calls, ENOSYS));

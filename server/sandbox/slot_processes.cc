@@ -192,7 +192,7 @@ absl::Status SlotProcesses::Claim(LeaseOrder& order) const {
   fs::create_directories(order.slot_mark, error);
   if (!error) return absl::OkStatus();
   return absl::UnavailableError(
-      absl::StrCat(order.slot_mark, ": can't be made: ", error.message()));
+      absl::StrCat(order.slot_mark, ": can't be created: ", error.message()));
 }
 
 std::map<int, std::string> SlotProcesses::Find(int first, int count) const {

@@ -74,9 +74,9 @@ bool ShowHosts(const Node& node, const std::string& path) {
 absl::Status EnterNamespaces() {
   if (geteuid() != 0 && !EnterUserNamespace()) {
     return Errno(
-        "this host lets ordinary users make no user namespace (`myograde doctor` says more)");
+        "this host does not let ordinary users create user namespaces (see `myograde doctor`)");
   }
-  if (unshare(CLONE_NEWNS) != 0) return Errno("can't make a mount namespace");
+  if (unshare(CLONE_NEWNS) != 0) return Errno("can't create a mount namespace");
   if (mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0) {
     return Errno("can't make the mounts private");
   }
@@ -144,7 +144,7 @@ absl::StatusOr<std::string> Stage::AddFile(const std::string& name,
 absl::StatusOr<std::string> Stage::AddFolder(const std::string& name) const {
   const std::string path = absl::StrCat(kStage, "/", name);
   if (mkdir(path.c_str(), 0755) != 0 || chmod(path.c_str(), 0755) != 0) {
-    return Errno(absl::StrCat("can't make ", path));
+    return Errno(absl::StrCat("can't create ", path));
   }
   return path;
 }
@@ -160,7 +160,7 @@ absl::StatusOr<std::string> Stage::MountScratch(int number, int64_t bytes, int64
   for (const char* folder : {"/tmp", "/shm"}) {
     const std::string below = path + folder;
     if (mkdir(below.c_str(), 0777) != 0 || chmod(below.c_str(), 01777) != 0) {
-      return Errno("can't make the scratch folders");
+      return Errno("can't create the scratch folders");
     }
   }
   return path;

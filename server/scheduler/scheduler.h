@@ -191,7 +191,7 @@ class Scheduler {
   int taken_slots() const { return limits_.slots - static_cast<int>(free_slots_.size()); }
   // Grows with the number of waiting evaluations.
   QueueDepth DepthAt(absl::Duration now) const;
-  // Submissions' evaluations (no re-runs, no rejudges) of these teams, or with nullptr of all: those that
+  // Submissions' evaluations (no reruns, no rejudges) of these teams, or with nullptr of all: those that
   // run by id, then those that wait in the order of their places. Grows with their number.
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
   // Why a pending lease does not run, for people; "" if none is pending.

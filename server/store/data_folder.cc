@@ -49,7 +49,8 @@ absl::Status Lock(int fd, const std::string& path, const std::string& dir) {
 absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
   // Not `dir` itself, which whoever makes a key in it locks.
   const std::string kept = dir + "/artefacts";
-  if (mkdir(kept.c_str(), 0700) != 0 && errno != EEXIST) return CantWrite(kept, ": can't be made");
+  if (mkdir(kept.c_str(), 0700) != 0 && errno != EEXIST) return CantWrite(kept,
+      ": can't be created");
   Fd folder(open(kept.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(kept, ": can't be opened"));
   RETURN_IF_ERROR(Lock(folder.get(), kept, dir));

@@ -78,12 +78,12 @@ class Evaluations : StorePart {
   // of a wrong type become 0 and "". An error: it stays as it is.
   absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
   // The evaluations that a cancel of the submission ends: those of its original one and, if
-  // `reruns`, its re-runs that have not ended. Rejudges end by DropRejudge alone.
+  // `reruns`, its reruns that have not ended. Rejudges end by DropRejudge alone.
   std::vector<int64_t> OpenOf(int64_t submission, bool reruns);
   // Queued, with its leases.
   absl::StatusOr<Accepted> Add(const NewEvaluation& added, const std::string& who);
 
-  // Adds to the journal how it ended; practice and re-runs have no act.
+  // Adds to the journal how it ended; practice and reruns have no act.
   void AppendGraded(int64_t evaluation, const std::string& who);
 };
 

@@ -68,7 +68,7 @@ absl::Status CopyTo(SQLite::Database& db, const std::string& path, const std::st
   const absl::Cleanup remove_at_end = remove;
   // Made here, as SQLite would give it the rights that the umask leaves.
   if (!Fd(open(draft.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)).valid()) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(draft, ": can't be made"));
+    return absl::ErrnoToStatus(errno, absl::StrCat(draft, ": can't be created"));
   }
   absl::Status status = GuardSqlite(copy, [&] {
     return CopyDatabase(db, path, draft, [](int64_t, int64_t) {}, [](const std::string&) {});
@@ -76,7 +76,7 @@ absl::Status CopyTo(SQLite::Database& db, const std::string& path, const std::st
   if (status.ok()) status = Sync(draft, 0);
   if (!status.ok()) return status;
   if (rename(draft.c_str(), copy.c_str()) != 0) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(copy, ": can't be made"));
+    return absl::ErrnoToStatus(errno, absl::StrCat(copy, ": can't be created"));
   }
   return Sync(fs::path(copy).parent_path().string(), O_DIRECTORY);
 }

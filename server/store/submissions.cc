@@ -51,8 +51,8 @@ absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
   return CodedRefusal(kHeldBackCode,
                       absl::StrCat("the last ", kFaultsToHold,
                                    " evaluations of this artefact ended by the grader's fault, so "
-                                   "it is held back; ask an organiser to look at it: a re-run that "
-                                   "ends otherwise lets it in again"));
+                                   "it is held back; ask an organiser to examine it: a rerun "
+                                   "that ends differently readmits it"));
 }
 
 constexpr char kSubmissionColumns[] =
@@ -138,7 +138,7 @@ std::string Submissions::WithHold(int64_t evaluation, const std::string& why) {
     return why;
   }
   return absl::StrCat(why, "; this artefact has ended so ", kFaultsToHold,
-                      " times in a row and is held back until an organiser's re-run of it ends "
+                      " times in a row and is held back until an organiser's rerun of it ends "
                       "otherwise");
 }
 
@@ -156,7 +156,7 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
       RETURN_IF_ERROR(CheckNotHeldBack(db_, last.getColumn(0), last.getColumn(1)));
     }
   }
-  // The audit row of a re-run's start says who asked for it.
+  // The audit row of a rerun's start says who asked for it.
   Statement count(db_, R"(SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?),
       0) FROM evaluation AS e JOIN transition AS t ON t.entity = 'evaluation' AND t.entity_id = e.id
       AND t.from_state = '' WHERE e.kind = 'rerun' AND e.finished_at IS NULL)",
@@ -170,10 +170,10 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
   };
   std::vector<Limit> applying;
   if (!organiser) {
-    applying = {{absl::StrCat("re-runs of submission ", submission), of_it, limits.of_a_submission},
-                {absl::StrCat("re-runs that ", who, " asked for"), own, limits.of_one}};
+    applying = {{absl::StrCat("reruns of submission ", submission), of_it, limits.of_a_submission},
+                {absl::StrCat("reruns that ", who, " asked for"), own, limits.of_one}};
   }
-  applying.push_back({"re-runs", all, organiser ? limits.of_organisers : limits.unfinished});
+  applying.push_back({"reruns", all, organiser ? limits.of_organisers : limits.unfinished});
   for (const Limit& limit : applying) {
     if (limit.count < limit.most) continue;
     return CodedRefusal(

@@ -1,4 +1,4 @@
-// What submissions, uploads and re-runs are made of, what they must satisfy, and what they were
+// What submissions, uploads and reruns are made of, what they must satisfy, and what they were
 // accepted as; and the keys (the header Idempotency-Key) by which a client may send one again when
 // the answer was lost.
 #pragma once
@@ -107,7 +107,7 @@ struct UnsubmittedLimits {
   absl::Duration age = absl::Hours(24);  // after which the files are removed
 };
 
-// Limits on re-runs that have not ended.
+// Limits on reruns that have not ended.
 struct RerunLimits {
   int64_t unfinished = 64;  // total of all non-organisers
   int64_t of_one = 8;       // per non-organiser
@@ -163,7 +163,7 @@ class Submissions : StorePart {
   // `why` an evaluation ends by the grader's fault; says so too if that holds its artefact back: if
   // the last kFaultsToHold evaluations of it by this grader ended so. Call it before EndEvaluation.
   std::string WithHold(int64_t evaluation, const std::string& why);
-  // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
+  // Whether `who` may have one more rerun of a submission: FailedPreconditionError with the code
   // "quota" if too many have not ended, "banned" if its team is, or kHeldBackCode.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);

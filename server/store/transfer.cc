@@ -123,7 +123,7 @@ class Parser {
       in_table_ = true;
       return absl::OkStatus();
     }
-    return Broken(path_, number, "is not what stands there in an export");
+    return Broken(path_, number, "is not what an export has there");
   }
   const std::string& table() const { return table_; }
   bool in_table() const { return in_table_; }
@@ -366,7 +366,8 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
     if (AnyRow(db, absl::StrCat("SELECT 1 FROM \"", table.name, "\" LIMIT 1"))) {
       return absl::FailedPreconditionError(
           absl::StrCat("the store has rows already (table ", table.name,
-                       "); an export is taken up by an empty one: give --data a new folder"));
+                       "); an export can be imported only into an empty store: give --data a new "
+                       "folder"));
     }
   }
   Inserter inserter(db);

@@ -19,7 +19,7 @@ void ReadTarget(ConfigReader& reader, ElbowRules& rules) {
   std::copy_n(range.begin(), std::min(range.size(), rules.target_range_rad.size()),
               rules.target_range_rad.begin());
   if (rules.target_range_rad[0] > rules.target_range_rad[1]) {
-    reader.Fail("target_range_rad", "must have its smaller number first");
+    reader.Fail("target_range_rad", "must be [low, high] with low <= high");
   }
 }
 

@@ -162,7 +162,7 @@ LeasePlayer::Result LeasePlayer::EnsurePolicy() {
   }
   if (type != "policy" || !message.fd.valid()) {
     return absl::InternalError(absl::StrCat("the runner answered need_policy with \"", type,
-                                            "\" and no sandbox"));
+                                            "\" without a sandbox"));
   }
   use_.cpu = lease_cpu_;
   session_.emplace(std::move(message.fd), order_.track.budgets, cpu_, clock_, use_,
@@ -262,7 +262,7 @@ absl::StatusOr<FaultEvidence> LeasePlayer::Rule(const FaultEvidence& seen) {
   message["type"] = "policy_fault";
   ASSIGN_OR_RETURN(SimMessage answer, AskRunner(message, kRulingDeadline));
   if (answer.json["type"] != "ruling") {
-    return absl::InternalError("the runner answered policy_fault with something else");
+    return absl::InternalError("the runner answered policy_fault with another message");
   }
   absl::StatusOr<FaultEvidence> ruling = FaultEvidenceFromJson(answer.json);
   if (ruling.ok() && FaultOf(ruling->outcome) != Fault::kParticipant) {
@@ -358,7 +358,7 @@ void LeasePlayer::Measure() {
   if (!answer.ok()) {
     progress_status_ = answer.status();
   } else if (answer->json["type"] != "cpu") {
-    progress_status_ = absl::InternalError("the runner answered need_cpu with something else");
+    progress_status_ = absl::InternalError("the runner answered need_cpu with another message");
   }
 }
 

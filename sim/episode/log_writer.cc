@@ -99,7 +99,7 @@ void LogWriter::Pack(bool last) {
     left = ZSTD_compressStream2(packer_->context, &out, &in, last ? ZSTD_e_end : ZSTD_e_flush);
     if (ZSTD_isError(left)) {
       status_ = absl::InternalError(
-          absl::StrCat("the episode's log can't be packed: ", ZSTD_getErrorName(left)));
+          absl::StrCat("can't compress the episode's log: ", ZSTD_getErrorName(left)));
       break;
     }
     info_.packed_bytes += static_cast<int64_t>(out.pos);
@@ -118,11 +118,12 @@ absl::Status LogWriter::Send(std::span<const char> bytes) {
     if (errno == EINTR) continue;
     if (errno != EAGAIN) {
       return absl::UnavailableError(
-          absl::StrCat("the runner does not take the episode's log: ", std::strerror(errno)));
+          absl::StrCat("the runner does not accept the episode's log: ", std::strerror(errno)));
     }
     pollfd entry = {fd_, POLLOUT, 0};
     if (poll(&entry, 1, kPipeTimeoutMs) == 0) {
-      return absl::DeadlineExceededError("the runner did not take the episode's log for a minute");
+      return absl::DeadlineExceededError(
+          "the runner did not accept the episode's log within a minute");
     }
   }
   return absl::OkStatus();

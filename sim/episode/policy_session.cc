@@ -43,7 +43,7 @@ FaultEvidence BrokenLimit(Outcome outcome, const char* limit, double limit_value
 
 FaultEvidence OutOfTurn(int64_t step) {
   return Evidence(Outcome::kProtocol, step,
-                  "the bridge in the participant's sandbox answered what it was not asked");
+                  "the bridge in the participant's sandbox sent an unexpected answer");
 }
 
 std::string NameOf(int64_t step) {
@@ -188,7 +188,7 @@ OrFault<BridgeFrame> PolicySession::Receive(const Waiting& waiting, bool& again)
   }
   if (size <= 0) {
     return Evidence(Outcome::kCrash, waiting.step,
-                    "the participant's sandbox ended while an answer was waited for");
+                    "the participant's sandbox ended before it answered");
   }
   absl::StatusOr<BridgeFrame> frame =
       ParseBridgeFrame({buffer.data(), static_cast<size_t>(size)});

@@ -41,7 +41,8 @@ class Comparison {
     StepResult result;
     for (int64_t step = 0; step < log_.steps() && record_.equal; ++step) {
       if (result.ended || result.unstable) {
-        Differ(step, "steps", absl::StrCat("the episode ended after ", step, " steps; its log has ",
+        Differ(step, "steps", absl::StrCat("the episode ended after ", step,
+                                           " steps, but its log has ",
                                            log_.steps()));
         break;
       }
@@ -63,7 +64,7 @@ class Comparison {
     environment_.SetConvention(start.convention);
     if (start.parameters.empty()) return;
     if (absl::Status status = environment_.SetParameters(start.parameters); !status.ok()) {
-      Differ(-1, "log", absl::StrCat("the log's leg parameters are refused: ", status.message()));
+      Differ(-1, "log", absl::StrCat("the log's leg parameters are not valid: ", status.message()));
     }
   }
 
@@ -74,7 +75,7 @@ class Comparison {
     if (Shorten(hash_.Finish()) != log_.observations[at]) {
       Differ(step, "observation",
              absl::StrCat("the observation of step ", step, " is not the logged one",
-                          step == 0 ? "; the reset came out otherwise" : ""));
+                          step == 0 ? "; the reset had a different outcome" : ""));
     }
     const StepResult result = environment_.Step(log_.action(step));
     states_.Update(std::as_bytes(environment_.state()));
@@ -92,8 +93,8 @@ class Comparison {
   void CompareEnd(const StepResult& result) {
     const std::string digest = states_.FinishHex();
     if (digest != log_.end.digest) {
-      return Differ(-1, "digest", absl::StrCat("the log says that the digest over all states is ",
-                                               log_.end.digest, ", it is ", digest));
+      return Differ(-1, "digest", absl::StrCat("the log has the digest ",
+                                               log_.end.digest, " over all states, not ", digest));
     }
     const auto logged = ParseEpisodeEnd(log_.end.end);
     // What the policy ended goes on here.
@@ -101,7 +102,7 @@ class Comparison {
     const std::string unstable(OutcomeName(Outcome::kUnstable));
     if (result.unstable != (log_.end.end == unstable) || result.ended != by_itself) {
       return Differ(-1, "end", absl::StrCat("the log says \"", log_.end.end,
-                                            "\", but the episode did not end like that"));
+                                            "\", but the episode ended otherwise"));
     }
     if (by_itself && environment_.facts().end != *logged) {
       Differ(-1, "end",
@@ -178,8 +179,10 @@ absl::StatusOr<ReplayRecord> ReplayPlayer::PlayEpisode(const EpisodeOrder& episo
 absl::StatusOr<ReplayRecord> ReplayPlayer::PlayAndRecord(const EpisodeLog& log) {
   const int64_t index = log.header.episode;
   if (!log.header.begun) {
-    return Unplayable(index, absl::DataLossError("the episode was never begun: a fault had ended "
-                                                 "its lease, and there is nothing to show"));
+    return Unplayable(index,
+                      absl::DataLossError(
+                          "the episode was never begun, because a fault had ended its lease; "
+                          "there is nothing to show"));
   }
   ASSIGN_OR_RETURN(const std::unique_ptr<EpisodeRecorder> recorder, recorders_(log));
   absl::StatusOr<ReplayRecord> record =
@@ -199,7 +202,7 @@ absl::Status ReplayPlayer::SendTrajectory(const std::string& bytes) {
   // Mapped, as the simulator may write no files.
   void* memory = mmap(nullptr, bytes.size(), PROT_READ | PROT_WRITE, MAP_SHARED, trajectory_, 0);
   if (memory == MAP_FAILED) {
-    return absl::InternalError("the memory file for the trajectory can't be mapped");
+    return absl::InternalError("can't map the memory file for the trajectory");
   }
   std::memcpy(memory, bytes.data(), bytes.size());
   munmap(memory, bytes.size());
@@ -223,7 +226,7 @@ absl::StatusOr<EpisodeLog> ReplayPlayer::ReadLog(const EpisodeOrder& episode) {
   if (log->header.episode != episode.index || log->header.seed != episode.seed ||
       log->header.track.hash != track->hash) {
     return absl::DataLossError(
-        absl::StrCat("the log is of another episode: it is of episode ", log->header.episode,
+        absl::StrCat("the log is of another episode: episode ", log->header.episode,
                      " with seed ", log->header.seed, " in the config ", log->header.config));
   }
   return log;

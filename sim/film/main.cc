@@ -123,7 +123,7 @@ int Main(int argc, char** argv) {
                  "usage: myograde-render < ORDER > PICTURES\n"
                  "Draws recorded episodes: a film as raw pictures, a picture or a strip as PNG.\n"
                  "ORDER is JSON (sim/film/README.md); `myograde episode render` and the daemon write it.\n"
-                 "Exit status: 0 done, 1 the host or the order is at fault, 2 wrong use,\n"
+                 "Exit status: 0 done, 1 the host or the order is at fault, 2 usage error,\n"
                  "3 a log can't be shown.\n");
     return asked ? kRendered : kRenderWrongUse;
   }

@@ -24,7 +24,7 @@ constexpr uint8_t kPaper = 255;
 absl::Status WriteOut(int out, std::string_view bytes) {
   const absl::Status status = WriteAll(out, bytes);
   if (status.ok()) return status;
-  return absl::InternalError(absl::StrCat("the pictures can't be written: ", status.message()));
+  return absl::InternalError(absl::StrCat("can't write the pictures: ", status.message()));
 }
 
 absl::Status WriteOut(int out, std::span<const uint8_t> bytes) {
@@ -118,7 +118,7 @@ absl::Status Renders::Write(int out) {
     case RenderOrder::Form::kPicture: return WritePicture(out);
     case RenderOrder::Form::kStrip: return WriteStrip(out);
   }
-  return absl::InternalError("an order of no known form");
+  return absl::InternalError("an order of an unknown form");
 }
 
 absl::Status Renders::Draw(Stage& stage, const PictureText& text) {

@@ -92,7 +92,7 @@ class SetReader {
       if (below) until[q] = {ThresholdKind::kBelow, reader.Number(keys.below, keys.range)};
       any = any || above || below;
     }
-    if (!any) reader.Fail("load_above", "or another condition must be there to leave the state");
+    if (!any) reader.Fail("load_above", "or another condition to leave the state must be given");
     Done(reader);
     return until;
   }

@@ -81,7 +81,7 @@ class ScratchFolder {
     std::string path = (error ? fs::path("/tmp") : parent) / "myograde-model-XXXXXX";
     if (mkdtemp(path.data()) == nullptr) {
       return absl::UnavailableError(
-          absl::StrCat("can't make a folder ", path, " to compile models in: set TMPDIR"));
+          absl::StrCat("can't create a folder ", path, " to compile models in; set TMPDIR"));
     }
     return ScratchFolder(path);
   }
@@ -119,7 +119,7 @@ absl::Status FillScratch(const ModelSource& source, const std::string& package_d
       if (auto status = WriteFile(to, text); !status.ok()) return status;
     } else {
       fs::create_symlink(fs::absolute(package_dir) / pin.path, to, error);
-      if (error) return absl::UnavailableError(absl::StrCat("can't make ", to.string()));
+      if (error) return absl::UnavailableError(absl::StrCat("can't create ", to.string()));
     }
   }
   RETURN_IF_ERROR(source.patch == nullptr ? absl::OkStatus() : source.patch(main, assets));

@@ -100,8 +100,8 @@ absl::StatusOr<ModelPtr> Unseal(std::string_view sealed, const fs::path& path) {
   if (sealed.size() <= kDigestDigits + 1 ||
       sealed.substr(0, kDigestDigits) != Sha256Hex(sealed.substr(kDigestDigits + 1))) {
     return absl::DataLossError(absl::StrCat("compiled model ", path.string(),
-                                            " is damaged (its SHA-256 does not fit): delete it "
-                                            "and ", SetUpAdvice()));
+                                            " is damaged (wrong SHA-256); delete it and ",
+                                            SetUpAdvice()));
   }
   const std::string_view body = sealed.substr(kDigestDigits + 1);
   // Filled by hand, as MuJoCo's own way is a copy of ten megabytes at each

@@ -142,8 +142,7 @@ void BindEnvironment(nb::module_& module) {
                                 "One environment of a track config; see myograde.envs.")
       .def(nb::new_(&Make), "tracks_dir"_a, "track"_a, "profile"_a = "", "config_file"_a = "",
            "cache_dir"_a, "direct"_a = false, "extra_observations"_a = false,
-           "Loads config and model. ValueError, FileNotFoundError or RuntimeError says what is "
-           "wrong.")
+           "Loads config and model. Errors: ValueError, FileNotFoundError, RuntimeError.")
       .def("reset", &Reset, "seed"_a, "leg_sets_present"_a = 0, "leg_sets"_a = nb::none(),
            "Begins the episode of a seed; returns its first observation.")
       .def("step", &Step, "action"_a,
@@ -152,9 +151,9 @@ void BindEnvironment(nb::module_& module) {
       .def("observe", &Observe, "The observation of the current state, as a new array.")
       .def("reward_values", &RewardTerms, "The reward terms of the current state, unweighted.")
       .def("history", &History,
-           "The inputs of all that the current state depends on; restore() takes them.")
+           "All inputs that the current state depends on; restore() takes them.")
       .def("restore", &Restore, "history"_a,
-           "Plays the history of an environment with the same arguments, in place of its own.")
+           "Plays the history of an environment with the same arguments, instead of its own.")
       .def("physics", &PhysicsOf, "time, qpos, qvel and act after the last step, as new arrays.")
       .def("facts", [](const GradedEnvironment& self) { return FactsOf(self.facts()); },
            "What was measured in the episode so far, by the keys of a result's JSON.")

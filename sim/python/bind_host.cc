@@ -118,7 +118,7 @@ void BindHost(nb::module_& module) {
   module.attr("PINNED_VARIABLE") = kTunablesVariable;
   module.attr("PINNED_VALUE") = kPinnedTunables;
   module.def("maths_are_pinned", &MathsArePinned,
-             "Whether this process was started with the maths functions that every grader has.");
+             "Whether this process was started with the maths functions that every grader uses.");
   module.def("compile_models", &CompileAll, "cache_dir"_a,
              "Compiles the models of all tracks into the cache. The maths must be pinned, as "
              "graders may share the cache.");

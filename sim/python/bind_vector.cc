@@ -82,7 +82,7 @@ nb::list Histories(VectorEnvironment& self) {
 void RestoreVector(VectorEnvironment& self, uint32_t present,
                    const std::optional<LegSetValues>& leg_sets, const nb::list& list) {
   if (list.size() != static_cast<size_t>(self.count())) {
-    throw nb::value_error("the state is one of another number of environments");
+    throw nb::value_error("the state is of another number of environments");
   }
   std::vector<std::vector<EpisodeInputs>> histories;
   for (const nb::handle history : list) histories.push_back(HistoryFrom(nb::cast<nb::list>(history)));
@@ -120,7 +120,7 @@ void StepVector(VectorEnvironment& self, const Doubles<2>& actions) {
   if (actions.shape(0) != static_cast<size_t>(self.count()) ||
       actions.shape(1) != static_cast<size_t>(self.at(0).action_size())) {
     throw nb::value_error(absl::StrCat("the actions must be an array of ", self.count(), " x ",
-                                       self.at(0).action_size(), ", it is one of ",
+                                       self.at(0).action_size(), ", not ",
                                        actions.shape(0), " x ", actions.shape(1))
                               .c_str());
   }
@@ -146,7 +146,9 @@ auto Weights(VectorEnvironment& self) {
 }
 
 nb::dict EndOf(const VectorEnvironment& self, int index) {
-  if (index < 0 || index >= self.count()) throw nb::index_error("there is no such environment");
+  if (index < 0 || index >= self.count()) {
+    throw nb::index_error("the environment's index is out of range");
+  }
   return EndOf(self.at(index));
 }
 
@@ -166,7 +168,7 @@ void BindVectorEnvironment(nb::module_& module) {
            "where one ended in the last step.")
       .def("histories", &Histories, "Of each environment, as Environment.history().")
       .def("restore", &RestoreVector, "leg_sets_present"_a, "leg_sets"_a.none(), "histories"_a,
-           "Plays these in place of its own; the arrays of flags and rewards stay as they are.")
+           "Plays these instead of its own; the arrays of flags and rewards stay unchanged.")
       .def("facts", nb::overload_cast<const VectorEnvironment&>(&FactsOf),
            "What was measured in each episode so far, an array by name.")
       .def("end_of", nb::overload_cast<const VectorEnvironment&, int>(&EndOf), "index"_a,

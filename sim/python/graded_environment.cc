@@ -31,8 +31,8 @@ absl::StatusOr<std::unique_ptr<GradedEnvironment>> GradedEnvironment::Make(
   ASSIGN_OR_RETURN(TrackConfig config, ConfigOf(options));
   if (options.extra_observations && !config.extra_observations) {
     return absl::InvalidArgumentError(
-        absl::StrCat("track ", config.id, " gives no extra observations in its profile ",
-                     config.profile, ", so that a policy can't use them there"));
+        absl::StrCat("track ", config.id, " has no extra observations in its profile ",
+                     config.profile, ", so a policy can't use them there"));
   }
   ASSIGN_OR_RETURN(auto environment, MakeEnvironment(config, options.cache_dir));
   return std::unique_ptr<GradedEnvironment>(
@@ -67,8 +67,8 @@ absl::Status GradedEnvironment::Reset(uint64_t seed, const nlohmann::json& param
 
 absl::Status GradedEnvironment::CheckAction(std::span<const double> action) const {
   if (static_cast<int>(action.size()) != action_size()) {
-    return absl::InvalidArgumentError(absl::StrCat("an action has ", action_size(),
-                                                   " entries, this one has ", action.size()));
+    return absl::InvalidArgumentError(absl::StrCat("an action must have ", action_size(),
+                                                   " entries, but this one has ", action.size()));
   }
   for (size_t i = 0; i < action.size(); ++i) {
     if (std::isfinite(action[i])) continue;
@@ -81,7 +81,7 @@ absl::Status GradedEnvironment::CheckAction(std::span<const double> action) cons
 
 absl::Status GradedEnvironment::Step(std::span<const double> action) {
   if (!running_) {
-    return absl::FailedPreconditionError("no episode is being played; call reset() first");
+    return absl::FailedPreconditionError("there is no episode; call reset() first");
   }
   history_size_ += action.size();
   std::vector<double>& kept = history_.back().actions;
@@ -97,7 +97,7 @@ absl::Status GradedEnvironment::Step(std::span<const double> action) {
     running_ = false;
     return absl::InternalError(
         absl::StrCat("a contact or constraint buffer was too small in step ", steps_ - 1,
-                     " of the episode with seed ", seed_, "; reset() begins another one"));
+                     " of the episode with seed ", seed_, "; reset() begins another"));
   }
   unstable_ = result.unstable;
   truncated_ = result.ended && !unstable_ && environment_->facts().end == EpisodeEnd::kTime;
@@ -110,8 +110,8 @@ absl::Status GradedEnvironment::Step(std::span<const double> action) {
 absl::StatusOr<std::vector<EpisodeInputs>> GradedEnvironment::History() const {
   if (history_size_ <= kLargestHistory) return history_;
   return absl::ResourceExhaustedError(
-      "this environment can't be copied: in its profile, its state depends on all episodes since it was "
-      "made, and they are too many; make another one with the same arguments");
+      "this environment can't be copied: in its profile, its state depends on all episodes since "
+      "it was created, which are too many; create another one with the same arguments");
 }
 
 absl::Status GradedEnvironment::Restore(std::span<const EpisodeInputs> history) {
@@ -120,7 +120,7 @@ absl::Status GradedEnvironment::Restore(std::span<const EpisodeInputs> history) 
     (void)Reset(episode.seed, episode.parameters);
     const auto size = static_cast<size_t>(action_size());
     if (episode.actions.size() % size != 0) {
-      return absl::InvalidArgumentError("the state is one of another environment");
+      return absl::InvalidArgumentError("the state is of another environment");
     }
     for (size_t i = 0; i < episode.actions.size() && running_; i += size) {
       const std::span<const double> action = std::span(episode.actions).subspan(i, size);

@@ -120,8 +120,8 @@ void BindRender(nb::module_& module) {
       .def("draw", &EnvironmentRenderer::Draw, nb::kw_only(), "body"_a = nb::none(),
            "look_at"_a = nb::none(), "distance"_a = nb::none(), "azimuth"_a = nb::none(),
            "elevation"_a = nb::none(),
-           "The current state, height x width x 3 uint8, as a new array. What is None is that of "
-           "the track's own camera (m, degrees).");
+           "The current state, height x width x 3 uint8, as a new array. None: as the track's own "
+           "camera (m, degrees).");
 }
 
 }  // namespace myograde::sim

@@ -79,7 +79,7 @@ std::vector<EpisodeInputs> HistoryFrom(const nb::list& list) {
     EpisodeInputs& inputs = history.emplace_back();
     absl::StatusOr<nlohmann::json> parameters = ParseJson({text.c_str(), text.size()}, "a state");
     if (!parameters.ok() || !parameters->is_object() || actions.size() % sizeof(double) != 0) {
-      throw nb::value_error("the state is one of another version of myograde");
+      throw nb::value_error("the state is of another version of myograde");
     }
     inputs.seed = nb::cast<uint64_t>(episode[0]);
     inputs.parameters = *std::move(parameters);

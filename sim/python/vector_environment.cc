@@ -53,7 +53,7 @@ absl::Status VectorEnvironment::Step(std::span<const double> actions) {
     const GradedEnvironment& environment = *environments_[i];
     if (!environment.running() && terminated_[i] == 0 && truncated_[i] == 0) {
       return absl::FailedPreconditionError(
-          absl::StrCat("environment ", i, " plays no episode; call reset() first"));
+          absl::StrCat("environment ", i, " has no episode; call reset() first"));
     }
     if (!environment.running()) continue;
     absl::Status status = environment.CheckAction(actions.subspan(i * action_size_, action_size_));
@@ -82,8 +82,8 @@ absl::Status VectorEnvironment::Restore(const nlohmann::json& parameters,
 absl::Status VectorEnvironment::CheckAlive() const {
   if (team_.alive()) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      "these environments were made in another process, whose threads a fork leaves behind; make "
-      "them in the process that steps them");
+      "these environments were created in another process, whose threads a fork does not copy; "
+      "create them in the process that steps them");
 }
 
 absl::Status VectorEnvironment::StepOne(size_t i, std::span<const double> action) {

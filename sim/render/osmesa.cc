@@ -30,7 +30,7 @@ absl::StatusOr<OsMesaFunctions> LoadFunctions() {
   void* library = dlopen(kLibrary, RTLD_NOW | RTLD_GLOBAL);
   if (library == nullptr) {
     return absl::FailedPreconditionError(
-        absl::StrCat("pictures need Mesa's off-screen renderer, and ", kLibrary,
+        absl::StrCat("pictures need Mesa's off-screen renderer, but ", kLibrary,
                      " can't be loaded: ", std::string(kInstall), "; ", dlerror()));
   }
   OsMesaFunctions functions = {};
@@ -78,7 +78,7 @@ absl::Status OsMesaContext::Create() {
   constexpr int kDepthBits = 24;
   constexpr int kStencilBits = 8;  // reflections
   context_ = functions_.create_context(OSMESA_RGBA, kDepthBits, kStencilBits, 0, nullptr);
-  if (context_ == nullptr) return absl::InternalError("Mesa can't make an OpenGL context");
+  if (context_ == nullptr) return absl::InternalError("Mesa can't create an OpenGL context");
   RETURN_IF_ERROR(MakeCurrent());
   absl::Status status = CheckExtensions();
   Release();
@@ -97,7 +97,7 @@ absl::Status OsMesaContext::CheckExtensions() const {
   for (const char* needed : {"GL_ARB_framebuffer_object", "GL_ARB_vertex_buffer_object"}) {
     if (extensions.find(needed) == std::string_view::npos) {
       return absl::FailedPreconditionError(absl::StrCat(
-          "pictures need the OpenGL extension ", needed, ", and this Mesa has none: ",
+          "pictures need the OpenGL extension ", needed, ", which this Mesa lacks: ",
           std::string(kInstall)));
     }
   }

@@ -183,7 +183,7 @@ class Renderer::Implementation {
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Make(const mjModel& model, int width,
                                                          int height, Quality quality) {
   if (std::min(width, height) < 1 || std::max(width, height) > kLargestSide) {
-    return absl::InvalidArgumentError(absl::StrCat("a picture can't have ", width, " by ", height,
+    return absl::InvalidArgumentError(absl::StrCat("a picture can't be ", width, " by ", height,
                                                    " pixels: both must be from 1 to ",
                                                    kLargestSide));
   }

@@ -27,7 +27,7 @@ absl::Status ListParts(const mjModel& model, Figure& figure) {
     if (Moves(model, body)) {
       if (NameOf(model, mjOBJ_BODY, body).empty()) {
         return absl::InvalidArgumentError(
-            absl::StrCat("body ", body, " moves and has no name, so no picture can name it"));
+            absl::StrCat("body ", body, " moves but has no name, so pictures can't refer to it"));
       }
       figure.part_of.push_back(static_cast<int>(figure.parts.size()));
       figure.parts.push_back(body);

@@ -84,14 +84,14 @@ step configure_port
 # A network whose packets go nowhere.
 ip link add dummy0 type dummy && ip address add 192.0.2.10/24 dev dummy0 && ip link set dummy0 up; step network
 systemctl restart myograded.service && answers; step port_without_systemd
-journalctl -u myograded --no-pager | grep "may not send packets to other hosts"; step filter_is_told
+journalctl -u myograded --no-pager | grep "can't reach other hosts"; step filter_is_told
 install -D -m 0644 -t $unit /usr/share/myograde/systemd/network.conf && systemctl daemon-reload; step network_conf
-systemctl restart myograded.service && answers && ! log_of_this_start | grep "may not send packets"; step filter_is_lifted
+systemctl restart myograded.service && answers && ! log_of_this_start | grep "can't reach other hosts"; step filter_is_lifted
 rm $unit/network.conf && systemctl daemon-reload
 # Without user namespaces the log says what to do.
 namespaces=$(sysctl -n user.max_user_namespaces)
 sysctl -q user.max_user_namespaces=0 && systemctl restart myograded.service && answers; step no_namespaces
-log_of_this_start | grep "make no user namespaces, so nothing can be graded"; step lack_is_told
+log_of_this_start | grep "create user namespaces on this host, so nothing can be graded"; step lack_is_told
 sysctl -q "user.max_user_namespaces=$namespaces"; step namespaces
 systemctl stop myograded.service && systemctl enable --now myograded-https.socket && systemctl start myograded.service; step port
 answers && python3 -c '

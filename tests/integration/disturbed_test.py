@@ -73,10 +73,10 @@ class BrokenHost(SystemTest):
                 [BIN / "myograde", "local", POLICIES / "zero", "--track", "short", "--json"],
                 env=self.environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE, text=True) as local:
-            said = next((line for line in local.stderr if "are played again" in line), "")
+            said = next((line for line in local.stderr if "are retried" in line), "")
             good.rename(sim)
             answer, rest = local.communicate(timeout=240)
-        self.assertRegex(said, "episodes . to . are played again after a fault of the grader: .*"
+        self.assertRegex(said, "episodes . to . are retried after a fault of the grader: .*"
                                "broken by an upgrade")
         self.assertEqual(local.returncode, 0, said + rest)
         self.assertEqual(len(json.loads(answer)["episode_rows"]), 4)

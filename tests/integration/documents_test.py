@@ -170,7 +170,7 @@ class Documents(SystemTest):
         self.assertEqual([lease["stdout_tail"] for lease in output], ["hello\ngoodbye judge\n"])
 
     def test_a_program_that_is_not_there_is_refused_with_the_reason(self):
-        for program, reason in (("python4", "no program of the sandbox"),
+        for program, reason in (("python4", "nor a program of the sandbox"),
                                 ("venv/bin/python3", "/usr/local/bin/python3.99")):
             folder = self.fenced_policy(f"lost-{program[:4]}", "", {**STILL, "command": [program]})
             (folder / "venv/bin").mkdir(parents=True)

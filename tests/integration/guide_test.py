@@ -108,7 +108,7 @@ class Guide(SystemTest):
 
     def check(self, said):
         self.assertIn("weights.npz is written", said)
-        self.assertIn("The submission would be taken and graded", said)
+        self.assertIn("The submission would be accepted and graded", said)
         self.assertTrue((self.clone / "holder/submission/weights.npz").is_file())
         graded = json.loads((self.clone / "graded.json").read_text())
         self.assertTrue(graded["ranked"])

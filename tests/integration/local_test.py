@@ -33,7 +33,7 @@ class LocalEpisodes(SystemTest):
         (other / "log.lcmlog.zst").write_bytes(last.read_bytes())
         for file, sentence in ((last, f"{names[1]} is missing"),
                                (other / "run7-2.lcmlog.zst", "is not the log of episode 1"),
-                               (other / "log.lcmlog.zst", "name each after its episode")):
+                               (other / "log.lcmlog.zst", "name each log after its episode")):
             for words in (("episode", "replay", file), ("episode", "render", file, "-o", self.root / "none.png")):
                 refused = self.run_cli(*words, check=False)
                 self.assertEqual(refused.returncode, 2, refused.stdout)

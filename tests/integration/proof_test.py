@@ -1,4 +1,4 @@
-"""Results can be reproduced: logs, replays, re-runs, receipts, seeds, golden Merkle roots."""
+"""Results can be reproduced: logs, replays, reruns, receipts, seeds, golden Merkle roots."""
 
 import hashlib
 import json

@@ -154,7 +154,7 @@ class TemplateAgents(SystemTest):
         run = self.run_cli("local", self.agent("manipulation_agent"), "--track", "elbow",
                            "--episodes", "1", check=False)
         self.assertEqual(run.returncode, 2, run)
-        self.assertIn('can\'t play tracks of the kind "elbow"', run.stderr)
+        self.assertIn('does not support tracks of the kind "elbow"', run.stderr)
 
     def test_an_adapter_that_nobody_knows_is_refused(self):
         folder = self.agent("manipulation_agent", "unknown", adapter="template-1999")

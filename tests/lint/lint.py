@@ -90,7 +90,7 @@ RULES = {
                             r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/"),
     "server/cli/base": ({"protocol/base", "protocol/lease", "server/base", "server/cli/terminal",
                          "server/cli/base"}, r"mujoco/|lcm/|SQLiteCpp/|boost/"),
-    "server/cli/client": ({"protocol", "server/base", "server/artefact/artefact.h",
+    "server/cli/client": ({"protocol", "server/base", "server/artefact/artefact.h", "server/board/acts.h",
                            "server/proof/logs.h", "server/proof/merkle_tree.h",
                            "server/proof/record_head.h",
                            "server/store/transfer.h"} | {f"server/cli/{part}" for part in (

@@ -280,7 +280,7 @@ class Choice(WithDaemon):
             self.assertEqual(str(choose_server(text)), shown)
         for text, words in (("grader", "is not a server's address"), ("ftp://x", "is not a server's"),
                             ("https://x/path", "is not a server's"), ("https://x:99999", "is no"),
-                            ("https://user@x", "no password"), ("https://", "is not a server's"),
+                            ("https://user@x", "password out"), ("https://", "is not a server's"),
                             ("http://example.org", "without TLS"), ("https://x:0", "is not a server's")):
             with self.assertRaisesRegex(WrongUse, words, msg=text):
                 choose_server(text)
@@ -290,9 +290,9 @@ class Choice(WithDaemon):
     def test_a_server_that_cant_be_trusted_hears_no_token(self):
         for client, words in (
                 (lambda: Client(self.url, token="t"), "can't be trusted"),
-                (lambda: Client(self.url.replace("127.0.0.1", "[::1]"), token="t"), "reached at"),
-                (lambda: Client(socket=self.folder / "none.sock"), "no daemon can be reached"),
-                (lambda: Client("http://127.0.0.1:1"), "no server can be reached")):
+                (lambda: Client(self.url.replace("127.0.0.1", "[::1]"), token="t"), "can't reach a server"),
+                (lambda: Client(socket=self.folder / "none.sock"), "can't reach a daemon"),
+                (lambda: Client("http://127.0.0.1:1"), "can't reach a server")):
             with self.assertRaisesRegex(Unreachable, words):
                 client().whoami()
         with self.assertRaisesRegex(WrongUse, "none.pem"):

@@ -296,7 +296,7 @@ class Lacking(InFolder):
         said = self.python("-c", script)
         self.assertEqual(said.stdout, "6\n", said.stderr)
         self.assertRegex(said.stderr, "MyogradeError: this installation of myograde has the kit and "
-                                      "the client, and no environments")
+                                      "the client but no environments")
 
 
 class Documented(InFolder):

@@ -136,7 +136,7 @@ class Bundle(InFolder):
         (kit / "gone.py").write_text("old")
         said = self.run_module("bundle", self.folder)
         self.assertEqual(said.returncode, 0, said.stderr)
-        self.assertIn("is replaced", said.stdout)
+        self.assertIn("was replaced", said.stdout)
         self.assertNotIn("policy.json", said.stdout)
         self.assertFalse((kit / "gone.py").exists())
         shutil.rmtree(kit)
@@ -144,7 +144,7 @@ class Bundle(InFolder):
         (kit / "mine.py").write_text("mine")
         said = self.run_module("bundle", self.folder)
         self.assertEqual((said.returncode, said.stdout), (2, ""))
-        self.assertRegex(said.stderr, "is not a kit; move it away")
+        self.assertRegex(said.stderr, "is not a kit; move or rename")
         self.assertEqual((kit / "mine.py").read_text(), "mine")
 
     def test_a_folder_that_is_not_there_is_an_error(self):
@@ -182,7 +182,7 @@ class Models(InFolder):
         before = (self.folder / "cache/mujoco-2.2.2").stat().st_mtime_ns
         said = self.get(**self.offline)
         self.assertEqual(said.returncode, 0, said.stderr)
-        self.assertIn("Everything is there already", said.stdout)
+        self.assertIn("Everything is already there", said.stdout)
         self.assertEqual((self.folder / "cache/mujoco-2.2.2").stat().st_mtime_ns, before)
         # What was deleted comes from the wheel that was kept, without a network.
         shutil.rmtree(self.folder / "cache/mujoco-2.2.2")
@@ -194,7 +194,7 @@ class Models(InFolder):
     def test_without_a_network_nothing_is_left_half_done(self):
         said = self.get(**self.offline)
         self.assertEqual(said.returncode, 4)
-        self.assertRegex(said.stderr, "^myograde: error: pip could not get mujoco 2.2.2.*network")
+        self.assertRegex(said.stderr, "^myograde: error: pip could not download mujoco 2.2.2.*network")
         self.assertIn("No matching distribution", said.stderr)
         self.assertEqual([path.name for path in (self.folder / "cache").iterdir()], ["wheels"])
 

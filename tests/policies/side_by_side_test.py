@@ -173,7 +173,7 @@ class SideBySide(InFolder):
                   "envs.step(numpy.zeros((2, 6)))\n")
         said = self.python("-c", script)
         self.assertEqual(said.returncode, 0, said.stderr)
-        self.assertRegex(said.stdout, "^these environments were made in another process.*0\n$")
+        self.assertRegex(said.stdout, "^these environments were created in another process.*0\n$")
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

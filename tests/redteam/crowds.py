@@ -85,7 +85,7 @@ def run_crowds(suite):
 
 
 def run_hoard(suite):
-    """Endless re-runs: bounded, and the answer says so."""
+    """Endless reruns: bounded, and the answer says so."""
     host = suite.host
     folder = host.root / "hoard"
     folder.mkdir(exist_ok=True)
@@ -104,7 +104,7 @@ def run_hoard(suite):
             refused = error
             break
     if refused is None or refused.status != 409:
-        mistakes.append(f"2,000 re-runs at once were not refused: {refused}")
+        mistakes.append(f"2,000 reruns at once were not refused: {refused}")
     with contextlib.suppress(ApiError):
         host.post(f"/v1/submissions/{submission}/cancel", {})
     shutil.rmtree(folder)

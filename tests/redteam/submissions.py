@@ -337,7 +337,7 @@ CASES = (
     SubmissionCase(73, "a folder that changes while it is submitted", run_changing, quick=False),
     SubmissionCase(74, "names that trick those who read them", run_names, quick=False),
     SubmissionCase(85, "crowds of clients that are silent, slow or idle", crowds.run_crowds),
-    SubmissionCase(86, "re-runs without end", crowds.run_hoard, quick=False),
+    SubmissionCase(86, "reruns without end", crowds.run_hoard, quick=False),
     SubmissionCase(105, "teams that look like others", run_look_alikes, quick=False),
     SubmissionCase(106, "a curious program in a phase with hidden seeds", hidden.run_curious,
                    quick=False),

@@ -18,32 +18,32 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=__version__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     bundling = verbs.add_parser(
-        "bundle", help="put the kit into a submission's folder",
-        description="Puts the kit and the message types into a submission's folder, as the folder "
-        "myograde, in place of an older kit there. A grader has no other copy, so that a result "
-        "depends on nothing but the submission.",
+        "bundle", help="copy the kit into a submission's folder",
+        description="Copies the kit and the message types into a submission's folder, as the folder myograde, "
+        "replacing an older kit there. A grader has no other copy, so a result depends on nothing but the "
+        "submission.",
         epilog="example: python -m myograde bundle still")
     bundling.add_argument("folder", metavar="FOLDER", help="the submission's folder")
     getting = verbs.add_parser(
-        "get-models", help="get MuJoCo 2.2.2 and the challenge's models",
-        description="Gets MuJoCo 2.2.2 and the challenge's models by pip (90 MB), checks their "
-        "SHA-256 and unpacks them into the cache. What is there already is left as it is.",
+        "get-models", help="download MuJoCo 2.2.2 and the challenge's models",
+        description="Downloads MuJoCo 2.2.2 and the challenge's models with pip (90 MB), checks their SHA-256 and "
+        "unpacks them into the cache. What is already there is left unchanged.",
         epilog="example: python -m myograde get-models --cache ~/models")
     getting.add_argument("--cache", metavar="DIR", help="folder for them (default: MYOGRADE_CACHE, "
                          "else ~/.cache/myograde if it has the models, else /var/cache/myograde if that does)")
     running = verbs.add_parser(
-        "run", help="run a script whose environments compute what a grader does, to the bit",
-        description="Runs a Python script with the C library's maths functions that every grader "
-        "has, whatever the processor, so that myograde.envs.exact() is true in it.",
+        "run", help="run a script whose environments compute the same as a grader, to the bit",
+        description="Runs a Python script with the C library's maths functions that every grader uses, whatever the "
+        "processor, so that myograde.envs.exact() is true in it.",
         epilog="example: python -m myograde run train.py --steps 100000")
     running.add_argument("words", metavar="SCRIPT ...", nargs=argparse.REMAINDER,
                          help="the script (or -m MODULE) and its arguments")
     checking = verbs.add_parser(
-        "check", help="tell whether this machine gives a server's digests",
-        description="Plays the episodes that come with the package as a grader would, and compares "
-        "each observation and state with the grader's, to the bit. Exit status 1 if they differ.",
+        "check", help="check whether this machine reproduces a server's digests",
+        description="Plays the episodes shipped with the package as a grader would, and compares each observation and "
+        "state with the grader's, to the bit. Exit status 1 if they differ.",
         epilog="example: python -m myograde check")
-    checking.add_argument("--cache", metavar="DIR", help="folder of the models, as of get-models")
+    checking.add_argument("--cache", metavar="DIR", help="folder of the models (default: as for get-models)")
     for verb in (bundling, getting, checking):
         verb.add_argument("--json", action="store_true", help="print JSON")
     return parser
@@ -55,10 +55,10 @@ def _bundle(options: argparse.Namespace) -> None:
         print(json.dumps({"folder": str(made.folder), "files": made.files,
                           "replaced": made.replaced}))
         return
-    print(f"{made.folder} {'is replaced by' if made.replaced else 'holds'} the kit "
+    print(f"{made.folder} {'was replaced with' if made.replaced else 'has'} the kit "
           f"({made.files} files).")
     if not made.has_manifest:
-        print('The folder has no policy.json yet, such as {"name": "my-policy", "command": '
+        print('The folder has no policy.json yet; add one such as {"name": "my-policy", "command": '
               '["python3", "policy.py"], "runtimes": ["python"]}.')
 
 
@@ -71,7 +71,7 @@ def _get_models(options: argparse.Namespace) -> None:
         print(json.dumps({"cache": str(got.cache), "fetched": got.fetched,
                           "folders": [str(folder) for folder in got.folders]}))
     elif not got.fetched:
-        print(f"Everything is there already: {', '.join(str(folder) for folder in got.folders)}")
+        print(f"Everything is already there: {', '.join(str(folder) for folder in got.folders)}")
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -96,8 +96,8 @@ def _check(options: argparse.Namespace) -> int:
         for episode in played:
             print(f"{episode.track}: " + (f"{episode.steps} steps, equal to the bit"
                                           if episode.equal else episode.detail))
-        print("Digests that are made here are a server's." if equal else
-              "Digests that are made here may differ from a server's; training does not mind.")
+        print("Digests computed here equal a server's." if equal else
+              "Digests computed here may differ from a server's, which does not matter for training.")
     return DONE if equal else DIFFERENT
 
 

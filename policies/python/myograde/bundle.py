@@ -1,4 +1,4 @@
-"""Puts the kit into a submission's folder."""
+"""Copies the kit into a submission's folder."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ class Bundle:
 
 
 def bundle(folder: str | os.PathLike[str]) -> Bundle:
-    """Puts the kit into the submission's folder `folder`, as FOLDER/myograde, at once or not at
-    all. An older kit is replaced. WrongUse if there is no such folder, or something else has that
-    name in it; MyogradeError if it can't be written."""
+    """Copies the kit into the submission's folder `folder`, as FOLDER/myograde, completely or not at all. An older kit
+    is replaced. WrongUse if there is no such folder, or if it has something else of that name; MyogradeError if it
+    can't be written."""
     root = pathlib.Path(folder)
     if not root.is_dir():
         raise WrongUse(f"{root}: there is no such folder; create the submission's folder first")
     place = root / "myograde"
     replaced = os.path.lexists(place)
     if replaced and (place.is_symlink() or not (place / "action_t.py").is_file()):
-        raise WrongUse(f"{place}: is there already and is not a kit; move it away or rename it")
+        raise WrongUse(f"{place}: already exists and is not a kit; move or rename it")
     try:
         files = _write(root, place)
     except OSError as error:
-        raise MyogradeError(f"{place}: the kit can't be written ({error.strerror}); nothing was "
+        raise MyogradeError(f"{place}: can't write the kit ({error.strerror}); nothing was "
                             "changed") from error
     return Bundle(place, files, replaced, (root / "policy.json").is_file())
 

@@ -1,4 +1,4 @@
-"""What can go wrong here. Every message is a sentence for people that says what to do."""
+"""The errors of this package. Every message is a sentence that says what to do."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Any
 
 
 class MyogradeError(Exception):
-    """The base of all that this package raises on purpose."""
+    """The base class of all errors of this package."""
 
 
 class WrongUse(MyogradeError, ValueError):
-    """An argument, file or setting of the caller's that can't be used."""
+    """An argument, file or setting that can't be used."""
 
 
 class Unreachable(MyogradeError):
@@ -18,7 +18,7 @@ class Unreachable(MyogradeError):
 
 
 class DeadlinePassed(MyogradeError, TimeoutError):
-    """A wait is over; what was waited for goes on."""
+    """A wait timed out; what was waited for continues."""
 
 
 class ServerError(MyogradeError):
@@ -30,5 +30,5 @@ class ServerError(MyogradeError):
         self.code = code  # such as "unknown_track"; server/api/README.md lists them
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # An exception is made anew of its text alone otherwise, in a process of a pool too.
+        # Otherwise an exception is rebuilt from only its text, as in a process of a pool.
         return type(self), (self.status, self.code, str(self))

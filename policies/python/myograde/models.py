@@ -1,6 +1,6 @@
-"""Gets the pinned packages into a cache folder: MuJoCo 2.2.2 as mujoco-2.2.2/{include,lib}, and the
-challenge's models as myosuite-2.8.4. As a program it serves the grader's own set-up:
-models.py CACHE LIST. It therefore imports nothing of this package unless it is part of it."""
+"""Downloads the pinned packages into a cache folder: MuJoCo 2.2.2 as mujoco-2.2.2/{include,lib}, and the
+challenge's models as myosuite-2.8.4. The grader's own set-up runs it as a program: models.py CACHE LIST. It therefore
+imports from this package only when it is part of it."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Models:
 
 
 def usual_cache() -> pathlib.Path:
-    """Where the programs of MyoGrade look if nobody says otherwise: MYOGRADE_CACHE, or the user's own
-    folder; the system's if only that has the models."""
+    """Where the programs of MyoGrade look by default: MYOGRADE_CACHE, or the user's own folder; the system's if only
+    that has the models."""
     if os.environ.get("MYOGRADE_CACHE"):
         return pathlib.Path(os.environ["MYOGRADE_CACHE"])
     if hasattr(os, "geteuid") and os.geteuid() == 0:
@@ -71,17 +71,16 @@ def _own_cache() -> pathlib.Path:
 def get_models(cache: str | os.PathLike[str] | None = None,
                tell: Callable[[str], None] = lambda sentence: None,
                pinned_list: pathlib.Path = LIST) -> Models:
-    """Fills the cache folder (default: the usual one) with what it lacks of the pinned packages.
-    Each appears under its name only when it is whole, so a second call, or one beside this, finds
-    it there. `tell` is called before a download. WrongUse if the folder can't be made,
-    MyogradeError if pip can't get a package or its SHA-256 differs."""
+    """Adds the missing pinned packages to the cache folder (default: usual_cache()). Each appears under its name only
+    when it is complete, so later and concurrent calls find it there. `tell` is called before a download. WrongUse if
+    the folder can't be created, MyogradeError if pip can't download a package or its SHA-256 differs."""
     root = pathlib.Path(cache).expanduser() if cache is not None else usual_cache()
     try:
         (root / "wheels").mkdir(parents=True, exist_ok=True)
         scratch = tempfile.TemporaryDirectory(prefix=".unpack.", dir=root)
     except OSError as error:
-        raise WrongUse(f"{root}: can't be used as the cache folder ({error.strerror}); name "
-                       "another one with --cache or MYOGRADE_CACHE") from error
+        raise WrongUse(f"{root}: can't be used as the cache folder ({error.strerror}); choose another with --cache or "
+                       "MYOGRADE_CACHE") from error
     packages = read_list(pinned_list)
     with scratch as folder:
         fetched = [package.name for package in packages
@@ -103,7 +102,7 @@ def _provide(package: Pinned, cache: pathlib.Path, scratch: pathlib.Path,
         return False
     wheel = _kept_wheel(package, cache / "wheels")
     if wheel is None:
-        tell(f"Getting {package.name} {package.version} ...")
+        tell(f"Downloading {package.name} {package.version} ...")
         wheel = _download(package, scratch, cache / "wheels")
     unpacked = scratch / package.folder
     try:
@@ -128,7 +127,7 @@ def _sha256(file: pathlib.Path) -> str:
 
 
 def _kept_wheel(package: Pinned, folder: pathlib.Path) -> pathlib.Path | None:
-    """A whole one of an earlier download."""
+    """An intact wheel of an earlier download."""
     for wheel in folder.glob(f"*-{package.version}-*.whl"):
         named = wheel.name.split("-")[0].lower() == package.name
         if named and _sha256(wheel) == package.sha256:
@@ -147,12 +146,12 @@ def _download(package: Pinned, scratch: pathlib.Path, wheels: pathlib.Path) -> p
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True,
                               errors="replace", timeout=PIP_DEADLINE_S, check=False)
     except subprocess.TimeoutExpired:
-        raise MyogradeError(f"pip did not get {what} in {PIP_DEADLINE_S // 60} minutes; check the "
+        raise MyogradeError(f"pip did not download {what} in {PIP_DEADLINE_S // 60} minutes; check the "
                             "network and try again") from None
     found = list(target.glob("*.whl")) if done.returncode == 0 else []
     if not found:
         last = "\n".join((done.stdout + done.stderr).strip().splitlines()[-5:])
-        raise MyogradeError(f"pip could not get {what}, or its SHA-256 differs; check the network "
+        raise MyogradeError(f"pip could not download {what}, or its SHA-256 differs; check the network "
                             f"and try again. The last lines of pip:\n{last}")
     kept = wheels / found[0].name
     os.replace(found[0], kept)

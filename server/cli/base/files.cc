@@ -86,7 +86,7 @@ absl::Status MakeFolders(const std::string& folder, const std::string& todo) {
   std::filesystem::create_directories(folder, error);
   if (!error) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat(folder, ": can't be made: ", error.message(), todo));
+      absl::StrCat(folder, ": can't be created: ", error.message(), todo));
 }
 
 absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {

@@ -27,7 +27,7 @@ class NewFile {
   explicit NewFile(std::string path, mode_t mode = 0600);
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
-  ~NewFile();  // takes away what was not kept
+  ~NewFile();  // removes a file that was not kept
 
   // CantWrite, if it can't be opened or a Write failed.
   const absl::Status& status() const { return status_; }
@@ -48,8 +48,8 @@ class NewFile {
 absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_view content,
                                          mode_t mode = 0600);
 
-// Makes `folder` and those above it, if missing. InvalidArgumentError with the reason, and `todo`
-// behind.
+// Creates `folder` and those above it, if missing. InvalidArgumentError with the reason, followed by
+// `todo`.
 absl::Status MakeFolders(const std::string& folder, const std::string& todo = "");
 
 // Reads a seed list: whole numbers from 0 to 2^63-1 without repetition, 1 to 10,000 of them, in

@@ -87,7 +87,7 @@ void PrintFaults(const Json& rows) {
   }
   if (details.size() > shown) {
     std::cout << "and " << Counted(static_cast<int64_t>(details.size() - shown), "more fault")
-              << " of other kinds; --json has them all\n";
+              << " of other kinds; --json lists them all\n";
   }
 }
 
@@ -108,7 +108,8 @@ void PrintResult(const Json& result, bool full_hashes) {
   const Json aggregate = result.value("aggregate", Json());
   const std::string withheld = Cell(result, "withheld");
   if (!aggregate.is_object()) {
-    std::cout << (withheld == "-" ? "  no episode has a result yet\n" : "  no result to see yet\n");
+    std::cout << (withheld == "-" ? "  no episode has a result yet\n" :
+                  "  no results to show yet\n");
   } else {
     PrintPair("successes", Filled(aggregate, "{successes} of {episodes:episode}"));
     PrintPlayed(aggregate, result.value("reasons", Json()));

@@ -56,7 +56,7 @@ std::vector<std::string> NamesOf(const CLI::App& app) {
 // For a word that is not a verb of `app`; `known` is what stands before its verbs ("phase seeds ").
 std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
   const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
-  if (word.empty()) return absl::StrCat("no verb is given; ", help, " lists them");
+  if (word.empty()) return absl::StrCat("no verb given; ", help, " lists them");
   std::string nearest = NearestOf(word, NamesOf(app));
   // "disqualify" is "submission disqualify"; of "list", which several nouns have, none is meant.
   const auto nouns = app.get_subcommands([&](const CLI::App* noun) {
@@ -212,7 +212,7 @@ void AddJson(CLI::App& verb, const std::string& schema, bool& json, const std::s
 
 void AddFullHashes(CLI::App& verb, bool& full) {
   verb.add_flag("--full-hashes", full,
-                "All digits of hashes, not the first 12 (--json has them all)");
+                "Show full hashes, not their first 12 digits (--json always has them in full)");
 }
 
 std::string DataDir(const std::string& option) {
@@ -239,7 +239,7 @@ std::string HostOptions::cache_dir() const {
 void AddHostOptions(CLI::App& verb, HostOptions& options) {
   verb.add_option("--configs", options.configs,
                   "Folder with tracks/ and server.json (default: MYOGRADE_CONFIG_DIR, else the "
-                  "configs that MyoGrade came with)");
+                  "configs shipped with MyoGrade)");
   verb.add_option("--cache", options.cache,
                   "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "
                   "~/.cache/myograde if it has models, else /var/cache/myograde)");

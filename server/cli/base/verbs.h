@@ -51,18 +51,18 @@ absl::StatusOr<T> HostStatus(std::string_view what, absl::StatusOr<T> result) {
   return result;
 }
 
-// Of a verb about a log: one that is damaged is no trouble of the host. That is reported, and
-// kNoScore; any other error is returned.
+// For a verb that reads a log: reports that it is damaged, which is not trouble of the host, and
+// returns kNoScore; returns any other error.
 absl::StatusOr<int> ExitOfLogError(const absl::Status& status);
 
-// From now on SIGINT, SIGTERM and SIGHUP end no process but make StopRequested true; system calls
-// that wait return early.
+// From now on SIGINT, SIGTERM and SIGHUP do not end the process but make StopRequested true; system
+// calls that wait return early.
 void CatchStopSignals();
 
 bool StopRequested();
 
-// `json` as indented text. Invalid UTF-8 becomes U+FFFD; characters that would do something to a
-// terminal or hide (plain_text.h) are escaped, so the value is the same.
+// `json` as indented text. Invalid UTF-8 becomes U+FFFD; characters that a terminal would
+// obey or not show (plain_text.h) are escaped, so the value is the same.
 std::string ShownJson(const Json& json);
 
 // Prints ShownJson on standard output, and a newline.
@@ -70,12 +70,12 @@ void PrintJson(const Json& json);
 
 using AnswerPrinter = std::function<void(const Json& answer)>;
 
-// Prints `text` as Filled (terminal.h) makes it of an answer, on a line of its own; or `unchanged`,
-// if there is one and the answer's "changed" is false.
+// Prints `text`, Filled (terminal.h) from the answer, as a line; or `unchanged`, if it is not empty
+// and the answer's "changed" is false.
 AnswerPrinter Sentence(std::string text, std::string unchanged = "");
 
-// How a verb ends that has one answer to print: as it is if `json`, else by `print`. Returns
-// `exit`, or the error in place of an answer.
+// Ends a verb that has one answer to print: as JSON if `json`, else by `print`. Returns `exit`, or
+// the error instead of an answer.
 absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
                                 const AnswerPrinter& print, int exit = kDone);
 
@@ -109,15 +109,15 @@ void PrintChecks(const Json& checks, std::initializer_list<const char*> states, 
 // "31/100 episodes, 4 successes" of the counts in `episodes` of a submission.
 std::string CountsText(const Json& submission);
 
-// A check of options that are whole numbers from `least` on; `what` says in the error what the
-// text is not: "no episode".
+// A check of options that are whole numbers from `least` on; `what` is part of the error: "not an
+// episode's number".
 CLI::Validator WholeNumber(int64_t least, const std::string& what);
 
 // Whether `text` is 1 to `most` letters, digits, ".", "_" and "-", and begins with a letter or a
 // digit or, if `any_first`, with any of them.
 bool IsSimpleName(const std::string& text, size_t most, bool any_first = false);
 
-// The two numbers of "A..B"; nullopt if it is no such text.
+// The two numbers of "A..B"; nullopt for any other text.
 std::optional<std::pair<int64_t, int64_t>> ParseRange(const std::string& text);
 
 // Options that can't be used together: InvalidArgumentError with the first sentence whose condition
@@ -145,13 +145,13 @@ struct HostOptions {
 
 void AddHostOptions(CLI::App& verb, HostOptions& options);
 
-// Adds PATH, or whatever it is called, of a submission.
+// Adds the path of a submission, called `name` in the help.
 void AddPolicyPath(CLI::App& verb, const std::string& name, std::string& path);
 
-// What the command line asks for, once it is parsed; empty before.
+// The chosen verb, once the command line is parsed; empty before.
 Command& Chosen();
 
-// "myograde board rejudge", as a verb is typed.
+// "myograde board rejudge", the whole command.
 std::string CommandOf(const CLI::App& verb);
 
 // The parts of a verb, such as "team create" and "team list", which share their options.
@@ -160,7 +160,7 @@ class Parts {
  public:
   explicit Parts(CLI::App& verb) : verb_(verb) { verb_.require_subcommand(1); }
 
-  // `example` is what stands behind the verb: "create NAME".
+  // `example` is what follows the verb: "create NAME".
   CLI::App* Add(const std::string& name, const std::string& does, const std::string& example,
                 std::function<absl::StatusOr<int>(const Options&)> action) {
     CLI::App* part = verb_.add_subcommand(name, does)->group("Subcommands");
@@ -178,12 +178,11 @@ class Parts {
   std::shared_ptr<Options> options_ = std::make_shared<Options>();
 };
 
-// The candidate that is nearest to `word` by inserted, left out, changed and swapped letters,
-// one for three letters at most, or of which `word` is the beginning; "" if none or more
-// than one is.
+// The candidate that is nearest to `word` by inserted, omitted, changed and swapped letters (at
+// most one in three), or else begins with `word`; "" if there is none or more than one.
 std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates);
 
-// One sentence on `mistake`, which parsing `words` gave, with the verb or option that was
+// One sentence on `mistake`, the error of parsing `words`, with the verb or option that was
 // probably meant or the help to read.
 std::string UsageError(const CLI::App& app, const CLI::ParseError& mistake,
                        const std::vector<std::string>& words);

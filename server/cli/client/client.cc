@@ -48,7 +48,7 @@ std::string UserName(uid_t uid) {
   return user != nullptr ? user->pw_name : absl::StrCat("uid ", uid);
 }
 
-// By /etc/group, which a session that is open reads no more.
+// By /etc/group, which a session reads only when it begins.
 bool IsMember(const std::string& user, const group& of) {
   for (char** member = of.gr_mem; *member != nullptr; ++member) {
     if (user == *member) return true;
@@ -56,9 +56,9 @@ bool IsMember(const std::string& user, const group& of) {
   return false;
 }
 
-// What stands in the way of a socket that may not be reached, and what to do.
+// Why a socket is not accessible, and what to do.
 std::string ClosedSocket(const std::string& socket) {
-  std::string closed = socket;  // the topmost that lets this user no further
+  std::string closed = socket;  // the topmost without access for this user
   for (std::filesystem::path folder = std::filesystem::absolute(socket).parent_path();
        !folder.empty(); folder = folder.parent_path()) {
     if (::access(folder.c_str(), X_OK) != 0) closed = folder.string();
@@ -70,20 +70,21 @@ std::string ClosedSocket(const std::string& socket) {
   const mode_t rights = closed == socket ? S_IRGRP | S_IWGRP : S_IXGRP;
   const bool shared = seen && (info.st_mode & rights) == rights && info.st_gid != 0;
   const group* members = shared ? ::getgrgid(info.st_gid) : nullptr;
-  const std::string beginning = absl::StrCat("this user may not talk to the daemon on ", socket,
+  const std::string beginning = absl::StrCat("this user has no access to the daemon on ", socket,
                                              ": ", closed, " is open to ");
   if (members != nullptr) {
     const std::string name = members->gr_name;
     const std::string user = UserName(::geteuid());
     return absl::StrCat(beginning, "the group ", name, ", and ", user,
                         IsMember(user, *members)
-                            ? absl::StrCat(" joined it after this session began; log in anew, or "
-                                           "type: newgrp ", name)
-                            : absl::StrCat(" is not in it; ask the administrator to type: adduser ",
-                                           user, " ", name, ", then log in anew"));
+                            ? absl::StrCat(
+                                " joined it after this session began; log in again, or run: "
+                                "newgrp ", name)
+                            : absl::StrCat(" is not in it; ask the administrator to run: adduser ",
+                                           user, " ", name, ", then log in again"));
   }
   const std::string owner = seen ? UserName(info.st_uid) : "another user";
-  return absl::StrCat(beginning, owner, " alone; run this as ", owner,
+  return absl::StrCat(beginning, owner, " only; run this as ", owner,
                       ", or ask the organiser to start the daemon with --socket in a folder that "
                       "others may enter, and give that here with --socket");
 }
@@ -92,13 +93,14 @@ absl::Status CheckSocket(const std::string& socket) {
   if (socket.size() >= sizeof(sockaddr_un::sun_path)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the socket's path ", socket, " is longer than ", sizeof(sockaddr_un::sun_path) - 1,
-        " bytes, the most that a Unix socket can have; give a shorter one with --socket"));
+        " bytes, the limit of a Unix socket; give a shorter one with --socket"));
   }
   if (::access(socket.c_str(), R_OK | W_OK) == 0) return absl::OkStatus();
   if (errno == EACCES) return absl::UnavailableError(ClosedSocket(socket));
   return absl::UnavailableError(absl::StrCat(
-      "no daemon can be reached: there is no socket ", socket,
-      "; start one with \"myograde serve\", or say where it is with --data, --socket or --server"));
+      "can't reach a daemon: there is no socket ", socket,
+      "; start one with \"myograde serve\", or name a running one with --data, --socket or "
+      "--server"));
 }
 
 // What is wrong with the server's certificate; `code` is OpenSSL's.
@@ -108,15 +110,15 @@ std::string CertificateTrouble(const ServerChoice& choice, long code) {
   switch (code) {
     case X509_V_ERR_CERT_HAS_EXPIRED:
       return beginning +
-             "has expired; its organiser has to renew it (or this host's clock is wrong)";
+             "has expired; ask its organiser to renew it (or correct this host's clock)";
     case X509_V_ERR_CERT_NOT_YET_VALID:
       return beginning + "is not valid yet; check this host's clock";
     case X509_V_OK:  // libcurl's own check of the host
     case X509_V_ERR_HOSTNAME_MISMATCH:
     case X509_V_ERR_IP_ADDRESS_MISMATCH:
       return absl::StrCat(beginning, "is not for ", choice.address.host,
-                          "; write the address with the name that the certificate has, which its "
-                          "organiser can tell");
+                          "; use the host name that the certificate is for, which its organiser "
+                          "knows");
     case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
     case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
     case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
@@ -127,8 +129,8 @@ std::string CertificateTrouble(const ServerChoice& choice, long code) {
                             "; ask the organiser for the right file");
       }
       return beginning +
-             "is signed by nobody whom this host trusts; if the lab has an authority of "
-             "its own, give its certificate with --ca-file";
+             "is not signed by an authority that this host trusts; if your lab has its own "
+             "authority, give its certificate with --ca-file";
     default:
       return absl::StrCat(beginning, "can't be trusted (", X509_verify_cert_error_string(code),
                           ")");
@@ -140,17 +142,17 @@ std::string NetworkTrouble(const ServerChoice& choice, const HttpAnswer& answer)
   const std::string server = choice.address.Text();
   switch (answer.failure) {
     case Failure::kUnreachable:
-      return absl::StrCat("no server can be reached at ", server,
+      return absl::StrCat("can't reach a server at ", server,
                           "; check the address and the network, or ask its organiser");
     case Failure::kCaFile:
       return absl::StrCat(choice.ca_file,
-                          ": holds no certificates in PEM; correct --ca-file, "
-                          "MYOGRADE_CA_FILE, or the login");
+                          ": has no PEM certificates; correct --ca-file, MYOGRADE_CA_FILE, or the "
+                          "login");
     case Failure::kTls:
       return absl::StrCat(
-          "no TLS connection to ", server,
-          " could be made: it may speak plain HTTP "
-          "or an old TLS there, or have too many connections; check the address, or "
+          "can't make a TLS connection to ", server,
+          ": the server may speak plain HTTP or an old TLS version, or have too many connections; "
+          "check the address, or "
           "try again in a minute");
     case Failure::kCertificate:
       return CertificateTrouble(choice, answer.certificate);
@@ -173,7 +175,7 @@ absl::StatusOr<HttpRequest> RequestTo(const absl::StatusOr<ServerChoice>& choice
     const std::string& file = choice->ca_file;
     if (!file.empty() && ::access(file.c_str(), R_OK) != 0) {
       return absl::InvalidArgumentError(absl::StrCat(
-          file, ": the file of authorities to trust can't be read (", std::strerror(errno),
+          file, ": this file of trusted authorities can't be read (", std::strerror(errno),
           "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
     }
     request.url = choice->address.Text() + path;
@@ -199,7 +201,7 @@ absl::Status NoAnswer(const ServerChoice& choice, const HttpAnswer& answer) {
         absl::StrCat("no daemon listens on ", where, "; start one with \"myograde serve\""));
   }
   return absl::UnavailableError(absl::StrCat("the daemon on ", where, " did not answer (",
-                                             answer.problem, "); look at its log, or try again"));
+                                             answer.problem, "); see its log, or try again"));
 }
 
 absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice) {
@@ -207,8 +209,8 @@ absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice
   if (answer.status >= 300 && answer.status < 400) {
     return absl::InternalError(absl::StrCat(
         choice.address.Text(),
-        " redirects requests, and redirections are not followed, as a token is for one server; give "
-        "the daemon's own address"));
+        " redirects requests, and redirects are not followed, because a token is for one server; "
+        "give the daemon's own address"));
   }
   Json json = Json::parse(answer.text, nullptr, /*allow_exceptions=*/false);
   const bool good = answer.status >= 200 && answer.status < 300;
@@ -217,7 +219,7 @@ absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice
   std::string message = Sanitized(TextAt(error, "message"));
   if (message.empty()) {
     message = absl::StrCat("the daemon answered with HTTP status ", answer.status,
-                           " and nothing that can be read");
+                           " and no readable body");
   }
   const bool refused = answer.status >= 400 && answer.status < 500 && answer.status != 429;
   absl::Status status =
@@ -287,8 +289,8 @@ absl::StatusOr<Json> Client::Get(const std::string& path) const {
   absl::StatusOr<Json> shown = JsonOf(HttpClient().Ask(again), nobody);
   if (!shown.ok()) return answer;
   PrintToErrors(absl::StrCat("myograde: note: ", answer.status().message(),
-                             ". This is what everybody sees; \"myograde login\" takes a new token, "
-                             "\"myograde logout\" forgets this one."));
+                             ". Showing what the public sees; use \"myograde login\" to enter a "
+                             "new token, or \"myograde logout\" to remove this one."));
   return shown;
 }
 
@@ -321,10 +323,10 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
   const HttpAnswer answer = HttpClient().Ask(request);
   if (IsLost(answer)) {
     return absl::UnavailableError(absl::StrCat(
-        "the daemon on ", choice_->address.Text(), " hung up in the middle of an upload of ",
+        "the daemon on ", choice_->address.Text(), " closed the connection during an upload of ",
         info.st_size, " bytes (", answer.problem,
-        "): it may be larger than archive_bytes in server.json allows, or have taken longer than "
-        "upload_s; the daemon's log says more"));
+        "): it may be larger than archive_bytes of server.json allows, or have taken longer than "
+        "upload_s; see the daemon's log"));
   }
   return JsonOf(answer, *choice_);
 }
@@ -345,7 +347,8 @@ absl::StatusOr<int64_t> Client::Download(
   RETURN_IF_ERROR(taken);
   if (answer.failure == HttpAnswer::Failure::kNone && answer.status == 200) return done;
   RETURN_IF_ERROR(JsonOf(answer, *choice_).status());
-  return absl::InternalError("the daemon's answer is not what was asked for");
+  return absl::InternalError("unexpected answer from the daemon; its version may differ from this "
+                             "program's");
 }
 
 absl::StatusOr<Json> GetAllPages(const Client& client, const std::string& path,
@@ -383,7 +386,7 @@ absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase)
   if (known.is_object()) return known;
   return absl::InvalidArgumentError(
       absl::StrCat("there is no phase \"", phase,
-                   "\"; \"myograde phase status\" lists those that there are"));
+                   "\"; \"myograde phase status\" lists the phases"));
 }
 
 }  // namespace myograde::server

@@ -24,7 +24,7 @@ namespace myograde::server {
 struct ServerAddress {
   enum class Kind { kSocket, kHttp, kHttps };
   Kind kind = Kind::kSocket;
-  std::string socket;  // its path; of kSocket alone
+  std::string socket;  // its path; only of kSocket
   std::string host;    // a name in lower case, or a numeric address without brackets
   int port = 0;
 
@@ -35,7 +35,7 @@ struct ServerAddress {
 };
 
 // "https://host:8443", "http://127.0.0.1:8080", "unix:PATH", or a path with a slash in it. Plain
-// HTTP is for this host alone. InvalidArgumentError: one sentence that begins with `what`, which
+// HTTP is only for this host. InvalidArgumentError: one sentence that begins with `what`, which
 // gave the text; the text is left out if it may hold a password.
 absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::string& what);
 
@@ -81,7 +81,7 @@ absl::Status WriteLogin(const Login& login);
 // False: there was none.
 absl::StatusOr<bool> RemoveLogin();
 
-// OkStatus() if `token` can be sent as one. The error tells nothing of it.
+// OkStatus() if `token` can be sent as one. The error does not quote it.
 absl::Status CheckToken(const std::string& token, const std::string& what);
 
 // One connection for each request. Errors: UnavailableError if no daemon
@@ -100,13 +100,14 @@ class Client {
   // once more if its answer is lost.
   absl::StatusOr<Json> Post(const std::string& path, const Json& body, bool once = false) const;
 
-  // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
+  // Sends `file`, whose content is of `type`; `progress` is called with the bytes
+  // sent so far and in total.
   absl::StatusOr<Json> Upload(const std::string& path, const std::string& file,
                               const std::function<void(int64_t done, int64_t total)>& progress,
                               const std::string& type = "application/x-tar") const;
 
-  // Gives the answer's bytes to `sink` piece by piece, whose error ends it, and says how many they
-  // were. Whatever its size, little of it is in memory at a time.
+  // Passes the answer's bytes to `sink` piece by piece, and returns their number; an error of the
+  // sink ends it. Little of the answer is in memory at a time.
   absl::StatusOr<int64_t> Download(
       const std::string& path, const std::function<absl::Status(std::string_view)>& sink,
       const std::function<void(int64_t done, int64_t total)>& progress) const;
@@ -115,7 +116,7 @@ class Client {
   absl::StatusOr<ServerChoice> choice_;
 };
 
-// The code of the error (server/api/README.md) that the daemon answered with; "": it gave none.
+// The code of the error (server/api/README.md) that the daemon answered with; "": none.
 std::string AnsweredCode(const absl::Status& status);
 
 // All pages of the list at `path`, which has no query, as one answer; `rows` is the key of its
@@ -129,22 +130,22 @@ int ExitOfState(const std::string& state);
 // The phases of all challenges in an answer of GET /v1/challenges.
 Json AllPhases(const Json& answer);
 
-// The one called `name`; null if there is none.
+// The phase called `name`; null if there is none.
 Json PhaseIn(const Json& answer, const std::string& name);
 
-// A phase as GET /v1/challenges has it. InvalidArgumentError: there is none of that name; else an
+// A phase as GET /v1/challenges has it. InvalidArgumentError: no phase has that name; else an
 // error of Client::Get.
 absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase);
 
-// Whether an evaluation or a submission has ended, of which this is the status.
+// Whether the evaluation or submission with this status has ended.
 inline bool HasEnded(const Json& status) {
   const std::string state = status.value("state", "");
   return state != "queued" && state != "running";
 }
 
 // Asks for `path`, something that is in progress, until an answer is `final`, showing progress
-// named `what`; the last answer. A daemon that stays silent for 30 s in a row ends the waiting; one
-// that restarts does not.
+// named `what`; the last answer. A daemon that does not answer for 30 s ends the wait; one that
+// restarts does not.
 absl::StatusOr<Json> FollowUntil(const Client& client, const std::string& path,
                                  const std::string& what,
                                  const std::function<bool(const Json&)>& final = HasEnded);
@@ -162,7 +163,7 @@ absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& 
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row);
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row);
 
-// What acts ask for and keep.
+// Help of --reason.
 inline constexpr char kReasonHelp[] = "Why, for the record; up to 200 bytes";
 
 // "?key=value&key=value" of the values that are not "".
@@ -193,7 +194,7 @@ void AddCaFile(CLI::App& verb, std::string& file);
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help = "Print JSON");
 
-// Adds --data, --socket, --server and --ca-file alone.
+// Adds only --data, --socket, --server and --ca-file.
 void AddPlaces(CLI::App& verb, DaemonOptions& options);
 
 // Parts of a verb that speak to a daemon; `Options` are DaemonOptions.

@@ -84,14 +84,14 @@ void PrintMeaning(const Json& answer) {
             << absl::StrCat(used.value("level", 0.0)) << ".\n";
   if (used.value("spending", Json()) == "halving") {
     std::cout
-        << "  Further episodes are another look: the first look at a pair may use half of the "
-           "level, each further one half of what is left.\n";
+        << "  Further episodes are another look at the data: the first look at a pair may spend "
+           "half of the level, each later one half of what is left.\n";
   }
   if (answer.value("undecided", int64_t{0}) > 0) {
-    std::cout << Filled(answer, "  {undecided:place} share a group: these episodes do not decide "
-                                "their order.\n");
+    std::cout << Filled(answer, "  {undecided:place} share a group: these episodes do not "
+                                "separate them.\n");
   }
-  if (used.value("ranks", "") == "groups") std::cout << "  Ranks are those of the groups.\n";
+  if (used.value("ranks", "") == "groups") std::cout << "  Ranks are the ranks of the groups.\n";
 }
 
 void PrintStatistics(const Json& answer) {
@@ -104,8 +104,8 @@ void PrintStatistics(const Json& answer) {
   }
   if (!answer.value("complete", true)) {
     std::cout << Filled(answer,
-                        "  The board is frozen as of {frozen_at}: what ended later does not "
-                        "count yet.\n");
+                        "  The board is frozen as of {frozen_at}: later results do not count "
+                        "yet.\n");
   }
   PrintUnreadable(answer);
   std::cout.flush();
@@ -193,9 +193,9 @@ void PrintBoard(const Json& board) {
   }
   if (board.value("frozen_at", Json()).is_string()) {
     std::cout << (board.value("complete", true)
-                      ? "  It is frozen for everybody but organisers; \"myograde phase publish\" ends "
-                        "that.\n"
-                      : "  It is frozen: what ended later is not on it yet.\n");
+                      ? "  It is frozen for everybody but organisers; \"myograde phase publish\" "
+                        "unfreezes it.\n"
+                      : "  It is frozen: later results are not on it yet.\n");
   }
   PrintUnreadable(board);
   PrintOthers(board);
@@ -213,7 +213,7 @@ absl::StatusOr<int> Explain(BoardOptions options) {
     board.phase = TextAt(submission, "phase");
   }
   RETURN_IF_ERROR(RefuseIf(
-      {{!board.named(), "teams are compared on one board: give --track or --phase"}}));
+      {{!board.named(), "two teams are compared on one board: give --track or --phase"}}));
   return options.GetAndPrint(
       absl::StrCat("/v1/leaderboard/explain", board.Query(), "&a=",
                    QueryValue(options.above), "&b=", QueryValue(options.below)),
@@ -249,7 +249,7 @@ absl::StatusOr<int> AllBoards(BoardOptions options) {
 
 absl::StatusOr<int> Leaderboard(const BoardOptions& options) {
   RETURN_IF_ERROR(RefuseIf({{options.statistics && !options.board.named(),
-                             "--statistics are of one board: give --track, --phase or --config"}}));
+                             "--statistics covers one board: give --track, --phase or --config"}}));
   if (options.statistics) {
     return options.GetAndPrint("/v1/leaderboard/statistics" + options.board.Query(),
                                PrintStatistics);
@@ -281,7 +281,7 @@ void PrintAct(const Json& answer) {
 // `act`: "pause", "resume" or "publish".
 absl::StatusOr<int> ActOnPhase(const PhaseOptions& options, const std::string& act) {
   RETURN_IF_ERROR(RefuseIf({{options.all == !options.name.empty(),
-                             "name one phase, or give --all for all submissions"}}));
+                             "give one phase, or --all for all submissions"}}));
   const std::string of = options.all ? "" : absl::StrCat("phases/", QueryValue(options.name), "/");
   return options.PostAndPrint(absl::StrCat("/v1/", of, act), {{"reason", options.reason}},
                               PrintAct);
@@ -315,11 +315,11 @@ void PrintFurther(const Json& answer) {
     const Json lost = rejudge.value("without_files", Json::array());
     if (!lost.empty()) {
       std::cout << "  The files of " << Counted(std::ssize(lost), "submission")
-                << " are no longer on this host, so it gets none.\n";
+                << " are no longer on this host, so no further episodes are played.\n";
     }
   }
   std::cout << Filled(answer, "No rank by the rules changes. Once they have ended, \"myograde "
-                              "leaderboard --phase {phase} --statistics\" takes them in.")
+                              "leaderboard --phase {phase} --statistics\" includes them.")
             << std::endl;
 }
 
@@ -348,7 +348,7 @@ absl::StatusOr<int> Evaluate(const EvaluateOptions& options) {
 
 void AddBoardOfAMoment(CLI::App& verb, BoardOptions& options, const std::string& track_help) {
   AddBoardChoice(verb, options.board, track_help,
-                 "Phase of a challenge, also of one that is over (default: the track's own board)");
+                 "Phase of a challenge, open or over (default: the track's own board)");
   verb.add_option("--at", options.board.at,
                   "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
 }
@@ -359,7 +359,7 @@ Command AddLeaderboard(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
   AddBoardOfAMoment(verb, *options, "Name of the track (default: all)");
   verb.add_flag("--statistics", options->statistics,
-                "Show which places the episodes decide: groups, intervals and faults");
+                "Show which ranks the episodes separate: groups, intervals and faults");
   AddDaemonOptions(verb, "leaderboard", *options);
   return [options] { return Leaderboard(*options); };
 }
@@ -393,28 +393,27 @@ Command AddPhase(CLI::App& verb) {
       return ActOnPhase(options, name);
     });
     part->add_option("NAME", parts.options().name,
-                     "The phase, as \"myograde phase status\" lists it");
+                     "Name of the phase, as \"myograde phase status\" lists it");
     part->add_option("--reason", parts.options().reason,
-                     "Why, for those who submit and for the record; up to 200 bytes")
+                     "Reason, shown to participants and kept in the record; up to 200 bytes")
         ->required();
     if (!all) return;
     part->add_flag("--all", parts.options().all, "All submissions, of every track and phase");
   };
-  add("pause", "Refuse submissions for now; those that were accepted are played",
+  add("pause", "Refuse new submissions; those accepted are still evaluated",
       "pause final --reason \"a slot is broken\"", /*all=*/true);
   add("resume", "Accept submissions again", "resume final --reason \"it is repaired\"",
       /*all=*/true);
-  add("publish", "Show everybody a frozen board, and what the phase withheld; can't be undone",
+  add("publish", "Show everybody the frozen board and what the phase withheld; can't be undone",
       "publish final --reason \"closing ceremony\"", /*all=*/false);
   return {};
 }
 
 Command AddEvaluate(CLI::App& verb) {
   auto options = std::make_shared<EvaluateOptions>();
-  verb.add_option("--phase", options->phase, "The phase whose places are close")->required();
+  verb.add_option("--phase", options->phase, "The phase with close ranks")->required();
   verb.add_option("--more-seeds", options->more_seeds,
-                  "Further episodes of each submission in total, on seeds that follow the "
-                  "phase's own")
+                  "Further episodes of each submission in total, on seeds after the phase's own")
       ->required()
       ->type_name("N");
   verb.add_option("--places", options->places,

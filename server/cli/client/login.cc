@@ -71,7 +71,7 @@ absl::StatusOr<std::string> ReadSecret(const std::string& prompt) {
   absl::StripAsciiWhitespace(&line);
   if (line.empty()) {
     return absl::InvalidArgumentError(
-        "no token was given; type it, or have it on standard input: myograde login URL < FILE");
+        "no token given; type it, or pass it on standard input: myograde login URL < FILE");
   }
   return line;
 }
@@ -85,7 +85,7 @@ struct LoginOptions {
 // "an operator", "a participant of Team Blue".
 std::string RoleText(const Json& who) {
   const std::string role = Cell(who, "role");
-  if (role == "public") return "one of the public, who may read public boards";
+  if (role == "public") return "a member of the public, who may read public boards";
   return absl::StrCat(role.find_first_of("aeiou") == 0 ? "an " : "a ", role,
                       Filled(who, "[ of {teams}]"));
 }
@@ -99,7 +99,7 @@ void PrintWho(const Json& who) {
     std::cout << Filled(token,
                         "Your token is number {id}, \"{label}\"[, valid until {expires_at}].\n");
   }
-  std::cout << Filled(who, "[The login is kept in {file}; \"myograde logout\" removes it.\n]");
+  std::cout << Filled(who, "[The login is stored in {file}; \"myograde logout\" removes it.\n]");
 }
 
 absl::StatusOr<Json> AskWho(const Client& client) {
@@ -113,8 +113,8 @@ absl::StatusOr<ServerChoice> Target(const LoginOptions& options) {
   ASSIGN_OR_RETURN(ServerAddress address, ParseServer(options.url, "URL"));
   if (!address.network()) {
     return absl::InvalidArgumentError(
-        "a login is for a server over the network, https://HOST:PORT; a daemon of this host knows "
-        "you by your user, without a token");
+        "a login is for a server over the network, https://HOST:PORT; a daemon on this host knows "
+        "you by your user name, without a token");
   }
   ServerChoice choice = {
       .address = std::move(address), .token = "", .ca_file = CaFile(options.ca_file)};
@@ -131,7 +131,7 @@ absl::StatusOr<Json> LogIn(const LoginOptions& options) {
   ASSIGN_OR_RETURN(Json who, AskWho(Client(target)));
   if (!who.value("token", Json()).is_object()) {
     return absl::InvalidArgumentError(absl::StrCat(
-        server, " takes no notice of the token, so nothing was kept; is it for another server?"));
+        server, " ignored the token, so nothing was stored; check that it is for this server"));
   }
   RETURN_IF_ERROR(WriteLogin({.server = server, .token = token, .ca_file = target.ca_file}));
   who["file"] = LoginFile();
@@ -150,7 +150,7 @@ absl::StatusOr<Json> LogOut() {
 
 void PrintLogout(const Json& answer) {
   if (!answer["removed"]) {
-    std::cout << "There was no login." << std::endl;
+    std::cout << "There was no login to remove." << std::endl;
     return;
   }
   std::cout << Filled(answer, "The login[ to {server}] is removed. Its token stays valid until it "
@@ -171,13 +171,13 @@ void PrintCreated(const Json& token) {
   const bool of_team = !token.value("team", Json()).is_null();
   const std::string until = Filled(token, "[, until {expires_at}]");
   std::cout << Filled(token, of_team ? "Token {id} for team {team}" : "Token {id} for an {role}")
-            << (until.empty() ? ", without an end" : until)
-            << ". It is shown this once:" << std::endl;
+            << (until.empty() ? ", which does not expire" : until)
+            << ". It is shown only once:" << std::endl;
   // Whole, so that it can be copied.
   PlainOutput() << Cell(token, "token") << std::endl;
   std::cout << Filled(token,
-                      "Hand it over in private; whoever has it acts with it. \"myograde token "
-                      "revoke {id}\" ends it.")
+                      "Hand it over in private: anybody who has it can use it. \"myograde token "
+                      "revoke {id}\" revokes it.")
             << std::endl;
 }
 
@@ -197,7 +197,7 @@ absl::StatusOr<int> CreateToken(const TokenOptions& options) {
           .status();
   return absl::InternalError(absl::StrCat(
       "token ", Cell(*token, "id"), " could not be printed (", std::strerror(error), "), so it ",
-      revoked.ok() ? "is revoked; make another where its output can be written"
+      revoked.ok() ? "is revoked; create another where its output can be written"
                    : absl::StrCat("should be revoked, which failed: ", revoked.message())));
 }
 
@@ -226,7 +226,7 @@ Command AddWhoami(CLI::App& verb) {
 Command AddToken(CLI::App& verb) {
   DaemonParts<TokenOptions> parts(verb);
   TokenOptions& options = parts.options();
-  CLI::App* create = parts.Add("create", "Make a token, which is shown once",
+  CLI::App* create = parts.Add("create", "Create a token, which is shown only once",
                                "create --team \"Team Blue\" --label \"Ada's laptop\" --days 90",
                                "token", CreateToken);
   create
@@ -234,7 +234,7 @@ Command AddToken(CLI::App& verb) {
                    "participant, organiser or operator (default: participant)")
       ->check(CLI::IsMember({"participant", "organiser", "operator"}));
   create->add_option("--team", options.team, "The team that a participant's token acts for");
-  create->add_option("--label", options.label, "Who will have it, or where; up to 100 bytes")
+  create->add_option("--label", options.label, "Who uses it, or where; up to 100 bytes")
       ->required();
   CLI::Option* days = create
                           ->add_option("--days", options.days,
@@ -243,9 +243,11 @@ Command AddToken(CLI::App& verb) {
   create->add_option("--expires", options.expires, "When it expires, as in 2026-12-01T00:00:00Z")
       ->excludes(days);
   parts.Add(
-      "list", "List the tokens, without their texts", "list", "tokens", [](const TokenOptions& of) {
+      "list", "List the tokens, without their "
+              "secrets", "list", "tokens", [](const TokenOptions& of) {
         return of.ListAndPrint("/v1/tokens", "tokens",
-                               "There are no tokens yet; \"myograde token create\" makes one.",
+                               "There are no tokens yet; create one with \"myograde token "
+                               "create\".",
                                {"token=id", "role", "team", "label", "state", "made by=created_by",
                                 "until=expires_at", "last used=last_used_at"});
       });
@@ -254,7 +256,7 @@ Command AddToken(CLI::App& verb) {
            [](const TokenOptions& of) {
              return of.PostAndPrint(absl::StrCat("/v1/tokens/", of.id, "/revoke"), Json::object(),
                                     Sentence("Token {id} is revoked.",
-                                             "Token {id} was revoked already; nothing changed."));
+                                             "Token {id} was already revoked; nothing changed."));
            })
       ->add_option("ID", options.id, "The token")
       ->required()

@@ -35,7 +35,7 @@ absl::Status ReadLogOf(const Client& client, const Json& row, const LogUnpacker:
   const Json log = row.value("log", Json());
   const std::string sha256 = log.is_object() ? TextAt(log, "sha256") : "";
   if (sha256.empty()) {
-    return absl::FailedPreconditionError(Filled(row, "no log of episode {index} was kept"));
+    return absl::FailedPreconditionError(Filled(row, "the log of episode {index} was not kept"));
   }
   const absl::Status status = ReadLogOf(client, sha256, sink);
   if (!absl::IsDataLoss(status)) return status;

@@ -104,8 +104,8 @@ std::string HomeOf() {
 absl::Status NotUsable(const std::string& path, std::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat(path, ": ",
                                                  absl::string_view(why.data(), why.size()),
-                                                 "; \"myograde login\" writes it anew, \"myograde "
-                                                 "logout\" removes it"));
+                                                 "; replace it with \"myograde login\", or remove "
+                                                 "it with \"myograde logout\""));
 }
 
 // The token is as good as its owner's only while nobody else knows it.
@@ -116,8 +116,8 @@ absl::Status CheckRights(const std::string& path, int fd) {
   if ((info.st_mode & 077) == 0) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
       path,
-      ": other users may read the token in it; take that right away (chmod 600), and have the "
-      "token replaced if they may have done so"));
+      ": other users may read the token in it; withdraw that right (chmod 600), and have the "
+      "token replaced if somebody may have read it"));
 }
 
 }  // namespace
@@ -144,7 +144,7 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
   }
   if (text.find('@') != std::string::npos) {
     return absl::InvalidArgumentError(absl::StrCat(
-        what, ": an address has no user and no password in it; \"myograde login\" takes a token"));
+        what, ": leave user and password out of the address; \"myograde login\" takes a token"));
   }
   const std::string word =
       absl::AsciiStrToLower(text.substr(0, scheme == std::string::npos ? 0 : scheme));
@@ -159,8 +159,8 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
   if (address.kind == ServerAddress::Kind::kHttp && !here) {
     return absl::InvalidArgumentError(absl::StrCat(
         what, ": ", address.Text(),
-        " is without TLS, so that anybody on the way could read and "
-        "change everything; write https://, or reach this host itself as http://127.0.0.1"));
+        " is without TLS, so anybody on the network could read and change everything; write "
+        "https://, or for this host http://127.0.0.1"));
   }
   return address;
 }
@@ -206,9 +206,8 @@ absl::Status CheckToken(const std::string& token, const std::string& what) {
       std::all_of(token.begin(), token.end(), [](char c) { return c > ' ' && c < 0x7f; });
   if (good) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat(what, ": this is not a token; it is one word of at most ", kMaxToken,
-                   " letters, digits and signs, "
-                   "as the organiser gave it"));
+      absl::StrCat(what, ": not a token, which is one word of at most ", kMaxToken,
+                   " letters, digits and punctuation marks, as the organiser gave it to you"));
 }
 
 absl::StatusOr<std::optional<Login>> ReadLogin() {
@@ -285,8 +284,8 @@ absl::StatusOr<int> DaemonOptions::ListAndPrint(const std::string& path, const s
 
 void AddCaFile(CLI::App& verb, std::string& file) {
   verb.add_option("--ca-file", file,
-                  "Certificates in PEM of the authorities that may have signed the server's "
-                  "(default: MYOGRADE_CA_FILE, else the login's, else those this host trusts)");
+                  "PEM file of the authorities to trust for the server's certificate (default: "
+                  "MYOGRADE_CA_FILE, else the login's, else those that this host trusts)");
 }
 
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
@@ -303,8 +302,8 @@ void AddPlaces(CLI::App& verb, DaemonOptions& options) {
   CLI::Option* socket = verb.add_option("--socket", options.socket,
                                         "The daemon's socket (default: DATA/myograde.sock)");
   verb.add_option("--server", options.server,
-                  "The daemon's address, https://HOST:PORT (default: MYOGRADE_SERVER, else what "
-                  "--data says, or \"myograde login\" did)")
+                  "The daemon's address, https://HOST:PORT (default: MYOGRADE_SERVER, else the "
+                  "daemon of --data, else the server of \"myograde login\")")
       ->excludes(data)
       ->excludes(socket);
   AddCaFile(verb, options.ca_file);
@@ -324,10 +323,11 @@ void AddBoardChoice(CLI::App& verb, BoardChoice& choice, const std::string& trac
   verb.add_option("--track", choice.track, track_help);
   verb.add_option("--phase", choice.phase, phase_help);
   verb.add_option("--profile", choice.profile, "Rules profile (default: the track's own)");
-  verb.add_option("--board", choice.board, "Name of the board (default: main, which all have)");
+  verb.add_option("--board", choice.board,
+                  "Name of the board (default: main, which every track has)");
   verb.add_option("--config", choice.config,
-                  "The board under a config that it has or had: its hash, or the first 8 digits or "
-                  "more");
+                  "The board under its present config or an earlier one: the config's hash, or at "
+                  "least the first 8 digits of it");
 }
 
 std::string SubmissionOptions::Resource(const std::string& part) const {

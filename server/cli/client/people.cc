@@ -84,9 +84,9 @@ void PrintConsequences(const Json& merge) {
                       "\nsubmissions  {submissions}, {submissions_of_team} of them of {team}; the "
                       "boards rank them as one team's\nmembers      {members}\n"
                       "tokens       {tokens_of_team:token} of {team} will act for {into}\n"
-                      "names        {team} will find {into}; a merge can't be undone\n"
-                      "quota        units that both have used add up, and so do grants; the limits "
-                      "stay those of one team\n");
+                      "names        {team} becomes an alias of {into}; a merge can't be undone\n"
+                      "quota        the units used and granted add up; the limits stay those of "
+                      "one team\n");
   Table table({"track or phase", "budget", "used today", "used in all", "left today"});
   for (const char* kind : {"tracks", "phases"}) {
     for (const Json& place : merge.value(kind, Json::array())) {
@@ -121,7 +121,7 @@ absl::StatusOr<int> MergeTeam(const TeamOptions& options) {
   const bool can_ask = !options.json && ::isatty(STDIN_FILENO) == 1 && ::isatty(STDOUT_FILENO) == 1;
   if (!options.dry_run && !options.yes && !can_ask) {
     return absl::InvalidArgumentError(
-        "a merge can't be undone: see what it does with --dry-run, then give --yes");
+        "a merge can't be undone: check its effect with --dry-run, then give --yes");
   }
   absl::StatusOr<Json> plan = AskMerge(options, /*dry_run=*/true);
   if (!plan.ok() || (options.dry_run && options.json)) {
@@ -159,7 +159,7 @@ void AddMemberParts(TeamParts& parts) {
     CLI::App* part = parts.AddOfTeam(
         belongs ? "add-member" : "remove-member",
         belongs ? "Let a user of the daemon's host act for a team"
-                : "Remove a user from a team; what the user has submitted stays the team's",
+                : "Remove a user from a team; the user's submissions stay with the team",
         belongs ? "add-member \"Team Blue\" ada" : "remove-member \"Team Blue\" ada",
         [belongs](const TeamOptions& options) {
           const char* has = belongs ? "has the member " : "does not have the member ";
@@ -178,7 +178,8 @@ void AddBanParts(TeamParts& parts) {
   for (const bool banned : {true, false}) {
     CLI::App* part = parts.AddOfTeam(
         banned ? "ban" : "unban",
-        banned ? "Refuse a team's submissions and take it off the boards; running ones continue"
+        banned ? "Refuse a team's submissions and take it off the boards; running evaluations "
+                 "continue"
                : "Accept a team's submissions again, and put it back on the boards",
         banned ? "ban \"Team Blue\" --reason \"two names of one group\"" : "unban \"Team Blue\"",
         [banned](const TeamOptions& options) {
@@ -245,7 +246,7 @@ void PrintQuota(const Json& quota) {
   table.Print();
   if (left_out > 0) {
     std::cout << "Left out: " << Counted(left_out, "track")
-              << " that this team has not used outside the phases; --json has them.\n";
+              << " that this team has not used outside the phases; --json lists them.\n";
   }
   std::cout << Filled(quota, "The next day begins at {next_day_at}.\n");
   const Json ledger = quota.value("ledger", Json::array());
@@ -263,7 +264,7 @@ void PrintQuota(const Json& quota) {
 Command AddTeam(CLI::App& verb) {
   TeamParts parts(verb);
   parts.AddReason(parts.AddOfTeam(
-      "create", "Make a team", "create \"Team Blue\"", [](const TeamOptions& options) {
+      "create", "Create a team", "create \"Team Blue\"", [](const TeamOptions& options) {
         return options.PostAndPrint("/v1/teams", options.Body({{"team", options.team}}),
                                     Changed("is created"));
       }));
@@ -275,10 +276,10 @@ Command AddTeam(CLI::App& verb) {
               };
               return options.ListAndPrint(
                   "/v1/teams", "teams",
-                  "There are no teams yet; \"myograde team create NAME\" makes one.",
+                  "There are no teams yet; create one with \"myograde team create NAME\".",
                   {"team", "members", "other names=other_names", RowColumn("state", state)});
             });
-  parts.AddOfTeam("show", "Show a team with its members and all that was done to it",
+  parts.AddOfTeam("show", "Show a team with its members and its history",
                   "show \"Team Blue\"", [](const TeamOptions& options) {
                     return options.GetAndPrint(options.Resource(), PrintTeam);
                   });
@@ -288,10 +289,11 @@ Command AddTeam(CLI::App& verb) {
   parts.AddReason(rename);
   AddMemberParts(parts);
   CLI::App* merge = parts.AddOfTeam(
-      "merge", "Merge a team into another, after showing what that does to quotas and boards",
+      "merge", "Merge a team into another, after showing the effect on quotas and boards",
       "merge \"Team Blue\" --into \"Team Green\" --dry-run", MergeTeam, "team_merge");
   merge->add_option("--into", parts.options().into, "The team that remains")->required();
-  merge->add_flag("--dry-run", parts.options().dry_run, "Show what it does, and change nothing");
+  merge->add_flag("--dry-run", parts.options().dry_run,
+                  "Show the effect without changing anything");
   merge->add_flag("--yes", parts.options().yes, "Don't ask");
   parts.AddReason(merge);
   AddBanParts(parts);
@@ -319,7 +321,7 @@ Command AddGrant(CLI::App& verb) {
   verb.add_option("--track", options->track, "Name of the track")->required();
   verb.add_option("--phase", options->phase,
                   "The phase to grant it for (default: the track itself)");
-  verb.add_option("--units", options->units, "How many more, for the present day and in all")
+  verb.add_option("--units", options->units, "How many more, both for today and in total")
       ->required()
       ->check(CLI::Range(1, 1'000'000));
   verb.add_option("--budget", options->budget,

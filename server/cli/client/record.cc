@@ -166,7 +166,7 @@ absl::StatusOr<int> ProveSince(const RecordOptions& options) {
 absl::StatusOr<int> Prove(const RecordOptions& options) {
   if ((options.entry < 0) == options.since.empty()) {
     return absl::InvalidArgumentError(
-        "name the index of an entry, or with --since the file of an earlier head");
+        "give the index of an entry, or --since with the file of an earlier head");
   }
   return options.since.empty() ? ProveEntry(options) : ProveSince(options);
 }
@@ -191,8 +191,8 @@ Command AddReceipt(CLI::App& verb) {
   AddSubmissionId(verb, *options);
   verb.add_option("-o,--output", options->file, "The file to write")->required();
   verb.add_option("--evaluation", options->evaluation,
-                  "Its evaluation by a rejudge, as \"myograde show\" lists them (default: the "
-                  "original)")
+                  "Number of an evaluation by a rejudge, as \"myograde show\" lists them "
+                  "(default: the original evaluation)")
       ->check(WholeNumber(1, "not an evaluation's number"));
   AddDaemonOptions(verb, "receipt", *options);
   return [options] { return Receipt(*options); };
@@ -209,20 +209,21 @@ Command AddRecord(CLI::App& verb) {
   DaemonParts<RecordOptions> parts(verb);
   RecordOptions& options = parts.options();
   parts
-      .Add("head", "Print the record's signed head, which is worth keeping", "head -o head.json",
+      .Add("head", "Print the record's signed head; keep it to check later records "
+                   "against", "head -o head.json",
            "record-head", ShowHead)
       ->add_option("-o,--output", options.file, "File for the head");
   CLI::App* show = parts.Add("show", "List entries, oldest first", "show --from 100", "record-show",
                              ShowEntries);
   show->add_option("--from", options.from, "Index of the first entry (default: 0)")
-      ->check(WholeNumber(0, "not an index of an entry"));
+      ->check(WholeNumber(0, "not the index of an entry"));
   show->add_option("--limit", options.limit, "Entries to list, 1 to 1000 (default: 20)")
       ->check(CLI::Range(1, 1000));
   CLI::App* prove = parts.Add(
       "prove", "Check that an entry is in the record, or that an earlier head is its beginning",
       "prove --since head.json", "record-prove", Prove);
   prove->add_option("ENTRY", options.entry, "The index of an entry")
-      ->check(WholeNumber(0, "not an index of an entry"));
+      ->check(WholeNumber(0, "not the index of an entry"));
   prove->add_option("--since", options.since, "File of an earlier head");
   parts
       .Add("export",

@@ -25,8 +25,9 @@ constexpr int kMostRounds = 5;
 constexpr int64_t kEntriesAtOnce = 1000;
 
 absl::Status Strange(const std::string& what) {
-  return absl::InternalError(absl::StrCat("the daemon's ", what, " is not what this program knows; "
-                                          "use the program of the daemon's version"));
+  return absl::InternalError(absl::StrCat("the daemon's ", what,
+                                          " has an unknown format; use the program of the "
+                                          "daemon's version"));
 }
 
 // A name that may stand in a path.
@@ -93,14 +94,14 @@ class RecordExporter {
     const bool empty = !error && fs::is_empty(folder_, error);
     if (!error && !empty) {
       return absl::InvalidArgumentError(
-          absl::StrCat(folder_, ": has files already; name a new folder"));
+          absl::StrCat(folder_, ": is not empty; name a new folder"));
     }
     for (const char* part : {"/receipts", "/configs", "/boards", "/secrets"}) {
       if (!error) fs::create_directory(folder_ + part, error);
     }
     if (!error) return absl::OkStatus();
     return absl::InvalidArgumentError(
-        absl::StrCat(folder_, ": can't be made (", error.message(), "); name another folder"));
+        absl::StrCat(folder_, ": can't be created (", error.message(), "); name another folder"));
   }
 
   absl::Status Write(const std::string& name, const std::string& text) const {

@@ -13,9 +13,9 @@
 
 namespace myograde::server {
 
-// Writes everything, and tells of it: {"folder", "size", "root", "receipts", "withheld", "boards"}.
-// `progress` hears how many receipts of all are there. While results keep ending, it begins again a
-// few times; UnavailableError if they still do. InvalidArgumentError: the folder has files already,
+// Writes everything, and returns {"folder", "size", "root", "receipts", "withheld", "boards"}.
+// `progress` is called with the receipts written so far and in total. While results keep ending, it
+// begins again a few times; UnavailableError if they still do. InvalidArgumentError: the folder has files already,
 // or can't be written.
 absl::StatusOr<Json> ExportRecord(const Client& client, const std::string& folder,
                                   const std::function<void(int64_t done, int64_t total)>& progress);

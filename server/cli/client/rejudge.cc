@@ -127,11 +127,11 @@ void PrintNext(const Json& rejudge) {
   const std::string state = Cell(rejudge, "state");
   const std::string id = Cell(rejudge, "rejudge");
   if (state == "computing") {
-    std::cout << "It is being computed; the live board stays as it is.\n";
+    std::cout << "It is being computed; the live board is unchanged.\n";
   } else if (state == "ready" && Cell(rejudge, "purpose") == "rules") {
-    std::cout << "The live board is as it was. \"myograde board rejudge apply " << id
-              << " --reason TEXT\" makes these its results, \"myograde board rejudge drop " << id
-              << " --reason TEXT\" leaves it.\n";
+    std::cout << "The live board is unchanged. \"myograde board rejudge apply " << id
+              << " --reason TEXT\" puts these results on it, \"myograde board rejudge drop " << id
+              << " --reason TEXT\" discards them.\n";
   }
 }
 
@@ -160,7 +160,7 @@ void PrintRejudge(const Json& rejudge) {
   PrintNext(rejudge);
   if (const auto left = rejudge.value("accepted_under_to_config", int64_t{0}); left > 0) {
     std::cout << Counted(left, "submission") << " accepted under the new config "
-              << (left == 1 ? "stays" : "stay") << " under it, off the board that is now shown.\n";
+              << (left == 1 ? "stays" : "stay") << " under it, and off the board now shown.\n";
   }
   std::cout.flush();
 }
@@ -203,10 +203,10 @@ absl::StatusOr<int> ShowRejudge(const RejudgeOptions& options) {
 absl::StatusOr<Json> NewRejudge(const RejudgeOptions& options) {
   if (options.phase.empty() == options.track.empty()) {
     return absl::InvalidArgumentError(
-        "name the board to rejudge: --phase, or --track for a track's own");
+        "name the board to rejudge with --phase, or with --track for a track's own");
   }
   if (!options.phase.empty() && !options.profile.empty()) {
-    return absl::InvalidArgumentError("--profile: a phase has one; leave it out");
+    return absl::InvalidArgumentError("--profile: a phase already has one; leave it out");
   }
   Json body = {{"reason", options.reason},
                {"method", options.method},
@@ -220,7 +220,7 @@ absl::StatusOr<Json> NewRejudge(const RejudgeOptions& options) {
   ASSIGN_OR_RETURN(Json config, ReadJsonFile(options.config, kMaxConfigBytes));
   if (!config.is_object()) {
     return absl::InvalidArgumentError(absl::StrCat(
-        options.config, ": is not a track config, which is an object in braces; see configs/README.md"));
+        options.config, ": not a track config, which is a JSON object; see configs/README.md"));
   }
   body["config"] = std::move(config);
   return body;
@@ -253,7 +253,8 @@ absl::StatusOr<int> ListRejudges(const RejudgeOptions& options) {
   return PrintAnswer(
       GetAllPages(options.client(), kRejudges, "rejudges"), options.json, [](const Json& answer) {
         PrintList(
-            answer, "rejudges", "Nothing was rejudged yet; \"myograde board rejudge create\" begins one.",
+            answer, "rejudges", "There are no rejudges yet; start one with \"myograde board "
+                                "rejudge create\".",
             {"id=rejudge", "state", RowColumn("board", RejudgedBoard),
              RowColumn("to config", [](const Json& one) { return HashCell(one, "to_config"); }),
              RowColumn("results", ItemsText), "created=at", "reason"});
@@ -282,7 +283,7 @@ class RejudgeParts : public DaemonParts<RejudgeOptions> {
 void AddCreatePart(RejudgeParts& parts) {
   RejudgeOptions& options = parts.options();
   CLI::App* create = parts.Add(
-      "create", "Compute a board's results under another config, beside the live board",
+      "create", "Compute a board's results under another config, without touching the live board",
       "create --phase final --config new_rules.json --reason \"The line is 80.\" --wait", "rejudge",
       CreateRejudge);
   create->add_option("--phase", options.phase, "The phase whose board is rejudged");
@@ -294,14 +295,15 @@ void AddCreatePart(RejudgeParts& parts) {
                    "another build of the grader or for --repeat)")
       ->type_name("FILE");
   create->add_option("--method", options.method,
-                     "facts: compute the results from what was recorded; play: play all again; "
-                     "auto: facts where they are enough (default)")
+                     "facts: compute the results from the recorded facts; play: run all episodes "
+                     "again; auto: facts where they are enough (default)")
       ->check(CLI::IsMember({"auto", "facts", "play"}));
   create->add_option("--repeat", options.repeat,
-                     "Play each this many times and tell which policies are not repeatable, 1 to "
-                     "20 (default: 1)")
+                     "Play each episode this many times and report the policies that are not "
+                     "repeatable, 1 to 20 (default: 1)")
       ->check(CLI::Range(1, 20));
-  create->add_flag("--wait", options.wait, "Wait until it is computed, and show every rank's change");
+  create->add_flag("--wait", options.wait,
+                   "Wait until it is computed, and show how each rank changes");
   parts.AddReason(create);
 }
 
@@ -311,19 +313,18 @@ Command AddRejudge(CLI::App& verb) {
   RejudgeParts parts(verb);
   AddCreatePart(parts);
   parts.Add("list", "List all rejudges, newest first", "list", "rejudges", ListRejudges);
-  parts.AddOfOne("show", "Show a rejudge with every rank's change", "show 3", ShowRejudge)
+  parts.AddOfOne("show", "Show a rejudge, and how each rank changes", "show 3", ShowRejudge)
       ->add_flag("--wait", parts.options().wait, "Wait until it is computed");
   CLI::App* apply = parts.AddOfOne(
-      "apply", "Make a rejudge's config and results those of the live board",
+      "apply", "Put a rejudge's config and results on the live board",
       "apply 3 --reason \"As announced on 3 May.\"", ApplyRejudge);
   apply->add_option("--without", parts.options().without,
-                    "The submissions that have no result, all of them, as in 7,9: they are off the "
-                    "board")
+                    "All submissions without a result, as in 7,9: they leave the board")
       ->delimiter(',')
       ->type_name("IDS");
   parts.AddReason(apply);
   parts.AddReason(parts.AddOfOne(
-      "drop", "Give up a rejudge; of an applied one, restore the board that it replaced",
+      "drop", "Discard a rejudge; if it was applied, restore the board that it replaced",
       "drop 3 --reason \"The jury decided otherwise.\"", DropRejudge));
   return {};
 }

@@ -90,7 +90,7 @@ void PrintAttempts(const Json& leases) {
   }
   for (const Json& lease : leases) {
     if (Cell(lease, "detail") == "-" || Cell(lease, "state") == "cancelled") continue;
-    std::cout << Filled(lease, "Block {lease}, what last went wrong: {detail}\n");
+    std::cout << Filled(lease, "Block {lease}, last failure: {detail}\n");
   }
 }
 
@@ -115,7 +115,7 @@ void PrintStatus(const Json& status) {
   }
   if (!TextAt(status, "deadline_at").empty()) {
     std::cout << "  if nothing happens until " << Moment(status, "deadline_at")
-              << ", the daemon steps in by itself\n";
+              << ", the daemon intervenes\n";
   }
   PrintLeases(status.value("leases", Json::array()));
   PrintAttempts(status.value("leases", Json::array()));
@@ -137,7 +137,7 @@ void PrintHealth(const Json& health) {
   std::cout << Filled(health, "The daemon ({version}[, process {pid}])")
             << Filled(health, store ? " can't write its store" : " is {status}");
   if (health.contains("slots")) {
-    std::cout << Filled(health, ": {running} of {slots:slot} at work, ")
+    std::cout << Filled(health, ": {running} of {slots:slot} busy, ")
               << CountedBlocks(health.value("pending_leases", int64_t{0})) << " waiting";
   }
   std::cout << '\n';
@@ -152,7 +152,8 @@ void PrintHealth(const Json& health) {
   for (const Json& artefact : health.value("held_back", Json::array())) {
     if (!artefact.is_string()) continue;
     std::cout << "  Held back: artefact " << Sanitized(artefact.get<std::string>())
-              << ": its last evaluations ended by the grader's fault (myograde list, myograde rerun)\n";
+              << ": its last evaluations failed by a fault of the grader; \"myograde status\" "
+                 "lists them, \"myograde rerun\" plays them again\n";
   }
   PrintUnreadable(health);
 }
@@ -206,7 +207,7 @@ struct EventsOptions : DaemonOptions {
 };
 
 void PrintEvents(const Json& answer) {
-  PrintList(answer, "events", "Nothing was denied, and no organiser did anything.",
+  PrintList(answer, "events", "No request was denied, and no organiser did anything.",
             {"id", "at", "kind", "who", "role", "action", "subject", "detail", "times=count"});
   std::cout << Filled(answer, "[Older ones: --before {next_before}\n]");
 }
@@ -224,7 +225,7 @@ CLI::Validator NameOf(size_t most, bool any_first, const std::string& what) {
   return CLI::Validator(
       [=](const std::string& text) {
         return IsSimpleName(text, most, any_first) ? ""
-                                                  : absl::StrCat("\"", text, "\" is no ", what);
+                                                  : absl::StrCat("\"", text, "\" is not a ", what);
       },
       "");
 }
@@ -236,7 +237,7 @@ struct WebhookOptions : DaemonOptions {
 void PrintWebhooks(const Json& answer) {
   const Json webhooks = answer.value("webhooks", Json::array());
   if (webhooks.empty()) {
-    std::cout << "There are no webhooks; \"webhooks\" of server.json names them.\n";
+    std::cout << "There are no webhooks; define them under \"webhooks\" of server.json.\n";
   }
   for (const Json& webhook : webhooks) {
     std::cout << Filled(webhook, "{webhook} at {url}: {waiting} waiting, {delivered} delivered, "
@@ -256,8 +257,8 @@ absl::StatusOr<int> TestWebhook(const WebhookOptions& options) {
   return PrintAnswer(
       answer, options.json,
       Sentence(absl::StrCat("Webhook ", options.name,
-                            delivered ? " took the event \"test\" (status {status})."
-                                      : " did not take the event \"test\": {problem}.")),
+                            delivered ? " accepted the event \"test\" (status {status})."
+                                      : " did not accept the event \"test\": {problem}.")),
       delivered ? kDone : kNoScore);
 }
 
@@ -268,8 +269,8 @@ struct ClusterOptions : DaemonOptions {
 
 void PrintNodes(const Json& answer) {
   if (!answer.value("cluster", false)) {
-    std::cout << "Leases run on the daemon's host, not on a cluster; \"executor\" of server.json "
-                 "says where.\n";
+    std::cout << "Leases run on the daemon's host, not on a cluster; see \"executor\" of "
+                 "server.json.\n";
     return;
   }
   if (!TextAt(answer, "message").empty()) std::cout << Bold(Cell(answer, "message")) << '\n';
@@ -285,8 +286,8 @@ Command AddStatus(CLI::App& verb) {
   AddSubmissionId(verb, *options, /*required=*/false,
                   "A submission (default: the daemon and its newest 100)");
   verb.add_flag("--wait", options->wait,
-                "Wait until the daemon is ready for submissions, for 5 minutes at most; with ID until "
-                "that submission has ended");
+                "Wait until the daemon is ready for submissions (5 minutes at most), or with ID "
+                "until that submission has ended");
   AddDaemonOptions(verb, "status", *options);
   return [options] { return Status(*options); };
 }
@@ -294,8 +295,7 @@ Command AddStatus(CLI::App& verb) {
 Command AddEvents(CLI::App& verb) {
   auto options = std::make_shared<EventsOptions>();
   verb.add_option("--kind", options->kind,
-                  "Only requests that were denied, or only acts of organisers: denied or act "
-                  "(default: both)")
+                  "denied: only denied requests; act: only what organisers did (default: both)")
       ->check(CLI::IsMember({"denied", "act"}));
   verb.add_option("--limit", options->limit, "Rows to show, 1 to 1000 (default: 100)")
       ->check(CLI::Range(1, 1000));
@@ -331,27 +331,28 @@ Command AddCluster(CLI::App& verb) {
         ->check(NameOf(255, /*any_first=*/false,
                        "node's name, as \"myograde cluster nodes\" lists them"));
   };
-  parts.Add("nodes", "List the nodes that had leases, and those that are drained", "nodes",
+  parts.Add("nodes", "List the nodes that have had leases, and the drained ones", "nodes",
             "cluster-nodes", [](const ClusterOptions& options) {
               return options.GetAndPrint("/v1/nodes", PrintNodes);
             });
   CLI::App* drain =
-      parts.Add("drain", "Start no more leases on a node; those that run there go on",
+      parts.Add("drain", "Start no more leases on a node; running ones continue",
                 "drain node17 --reason \"a fan is broken\"", "cluster-node",
                 [](const ClusterOptions& options) {
                   return options.PostAndPrint(
                       "/v1/nodes/" + options.node,
                       {{"state", "drained"}, {"reason", options.reason}},
-                      Sentence("Node {node} gets no more leases; those that run there go on."));
+                      Sentence("Node {node} gets no more leases; running ones continue."));
                 });
   add_node(drain);
-  drain->add_option("--reason", parts.options().reason, "Why, for those who list the nodes")
+  drain->add_option("--reason", parts.options().reason, "Reason, shown in the list of nodes")
       ->required();
-  add_node(parts.Add("admit", "Let a node have leases again, once it has proved itself",
+  add_node(parts.Add("admit", "Give a node leases again, once it passes its self-test",
                      "admit node17", "cluster-node", [](const ClusterOptions& options) {
                        return options.PostAndPrint(
                            "/v1/nodes/" + options.node, {{"state", "admitted"}},
-                           Sentence("Node {node} gets leases again, once it has proved itself."));
+                           Sentence("Node {node} gets leases again, once it passes its "
+                                    "self-test."));
                      }));
   return {};
 }

@@ -11,6 +11,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "protocol/log/episode_log.h"
+#include "server/board/acts.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/terminal.h"
@@ -39,13 +40,13 @@ void PrintShown(const Json& result, const ShowOptions& options) {
 // What the kill did, in words.
 std::string KillText(const Json& kill) {
   const int64_t killed = kill.value("killed", int64_t{0});
-  if (killed == 0) return "nothing of it was running";
+  if (killed == 0) return "none of it was running";
   std::string text = killed == 1
                          ? "its running block of episodes was"
                          : absl::StrCat("its ", killed, " running blocks of episodes were");
   absl::StrAppendFormat(&text, " killed within %.2f s", kill.value("took_wall_s", 0.0));
   if (kill.value("still_ending", int64_t{0}) > 0) {
-    text += Filled(kill, " ({still_ending} not dead yet; the slot stays taken until then)");
+    text += Filled(kill, " ({still_ending} still ending; the slot stays busy until then)");
   }
   return text;
 }
@@ -55,11 +56,11 @@ std::string QuotaText(const Json& status) {
   const Json cancel = status.value("cancel", Json::object());
   if (!cancel.contains("charged")) return "";
   if (!cancel["charged"].is_string()) {
-    return " Nothing of the team's quota is used up: no episode of it had ended.";
+    return " It does not count against the team's quota: no episode had ended.";
   }
-  return absl::StrCat(" It stays charged to the team's quota, as one ",
+  return absl::StrCat(" It still counts against the team's quota, as one ",
                       cancel["charged"] == "practice" ? "practice" : "official",
-                      " evaluation: cancelling gives nothing back.");
+                      " evaluation: cancelling refunds nothing.");
 }
 
 void PrintCancelled(const Json& status) {
@@ -67,8 +68,6 @@ void PrintCancelled(const Json& status) {
             << KillText(status.value("cancel", Json::object())) << "; it keeps "
             << CountsText(status) << "." << QuotaText(status) << std::endl;
 }
-
-constexpr char kBaselineMark[] = "baseline";
 
 struct MarkOptions : SubmissionOptions {
   std::string reason;
@@ -80,15 +79,15 @@ struct MarkOptions : SubmissionOptions {
 absl::StatusOr<int> Mark(const MarkOptions& options) {
   const bool set = options.set && !options.undo;
   RETURN_IF_ERROR(RefuseIf(
-      {{set && options.mark == "disqualified" && options.reason.empty(),
-        "a disqualification needs --reason, which the board shows"}}));
+      {{set && options.mark == kDisqualified && options.reason.empty(),
+        "give --reason: a disqualification needs one, and the board shows it"}}));
   Json body = {{"mark", options.mark}, {"set", set}};
   SetIfGiven(body, "reason", options.reason);
   return options.PostAndPrint(options.Resource("/marks"), body, [&](const Json& answer) {
     const bool changed = answer.value("changed", false);
     std::cout << "Submission " << options.id << Filled(answer, " of {team} is ")
               << (set ? (changed ? "now " : "already ") : (changed ? "no longer " : "not "))
-              << (options.mark == kBaselineMark ? "a baseline" : options.mark)
+              << (options.mark == kBaseline ? "a baseline" : options.mark)
               << (changed ? "." : "; nothing changed.") << std::endl;
   });
 }
@@ -101,7 +100,7 @@ Command AddMark(CLI::App& verb, const std::string& mark, bool set,
   AddSubmissionId(verb, *options);
   verb.add_option("--reason", options->reason, reason_help);
   AddDaemonOptions(verb, "mark", *options);
-  if (mark == kBaselineMark) {
+  if (mark == kBaseline) {
     verb.add_flag("--undo", options->undo, "Make it an ordinary submission again");
   }
   return [options] { return Mark(*options); };
@@ -130,12 +129,12 @@ void Judge(const Client& client, const Json& first, const Json& second, Json& en
                                                              : "unknown";
   if (difference.step >= 0) entry["step"] = difference.step;
   entry["detail"] = difference.cause != Cause::kNone ? difference.detail
-                    : states ? "actions and states are the same, so the rules that judge them "
-                               "have changed"
-                             : "the logs are equal as far as they go";
+                    : states ? "actions and states are the same, so the scoring rules have "
+                               "changed"
+                             : "the logs are equal up to the end of the shorter";
 }
 
-// For each episode of a re-run whether actions, states and result were the same, and if not, whose
+// For each episode of a rerun whether actions, states and result were the same, and if not, whose
 // doing it is: the object `verify` of the verb's JSON. `rerun`: the evaluation with its comparison.
 // Where the rows differ, the logs of both playings are asked for.
 absl::StatusOr<Json> VerifyRerun(const Client& client, const Json& rerun) {
@@ -185,7 +184,7 @@ void PrintVerify(const Json& verify) {
   std::cout << Bold(verdict == "same"        ? "Actions, states and results are the same."
                     : verdict == "policy"    ? "The policy is not repeatable."
                     : verdict == "simulator" ? "The simulator has changed."
-                    : verdict == "scoring"   ? "The rules of scoring have changed."
+                    : verdict == "scoring"   ? "The scoring rules have changed."
                                              : "The cause of the difference is unknown.")
             << std::endl;
 }
@@ -208,7 +207,7 @@ absl::StatusOr<Json> RangeOf(const std::string& text) {
                    "\" is not a range; write A..B with 0 <= A <= B, both included, as 10..19"));
 }
 
-// What a re-run found, episode by episode.
+// What a rerun found, episode by episode.
 void PrintComparison(const Json& comparison) {
   if (!comparison.is_object()) return;
   for (const Json& episode : comparison.value("episodes", Json::array())) {
@@ -247,7 +246,7 @@ absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& clien
   return PrintAnswer(
       result, options.json,
       [&](const Json&) {
-        std::cout << Bold(absl::StrCat(Filled(result, "Re-run {evaluation} of submission "),
+        std::cout << Bold(absl::StrCat(Filled(result, "Rerun {evaluation} of submission "),
                                        options.id, " is ", Sanitized(state)))
                   << '\n';
         PrintComparison(comparison);
@@ -258,18 +257,20 @@ absl::StatusOr<int> ReportRerun(const RerunOptions& options, const Client& clien
 
 absl::StatusOr<int> Rerun(const RerunOptions& options) {
   RETURN_IF_ERROR(RefuseIf(
-      {{options.verify && !options.wait, "--verify: needs the end; leave --no-wait out"}}));
+      {{options.verify && !options.wait,
+        "--verify: the rerun must end first; leave --no-wait out"}}));
   ASSIGN_OR_RETURN(const Json range, RangeOf(options.episodes));
   const Client client = options.client();
   ASSIGN_OR_RETURN(const Json rerun, client.Post(options.Resource("/rerun"), range, /*once=*/true));
   if (!options.wait) {
     return PrintAnswer(rerun, options.json,
-                       Sentence(absl::StrCat("Evaluation {evaluation} plays episodes {first} to "
-                                             "{last} of submission ", options.id, " again.")));
+                       Sentence(absl::StrCat(
+                           "Evaluation {evaluation} reruns episodes {first} to {last} of "
+                           "submission ", options.id, ".")));
   }
   ASSIGN_OR_RETURN(const Json result,
                    FollowUntil(client, Filled(rerun, "/v1/evaluations/{evaluation}"),
-                          Filled(rerun, "re-run of episodes {first} to {last}")));
+                          Filled(rerun, "rerun of episodes {first} to {last}")));
   return ReportRerun(options, client, result);
 }
 
@@ -278,7 +279,7 @@ absl::StatusOr<int> Rerun(const RerunOptions& options) {
 Command AddShow(CLI::App& verb) {
   auto options = std::make_shared<ShowOptions>();
   AddSubmissionId(verb, *options);
-  verb.add_flag("--episodes", options->episodes, "Every episode on a line of its own");
+  verb.add_flag("--episodes", options->episodes, "Show each episode on a line");
   AddFullHashes(verb, options->full_hashes);
   AddDaemonOptions(verb, "show", *options);
   return [options] {
@@ -303,41 +304,42 @@ Command AddCancel(CLI::App& verb) {
 Command AddChoose(CLI::App& verb) {
   auto options = std::make_shared<SubmissionOptions>();
   AddSubmissionId(verb, *options, /*required=*/true,
-                  "A ranked submission of your team that is done");
+                  "A ranked, finished submission of your team");
   AddDaemonOptions(verb, "choose", *options);
   return [options] {
     return options->PostAndPrint(
         options->Resource("/choose"), Json::object(),
         Sentence(
-            "Team {team} now stands with submission {submission}[ in phase {phase}].",
-            "Team {team} stood with it already: submission {submission}[ in phase {phase}]."));
+            "Submission {submission} is now the entry of team {team}[ in phase {phase}].",
+            "Submission {submission} was already the entry of team {team}[ in phase {phase}]; "
+            "nothing changed."));
   };
 }
 
-Command AddHide(CLI::App& verb) { return AddMark(verb, "hidden", true); }
+Command AddHide(CLI::App& verb) { return AddMark(verb, kHidden, true); }
 
-Command AddUnhide(CLI::App& verb) { return AddMark(verb, "hidden", false); }
+Command AddUnhide(CLI::App& verb) { return AddMark(verb, kHidden, false); }
 
 Command AddDisqualify(CLI::App& verb) {
-  return AddMark(verb, "disqualified", true,
-                 "Why; the board shows it; up to 200 bytes (required)");
+  return AddMark(verb, kDisqualified, true,
+                 "Reason, shown on the board; up to 200 bytes (required)");
 }
 
-Command AddReinstate(CLI::App& verb) { return AddMark(verb, "disqualified", false); }
+Command AddReinstate(CLI::App& verb) { return AddMark(verb, kDisqualified, false); }
 
-Command AddBaseline(CLI::App& verb) { return AddMark(verb, kBaselineMark, true); }
+Command AddBaseline(CLI::App& verb) { return AddMark(verb, kBaseline, true); }
 
 Command AddRerun(CLI::App& verb) {
   auto options = std::make_shared<RerunOptions>();
   AddSubmissionId(verb, *options);
   verb.add_option("--episodes", options->episodes,
-                  "A..B, counted from 0, both included; the whole blocks of episodes that hold "
-                  "them are played (default: all)");
+                  "A..B, counted from 0, both included; whole blocks of episodes are played "
+                  "(default: all)");
   verb.add_flag("--wait,!--no-wait", options->wait,
-                "Wait for the end and print the differences (default), or only start it");
+                "Wait for the end and print the differences (default), or only start the rerun");
   verb.add_flag("--verify", options->verify,
-                "Report for each episode whether actions, states and result were the same, and "
-                "where not, whether the policy or the simulator is the cause");
+                "Report for each episode whether actions, states and result are the same, and if "
+                "not, whether the policy or the simulator is the cause");
   AddDaemonOptions(verb, "rerun", *options);
   return [options] { return Rerun(*options); };
 }

@@ -68,9 +68,9 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   ASSIGN_OR_RETURN(
       const Json answer,
       client.Upload("/v1/artefacts" + QueryOf({{"team", options.team}, {"track", options.track}}),
-                    archive, progress.Listener("the daemon checks it")));
+                    archive, progress.Listener("the daemon is checking it")));
   const std::string artefact = answer.value("artefact", "");
-  if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
+  if (artefact.empty()) return absl::InternalError("the daemon's answer has no artefact id");
   return artefact;
 }
 
@@ -98,16 +98,16 @@ absl::StatusOr<int> ReportWaited(const SubmitOptions& options, const Client& cli
 void PrintAccepted(const Json& submission) {
   if (submission.value("linked", false)) {
     std::cout << Filled(submission,
-                        "Submission {submission} of {team} is the ranked evaluation of "
-                        "this very policy on this board already; nothing new is played, "
-                        "as each policy has one.")
+                        "Submission {submission} of {team} is already this policy's ranked "
+                        "evaluation on this board; nothing new is evaluated, because each policy "
+                        "has only one.")
               << std::endl;
     return;
   }
   std::cout << Filled(submission, "Submission {submission} is accepted: {name} of {team}, "
                                   "{episodes.total:episode} of {track} in the profile {profile}"
                                   "[, phase {phase}]")
-            << (submission.value("ranked", false) ? "" : " (practice: it does not rank)")
+            << (submission.value("ranked", false) ? "" : " (practice: not ranked)")
             << std::endl;
 }
 
@@ -126,7 +126,7 @@ Finding NotAnswered(const char* check, const absl::Status& status) {
 
 Finding ServerFinding(const Client& client, const Json& whoami) {
   if (whoami.value("role", "") != "public") {
-    return Good("server", client.where() + Filled(whoami, " takes you for {caller}, {role}"));
+    return Good("server", client.where() + Filled(whoami, " knows you as {caller}, {role}"));
   }
   return Fails("server",
                client.where() + " does not know you, and only members of teams can submit",
@@ -140,11 +140,12 @@ Finding TeamFinding(const Client& client, const SubmissionPlan& plan, bool chall
     if (challenge) {
       return Fails("team",
                    absl::StrCat("the server has no team \"", plan.team, "\" that you belong to"),
-                   "\"myograde whoami\" lists your teams; organisers create teams and add members");
+                   "\"myograde whoami\" lists your teams; ask the organisers to create the team or "
+                   "to add you");
     }
-    return Good("team", absl::StrCat("the server knows no team \"", plan.team,
-                                     "\" of yours yet; the "
-                                     "first submission founds it, if nobody has the name"));
+    return Good("team", absl::StrCat("the server shows you no team \"", plan.team,
+                                     "\" yet; your first submission creates it, if the name is "
+                                     "free"));
   }
   if (!team.ok()) return NotAnswered("team", team.status());
   const std::string name = team->value("team", "");
@@ -187,8 +188,8 @@ Finding PhaseFinding(const SubmissionPlan& plan, const Json& phase) {
     return {"phase", FindingState::kWarning,
             absl::StrCat(Filled(phase, "phase \"{phase}\" is for teams that the organisers have "
                                        "named, and \""),
-                         plan.team, "\" is not among these names"),
-            "ask the organisers, unless one of them is a former name of your team"};
+                         plan.team, "\" is not one of them"),
+            "ask the organisers, unless one of these names is a former name of your team"};
   }
   return Good("phase",
               Filled(phase, "phase \"{phase}\" of track \"{track}\" is open[ until {closes_at}]"));
@@ -205,7 +206,7 @@ std::pair<std::string, Finding> PlaceOf(const SubmissionPlan& plan, const Json& 
     const Json phase = PhaseIn(challenges, plan.phase);
     if (phase.is_object()) return {plan.phase, PhaseFinding(plan, phase)};
     return {plan.phase, Fails("phase", absl::StrCat("the server has no phase \"", plan.phase, "\""),
-                              "\"myograde phase status\" lists those that there are")};
+                              "\"myograde phase status\" lists the phases")};
   }
   Json last;  // The one that opens or closed last tells most.
   std::vector<std::string> open;
@@ -246,18 +247,18 @@ Finding RulesFinding(const Client& client, const SubmissionPlan& plan) {
   }
   const std::string there = profile.value("config", "");
   if (there == plan.config) {
-    return Good("rules", "the server's rules and budgets are those of this host");
+    return Good("rules", "the server's rules and budgets are the same as this host's");
   }
   return {"rules", FindingState::kWarning,
           absl::StrCat("the server grades under config ", HashText(there, /*full=*/false),
                        ", this host has ", HashText(plan.config, /*full=*/false),
-                       ": what is played and checked here may differ"),
-          "use the version and the configs of the server here (--configs)"};
+                       ": results here may differ from the server's"),
+          "use the server's version and configs here (--configs)"};
 }
 
 // Whether the server offers the runtimes that policy.json names.
 Finding RuntimesFinding(const Client& client, const SubmissionPlan& plan) {
-  if (plan.runtimes.empty()) return Good("runtimes", "policy.json names none");
+  if (plan.runtimes.empty()) return Good("runtimes", "policy.json asks for none");
   const absl::StatusOr<std::string> missing = MissingRuntime(client, plan.runtimes);
   if (!missing.ok()) return NotAnswered("runtimes", missing.status());
   if (missing->empty()) {
@@ -294,7 +295,8 @@ Finding QuotaAt(const Json& quota, const Json& place, const std::string& budget)
   const Json waiting = place.value("waiting", Json::object());
   if (waiting.value("used", int64_t{0}) >= waiting.value("limit", int64_t{1})) {
     return Fails("quota",
-                 Filled(waiting, "{used:evaluation} of the team wait already, which is the limit"),
+                 Filled(waiting, "the team already has {used:evaluation} waiting, which is the "
+                                 "limit"),
                  "wait until one has ended");
   }
   return Good("quota",
@@ -334,8 +336,8 @@ void AddTwinFinding(const Client& client, const SubmissionPlan& plan, const std:
     if (!twin || !submission.value("ranked", false)) continue;
     return findings.push_back(
         {"novelty", FindingState::kWarning,
-         Filled(submission, "this very policy is submission {submission} of the team, which is "
-                            "{state}; a ranked policy is played once"),
+         Filled(submission, "this policy is already submission {submission} of the team, which is "
+                            "{state}; a ranked policy is evaluated only once"),
          "see \"myograde show ID\"; change the policy, or rerun that submission"});
   }
 }
@@ -344,7 +346,7 @@ void AddTwinFinding(const Client& client, const SubmissionPlan& plan, const std:
 
 absl::Status CheckPlaceGiven(const SubmitOptions& options) {
   return RefuseIf({{options.track.empty() && options.phase.empty(),
-                    "give the track with --track, or the phase of a challenge with --phase"}});
+                    "give a track with --track, or a phase of a challenge with --phase"}});
 }
 
 absl::StatusOr<int> Submit(SubmitOptions options) {
@@ -402,7 +404,7 @@ CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {
   AddPolicyPath(verb, "PATH", options.path);
   verb.add_option("--name", options.name,
                   "Name of the policy on boards, 1 to 64 bytes (default: that of policy.json, of "
-                  "the program, or by which the image was saved)")
+                  "the program, or of the saved image)")
       ->check([](const std::string& name) {
         return std::string(CleanName(name, "it").status().message());
       });
@@ -414,11 +416,11 @@ CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {
       verb.add_option("--phase", options.phase,
                       "Phase of a challenge (default: the only one of the track that is open)");
   verb.add_option("--seeds", options.seeds,
-                  "File of seeds to practise on: a JSON array, or one on each line; none of them "
-                  "may be ranked")
+                  "File of seeds to practise on: a JSON array, or one seed a line; none may be "
+                  "ranked")
       ->excludes(phase);
   verb.add_option("--episodes", options.episodes,
-                  "Practise on the first N of the track's practice seeds; practice does not rank")
+                  "Practise on the first N of the track's practice seeds; practice is not ranked")
       ->check(CLI::Range(1, 10'000))
       ->excludes(phase);
   CLI::Option* wait = verb.add_flag("--wait", options.wait,

@@ -1,4 +1,4 @@
-// myograde submit, without what it does on this host alone (../offline/dry_run.cc).
+// myograde submit, except what it does only on this host (../offline/dry_run.cc).
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -85,7 +85,7 @@ absl::StatusOr<std::string> Recipe(const std::string& name) {
   }
   return absl::NotFoundError(absl::StrCat(
       "there is no recipe \"", name,
-      "\"; give a requirements file, or the name of one of these: ", absl::StrJoin(known, ", ")));
+      "\"; give a requirements file or one of the recipes ", absl::StrJoin(known, ", ")));
 }
 
 // Becomes the program that makes and removes runtimes. `words` follow the runtimes' folder and the
@@ -137,7 +137,8 @@ void PrintRuntimes(const Json& answer) {
     return absl::StrCat(row["digest"].is_string() ? HashText(row["digest"], false) : "unknown",
                         row.value("former", false) ? " (former)" : "");
   };
-  PrintList(answer, "runtimes", "There is no runtime; myograde runtime add makes one.",
+  PrintList(answer, "runtimes", "There are no runtimes yet; build one with \"myograde runtime "
+                                "add\".",
             {"runtime", "Python=python", RowColumn("packages", packages),
              RowColumn("MB", megabytes), RowColumn("digest", digest), "folder"});
 }
@@ -163,12 +164,13 @@ absl::StatusOr<int> List(const RuntimeOptions& options) {
 Command AddServe(CLI::App& verb) {
   auto options = std::make_shared<ServeOptions>();
   verb.add_option("--data", options->data,
-                  "Folder for everything that is kept; made if missing (default: MYOGRADE_DATA, "
+                  "Folder for all of the daemon's data; created if missing (default: "
+                  "MYOGRADE_DATA, "
                   "else /var/lib/myograde for root and ~/.local/share/myograde for others)");
   verb.add_option("--socket", options->socket, "Where to listen (default: DATA/myograde.sock)");
   verb.add_flag("--adopt", options->adopt,
-                "Only make a copy of another daemon's data folder this one's own, where leases run on a "
-                "cluster (OPERATIONS.md, 'Copies of a data folder'); with the daemon stopped");
+                "Only take over a copy of another daemon's data folder, where leases run on a "
+                "cluster (OPERATIONS.md, 'Copies of a data folder'); stop the daemon first");
   AddHostOptions(verb, options->host);
   return [options] { return Serve(*options); };
 }
@@ -184,7 +186,7 @@ Command AddRuntime(CLI::App& verb) {
     return part;
   };
   CLI::App* part =
-      add("add", "Make a runtime from a requirements file", "add torch-cpu", "runtime", Add);
+      add("add", "Build a runtime from a requirements file", "add torch-cpu", "runtime", Add);
   part->add_option("NAME", options.name, "Its name in policy.json: a-z, 0-9, \".\", \"_\", \"-\"")
       ->required();
   part->add_option("REQUIREMENTS", options.requirements,
@@ -192,20 +194,22 @@ Command AddRuntime(CLI::App& verb) {
                    "a folder with a requirements.txt and a debian.txt (default: the shipped recipe "
                    "of that name)");
   part->add_option("--debian", options.debian,
-                   "Python package of Debian to add, with what it needs; may be repeated");
+                   "Python package of Debian to add, with its dependencies; may be repeated");
   part->add_flag("--lock", options.lock,
-                 "Find versions and hashes first, and write them beside the requirements file");
+                 "First resolve versions and hashes, and write them beside the requirements file");
   part->add_flag("--replace", options.replace,
-                 "Replace the runtime of that name; evaluations that began with it keep it");
+                 "Replace the runtime of that name; evaluations that started with the old one keep "
+                 "it");
   part->add_option("--python", options.python,
-                   "Python that policies will run it with; below /usr (others: in images only)")
+                   "Python to run policies with, below /usr (others: only in images)")
       ->capture_default_str();
   part->add_option("--wheels", options.wheels,
-                   "Folder to take the packages from instead of the network");
+                   "Folder to install the packages from, instead of the network");
   part->add_option("--most-bytes", options.most_bytes, "Largest unpacked size in bytes")
       ->check(WholeNumber(1, "not a size"))
       ->capture_default_str();
-  part->add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")
+  part->add_option("--timeout", options.timeout_s,
+                   "Time limit for fetching the packages, in seconds")
       ->check(WholeNumber(1, "not a time"))
       ->capture_default_str();
   add("list", "List the runtimes of this host", "list", "runtimes", List);
@@ -216,7 +220,7 @@ Command AddRuntime(CLI::App& verb) {
                            return BecomeMaker(of, "remove", words);
                          });
   remove->add_option("NAME", options.name, "Its name")->required();
-  remove->add_flag("--former", options.former, "Only those that were replaced");
+  remove->add_flag("--former", options.former, "Only the replaced versions");
   return {};
 }
 

@@ -81,7 +81,7 @@ void PrintChallenge(const Json& challenge, const std::string& now) {
 void PrintChallenges(const Json& answer) {
   const Json challenges = answer.value("challenges", Json::array());
   if (challenges.empty()) {
-    std::cout << "No challenge is held here: every track is open, on its own seeds.\n";
+    std::cout << "There is no challenge on this server: every track is open, on its own seeds.\n";
   }
   for (const Json& challenge : challenges) PrintChallenge(challenge, answer.value("now", ""));
   if (answer.value("paused", Json()).is_object()) {
@@ -90,10 +90,10 @@ void PrintChallenges(const Json& answer) {
   for (const Json& phase : answer.value("former_phases", Json::array())) {
     std::cout << Filled(phase,
                         "Former phase {phase} of {track}: {submissions:submission}; its board "
-                        "stays, with \"myograde leaderboard --phase {phase}\"\n");
+                        "remains: \"myograde leaderboard --phase {phase}\"\n");
   }
   for (const Json& phase : answer.value("unusable", Json::array())) {
-    std::cout << Filled(phase, "Phase {phase} takes nothing: {message}\n");
+    std::cout << Filled(phase, "Phase {phase} accepts nothing: {message}\n");
   }
   std::cout.flush();
 }
@@ -110,8 +110,8 @@ void AddFile(const std::string& file, std::vector<ChallengeConfig>& challenges,
              std::vector<std::string>& mistakes) {
   const std::string name = fs::path(file).stem().string();
   if (fs::path(file).extension() != ".json" || !IsTrackName(name)) {
-    mistakes.push_back(absl::StrCat(file, ": a challenge's file is called NAME.json, and its name "
-                                    "has 1 to 64 of the characters a-z, 0-9 and \"-\""));
+    mistakes.push_back(absl::StrCat(file, ": rename it to NAME.json, where NAME has 1 to 64 of "
+                                    "the characters a-z, 0-9 and \"-\""));
     return;
   }
   const absl::StatusOr<Json> json = ReadJsonFile(file);
@@ -131,7 +131,8 @@ std::vector<ChallengeConfig> ChallengesWith(const ChallengeOptions& options,
   for (const std::string& file : options.files) {
     AddFile(file, challenges, mistakes);
     if (!given.insert(fs::path(file).stem().string()).second) {
-      mistakes.push_back(absl::StrCat(file, ": another file has the same name; give one of them"));
+      mistakes.push_back(absl::StrCat(file,
+                                      ": another file has the same name; give only one of them"));
     }
   }
   std::vector<std::string> others_mistakes;
@@ -181,7 +182,7 @@ absl::Status AddStoreMistakes(const std::string& data,
   std::error_code error;
   if (!fs::exists(data + "/store.db", error)) {
     return absl::InvalidArgumentError(
-        absl::StrCat(data, ": has no store.db; name the daemon's folder of data"));
+        absl::StrCat(data, ": has no store.db; name the daemon's data folder"));
   }
   ReaderPool readers(data + "/store.db");
   absl::Status status = readers.Read([&](const Transaction& reader) {
@@ -227,21 +228,20 @@ Command AddChallenge(CLI::App& verb) {
   ChallengeOptions& options = parts.options();
   CLI::App* check = parts.Add(
       "check",
-      "Find the mistakes of challenge files before anything opens; exit status 2 if there "
-      "is one",
+      "Find mistakes in challenge files before a phase opens; exit status 2 if there are any",
       "check ./cup.json", CheckFiles);
   check->add_option("FILE", options.files,
-                    "Challenge files, checked together with those of the configs (default: those "
-                    "alone)");
+                    "Challenge files, checked together with those of the configs (default: only "
+                    "those)");
   check->add_option(
       "--data", options.data,
-      "A daemon's folder of data: also find what its store contradicts, such as a phase "
-      "that was revealed and would open again");
+      "A daemon's data folder: also find conflicts with its store, such as a revealed phase that "
+      "would open again");
   AddJson(*check, "challenge-check", options.json);
   AddHostOptions(*check, options.host);
   AddDaemonOptions(*parts.Add("status",
-                              "Show the daemon's challenges: what is open, for how long, "
-                              "and what waits",
+                              "Show the daemon's challenges: what is open, for how long, and what "
+                              "is waiting",
                               "status",
                               [](const ChallengeOptions& daemon) {
                                 return daemon.GetAndPrint("/v1/challenges", PrintChallenges);

@@ -29,7 +29,7 @@ constexpr absl::Duration kNodeDeadline = absl::Seconds(90);
 // Beyond it, times of day in logs of nodes and of the daemon can't be put together.
 constexpr double kClockSkewSeconds = 2;
 
-constexpr char kNoLease[] = "no lease starts; what is submitted waits";
+constexpr char kNoLease[] = "no lease starts; submissions wait";
 
 // What one of Slurm's commands prints. Errors of SlurmCommand and RunProgram; UnavailableError,
 // with its last line: it ended with another status than 0.
@@ -89,7 +89,7 @@ Check CommandsCheck(const SlurmConfig& config) {
   const absl::StatusOr<std::string> version = RunSlurm(config, "srun", {"--version"});
   if (!version.ok()) {
     return Missing("slurm_commands", std::string(version.status().message()),
-                   "have this host read the cluster's configuration (/etc/slurm/slurm.conf, or "
+                   "give this host the cluster's configuration (/etc/slurm/slurm.conf, or "
                    "SLURM_CONF)");
   }
   return Good("slurm_commands", std::string(absl::StripAsciiWhitespace(*version)));
@@ -102,7 +102,7 @@ Check ControllerCheck(const SlurmConfig& config) {
     if (ping.ok() && line.ends_with(" UP")) return Good("slurm_controller", line);
   }
   return Missing("slurm_controller", absl::StrCat("no controller answers (", said, ")"),
-                 "start slurmctld, or mend the network and the munge key between it and this host");
+                 "start slurmctld, or fix the network or the munge key between it and this host");
 }
 
 // Nodes of the partition that could take a job, now or later.
@@ -112,7 +112,7 @@ Check PartitionCheck(const SlurmConfig& config) {
   const absl::StatusOr<std::string> sinfo = RunSlurm(config, "sinfo", words);
   if (!sinfo.ok()) {
     return Missing("slurm_partition", std::string(sinfo.status().message()),
-                   "see what sinfo says on this host");
+                   "see what sinfo prints on this host");
   }
   std::string name;
   std::string state;
@@ -143,7 +143,7 @@ Check PartitionCheck(const SlurmConfig& config) {
                                          " nodes can run jobs");
   if (state != "up" || usable == 0) {
     return Missing("slurm_partition", found,
-                   "see `sinfo -R` for why nodes are down, and have them resumed");
+                   "see `sinfo -R` for why nodes are down, and resume them");
   }
   return Good("slurm_partition", found);
 }
@@ -162,14 +162,14 @@ Check JobCheck(const ClusterSubject& subject) {
   words.insert(words.end(), {"--test-only", "true"});
   const absl::StatusOr<std::string> end = RunSlurm(subject.config.slurm, "srun", words);
   if (!end.ok()) {
-    return Missing("slurm_job", absl::StrCat("Slurm would not take a lease's job: ",
+    return Missing("slurm_job", absl::StrCat("Slurm would not accept a lease's job: ",
                                              std::string(end.status().message())),
                    "correct \"partition\", \"account\", \"qos\", \"constraint\", \"reservation\", "
                    "\"memory_mib\", \"cpus\" and \"time_limit_min\" of server.json to what the cluster "
                    "allows this user (sacctmgr show assoc user=$USER, scontrol show partition)");
   }
   return Good("slurm_job",
-              absl::StrCat("Slurm would take a lease's job (", absl::StrJoin(words, " "), ")"));
+              absl::StrCat("Slurm would accept a lease's job (", absl::StrJoin(words, " "), ")"));
 }
 
 Check LimitsCheck(const SlurmConfig& config) {
@@ -184,9 +184,9 @@ Check LimitsCheck(const SlurmConfig& config) {
   if (jobs == 0) {
     return {"slurm_limits", CheckState::kDegraded,
             "MaxJobCount can't be read from `scontrol show config`",
-            "jobs may be refused when many wait", "see why scontrol does not show it"};
+            "jobs may be refused when many wait", "run scontrol on this host to see why"};
   }
-  const std::string found = absl::StrCat("MaxJobCount is ", jobs, ", of which the daemon wants ",
+  const std::string found = absl::StrCat("MaxJobCount is ", jobs, "; the daemon may submit ",
                                          config.most_jobs);
   if (config.most_jobs > jobs) {
     return {"slurm_limits", CheckState::kDegraded, found,
@@ -211,7 +211,7 @@ Check ClockCheck(const std::string& node, const std::string& time, double now_s)
                                          static_cast<int64_t>(apart) + 1, " s of this host's");
   if (apart <= kClockSkewSeconds) return Good("cluster_clock", found);
   return {"cluster_clock", CheckState::kDegraded, found,
-          "times in the nodes' logs can't be put together with the daemon's; no result depends on them",
+          "times in the nodes' logs don't match the daemon's; no result depends on them",
           "run a time service (chrony, systemd-timesyncd) on all nodes"};
 }
 
@@ -228,9 +228,9 @@ std::vector<Check> NodeChecks(const ClusterSubject& subject) {
   const double now = absl::ToDoubleSeconds(SystemClock().Now() - absl::UnixEpoch());
   if (!end.ok()) {
     return {{"cluster_node", CheckState::kDegraded,
-             absl::StrCat("no node could be looked at: ", std::string(end.status().message())),
-             "what nodes lack is found when their first leases fail",
-             "call this again when a node is free, or see what srun says"}};
+             absl::StrCat("no node could be examined: ", std::string(end.status().message())),
+             "what nodes lack shows only when their first leases fail",
+             "run this again when a node is free, or see what srun prints"}};
   }
   auto pairs = ReadSlurmPairs(*end);
   const std::string node = pairs["host"].empty() ? "the node" : pairs["host"];
@@ -240,8 +240,8 @@ std::vector<Check> NodeChecks(const ClusterSubject& subject) {
   return {lacks.empty()
               ? Good("cluster_node", node + " has the programs and the models")
               : Missing("cluster_node", absl::StrCat(node, " lacks ", absl::StrJoin(lacks, ", ")),
-                        "install this version of MyoGrade on all nodes at the same places, or name "
-                        "them in \"bin_dir\" and \"cache_dir\""),
+                        "install this version of MyoGrade at the same paths on all nodes, or set "
+                        "\"bin_dir\" and \"cache_dir\""),
           ClockCheck(node, pairs["time"], now)};
 }
 

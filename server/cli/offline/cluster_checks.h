@@ -1,4 +1,4 @@
-// What `myograde doctor --cluster` finds of the Slurm cluster of server.json.
+// The checks of `myograde doctor --cluster`, of the Slurm cluster of server.json.
 #pragma once
 
 #include <optional>

@@ -46,7 +46,7 @@ void AddReferenceCheck(const Tracks& tracks, const std::string& reference,
   }
   if (lacking.empty()) return;
   checks.push_back({"reference", CheckState::kDegraded, absl::StrJoin(lacking, "; "),
-                    "ranked submissions to these tracks are refused, and practice is graded",
+                    "ranked submissions to these tracks are refused; practice is graded",
                     "record their reference episodes (configs/README.md, 'How to add a track')"});
 }
 
@@ -88,7 +88,7 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks,
   if (!tracks.ok()) {
     mistake = std::string(tracks.status().message());
   } else if (tracks->entries().empty()) {
-    mistake = options.config_dir + "/tracks holds no track";
+    mistake = options.config_dir + "/tracks has no track configs";
   } else {
     // The largest budget of memory is the one that a host must be able to give.
     for (const auto& [name, offer] : tracks->entries()) {
@@ -103,8 +103,9 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks,
                       absl::StrCat(tracks->entries().size(), " tracks in ", options.config_dir), "",
                       ""});
   } else {
-    checks.push_back({"configs", CheckState::kMissing, mistake, "no daemon and no local run starts",
-                      "mend the file, or name another folder with --configs"});
+    checks.push_back({"configs", CheckState::kMissing, mistake,
+                      "neither a daemon nor a local run can start",
+                      "fix the file, or name another folder with --configs"});
   }
   if (tracks.ok()) AddReferenceCheck(*tracks, options.config_dir + "/reference", checks);
   return options;
@@ -116,16 +117,16 @@ Check DaemonCheck(const std::string& data_dir) {
   daemon.address.socket = data_dir + "/myograde.sock";
   const absl::StatusOr<Json> health = Client(daemon).Get("/v1/health");
   if (!health.ok()) {
-    return {"daemon", CheckState::kOk, absl::StrCat("none is at work on ", data_dir), "", ""};
+    return {"daemon", CheckState::kOk, absl::StrCat("none is running on ", data_dir), "", ""};
   }
   const std::string state = health->value("status", "");
-  const std::string found = Filled(*health, "process {pid} is at work on ") + data_dir;
+  const std::string found = Filled(*health, "process {pid} is running on ") + data_dir;
   if (state == "ok") return {"daemon", CheckState::kOk, found, "", ""};
-  return {"daemon", CheckState::kMissing, found + Filled(*health, ", and says: {message}"),
-          "no lease starts until it is over; what is submitted waits",
-          state == "paused" ? "mend what the other checks or the reason name; the daemon tests the "
-                              "host again by itself"
-                            : "mend what the reason names; the daemon tries again by itself"};
+  return {"daemon", CheckState::kMissing, found + Filled(*health, ", and reports: {message}"),
+          "no lease starts until this ends; submissions wait",
+          state == "paused" ? "fix what the other checks or the reason report; the daemon tests "
+                              "the host again by itself"
+                            : "fix what the reason reports; the daemon tries again by itself"};
 }
 
 // Whether the public record in the data folder is as the daemon wrote it; nullopt: there is none that
@@ -139,11 +140,11 @@ std::optional<Check> RecordCheck(const std::string& data_dir) {
   if (!damaged.ok()) return std::nullopt;
   if (damaged->empty()) {
     return Check{"record", CheckState::kOk,
-                 absl::StrCat("the public record in ", path, " is as it was written"), "", ""};
+                 absl::StrCat("the public record in ", path, " is intact"), "", ""};
   }
   return Check{"record", CheckState::kDegraded, DamageText(damaged->front()),
-               "nobody can check what came before; grading goes on",
-               "restore the store from a backup, or tell those who check the record what happened"};
+               "nobody can check earlier results; grading continues",
+               "restore the store from a backup, or explain the gap to those who check the record"};
 }
 
 // "a, b" of a list, "name=value, ..." of an object.
@@ -165,10 +166,10 @@ void PrintSandbox(const std::string& title, const Json& sandbox, const Json& sta
   facts.Add({"user", absl::StrCat(uid < 0 ? std::string("the caller's own") : std::to_string(uid),
                                   " outside, ", Cell(sandbox, "uid_inside"), " inside")});
   facts.Add({"capabilities", Words(sandbox["capabilities"]) + "; no new privileges"});
-  facts.Add({"namespaces of its own", Words(sandbox["namespaces"])});
+  facts.Add({"own namespaces", Words(sandbox["namespaces"])});
   facts.Add({"network", Cell(sandbox, "network")});
-  facts.Add({"limits of a process", Words(sandbox["limits"])});
-  facts.Add({"limits of all together", Words(sandbox["control_group"])});
+  facts.Add({"limits per process", Words(sandbox["limits"])});
+  facts.Add({"limits in total", Words(sandbox["control_group"])});
   if (sandbox.contains("scratch")) facts.Add({"/tmp and /dev/shm", Words(sandbox["scratch"])});
   facts.Add({"environment", Words(sandbox["environment"])});
   facts.Print();
@@ -228,7 +229,7 @@ absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
         PrintChecks(answer["checks"], {"missing", "degraded"}, "\n",
                     "\n  costs: {costs}\n  to do: {todo}\n");
         std::cout << (verb.cluster ? "\nThe cluster" : "\nThis host")
-                  << (worst == CheckState::kOk         ? " has all that MyoGrade needs."
+                  << (worst == CheckState::kOk         ? " has everything that MyoGrade needs."
                       : worst == CheckState::kDegraded ? " can grade, at the cost named above."
                                                        : " can't grade yet: see above.")
                   << std::endl;
@@ -241,15 +242,14 @@ absl::StatusOr<int> Doctor(const DoctorVerb& verb) {
 Command AddDoctor(CLI::App& verb) {
   auto options = std::make_shared<DoctorVerb>();
   verb.add_flag("--sandbox", options->sandbox,
-                "Print the two sandboxes of a lease as they are built on this host, and nothing "
-                "else");
+                "Only print the two sandboxes of a lease as they are built on this host");
   verb.add_flag("--cluster", options->cluster,
-                "Examine the Slurm cluster of server.json instead of this host; runs a job of "
-                "seconds on one of its nodes")
+                "Check the Slurm cluster of server.json instead of this host; runs a short job on "
+                "one of its nodes")
       ->excludes("--sandbox");
   AddJson(verb, "doctor", options->json);
   verb.add_option("--data", options->data,
-                  "Data folder that a daemon would use (default: as for serve)");
+                  "The daemon's data folder (default: as for serve)");
   // What the doctor itself starts inside a sandbox.
   verb.add_flag("--probe-bus", options->probe_bus)->group("");
   AddHostOptions(verb, options->host);

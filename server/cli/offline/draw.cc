@@ -39,7 +39,7 @@ constexpr absl::Duration kRenderTime = absl::Hours(24);  // "render" has a deadl
 constexpr size_t kMostRenderOutput = size_t{1} << 20;
 
 absl::Status CantDraw(const std::string& why) {
-  return absl::InternalError(absl::StrCat("the figure could not be drawn: ", why));
+  return absl::InternalError(absl::StrCat("can't draw the figure: ", why));
 }
 
 absl::StatusOr<Drawn> ReadAnswer(const ProgramEnd& run) {
@@ -57,7 +57,7 @@ absl::StatusOr<Drawn> ReadAnswer(const ProgramEnd& run) {
   }
   Drawn drawn = {answer.value("numbers", Json()), run.output.substr(end + 1)};
   if (drawn.file.size() != answer.value("bytes", size_t{0})) {
-    return CantDraw("the drawing program printed only a part of it");
+    return CantDraw("the drawing program stopped in the middle of the output");
   }
   return drawn;
 }
@@ -229,7 +229,7 @@ absl::Status RenderStatus(const ChildProcess& renderer, const RenderOrder& order
   if (WIFEXITED(status) && WEXITSTATUS(status) == kRenderLogFault) {
     return absl::DataLossError(renderer.Failure());
   }
-  return absl::InternalError(absl::StrCat("no picture can be drawn: ", renderer.Failure()));
+  return absl::InternalError(absl::StrCat("can't draw a picture: ", renderer.Failure()));
 }
 
 std::vector<std::string> EncoderWords(const RenderOrder& order, FilmFormat format,
@@ -260,7 +260,7 @@ absl::StatusOr<ChildProcess> StartEncoder(std::vector<std::string> words, Fd in,
   absl::StatusOr<std::string> program = FindProgram("ffmpeg");
   if (!program.ok()) {
     return absl::InternalError(absl::StrCat(
-        "films are encoded by ffmpeg, and ", program.status().message(),
+        "films need ffmpeg, and ", program.status().message(),
         ": install it (Debian: apt-get install ffmpeg), or write a .png"));
   }
   return ChildProcess::Start({.program = *program,
@@ -380,7 +380,7 @@ absl::StatusOr<std::string> DrawPng(const RenderOrder& order, const std::string&
   Received from = {pictures.read.get(), [&](std::string_view piece) {
                      png.append(piece);
                      if (png.size() <= kMaxPngBytes) return absl::OkStatus();
-                     return absl::InternalError("the picture has more than 256 MiB");
+                     return absl::InternalError("the picture is larger than 256 MiB");
                    }};
   RETURN_IF_ERROR(AwaitAll({&renderer}, from, order.deadline_s));
   RETURN_IF_ERROR(RenderStatus(renderer, order));

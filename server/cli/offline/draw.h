@@ -1,5 +1,5 @@
-// Figures and reports, drawn by the Python program in server/figures from what the daemon tells the
-// caller: nothing else is asked, so nobody sees more in a figure than in an answer of the API.
+// Figures and reports, drawn by the Python program in server/figures from the daemon's answers to the
+// caller and nothing else, so nobody sees more in a figure than in the API.
 #pragma once
 
 #include <absl/status/status.h>
@@ -37,16 +37,15 @@ struct Drawn {
 
 // Has `order` drawn (server/figures/__main__.py says what it holds). FailedPreconditionError if
 // there is nothing to draw, CancelledError after a stop signal, else InternalError: the host lacks
-// something, or drawing failed or took too long. Whatever went wrong is said in one sentence.
+// something, or drawing failed or took too long. The error is one sentence.
 absl::StatusOr<Drawn> DrawFigure(const Json& order);
 
 // Runs "myograde episode render" with these words. CancelledError after a stop signal; else its sentence if
 // it failed.
 absl::Status RunRender(std::vector<std::string> words);
 
-// How a verb ends that draws: `order`, unless gathering what it holds failed, is drawn into `file`,
-// or into nothing if that is "", and what was made is printed: as JSON, `head` with the numbers, or
-// a line. After a stop signal kNoScore.
+// Ends a verb that draws: unless `gathered` is an error, draws `order` into `file` ("": none) and
+// prints what was made: as JSON, `head` with the numbers, or a line. After a stop signal kNoScore.
 absl::StatusOr<int> DrawInto(const std::string& file, const absl::Status& gathered,
                              const Json& order, Json head, bool json);
 
@@ -60,7 +59,8 @@ enum class FilmFormat { kMp4, kWebm };
 // The PNG of an order for a picture or a strip.
 absl::StatusOr<std::string> DrawPng(const RenderOrder& order, const std::string& folder);
 
-// Writes the film of an order to the file `path`. `progress` hears how many pictures were encoded.
+// Writes the film of an order to the file `path`. `progress` is called with the pictures encoded so
+// far.
 // REQUIRES: even width and height.
 absl::Status EncodeFilm(const RenderOrder& order, FilmFormat format, const std::string& folder,
                         const std::string& path, const std::function<void(int64_t)>& progress);

@@ -32,13 +32,13 @@ Finding EpisodeFinding(const EpisodeRow& row, const Json& shown) {
     return {
         "episode", FindingState::kFails,
         Filled(shown, "the practice episode ended as {outcome} after {steps:step}: {fault.detail}"),
-        "mend the policy; what it printed last is below"};
+        "fix the policy; its last output is below"};
   }
   return {
       "episode", FindingState::kOk,
       Filled(shown, row.reason == FailureReason::kNone
-                        ? "the practice episode was played to its end: {outcome} after {steps:step}"
-                        : "the practice episode was played to its end: {outcome} ({reason}) after "
+                        ? "the practice episode ran to its end: {outcome} after {steps:step}"
+                        : "the practice episode ran to its end: {outcome} ({reason}) after "
                           "{steps:step}")};
 }
 
@@ -65,11 +65,11 @@ Finding TimeFinding(const TrackConfig& track, int64_t episodes, const Json& row,
                                   Seconds(block_s), " of ", Seconds(budgets.lease_cpu_s))};
   if (block_s > budgets.lease_cpu_s) {
     finding.state = FindingState::kFails;
-    finding.todo = "make the policy faster: the last episodes of a block would be lost";
+    finding.todo = "make the policy faster: it would fail the last episodes of a block";
   } else if (step_s > kMuch * budgets.step_s || block_s > kMuch * budgets.lease_cpu_s) {
     finding.state = FindingState::kWarning;
     finding.todo =
-        "make the policy faster, as a slower host or a longer episode could break the budget";
+        "make the policy faster: a slower host or a longer episode could exceed the budget";
   }
   return finding;
 }
@@ -84,22 +84,22 @@ Finding MemoryFinding(const Budgets& budgets, const Json& usage) {
                          "; \"myograde doctor\" says what is missing here")};
   }
   const std::string found =
-      absl::StrCat("the policy took ", Mebibytes(peak), " of ", Mebibytes(budgets.memory_bytes));
+      absl::StrCat("the policy used ", Mebibytes(peak), " of ", Mebibytes(budgets.memory_bytes));
   if (static_cast<double>(peak) <= kMuchMemory * static_cast<double>(budgets.memory_bytes)) {
     return {"memory", FindingState::kOk, found};
   }
   return {"memory", FindingState::kWarning, found,
-          "use less: a policy that takes more is killed, which costs the episode"};
+          "use less memory: a policy over the limit is killed and loses the episode"};
 }
 
 Finding OutputFinding(const Budgets& budgets, const Json& output) {
   if (!output.value("stdout_truncated", false) && !output.value("stderr_truncated", false)) {
-    return {"output", FindingState::kOk, "all that the policy printed is kept"};
+    return {"output", FindingState::kOk, "all output of the policy is kept"};
   }
   return {"output", FindingState::kWarning,
           absl::StrCat("the policy printed more than the ", budgets.output_bytes,
-                       " bytes of a stream that are kept"),
-          "print less, or what you look for may be missing"};
+                       " bytes that are kept of each stream"),
+          "print less, or the part that you need may be missing"};
 }
 
 struct DryReport {
@@ -116,10 +116,11 @@ struct DryReport {
 void PlayDryEpisode(const LocalOrder& order, int64_t episodes, DryReport& report) {
   std::vector<Finding>& findings = report.findings;
   const absl::StatusOr<LocalResult> result =
-      PlayLocally(order, "practice episode", /*tell_replays=*/false);
+      PlayLocally(order, "practice episode", /*report_retries=*/false);
   if (!result.ok()) {
     findings.push_back({"episode", FindingState::kUnknown,
-                        absl::StrCat("this host could not play: ", result.status().message()),
+                        absl::StrCat(
+                            "this host could not run the episode: ", result.status().message()),
                         "\"myograde doctor\" says what this host lacks"});
     return;
   }
@@ -189,7 +190,7 @@ absl::StatusOr<LocalOrder> OrderOf(const DryRunOptions& options, int64_t& episod
 Finding SubmissionFinding(const absl::Status& status, const LocalOrder& order) {
   if (!status.ok()) {
     return {"submission", FindingState::kFails, std::string(status.message()),
-            "mend it; server/artefact/README.md has the rules"};
+            "correct it; see server/artefact/README.md for the rules"};
   }
   const Budgets& budgets = order.track->config.budgets;
   return {
@@ -204,11 +205,11 @@ Finding ProgramFinding(const std::string& path, LocalOrder& order) {
   if (const absl::Status status = TakeRuntimes(order); !status.ok()) {
     return {"program", FindingState::kUnknown,
             absl::StrCat("can't be tried on this host: ", status.message()),
-            "provide the runtime here, or practise on the server with --episodes 1"};
+            "install the runtime here, or practise on the server with --episodes 1"};
   }
   if (const absl::Status status = CheckLocalProgram(path, order); !status.ok()) {
     return {"program", FindingState::kFails, std::string(status.message()),
-            "mend \"command\" of policy.json, or put the missing file into the submission"};
+            "correct \"command\" of policy.json, or add the missing file to the submission"};
   }
   return {"program", FindingState::kOk, "the command can start in the sandbox"};
 }
@@ -237,7 +238,7 @@ absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& cl
     PlayDryEpisode(order, episodes, report);
   } else {
     findings.push_back({"episode", FindingState::kUnknown,
-                        "no practice episode was played, as the policy can't start here"});
+                        "no practice episode was played, because the policy can't start here"});
   }
   return report;
 }
@@ -299,10 +300,10 @@ void PrintReport(const DryRunOptions& options, const DryReport& report, const Js
   const bool warned = RowWith(json["checks"], "state", "warning").is_object();
   std::cout << (status == kNoScore && report.interrupted ? "It was interrupted."
                 : status == kNoScore     ? "The submission would fail: see above."
-                : status == kUnreachable ? "Nothing would fail as far as can be known without the server."
-                : status == kTrouble     ? "Nothing would fail as far as can be known without an episode."
-                : warned ? "The submission would be taken and graded; mind the warnings."
-                         : "The submission would be taken and graded.")
+                : status == kUnreachable ? "No failure found; the server was not asked."
+                : status == kTrouble     ? "No failure found; no episode was played."
+                : warned ? "The submission would be accepted and graded; note the warnings."
+                         : "The submission would be accepted and graded.")
             << " Nothing was sent." << std::endl;
 }
 
@@ -331,7 +332,7 @@ Command AddSubmit(CLI::App& verb) {
   CLI::Option* wait = AddSubmitOptions(verb, *options);
   verb.add_flag("--dry-run", options->dry_run,
                 "Send nothing: check the submission, ask the server whether it would accept it, "
-                "play one practice episode here with all limits on, and say what would fail (its "
+                "play one practice episode here under all limits, and report what would fail (its "
                 "JSON: configs/schema/submit-dry-run.json)")
       ->excludes(wait);
   AddHostOptions(verb, options->host);

@@ -100,7 +100,7 @@ absl::StatusOr<Json> PairedNumbers(const Json& a, const Json& b) {
   const RowPairs rows = SameSeeds(a, b);
   if (rows.empty() || a.value("track_kind", Json()) != b.value("track_kind", Json())) {
     return absl::FailedPreconditionError(
-        both + " have no episode on the same seed of one track, so there is nothing to compare");
+        both + " have no episodes on the same seeds of one track, so there is nothing to compare");
   }
   Json metrics = Json::array();
   const Json success = {
@@ -116,8 +116,8 @@ absl::StatusOr<Json> PairedNumbers(const Json& a, const Json& b) {
   if (!metrics.empty()) return Json{{"pairs", rows.size()}, {"metrics", std::move(metrics)}};
   return absl::FailedPreconditionError(
       absl::StrCat("fewer than two episodes of ", both,
-                   " have numbers that both show: their phase withholds them, or they have not "
-                   "been played yet"));
+                   " have numbers for both: their phase withholds them, or they have not been "
+                   "played yet"));
 }
 
 struct PlotKind {
@@ -140,7 +140,7 @@ absl::StatusOr<Json> FormatOf(const FigureOptions& options,
                               const std::vector<std::string>& formats) {
   RETURN_IF_ERROR(
       RefuseIf({{options.file.empty() && !options.json,
-                 "say with -o which file to write, or with --json that you want the numbers"}}));
+                 "give -o with the file to write, or --json for the numbers"}}));
   if (options.file.empty()) return Json();
   for (const std::string& format : formats) {
     if (absl::EndsWithIgnoreCase(options.file, "." + format)) return Json(format);
@@ -167,10 +167,11 @@ absl::Status CheckPlot(const PlotOptions& options) {
   if (options.ids.size() < kind.least || options.ids.size() > kind.most) {
     const std::string range = kind.least == kind.most ? "" : absl::StrCat(kind.least, " to ");
     return absl::InvalidArgumentError(
-        kind.most == 0 ? "plot board shows a board, no submission: give --track or --phase instead"
+        kind.most == 0 ? "plot board shows a board, not submissions: give --track or --phase "
+                         "instead"
                        : absl::StrCat("plot ", kind.name, " shows ", range,
                                       Counted(static_cast<int64_t>(kind.most), "submission"),
-                                      ": give as many numbers"));
+                                      ": give that many numbers"));
   }
   return RefuseIf(
       {{different.size() != options.ids.size(),
@@ -251,9 +252,10 @@ absl::StatusOr<int> WriteReport(const ReportOptions& options) {
   const bool submission = options.id != 0;
   RETURN_IF_ERROR(RefuseIf(
       {{!submission && !options.board.named(),
-        "say what the report is of: a submission's number, --phase or --track"},
+        "name what to report on: a submission's number, --phase or --track"},
        {submission && options.board.named(),
-        "a report is of one submission or of one board: give its number, or --phase or --track"}}));
+        "a report covers one submission or one board: give a submission's number, --phase or "
+        "--track"}}));
   Json order = {{"make", submission ? "report" : "board-report"}, {"version", MYOGRADE_VERSION}};
   ASSIGN_OR_RETURN(order["format"], FormatOf(options, {"html"}));
   CatchStopSignals();
@@ -271,8 +273,8 @@ Command AddPlot(CLI::App& verb) {
   std::vector<std::string> kinds;
   for (const PlotKind& kind : kPlotKinds) kinds.emplace_back(kind.name);
   verb.add_option("KIND", options->kind,
-                  "board (over time), distributions, courses (results per kind of course), "
-                  "survival (how long episodes went on), joints (angles against limits), paired "
+                  "board (over time), distributions, courses (results by kind of course), "
+                  "survival (how long episodes lasted), joints (angles against limits), paired "
                   "(differences on the same seeds)")
       ->required()
       ->check(CLI::IsMember(kinds));
@@ -281,7 +283,7 @@ Command AddPlot(CLI::App& verb) {
       ->check(WholeNumber(1, "not a submission's number, as \"myograde status\" lists them"));
   AddBoardChoice(verb, options->board, "The board of this track", "The board of this phase");
   verb.add_option("-o,--output", options->file, "The file to write: FILE.svg or FILE.pdf");
-  AddDaemonOptions(verb, "plot", *options, "Print the numbers behind the figure as JSON");
+  AddDaemonOptions(verb, "plot", *options, "Print the figure's numbers as JSON");
   return [options] { return Plot(*options); };
 }
 
@@ -289,11 +291,11 @@ Command AddReport(CLI::App& verb) {
   auto options = std::make_shared<ReportOptions>();
   AddSubmissionId(verb, *options, /*required=*/false, "The submission to report on");
   AddBoardChoice(verb, options->board,
-                 "In place of a submission: the results of this track outside any phase",
-                 "In place of a submission: the results of this phase");
+                 "Instead of a submission: the results of this track outside any phase",
+                 "Instead of a submission: the results of this phase");
   verb.add_option("-o,--output", options->file, "The file to write: FILE.html");
   verb.add_flag("--no-pictures", options->no_pictures, "Leave out the pictures of episodes");
-  AddDaemonOptions(verb, "report", *options, "Print the numbers in the report as JSON");
+  AddDaemonOptions(verb, "report", *options, "Print the report's numbers as JSON");
   return [options] { return WriteReport(*options); };
 }
 

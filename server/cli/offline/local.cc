@@ -56,7 +56,7 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
     std::filesystem::create_directories(order.log_dir, error);
     if (error) {
       return absl::InvalidArgumentError(
-          absl::StrCat("--logs: ", options.logs, " can't be made: ", error.message()));
+          absl::StrCat("--logs: ", options.logs, " can't be created: ", error.message()));
     }
   }
   return order;
@@ -76,7 +76,7 @@ absl::Status NameLogs(const std::string& folder, Json& rows) {
                fs::path(folder) / name, error);
     if (error) {
       return absl::InternalError(
-          absl::StrCat(folder, "/", name, ": can't be made: ", error.message()));
+          absl::StrCat(folder, "/", name, ": can't be created: ", error.message()));
     }
     row["log"]["file"] = name;
   }
@@ -130,7 +130,7 @@ absl::StatusOr<LocalGrade> GradeLocally(const LocalOptions& options) {
   const absl::Duration start = SystemClock().Monotonic();
   ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("local"));
   ASSIGN_OR_RETURN(LocalOrder order, Prepare(options, temp.path()));
-  ASSIGN_OR_RETURN(LocalResult result, PlayLocally(order, options.track, /*tell_replays=*/true));
+  ASSIGN_OR_RETURN(LocalResult result, PlayLocally(order, options.track, /*report_retries=*/true));
   ASSIGN_OR_RETURN(Json json, ResultJson(order, result, SystemClock().Monotonic() - start));
   RETURN_IF_ERROR(NameLogs(order.log_dir, json["episode_rows"]));
   json["episodes"] = json["episode_rows"];  // as it was called at first
@@ -201,12 +201,12 @@ absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade)
 absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const std::string& folder,
                       Json& made) {
   ASSIGN_OR_RETURN(const std::vector<PickedEpisode> picked, BestAndWorst(grade));
-  if (picked.empty()) made["missing"].push_back("No episode has a step to show.");
+  if (picked.empty()) made["missing"].push_back("No episode has any step to show.");
   const bool film = FindProgram("ffmpeg").ok();
   if (!film && !picked.empty()) {
     made["missing"].push_back(
-        "There are pictures in place of films, as ffmpeg is not installed (Debian: apt-get install "
-        "ffmpeg).");
+        "There are pictures instead of films, because ffmpeg is not installed (Debian: apt-get "
+        "install ffmpeg).");
   }
   for (const PickedEpisode& one : picked) {
     if (StopRequested()) return absl::CancelledError("interrupted");
@@ -311,15 +311,16 @@ Command AddLocal(CLI::App& verb) {
   verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
       ->required();
   verb.add_option("--seeds", options->seeds,
-                  "File of seeds in place of the track's list: a JSON array, or one on each line");
+                  "File of seeds to play instead of the track's list: a JSON array, or one seed a "
+                  "line");
   verb.add_option("--episodes", options->episodes, "Play only the first N seeds")
       ->check(CLI::Range(1, 10'000));
   verb.add_option("--logs", options->logs,
-                  "Folder for the log of each episode, episode-000.lcmlog.zst and so on, which \"myograde "
-                  "replay\" plays again and \"myograde episode render\" shows");
+                  "Folder for the log of each episode, episode-000.lcmlog.zst and so on, for "
+                  "\"myograde episode replay\" and \"myograde episode render\"");
   verb.add_option("--slots", options->slots,
-                  "Blocks of episodes to play at a time (default: as in server.json, one for each "
-                  "processor)")
+                  "Blocks of episodes to play in parallel (default: as in server.json, one for "
+                  "each processor)")
       ->check(CLI::Range(1, 1024));
   return [options]() -> absl::StatusOr<int> {
     ASSIGN_OR_RETURN(const LocalGrade grade, GradeLocally(*options));
@@ -339,7 +340,8 @@ Command AddTry(CLI::App& verb) {
   verb.add_option("--episodes", options->episodes, "Play the first N seeds of the track (default: 5)")
       ->check(CLI::Range(1, 10'000));
   verb.add_option("-o,--output", options->folder,
-                  "The folder to write, new or empty (default: try-NAME after the policy's file)");
+                  "The folder to write, new or empty (default: try-NAME, after the policy's file "
+                  "name)");
   return [options] { return Try(*options); };
 }
 

@@ -1,6 +1,6 @@
 // A policy graded on this host without a daemon: the same runner, simulator and scoring, nothing
-// stored. In the steps that the verbs share: what is to be played is gathered, the submission is
-// checked, and PlayLocally plays it.
+// stored. The steps that the verbs share: gather what is to be played, check the submission, and
+// PlayLocally.
 #pragma once
 
 #include <absl/status/status.h>
@@ -42,11 +42,11 @@ struct LocalResult {
 };
 
 // Plays every lease, up to `slots` at once, and shows progress named `what`. InternalError if a
-// lease failed by the grader's fault more often than the config allows replays; each replay waits as
-// a daemon's does, and `tell_replays` says it on standard error. After a stop signal what is running
-// is killed within a second and the rows so far are returned.
+// lease failed by the grader's fault more often than the config allows retries; each retry waits as a
+// daemon's does, and is reported on standard error if `report_retries`. After a stop signal what is
+// running is killed within a second and the rows so far are returned.
 absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const std::string& what,
-                                        bool tell_replays);
+                                        bool report_retries);
 
 struct LocalOptions {
   HostOptions host;

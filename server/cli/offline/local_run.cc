@@ -39,7 +39,7 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
   RETURN_IF_ERROR(RefuseIf(
       {{options.episodes > std::ssize(seeds),
         absl::StrCat("--episodes: ", options.episodes,
-                     " are asked for, but the seed list has only ", seeds.size())}}));
+                     " were requested, but the seed list has only ", seeds.size())}}));
   if (options.episodes > 0) seeds.resize(static_cast<size_t>(options.episodes));
   return seeds;
 }
@@ -64,8 +64,8 @@ Json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end,
 
 class LocalRun {
  public:
-  LocalRun(const LocalOrder& order, const std::string& what, bool tell_replays)
-      : order_(order), tell_replays_(tell_replays), progress_(what) {}
+  LocalRun(const LocalOrder& order, const std::string& what, bool report_retries)
+      : order_(order), report_retries_(report_retries), progress_(what) {}
 
   absl::StatusOr<LocalResult> Run() {
     const int64_t total = std::ssize(order_.seeds);
@@ -157,7 +157,7 @@ class LocalRun {
     std::error_code error;
     if (!std::filesystem::create_directory(lease.work_dir, error)) {
       return absl::InternalError(
-          absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
+          absl::StrCat(lease.work_dir, ": can't be created: ", error.message()));
     }
     const LeaseOrder order = OrderFor(lease);
     absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
@@ -217,13 +217,14 @@ class LocalRun {
     const std::string episodes = absl::StrCat("episodes ", lease.first, " to ", lease.last);
     if (++lease.faults > order_.config.scheduler.max_retries) {
       return absl::InternalError(
-          absl::StrCat(episodes, " failed by a fault of the grader: ", lease.report.fault()));
+          absl::StrCat(episodes,
+                       " failed because of a fault of the grader: ", lease.report.fault()));
     }
     // What disturbed it may take a while to go.
     const auto doubled = static_cast<double>(int64_t{1} << std::min<int64_t>(lease.faults - 1, 20));
     lease.not_before = SystemClock().Monotonic() + order_.config.scheduler.retry_delay * doubled;
-    if (tell_replays_) {
-      std::cerr << "myograde: " << episodes << " are played again after a fault of the grader: "
+    if (report_retries_) {
+      std::cerr << "myograde: " << episodes << " are retried after a fault of the grader: "
                 << lease.report.fault() << std::endl;
     }
     return absl::OkStatus();
@@ -252,7 +253,7 @@ class LocalRun {
   }
 
   const LocalOrder& order_;
-  const bool tell_replays_;
+  const bool report_retries_;
   Progress progress_;
   std::vector<Lease> leases_;
 };
@@ -342,8 +343,8 @@ Json LocalRowJson(const EpisodeRow& row) {
 }
 
 absl::StatusOr<LocalResult> PlayLocally(const LocalOrder& order, const std::string& what,
-                                        bool tell_replays) {
-  return LocalRun(order, what, tell_replays).Run();
+                                        bool report_retries) {
+  return LocalRun(order, what, report_retries).Run();
 }
 
 }  // namespace myograde::server

@@ -65,9 +65,9 @@ absl::StatusOr<std::string> SiblingOf(const std::string& path, const LogHeader& 
     return with(std::string(digits - plain.size(), '0') + plain);
   }
   return absl::InvalidArgumentError(absl::StrCat(
-      path, ": in the profile ", header.track.profile, " state carries over from the episodes before, "
-      "whose logs are looked for beside it by their names; name each after its episode, this one "
-      "episode-", absl::Dec(header.episode, absl::kZeroPad3), ".lcmlog"));
+      path, ": in the profile ", header.track.profile, " state carries over from earlier "
+      "episodes, whose logs must be in the same folder; name each log after its episode, this "
+      "one episode-", absl::Dec(header.episode, absl::kZeroPad3), ".lcmlog"));
 }
 
 }  // namespace
@@ -113,7 +113,8 @@ absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& pat
     if (absl::IsNotFound(log.status())) {
       return absl::NotFoundError(absl::StrCat(
           sibling, " is missing: in the profile ", header.track.profile, " state carries over, so "
-          "the logs of the episodes ", first, " to ", header.episode - 1, " must be beside ", path));
+          "the logs of episodes ", first, " to ", header.episode - 1,
+          " must be in the same folder as ", path));
     }
     if (!log.ok()) return log.status();
     if (log->header.config != header.config || log->header.episode != episode) {
@@ -127,7 +128,7 @@ absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& pat
 
 void AddSimulatorSlots(CLI::App& verb, int& slots) {
   verb.add_option("--slots", slots,
-                  "Simulators to run at a time (default: as in server.json, one for each "
+                  "Simulators to run in parallel (default: as in server.json, one for each "
                   "processor)")
       ->check(CLI::Range(1, kMostSimulators));
 }
@@ -222,8 +223,8 @@ absl::StatusOr<int> ReportReplay(const ReplayOptions& options, Json head,
         for (const Json& episode : replay["episodes"]) {
           if (!episode["equal"]) std::cout << Filled(episode, "episode {index}: {detail}\n");
         }
-        std::cout << Bold(absl::StrCat(equal, Filled(replay, " of {replayed:episode} came out as "
-                                                             "recorded")))
+        std::cout << Bold(absl::StrCat(equal, Filled(replay,
+                                                     " of {replayed:episode} match the recording")))
                   << std::endl;
       },
       all ? kDone : kNoScore);
@@ -282,7 +283,7 @@ Command AddReplay(CLI::App& verb) {
   verb.add_option("TARGET", options->target,
                   "The submission, or the file of a log (\"myograde episode log\", \"local --logs\")")
       ->required();
-  verb.add_option("--episode", options->episode, "Only this one, counted from 0 (default: all)")
+  verb.add_option("--episode", options->episode, "Only this episode, counted from 0 (default: all)")
       ->check(WholeNumber(0, "not an episode's number, counted from 0"));
   AddSimulatorSlots(verb, options->slots);
   AddDaemonOptions(verb, "replay", *options);

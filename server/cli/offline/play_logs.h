@@ -19,8 +19,8 @@
 
 namespace myograde::server {
 
-// The first episode that must be played for `episode` to be: where state carries over, the first of
-// its lease; elsewhere it alone.
+// The first episode that must be played before `episode`: where state carries over, the first of its
+// lease; elsewhere `episode` itself.
 int64_t FirstNeeded(const TrackConfig& track, int64_t episode);
 
 // Parses a log that was read; passes on the error if it was not.
@@ -47,7 +47,7 @@ absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation
                                     const std::string& folder);
 
 // The log file at `path`, whose header is `header`, and where state carries over, those of its lease
-// before it, by episode. These stand beside it and are named as it is, but for the episode's number
+// before it, by episode. These are in the same folder under the same name but for the episode's number
 // ("episode-012.lcmlog.zst", as `local --logs` names them). InvalidArgumentError: its name has no
 // such number, or one of them is of other episodes; NotFoundError names one that is missing.
 absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& path,

@@ -32,7 +32,7 @@ absl::StatusOr<EpisodeRow> RowOfEntry(const Json& entry, int64_t evaluation) {
   const std::optional<FailureReason> reason = ParseFailureReason(TextAt(entry, "reason"));
   if (!outcome.has_value() || !reason.has_value()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the outcome of its episode ", row.index, " is not known here"));
+        absl::StrCat("the outcome of its episode ", row.index, " is not known to this program"));
   }
   row.outcome = *outcome;
   row.reason = *reason;
@@ -122,13 +122,13 @@ std::string RowDifference(const char* list, size_t place, const Json& found,
                         found.value("submission", Json()) == expected.value("submission", Json());
   const std::string where = absl::StrCat("row ", place + 1, " of its \"", list, "\"");
   if (!same_row) {
-    return absl::StrCat(where, " is ", RowText(found), ", and by the record it is ",
+    return absl::StrCat(where, " is ", RowText(found), ", but by the record it is ",
                         RowText(expected));
   }
   const std::string key = DifferentKey(found, expected);
   return Sanitized(absl::StrCat(where, ", ", RowText(expected), ", has another \"", key,
-                               "\" than follows from the record: ",
-                               found.value(key, Json()).dump().substr(0, 80), " in place of ",
+                               "\" than the record implies: ",
+                               found.value(key, Json()).dump().substr(0, 80), " instead of ",
                                expected.value(key, Json()).dump().substr(0, 80)));
 }
 
@@ -147,7 +147,7 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
   const scoring::ScoredTrack* track =
       config.is_object() ? scoring::FindScoredTrack(TextAt(config, "track")) : nullptr;
   if (track == nullptr || !config.value("scoring", Json()).is_object()) {
-    return absl::InvalidArgumentError("it is not a track's config");
+    return absl::InvalidArgumentError("it is not a track config");
   }
   absl::StatusOr<scoring::TrackScoring> scoring = track->parse(config["scoring"], "scoring");
   if (!scoring.ok()) return absl::InvalidArgumentError(scoring.status().message());
@@ -158,7 +158,7 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
 
 absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   const scoring::ScoredTrack* track = scoring::FindScoredTrack(TextAt(receipt, "track_kind"));
-  if (track == nullptr) return absl::InvalidArgumentError("its track is not known here");
+  if (track == nullptr) return absl::InvalidArgumentError("its track is not known to this program");
   std::vector<EpisodeRow> rows;
   for (const Json& entry : receipt["episodes"]) {
     ASSIGN_OR_RETURN(EpisodeRow row, RowOfEntry(entry, 0));
@@ -166,7 +166,7 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   }
   const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*track, rows);
   if (!aggregate.ok()) {
-    return absl::InvalidArgumentError("no numbers follow from its episodes");
+    return absl::InvalidArgumentError("its episodes yield no numbers");
   }
   Json numbers = AggregateToJson(*track, *aggregate);
   const Json said = receipt.value("aggregate", Json());
@@ -174,7 +174,7 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   const bool done = TextAt(receipt, "state") == "done";
   if (numbers != said || done == aggregate->failed) {
     return absl::InvalidArgumentError(
-        "the numbers that it names do not follow from its episodes");
+        "its numbers do not follow from its episodes");
   }
   ReceivedResult result = {.done = done,
                            .hides_seeds = HidesSeeds(receipt),
@@ -229,7 +229,7 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
 
 std::string FirstDifference(const std::string& found, const std::string& expected) {
   const absl::StatusOr<Json> parsed = ParseJson(found, "the board");
-  if (!parsed.ok() || !parsed->is_object()) return "it is no board";
+  if (!parsed.ok() || !parsed->is_object()) return "it is not a board";
   const Json& a = *parsed;
   const Json b = Json::parse(expected);
   for (const char* list : {"rows", "disqualified"}) {
@@ -244,7 +244,7 @@ std::string FirstDifference(const std::string& found, const std::string& expecte
   }
   const std::string key = DifferentKey(a, b);
   if (key.empty()) return "it is not in its canonical form";
-  return Sanitized(absl::StrCat("its \"", key, "\" is not what follows from the record"));
+  return Sanitized(absl::StrCat("its \"", key, "\" does not follow from the record"));
 }
 
 }  // namespace myograde::server

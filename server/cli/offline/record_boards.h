@@ -17,7 +17,7 @@ namespace myograde::server {
 
 // What boards need of a receipt that holds.
 struct ReceivedResult {
-  bool done = false;  // a failed one stands on no board
+  bool done = false;  // a failed one is on no board
   bool hides_seeds = false;
   std::string name;   // of the artefact
   Standing standing;
@@ -35,12 +35,12 @@ struct RecordedConfig {
 // InvalidArgumentError if it can't be read.
 absl::StatusOr<RecordedConfig> ReadRecordedConfig(const nlohmann::json& config);
 
-// The numbers of a receipt's episodes, recomputed, in place of those that it names.
-// InvalidArgumentError if the receipt names others.
+// The numbers of a receipt's episodes, recomputed, not those in it. InvalidArgumentError if
+// the receipt has others.
 absl::StatusOr<ReceivedResult> ResultOfReceipt(const nlohmann::json& receipt);
 
-// Evaluations without a receipt that may stand on the boards of a config. As long as there are any, it
-// is not known what the boards are.
+// Evaluations without a receipt that may be on the boards of a config. As long as there are any, the
+// boards are unknown.
 std::vector<int64_t> UnknownResults(const BoardState& record,
                                     const std::map<int64_t, ReceivedResult>& results,
                                     const std::string& config);
@@ -51,7 +51,7 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
                                       const std::string& hash, const RecordedConfig& config,
                                       const std::string& board);
 
-// In what a board differs from the one that follows, in one sentence: "rank 2 is ...".
+// How a board differs from the one that the record implies, in one sentence: "row 2 is ...".
 std::string FirstDifference(const std::string& found, const std::string& expected);
 
 }  // namespace myograde::server

@@ -44,7 +44,8 @@ bool IsPlainName(std::string_view name) {
 
 absl::Status Stray(const std::string& name, const char* what) {
   return absl::InvalidArgumentError(
-      absl::StrCat(Sanitized(name), " ", what, "; \"myograde proof record export\" writes no such thing"));
+      absl::StrCat(Sanitized(name), " ", what,
+                   "; \"myograde proof record export\" writes no such file"));
 }
 
 }  // namespace
@@ -79,11 +80,11 @@ absl::Status RecordFolder::List(const std::string& folder, int depth) {
       RETURN_IF_ERROR(List(name, 1));
       continue;
     }
-    if (!S_ISREG(info.st_mode)) return Stray(path, "is not a plain file");
+    if (!S_ISREG(info.st_mode)) return Stray(path, "is not a regular file");
     if (depth == 0 ? !IsTopFile(name) : !IsPlainName(name)) {
-      return Stray(path, "does not belong there");
+      return Stray(path, "does not belong in a record");
     }
-    if (files_.size() == kMostFiles) return Stray(path, "is one file too many");
+    if (files_.size() == kMostFiles) return Stray(path, "exceeds the number of files in a record");
     files_.insert(path);
   }
   return absl::OkStatus();
@@ -105,7 +106,7 @@ absl::StatusOr<std::string> RecordFolder::Read(const std::string& name, int64_t 
   absl::StatusOr<std::string> text = ReadAll(fd.get(), name, static_cast<size_t>(max_bytes));
   if (absl::IsInvalidArgument(text.status())) {
     return absl::InvalidArgumentError(
-        absl::StrCat(Sanitized(name), " is larger than such a file can be"));
+        absl::StrCat(Sanitized(name), " is too large for such a file"));
   }
   return text;
 }
@@ -141,7 +142,7 @@ absl::Status RecordFolder::ForEachLine(
     line.append(rest);
     if (std::ssize(line) > max_bytes) {
       return absl::InvalidArgumentError(
-          absl::StrCat(Sanitized(name), " has a line that is longer than any entry"));
+          absl::StrCat(Sanitized(name), " has a line longer than any entry"));
     }
   }
   if (line.empty()) return absl::OkStatus();

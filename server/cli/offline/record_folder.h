@@ -1,5 +1,5 @@
-// The folder that "myograde proof record export" writes, as somebody received it: its files may be of any
-// size and any kind.
+// The folder that "myograde proof record export" writes, as received from somebody: its files may be
+// of any size and any kind.
 //
 //   record.jsonl            the entries, one a line
 //   head.json               their signed head (server/proof/record_head.h)
@@ -32,7 +32,7 @@ class RecordFolder {
   static absl::StatusOr<RecordFolder> Open(const std::string& path);
 
   // A file by its path in the folder: "head.json". InvalidArgumentError if it is missing, larger
-  // than `max_bytes`, or no plain file.
+  // than `max_bytes`, or not a regular file.
   absl::StatusOr<std::string> Read(const std::string& name, int64_t max_bytes) const;
   bool Has(const std::string& name) const { return files_.contains(name); }
   // The paths that begin with `folder`, sorted: "receipts/".

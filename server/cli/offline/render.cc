@@ -102,10 +102,10 @@ absl::Status ReadOptions(const RenderOptions& options, Drawing& drawing) {
                                     ": the name must end in .mp4, .webm or .png")},
        {options.strip && !png, "--strip: a strip is a picture; write a .png"},
        {options.strip && options.episode >= 0,
-        "--strip: it picks the episodes itself; leave --episode out"},
+        "--strip: picks the episodes itself; leave --episode out"},
        {options.at >= 0 && (film || options.strip),
-        "--at: it is for a picture of one moment; write a .png without --strip"},
-       {options.speed != 1 && !film, "--speed: it is for films; write a .mp4 or .webm"},
+        "--at: only for a picture of one moment; write a .png without --strip"},
+       {options.speed != 1 && !film, "--speed: only for films; write a .mp4 or .webm"},
        {film && (order.width % 2 != 0 || order.height % 2 != 0),
         "--size: the sides of a film must be even"}});
 }
@@ -154,8 +154,8 @@ absl::StatusOr<std::vector<int64_t>> OrderOf(const std::vector<Json>& rows,
     std::optional<EpisodeRow> form = StoredForm(row, config.kind->name);
     if (!form.has_value()) {
       return absl::FailedPreconditionError(absl::StrCat(
-          "the phase withholds the results of the episodes, so none of them is known to be the "
-          "best; show one with --episode"));
+          "the phase withholds the episodes' results, so the best is not known; choose one with "
+          "--episode"));
     }
     stored.push_back(*std::move(form));
   }
@@ -330,18 +330,18 @@ Command AddRender(CLI::App& verb) {
                   "The file to write: .mp4 or .webm for a film, .png for a picture")
       ->required();
   verb.add_flag("--strip", options->strip,
-                "One picture with a row for each of the best, the median and the worst episode, or of a "
-                "log's file with one row");
+                "One picture with a row each for the best, the median and the worst episode; for "
+                "a log file, one row");
   verb.add_option("--size", options->size,
                   "WIDTHxHEIGHT in pixels (default: 1280x720, and 384x216 for each picture of a "
                   "strip)")
       ->check(CLI::Validator(SizeMistake, ""));
   verb.add_option("--at", options->at,
-                  "For a .png: the moment in s of simulated time (default: the end)")
+                  "For a .png: the moment, in seconds of simulated time (default: the end)")
       ->check(CLI::Range(0.0, 1e6));
   verb.add_option("--speed", options->speed, "For a film: 0.5 is half as fast (default: 1)")
       ->check(CLI::Range(0.01, 100.0));
-  verb.add_flag("--no-overlay", options->no_overlay, "Nothing written into the pictures");
+  verb.add_flag("--no-overlay", options->no_overlay, "No text in the pictures");
   AddDaemonOptions(verb, "render", *options);
   verb.add_option("--cache", options->host.cache,
                   "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "

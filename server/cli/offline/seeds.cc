@@ -87,7 +87,7 @@ absl::StatusOr<int> PrintList(const SeedOptions& options, const std::string& sec
     }
     std::cout << "Publish these lines when the phase opens, and keep " << Sanitized(options.secret)
               << (options.output.empty() ? "" : " and " + Sanitized(options.output))
-              << " to yourself until it closes." << std::endl;
+              << " secret until it closes." << std::endl;
   });
 }
 
@@ -137,14 +137,14 @@ absl::StatusOr<int> CheckSeeds(const SeedOptions& options) {
   std::vector<std::string> wrong;
   const auto hold = [&](const std::string& published, const std::string& found, const char* what) {
     if (!published.empty() && absl::AsciiStrToLower(published) != found) {
-      wrong.push_back(absl::StrCat(what, " is ", found, ", published was ", published));
+      wrong.push_back(absl::StrCat(what, " is ", found, "; published was ", published));
     }
   };
   hold(options.commitment, SecretCommitment(secret), "the secret's SHA-256");
-  hold(options.list_hash, SeedListHash(seeds), "the SHA-256 of the list that the secret gives");
+  hold(options.list_hash, SeedListHash(seeds), "the SHA-256 of the secret's list");
   if (!options.seeds.empty()) {
     ASSIGN_OR_RETURN(const std::vector<uint64_t> played, ReadSeeds(options.seeds));
-    if (played != seeds) wrong.push_back("the list of " + options.seeds + " is another one");
+    if (played != seeds) wrong.push_back("the list of " + options.seeds + " differs");
   }
   return ReportChecked({{"phase", options.phase},
                         {"count", options.count},
@@ -205,7 +205,7 @@ absl::StatusOr<int> ImportSecret(const SeedOptions& options) {
 // Of what is about a list of seeds.
 void AddListOptions(CLI::App* part, SeedOptions& options) {
   part->add_option("--phase", options.phase,
-                   "Name of the phase, part of what the seeds follow from")
+                   "Name of the phase; the seeds depend on it")
       ->default_val("final")
       ->check([](const std::string& text) -> std::string {
         return text.empty() || text.size() > 64 ? "must have 1 to 64 bytes" : "";
@@ -219,7 +219,7 @@ void AddListOptions(CLI::App* part, SeedOptions& options) {
 // Of what moves the secret of one phase of one store.
 void AddMoveOptions(CLI::App* part, SeedOptions& options) {
   part->add_option("--phase", options.phase, "Name of the phase")->required();
-  part->add_option("--data", options.data, "The daemon's folder of data");
+  part->add_option("--data", options.data, "The daemon's data folder");
   AddJson(*part, "seeds-move", options.json);
 }
 
@@ -241,7 +241,7 @@ absl::StatusOr<int> MakeKey(const ReleaseOptions& options) {
                      options.json, [&](const Json&) {
                        std::cout << Sanitized(options.output) << ": the key to publish; keep "
                                  << Sanitized(options.key)
-                                 << " to yourself, as whoever has it can sign releases.\n";
+                                 << " secret: anybody who has it can sign releases.\n";
                      });
 }
 
@@ -268,8 +268,8 @@ absl::StatusOr<int> VerifyRelease(const ReleaseOptions& options) {
                         {"name", TextOrNull(check.name)},
                         {"files", check.files}},
                        options.json,
-                       "Release {name}: its signature is valid, and {files:file} and no other are "
-                       "there, as they were signed.",
+                       "Release {name}: its signature is valid, and its {files:file} are "
+                       "unchanged, with none missing or added.",
                        check.wrong);
 }
 
@@ -285,24 +285,25 @@ Command AddSeeds(CLI::App& verb) {
   SeedOptions& options = parts.options();
   CLI::App* commit =
       parts.Add("commit",
-                "Make a secret, or use an existing one, and print what to publish when the phase "
-                "opens",
+                "Create a secret, or use an existing one, and print what to publish when the "
+                "phase opens",
                 "commit --phase final --secret final.secret -o final-seeds.json", CommitSeeds);
   AddListOptions(commit, options);
-  commit->add_option("--secret", options.secret, "File of the secret; made if missing")->required();
+  commit->add_option("--secret", options.secret, "File of the secret; created if missing")
+      ->required();
   commit->add_option("-o,--output", options.output,
-                     "File for the list, as \"seeds\" of a track config and --seeds take it; its "
-                     "only its owner can read it");
+                     "File for the list, in the form that \"seeds\" of a track config and --seeds "
+                     "take; only its owner can read it");
 
   CLI::App* reveal =
       parts.Add("reveal",
-                "After the close: reveal the seeds of a phase of the daemon to everybody, or with "
-                "--secret print a secret and its list",
+                "After the close: reveal the seeds of one of the daemon's phases to everybody, or "
+                "with --secret print a secret and its list",
                 "reveal --phase final", RevealSeeds);
   AddListOptions(reveal, options);
   reveal->add_option("--secret", options.secret,
                      "File of the secret; without it, the daemon reveals the phase");
-  reveal->add_option("--reason", options.reason, "For the daemon's history")
+  reveal->add_option("--reason", options.reason, "Reason, for the daemon's history")
       ->default_val("the phase is over");
   reveal->add_option("-o,--output", options.output, "File for the list");
   AddPlaces(*reveal, options);
@@ -311,7 +312,7 @@ Command AddSeeds(CLI::App& verb) {
       "check", "For participants: check a revealed secret against what was published",
       "check --phase final --secret 5c0f... --commitment 91ab... --seeds played.json", CheckSeeds);
   AddListOptions(check, options);
-  check->add_option("--secret", options.secret, "The secret's digits, or a file of them")
+  check->add_option("--secret", options.secret, "The secret in hexadecimal, or a file with it")
       ->required();
   check->add_option("--commitment", options.commitment, "Published SHA-256 of the secret");
   check->add_option("--seeds-sha256", options.list_hash, "Published SHA-256 of the list");
@@ -319,16 +320,16 @@ Command AddSeeds(CLI::App& verb) {
 
   CLI::App* take_out =
       parts.Add("export",
-                "For a move to another host: write the secret of a phase, which no export of the "
-                "store holds, to a file that only its owner can read",
+                "To move to another host: write a phase's secret, which exports of the store "
+                "leave out, to a file that only its owner can read",
                 "export --phase final -o final.secret --data old", ExportSecret);
   AddMoveOptions(take_out, options);
   take_out->add_option("-o,--output", options.output, "New file for the secret")->required();
 
   CLI::App* bring =
       parts.Add("import",
-                "Bring the secret of a phase to an imported store, whose record must hold its "
-                "commitment; no daemon may run on it",
+                "Add a phase's secret to an imported store whose record has its commitment; stop "
+                "the daemon first",
                 "import --phase final --secret final.secret --data new", ImportSecret);
   AddMoveOptions(bring, options);
   bring->add_option("--secret", options.secret, "File of the secret")->required();
@@ -339,31 +340,32 @@ Command AddRelease(CLI::App& verb) {
   Parts<ReleaseOptions> parts(verb);
   ReleaseOptions& options = parts.options();
   CLI::App* key = parts.Add(
-      "key", "Make a key for releases, or use an existing one, and write the public key to publish",
+      "key", "Create a key for releases, or use an existing one, and write the public key to "
+             "publish",
       "key release.key -o release.pem", MakeKey);
   AddJson(*key, "release-key", options.json);
-  key->add_option("KEY", options.key, "File of the private key; made if missing")->required();
+  key->add_option("KEY", options.key, "File of the private key; created if missing")->required();
   key->add_option("-o,--output", options.output, "File for the public key")->required();
 
   CLI::App* sign = parts.Add("sign",
-                             "Write SHA256SUMS and its signature into a folder, for all "
-                             "other files in and below it",
+                             "Write SHA256SUMS, of all files in and below a folder, and its "
+                             "signature into the folder",
                              "sign ./myograde-1.0.0 --key release.key --name 1.0.0", Sign);
   AddJson(*sign, "release-sign", options.json);
   sign->add_option("FOLDER", options.folder, "The folder of the release")->required();
   sign->add_option("--key", options.key, "File of the private key")->required();
-  sign->add_option("--name", options.name, "Name of the release, which is signed too")
+  sign->add_option("--name", options.name, "Name of the release, part of what is signed")
       ->default_val(MYOGRADE_VERSION);
 
   CLI::App* verify = parts.Add("verify",
-                               "Check the signature, every file that it covers, and that "
-                               "there is no other",
+                               "Check the signature, each file that it covers, and that there are "
+                               "no others",
                                "verify ./myograde-1.0.0 --key release.pem", VerifyRelease);
   AddJson(*verify, "release-verify", options.json);
   verify->add_option("FOLDER", options.folder, "The folder of the release")->required();
   verify
       ->add_option("--key", options.key,
-                   "File of the public key, from a place that its owner controls")
+                   "File of the public key, obtained from its owner")
       ->required();
   return {};
 }

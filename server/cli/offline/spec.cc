@@ -197,7 +197,8 @@ void PrintSpec(const Json& spec, const TrackConfig& config, const Tracks::Entry&
   }
   PrintLayout("Command", spec["action"]);
   std::cout
-      << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
+      << "\nA policy chooses its kind of actions at the handshake: normalized (every number in "
+         "[-1, 1])\n"
          "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
          "the name of every entry.\n";
   PrintValues("Budgets", config.effective.value("budgets", Json::object()));
@@ -251,14 +252,14 @@ constexpr size_t kLongestName = 64;  // of policy.json
 
 absl::Status CantMake(const std::string& folder, const std::string& reason) {
   return absl::InvalidArgumentError(
-      absl::StrCat(folder, ": can't be made: ", reason, "; choose another place with --output"));
+      absl::StrCat(folder, ": can't be created: ", reason, "; choose another place with --output"));
 }
 
 absl::Status IsThere(const std::string& folder) {
   return absl::InvalidArgumentError(
       absl::StrCat(folder,
-                   ": is there already, and stays as it is; choose another name, or "
-                   "another place with --output"));
+                   ": already exists and was left unchanged; choose another name, or another "
+                   "place with --output"));
 }
 
 // Where an installation and a build tree have the templates of a language, seen from the programs.
@@ -269,8 +270,8 @@ absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
     std::error_code error;
     if (fs::exists(templates + "/README.md", error)) return templates;
   }
-  return absl::InternalError(absl::StrCat("the starter for ", lang,
-                                          " is not beside the programs in ", bin_dir,
+  return absl::InternalError(absl::StrCat("the template for ", lang,
+                                          " is missing beside the programs in ", bin_dir,
                                           "; install MyoGrade again, or build the target "
                                           "myograde_policies"));
 }
@@ -316,9 +317,9 @@ absl::StatusOr<std::vector<std::string>> WriteAllFrom(const Starter& starter,
 // "" if `name` can stand in sources, file names and policy.json; else what it must be.
 std::string CheckPolicyName(const std::string& name) {
   if (IsSimpleName(name, kLongestName)) return "";
-  return absl::StrCat("a policy's name here has 1 to ", kLongestName,
-                      " of the characters A-Z, a-z, 0-9, \"-\", \"_\" and \".\", and begins with a "
-                      "letter or digit");
+  return absl::StrCat("use a name of 1 to ", kLongestName,
+                      " of the characters A-Z, a-z, 0-9, \"-\", \"_\" and \".\" that begins with "
+                      "a letter or digit");
 }
 
 // Makes the new folder `folder` from the templates that came with this program, and returns the
@@ -365,12 +366,12 @@ std::vector<std::string> CommandsOf(const Starter& starter) {
 }
 
 void PrintMade(const std::string& folder, const Json& made) {
-  std::cout << Bold(Sanitized(folder)) << ": a policy that plays as it is, in "
-            << made["files"].size() << " files. Go on with\n\n  cd " << Sanitized(folder) << '\n';
+  std::cout << Bold(Sanitized(folder)) << ": a policy that is ready to run, in "
+            << made["files"].size() << " files. Next:\n\n  cd " << Sanitized(folder) << '\n';
   for (const Json& command : made["commands"]) {
     std::cout << "  " << Sanitized(command.get<std::string>()) << '\n';
   }
-  std::cout << "\nREADME.md there says more." << std::endl;
+  std::cout << "\nSee its README.md for more." << std::endl;
 }
 
 absl::StatusOr<int> New(const NewOptions& options) {
@@ -412,10 +413,11 @@ Command AddNew(CLI::App& verb) {
       ->required()
       ->check(CLI::IsMember({"cpp", "python", "torch"}));
   verb.add_option("--track", options->starter.track,
-                  "Track that its README plays; the policy plays all of them")
+                  "Track in the commands of its README; the policy plays all tracks")
       ->default_val(TrackNames().front());
   verb.add_option("-o,--output", options->output,
-                  "The folder to make, which must not exist (default: NAME in the current folder)");
+                  "The folder to create, which must not exist (default: NAME in the current "
+                  "folder)");
   AddJson(verb, "new", options->json);
   AddHostOptions(verb, options->host);
   return [options] { return New(*options); };

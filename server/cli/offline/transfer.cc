@@ -101,7 +101,7 @@ absl::Status WarnOfHiddenSeeds(const std::string& path) {
   for (const std::string& phase : hidden) {
     if (revealed.contains(phase)) continue;
     PrintToErrors(absl::StrCat("myograde: warning: the export holds the seeds of phase ", phase,
-                               ", which are not revealed yet: keep it to yourself"));
+                               ", which are not revealed yet; keep it secret"));
   }
   return absl::OkStatus();
 }
@@ -135,11 +135,11 @@ absl::StatusOr<int> Export(const ExportOptions& options) {
   const bool csv = options.format == "csv";
   RETURN_IF_ERROR(RefuseIf(
       {{csv && options.file.empty(),
-        "an export as CSV is a folder with a file for each table: name the folder"},
+        "a CSV export is a folder with a file for each table; name the folder"},
        // It holds what policies printed, unchanged.
        {options.file.empty() && TerminalColumns(STDOUT_FILENO) > 0,
-        "an export is not for a terminal, which might obey what policies printed: name a FILE, or "
-        "redirect standard output"}}));
+        "won't print an export to a terminal, because policies' output in it may contain control "
+        "sequences; name a FILE, or redirect standard output"}}));
   ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("export"));
   const bool plain = !csv && !options.file.empty();
   const std::string document = plain ? options.file : temp.path() + "/export.json";
@@ -173,8 +173,8 @@ absl::StatusOr<int> Backup(const FileOptions& options) {
   return PrintAnswer(
       Json{{"file", options.file}, {"bytes", bytes}, {"sha256", digest}}, options.json,
       Sentence(
-          "The store as it is now, {bytes:byte}, is in {file}. It holds the store's secret: keep "
-          "it as safe as the data folder."));
+          "Copied the store, {bytes:byte}, to {file}. It contains the store's secret; keep it as "
+          "safe as the data folder."));
 }
 
 // Without a daemon the store is made here; the lock keeps one from starting meanwhile.
@@ -206,7 +206,8 @@ absl::StatusOr<int> Import(const FileOptions& options) {
     status =
         client
             .Upload("/v1/import", options.file,
-                    Progress("import", Progress::Unit::kBytes).Listener("the daemon imports it"),
+                    Progress("import", Progress::Unit::kBytes).Listener(
+                        "the daemon is importing it"),
                     "application/json")
             .status();
   } else if (choice.address.network()) {
@@ -232,7 +233,7 @@ Command AddExport(CLI::App& verb) {
   verb.add_option("--format", options->format, "json or csv (default: json)")
       ->check(CLI::IsMember({"json", "csv"}));
   verb.add_flag("--bom", options->mark,
-                "With --format csv: begin each file with the byte order mark of UTF-8, as Excel needs");
+                "With --format csv: begin each file with a UTF-8 byte order mark, for Excel");
   AddDaemonOptions(verb, "export", *options, "Print what was written as JSON");
   return [options] { return Export(*options); };
 }

@@ -41,14 +41,14 @@ std::string UnknownText(const std::string& path, const std::string& hash) {
   const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(path));
   if (!log.ok()) return std::string(log.status().message());
   return absl::StrCat("the log of episode ", log->header.episode, " has the SHA-256 ", hash,
-                      ", which the receipt does not name");
+                      ", which is not in the receipt");
 }
 
 absl::StatusOr<std::string> ReadAs(const std::string& hash, const std::string& path) {
   absl::StatusOr<std::string> log = ReadLog(path);
   if (log.ok() && Sha256Hex(*log) != hash) {
     return absl::DataLossError(absl::StrCat(path, ": was altered: its SHA-256 is ", Sha256Hex(*log),
-                                            ", the receipt says ", hash));
+                                            ", in the receipt it is ", hash));
   }
   return log;
 }
@@ -150,11 +150,11 @@ absl::StatusOr<Json> Resimulate(const VerifyOptions& options, const Json& receip
     const Json hash = named.value("log", Json());
     const absl::StatusOr<std::string> bytes =
         hash.is_string() ? source.Find(hash)
-                         : absl::FailedPreconditionError("the receipt names no log of it");
+                         : absl::FailedPreconditionError("the receipt has no log of it");
     absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
     if (log.ok() && (log->header.config != receipt["config"] || log->header.episode != episode ||
                      log->end.digest != named.value("digest", ""))) {
-      log = absl::DataLossError("its log is of another episode than the receipt names");
+      log = absl::DataLossError("its log is of a different episode than the receipt's");
     }
     if (!log.ok()) {
       outcomes[episode] = Played(episode, false, nullptr, std::string(log.status().message()));
@@ -217,7 +217,7 @@ absl::StatusOr<int> ReportVerified(const VerifyOptions& options, const Json& rec
         PrintReceiptChecks(checks);
         for (const Json& entry : resimulated) {
           std::cout << Filled(entry, entry["equal"]
-                                         ? "episode {index}: came out as the receipt says\n"
+                                         ? "episode {index}: matches the receipt\n"
                                          : "episode {index}: DIFFERS: {detail}\n");
         }
         std::cout << Bold(valid ? "The receipt holds." : "The receipt does not hold.") << std::endl;
@@ -231,7 +231,7 @@ absl::StatusOr<std::string> SecretFor(const VerifyOptions& options, const Json& 
   if (!HidesSeeds(receipt)) {
     if (options.secret.empty()) return "";
     return absl::InvalidArgumentError(
-        "--secret: the seeds of this receipt are public, so no secret belongs to it; leave it out");
+        "--secret: the seeds of this receipt are public; leave it out");
   }
   if (!options.secret.empty()) return GivenSecret(options.secret);
   const std::string phase = receipt["track_config"]["phase"];
@@ -288,10 +288,10 @@ absl::StatusOr<int> VerifyAll(const VerifyOptions& options, const PublicKey& key
 absl::StatusOr<int> Verify(const VerifyOptions& options) {
   RETURN_IF_ERROR(RefuseIf(
       {{options.file.empty() == options.folder.empty(),
-        "name a receipt's file, or with --all the folder of a whole record"},
+        "give a receipt's file, or --all with the folder of a whole record"},
        {options.key.empty(),
-        "--key: give the file of the key that the organiser published; without it, anybody "
-        "could have made the receipt"}}));
+        "--key: give the file of the organiser's published key; without it, anybody could have "
+        "made the receipt"}}));
   ASSIGN_OR_RETURN(const PublicKey key, PublicKey::Read(options.key));
   if (!options.folder.empty()) return VerifyAll(options, key);
   const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
@@ -319,8 +319,8 @@ absl::StatusOr<int> Verify(const VerifyOptions& options) {
     if (!AllValid(checks)) return ReportVerified(options, *receipt, checks, resimulated);
     if (HidesSeeds(*receipt) && secret.empty()) {
       return absl::InvalidArgumentError(
-          "--resimulate: the phase's seeds are not revealed to you yet, and an episode can't be "
-          "simulated without its seed; once they are, give --secret");
+          "--resimulate: needs the phase's seeds, which are not revealed yet; once they are, give "
+          "--secret");
     }
     ASSIGN_OR_RETURN(const Json whole,
                      HidesSeeds(*receipt) ? OpenedReceipt(*receipt, secret) : *receipt);
@@ -340,21 +340,21 @@ Command AddVerify(CLI::App& verb) {
                       "\"myograde proof record export\" wrote")
           ->excludes(file);
   verb.add_option("--head", options->head,
-                  "With --all: a head of the record that you kept earlier; the record must be its "
-                  "continuation")
+                  "With --all: an earlier head of the record that you kept; the record must "
+                  "continue it")
       ->needs(all);
   verb.add_option("--key", options->key,
-                  "File of the organiser's published key (\"myograde proof key\"); required, as a key "
-                  "inside a receipt would prove nothing");
+                  "File of the organiser's published key (\"myograde proof key\"); required, "
+                  "because a key inside a receipt would prove nothing");
   verb.add_option("--secret", options->secret,
-                  "For a phase with hidden seeds, once they are revealed: the phase's secret, as "
-                  "digits or a file of them (default: the daemon is asked)");
+                  "For a phase with hidden seeds, once they are revealed: the phase's secret in "
+                  "hexadecimal, or a file with it (default: ask the daemon)");
   verb.add_option("--resimulate", options->resimulate,
-                  "Play this many episodes, chosen at random, again from their logs")
+                  "Simulate this many randomly chosen episodes again from their logs")
       ->check(CLI::Range(1, 10'000));
   verb.add_option("--logs,--log", options->logs,
-                  "Files of logs, or folders of them; each is checked against the receipt "
-                  "(default: the daemon is asked for the logs to play)");
+                  "Log files, or folders of them; each is checked against the receipt (default: "
+                  "ask the daemon for the logs)");
   AddSimulatorSlots(verb, options->slots);
   AddDaemonOptions(verb, "verify", *options);
   AddHostOptions(verb, options->host);

@@ -57,7 +57,7 @@ RecordReport RecordVerifier::Run(const std::optional<std::string>& earlier) {
     try {
       status = step();
     } catch (const Json::exception&) {
-      status = Wrong("a file has values of other types than the export writes");
+      status = Wrong("a file has values of types that the export does not write");
     }
     report.checks.push_back({name, status.ok(), std::string(status.message())});
   };
@@ -83,7 +83,7 @@ RecordReport RecordVerifier::Run(const std::optional<std::string>& earlier) {
 absl::Status RecordVerifier::CheckKey() {
   ASSIGN_OR_RETURN(const std::string pem, folder_.Read("key.pem", kMaxHeadBytes));
   if (pem == pem_) return absl::OkStatus();
-  return Wrong("key.pem is another key than the one given with --key, which is the one to trust");
+  return Wrong("key.pem differs from the key given with --key, which is the one to trust");
 }
 
 absl::Status RecordVerifier::CheckHead() {
@@ -102,7 +102,7 @@ absl::Status RecordVerifier::CheckEntries() {
         const int64_t index = tree_.size();
         if (index == head_.size) {
           return Wrong(absl::StrCat("record.jsonl has more entries than the ", head_.size,
-                                    " that its head was signed for"));
+                                    " that its signed head counts"));
         }
         const absl::StatusOr<Json> entry = ParseJson(line, "record.jsonl");
         if (!entry.ok() || CanonicalJson(*entry) != line) {
@@ -117,19 +117,19 @@ absl::Status RecordVerifier::CheckEntries() {
         return absl::OkStatus();
       }));
   if (tree_.size() < head_.size) {
-    return Wrong(absl::StrCat("record.jsonl has ", tree_.size(), " entries, and its head was "
-                              "signed for ", head_.size, ": entries were taken out"));
+    return Wrong(absl::StrCat("record.jsonl has ", tree_.size(), " entries, but its signed head "
+                              "counts ", head_.size, ": entries were removed"));
   }
   if (tree_.Root(tree_.size()) != head_.root) {
-    return Wrong("record.jsonl does not have the root that its head was signed for: an entry was "
-                 "changed, exchanged or put elsewhere");
+    return Wrong("record.jsonl does not have the root of its signed head: an entry was changed, "
+                 "replaced or moved");
   }
   if (chain != head_.chain) {
-    return Wrong("the chain of record.jsonl does not end as its head says: an entry was changed in "
-                 "the server's store after it was made");
+    return Wrong("the chain of record.jsonl does not end as in its head: an entry was changed in "
+                 "the server's store after it was written");
   }
   if (!state_.key().empty() && state_.key() != pem_) {
-    return Wrong("the record names another signing key as its latest one than that of --key");
+    return Wrong("the record's latest signing key is not the one of --key");
   }
   return absl::OkStatus();
 }
@@ -139,12 +139,12 @@ absl::Status RecordVerifier::CheckEarlier(const std::string& text) {
   if (!earlier.ok()) return Wrong(absl::StrCat("--head: ", earlier.status().message()));
   if (!IsHeadSigned(text, key_)) return Wrong("the earlier head was not signed with this key");
   if (earlier->size > tree_.size()) {
-    return Wrong(absl::StrCat("the earlier head is of ", Counted(earlier->size, "entry", "entries"),
-                              ", and this record has ", tree_.size(), ": entries were taken out"));
+    return Wrong(absl::StrCat("the earlier head has ", Counted(earlier->size, "entry", "entries"),
+                              ", but this record has ", tree_.size(), ": entries were removed"));
   }
   if (tree_.Root(earlier->size) == earlier->root) return absl::OkStatus();
-  return Wrong(absl::StrCat("the first ", earlier->size, " entries are not those that the earlier "
-                            "head was signed for: the record was written anew in between"));
+  return Wrong(absl::StrCat("the first ", earlier->size, " entries are not those of the earlier "
+                            "head: the record was rewritten in between"));
 }
 
 absl::Status RecordVerifier::CheckSecrets() {
@@ -155,17 +155,19 @@ absl::Status RecordVerifier::CheckSecrets() {
     const bool opens = secret.ok() && CommitmentIn(phase) == SecretCommitment(*secret);
     if (!opens) {
       return Wrong(absl::StrCat("the secret that was revealed for phase ", Sanitized(name),
-                                " is not the one that was committed to"));
+                                " is not the one committed to"));
     }
     const std::string file = absl::StrCat("secrets/", name, ".txt");
     ASSIGN_OR_RETURN(const std::string text, folder_.Read(file, kMaxHeadBytes));
     if (text != phase.secret + "\n") {
-      return WrongFile(file, "is not the secret that the record reveals");
+      return WrongFile(file, "is not the secret revealed in the record");
     }
     expected.insert(file);
   }
   for (const std::string& file : folder_.In("secrets/")) {
-    if (!expected.contains(file)) return WrongFile(file, "the record reveals no such secret");
+    if (!expected.contains(file)) {
+      return WrongFile(file, "no such secret is revealed in the record");
+    }
   }
   return absl::OkStatus();
 }
@@ -177,7 +179,7 @@ absl::Status RecordVerifier::CheckWithheld() {
     return WrongFile("withheld.json", "it is not JSON in its canonical form");
   }
   if (!list->is_object() || list->size() != 1 || !list->contains("receipts")) {
-    return WrongFile("withheld.json", "it holds something else than reasons for missing receipts");
+    return WrongFile("withheld.json", "it has something other than reasons for missing receipts");
   }
   for (const Json& entry : list->at("receipts")) {
     const absl::StatusOr<WithheldReceipt> told = myograde::server::CheckWithheld(entry, key_);
@@ -188,7 +190,7 @@ absl::Status RecordVerifier::CheckWithheld() {
         told->head.chain != head_.chain) {
       return WrongFile("withheld.json",
                        absl::StrCat("the reason why the receipt of evaluation ", evaluation,
-                                    " is missing was signed for another record than this one"));
+                                    " is missing was signed for a different record"));
     }
     const auto result = state_.results().find(evaluation);
     const bool known = result != state_.results().end() && result->second.graded &&
@@ -228,7 +230,7 @@ absl::Status RecordVerifier::CheckReceipts() {
     const auto result = state_.results().find(number ? evaluation : 0);
     if (result == state_.results().end() || !result->second.graded ||
         withheld_.contains(evaluation)) {
-      return WrongFile(file, "the record has no result that this receipt could be of");
+      return WrongFile(file, "the record has no result for this receipt");
     }
     if (absl::Status status = CheckReceiptFile(file, evaluation, result->second); !status.ok()) {
       return WrongFile(file, status.message());
@@ -238,7 +240,7 @@ absl::Status RecordVerifier::CheckReceipts() {
   for (const auto& [evaluation, result] : state_.results()) {
     if (!result.graded || results_.contains(evaluation) || withheld_.contains(evaluation)) continue;
     return Wrong(absl::StrCat("evaluation ", evaluation, " has a result in entry ", result.entry,
-                              " of the record, and neither a receipt nor a line in withheld.json"));
+                              " of the record, but neither a receipt nor a line in withheld.json"));
   }
   return absl::OkStatus();
 }
@@ -250,7 +252,7 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   ASSIGN_OR_RETURN(const Json receipt, ParseReceipt(*text));
   const auto submission = state_.submissions().find(result.submission);
   if (submission == state_.submissions().end()) {
-    return Wrong("the record has no entry of its submission's acceptance");
+    return Wrong("the record has no entry for the acceptance of its submission");
   }
   const std::string& phase_name = submission->second.board.phase;
   const PhaseHistory& phase = state_.Phase(phase_name);
@@ -262,11 +264,11 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
     if (!check.valid) return Wrong(absl::StrCat(check.name, ": ", check.detail));
   }
   if (receipt.value("evaluation", Json()) != evaluation) {
-    return Wrong("it is the receipt of another evaluation");
+    return Wrong("it is the receipt of a different evaluation");
   }
   RETURN_IF_ERROR(CheckPlace(receipt, result));
   if (receipt.at("artefact").get<std::string>() != submission->second.artefact) {
-    return Wrong("it names another artefact than the one that was accepted");
+    return Wrong("its artefact is not the one that was accepted");
   }
   if (!HidesSeeds(receipt) && result.rejudge == 0 && !phase.commitments.empty() &&
       !phase.commitments.front().further &&
@@ -286,7 +288,7 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   const std::string config = Sha256Hex(CanonicalJson(receipt.at("track_config")));
   const auto [known, added] = config_texts_.emplace(result.config, config);
   if (known->second == config) return absl::OkStatus();
-  return Wrong("other receipts show another config under the same hash");
+  return Wrong("other receipts have a different config under the same hash");
 }
 
 // What a receipt with hidden seeds says that they follow from is what the record has committed to.
@@ -295,13 +297,13 @@ absl::Status RecordVerifier::CheckHidden(const Json& receipt, const std::string&
   const std::string recorded = CommitmentIn(state_.Phase(name));
   if (said.is_string() && said.get<std::string>() != recorded) {
     return Wrong(recorded.empty() ? "its seeds are hidden, and the record never committed to them"
-                                  : "its seeds follow from another secret than the record has "
-                                    "committed to");
+                                  : "its seeds follow from a secret other than the one committed "
+                                    "to");
   }
   if (!said.is_string() || recorded.empty()) {
     not_checked_.insert(absl::StrCat("the server did not have the secret of phase ", Sanitized(name),
-                                     ", as after an import, so what its receipts commit to is not "
-                                     "known"));
+                                     ", as after an import, so the commitment of its receipts is "
+                                     "unknown"));
   }
   return absl::OkStatus();
 }
@@ -353,7 +355,7 @@ absl::Status RecordVerifier::CheckCommitment(const std::string& name, const Phas
 // The receipt is of the very entry that the record has of this evaluation.
 absl::Status RecordVerifier::CheckPlace(const Json& receipt, const BoardResult& result) {
   if (!receipt.contains("record")) {
-    return Wrong("it does not say which entry of the record it is of");
+    return Wrong("it does not name its entry of the record");
   }
   ASSIGN_OR_RETURN(const EntryProof proof, CheckEntryProof(receipt["record"]));
   if (proof.index == result.entry && proof.size <= tree_.size() &&
@@ -361,14 +363,14 @@ absl::Status RecordVerifier::CheckPlace(const Json& receipt, const BoardResult& 
       proof.root == tree_.Root(proof.size)) {
     return absl::OkStatus();
   }
-  return Wrong(absl::StrCat("its proof is of another record than this one, which has the result "
-                            "in entry ", result.entry));
+  return Wrong(absl::StrCat(
+      "its proof is of a different record; this one has the result in entry ", result.entry));
 }
 
 absl::Status RecordVerifier::CheckConfigs() {
   for (const std::string& file : folder_.In("configs/")) {
     if (!config_texts_.contains(Stem(file, "configs/", ".json"))) {
-      return WrongFile(file, "no receipt is of this config");
+      return WrongFile(file, "no receipt has this config");
     }
   }
   for (const auto& [hash, digest] : config_texts_) {
@@ -376,7 +378,7 @@ absl::Status RecordVerifier::CheckConfigs() {
     ASSIGN_OR_RETURN(const std::string text, folder_.Read(file, kMaxConfigFile));
     if (!text.ends_with('\n') ||
         Sha256Hex(std::string_view(text).substr(0, text.size() - 1)) != digest) {
-      return WrongFile(file, "it is not the config that the receipts show");
+      return WrongFile(file, "it is not the config of the receipts");
     }
     absl::StatusOr<RecordedConfig> config = ReadRecordedConfig(Json::parse(text));
     if (!config.ok()) return WrongFile(file, config.status().message());
@@ -393,7 +395,7 @@ absl::Status RecordVerifier::CheckBoards() {
     }
   }
   for (const std::string& file : folder_.In("boards/")) {
-    if (!expected.contains(file)) return WrongFile(file, "no receipt is of such a board");
+    if (!expected.contains(file)) return WrongFile(file, "no receipt is for such a board");
   }
   for (const auto& [hash, config] : configs_) {
     for (const auto& [board, spec] : config.scoring.boards) {
@@ -410,7 +412,7 @@ absl::Status RecordVerifier::CheckBoard(const std::string& hash, const RecordedC
   const std::vector<int64_t> unknown = UnknownResults(state_, results_, hash);
   if (!unknown.empty()) {
     not_checked_.insert(absl::StrCat(file, ": the receipt of evaluation ", unknown.front(),
-                                     " is withheld, and it may stand there"));
+                                     " is withheld and may have a row there"));
     return absl::OkStatus();
   }
   const absl::StatusOr<std::string> made = BoardText(state_, results_, hash, config, board);

@@ -37,12 +37,13 @@ struct RecordReport {
 
 class RecordVerifier {
  public:
-  // `progress` hears how many receipts of all are checked. What is given must outlive it.
+  // `progress` is called with the receipts checked so far and in total. The arguments must outlive
+  // this object.
   RecordVerifier(const RecordFolder& folder, std::string pem, const PublicKey& key,
                  std::function<void(int64_t done, int64_t total)> progress)
       : folder_(folder), pem_(std::move(pem)), key_(key), progress_(std::move(progress)) {}
 
-  // `earlier`: the text of a head that somebody kept; nullopt: there is none.
+  // `earlier`: the text of an earlier head that was kept; nullopt: none.
   RecordReport Run(const std::optional<std::string>& earlier);
 
  private:

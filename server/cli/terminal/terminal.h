@@ -1,5 +1,5 @@
 // What people see: how values are written, foreign lines and tables, what fits on a terminal,
-// standard output, and how far something is.
+// standard output, and progress.
 #pragma once
 
 #include <absl/time/time.h>
@@ -91,7 +91,7 @@ struct RowColumn {
   std::function<std::string(const Json& row)> cell;
 };
 
-// The same column of the objects that stand in others at the key `part`.
+// The same column for objects at the key `part` of others.
 RowColumn ColumnOfPart(std::string part, RowColumn column);
 
 // Prints `rows`, an array of objects, as a table.
@@ -114,9 +114,9 @@ std::vector<std::string> BreakLine(std::string_view text, size_t columns,
 std::string CutText(std::string_view text, size_t columns);
 
 // Standard output while a verb runs: what std::cout prints is written to descriptor 1, and the first
-// failure is remembered. Lines are made harmless (server/base/plain_text.h). On a terminal, those that
-// are longer than it are broken at spaces and go on below the second column of their text, or behind
-// kForeignMark. At most one at a time.
+// failure is remembered. Lines are sanitized (server/base/plain_text.h). On a terminal, those that
+// are too long for it are broken at spaces and continue below the second column of their text, or
+// after kForeignMark. At most one at a time.
 class StandardOutput {
  public:
   StandardOutput();
@@ -136,10 +136,10 @@ class StandardOutput {
 // StandardOutput was made, 0 if all of its bytes were taken.
 int FlushStandardOutput();
 
-// Standard output as it is, for what must not be changed: JSON, keys, documents.
+// Standard output without changes to what is printed: for JSON, keys, documents.
 std::ostream& PlainOutput();
 
-// Prints one line on standard error, made harmless, and broken as by StandardOutput.
+// Prints one line on standard error, sanitized and broken as by StandardOutput.
 void PrintToErrors(std::string_view line);
 
 // A line on standard error: drawn over on a terminal, in which it always fits; elsewhere lines
@@ -155,8 +155,8 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  // `note` stands behind the counts: what is going on, in a few words. `total` 0: not known.
-  // `waiting`: nothing can go on (a queue), and the time until the next call says nothing of the
+  // `note` follows the counts: what is going on, in a few words. `total` 0: not known.
+  // `waiting`: nothing can proceed (a queue), so the time until the next call does not count for the
   // pace.
   void Show(int64_t done, int64_t total, const std::string& note, bool waiting = false);
 

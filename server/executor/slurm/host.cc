@@ -93,7 +93,7 @@ class FollowedLease {
                         {err, POLLIN, 0}};
     poll(entries, std::size(entries), kTurnMs);
     const bool ends = entries[0].revents != 0 || entries[1].revents != 0;
-    return ends ? absl::CancelledError("the daemon told it to end") : absl::OkStatus();
+    return ends ? absl::CancelledError("the daemon ended it") : absl::OkStatus();
   }
 
   // One srun. The exit status; nullopt: there was no job, and here_.trouble says why.

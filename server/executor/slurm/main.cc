@@ -67,10 +67,11 @@ std::string MakeNodeDir(const std::string& path) {
   fs::create_directories(fs::path(path).parent_path(), error);
   struct stat info;
   if ((mkdir(path.c_str(), 0700) != 0 && errno != EEXIST) || lstat(path.c_str(), &info) != 0) {
-    return absl::StrCat(path, ": can't be made: ", std::strerror(errno));
+    return absl::StrCat(path, ": can't be created: ", std::strerror(errno));
   }
   if (S_ISDIR(info.st_mode) && info.st_uid == geteuid() && (info.st_mode & 022) == 0) return "";
-  return absl::StrCat(path, ": is not a folder of this user alone; name one in \"node_dir\" of server.json");
+  return absl::StrCat(path, ": is not a folder of only this user; name one in \"node_dir\" of "
+                            "server.json");
 }
 
 int Play(NodeOptions options) {

@@ -155,7 +155,7 @@ class NodeLease {
       poll(entries, std::size(entries), grace.has_value() ? 50 : kLookMs);
       status.Update(PassOn(runner, /*drop=*/!status.ok()));
       if (entries[2].revents != 0) {
-        status.Update(absl::CancelledError("Slurm told it to end: its job was preempted, cancelled or "
+        status.Update(absl::CancelledError("Slurm ended it: its job was preempted, cancelled or "
                                            "at its time limit"));
       }
       // The host says nothing any more.

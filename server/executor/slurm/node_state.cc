@@ -133,7 +133,7 @@ absl::Status TakeLock(const Fd& lock, int how, const Deadline& deadline, const s
 absl::Status MakePrivate(const std::string& path) {
   std::error_code error;
   if (fs::create_directory(path, error); error) {
-    return absl::UnavailableError(absl::StrCat(path, ": can't be made: ", error.message()));
+    return absl::UnavailableError(absl::StrCat(path, ": can't be created: ", error.message()));
   }
   fs::permissions(path, fs::perms::owner_all, error);
   return absl::OkStatus();

@@ -106,7 +106,8 @@ TEST_F(ReceiveTest, AnAdapterThatCantPlayTheTrackIsRefusedWithItsUpload) {
   for (int round = 0; round < 2; ++round) {
     const auto refused = receive("elbow");
     EXPECT_EQ(ErrorCodeOf(refused.status()), "bad_artefact");
-    EXPECT_THAT(std::string(refused.status().message()), HasSubstr("can't play tracks of the kind"));
+    EXPECT_THAT(std::string(refused.status().message()), HasSubstr(
+        "does not support tracks of the kind"));
     EXPECT_EQ(std::ssize(LedgerOf("alpha")), round + 1);
     EXPECT_EQ(Count("artefact"), round) << "known on another track by then";
     EXPECT_TRUE(IsEmpty("spool"));

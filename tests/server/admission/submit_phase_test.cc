@@ -106,7 +106,7 @@ TEST_F(SubmitPhaseTest, APhaseMayBeForSomeTeamsOnly) {
   EXPECT_EQ(Count("submission"), 0);
   EXPECT_TRUE(To("final", 'b', "beta").ok());
   EXPECT_TRUE(To("open", 'c', "alpha").ok());
-  EXPECT_TRUE(Practise('a').ok()) << "practice belongs to the track";
+  EXPECT_TRUE(Practise('a').ok()) << "practice is granted by track";
 }
 
 TEST_F(SubmitPhaseTest, TheCalendarLetsInBetweenOpeningAndClose) {

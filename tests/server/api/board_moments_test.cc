@@ -18,6 +18,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
+#include "server/api/rejudge_plan.h"
 #include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
@@ -130,14 +131,7 @@ class Board {
     });
   }
   void CreateRejudge(const TrackPtr& to) {
-    const TrackConfig& from = live_->config;
-    NewRejudge rejudge;
-    rejudge.track = from.id;
-    rejudge.profile = from.profile;
-    rejudge.from_config = from.hash;
-    rejudge.from_config_json = CanonicalJson(from.effective);
-    rejudge.to_config = to->config.hash;
-    rejudge.to_config_json = CanonicalJson(to->config.effective);
+    NewRejudge rejudge = RejudgeBetween(live_->config, to->config);
     rejudge.seeds = Sha256Hex("[7]");
     rejudge.seeds_json = "[7]";
     rejudge.seed_count = 1;

@@ -85,7 +85,7 @@ TEST(HostileArchives, AnHonestOneMadeByHandIsTaken) { EXPECT_EQ(RefusalOfEntry("
 TEST(HostileArchives, ClaimsAreRefusedBeforeTheyAreReadOut) {
   // A plain header can state at most 8 GiB; extended headers any size.
   EXPECT_THAT(RefusalOfEntry(TarHeader('0', "big", "", 0644, 077777777777)),
-              HasSubstr("larger than 4294967296 bytes unpacked (at \"big\")"));
+              HasSubstr("larger than 4294967296 bytes in total, unpacked (at \"big\")"));
   EXPECT_THAT(RefusalOfEntry(PaxHeader("size", "10000000000") + TarHeader('0', "big", "", 0644, 0)),
               HasSubstr("larger than"));
   EXPECT_NE(RefusalOfEntry(PaxHeader("size", "9223372036854775807") + TarEntry('0', "big")), "");
@@ -104,7 +104,7 @@ TEST(HostileArchives, BombsStopAtTheLimit) {
   const std::string zeros(64 << 20, '\0');
   for (const Kind kind : {Kind::kTarGz, Kind::kTarZst, Kind::kZip}) {
     EXPECT_THAT(RefusalOfWritten({{.path = "bomb", .content = zeros}}, kind, {.bytes = 1 << 20}),
-                HasSubstr("larger than 1048576 bytes unpacked (at \"bomb\")"));
+                HasSubstr("larger than 1048576 bytes in total, unpacked (at \"bomb\")"));
   }
 }
 
@@ -211,7 +211,7 @@ TEST(HostileArchives, EntriesThatContradictEachOther) {
   }
   for (const std::string& first : {file, link}) {
     EXPECT_THAT(RefusalOfEntry(first + TarEntry('0', "n/below", "2")),
-                HasSubstr("\"n/below\" lies below \"n\", which is not a folder"));
+                HasSubstr("\"n/below\" is below \"n\", which is not a folder"));
   }
   EXPECT_THAT(RefusalOfEntry(TarEntry('0', "n/below", "2") + link), HasSubstr("appears twice"));
   // Two names on this file system, even if equal on others.
@@ -259,7 +259,7 @@ TEST(HostileArchives, BrokenAndEmptyOnes) {
 
 TEST(HostileArchives, ZipsTooKeepTheRules) {
   EXPECT_THAT(RefusalOfWritten({{.path = "x", .content = "secret"}}, Kind::kEncryptedZip),
-              HasSubstr("is encrypted; make the archive without a password"));
+              HasSubstr("is encrypted; create the archive without a password"));
   EXPECT_THAT(RefusalOfWritten({{.path = "../x", .content = "x"}}, Kind::kZip),
               HasSubstr("\"..\""));
   EXPECT_THAT(RefusalOfWritten({{.path = "/x", .content = "x"}}, Kind::kZip),

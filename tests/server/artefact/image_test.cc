@@ -66,7 +66,7 @@ TEST_F(ImageTest, LayersWhiteoutsAndLinksGiveTheTreeThatEnginesShow) {
            TarEntry('0', "data/c", "c") + TarEntry('0', "data/.wh..wh..opq") +
            TarEntry('0', ".wh.gone") + TarEntry('0', "file/inside", "now a folder", {}, 0644)});
   // "file" is a file, and a layer can't put something below it without replacing it first.
-  EXPECT_THAT(std::string(artefact.status().message()), HasSubstr("lies below"));
+  EXPECT_THAT(std::string(artefact.status().message()), HasSubstr("is below"));
   const auto good = UnpackLayers(
       {kRun + TarEntry('5', "usr/lib/") + TarEntry('2', "lib", {}, "usr/lib") +
            TarEntry('0', "usr/lib/old", "old") + TarEntry('0', "data/a", "a") +
@@ -174,8 +174,8 @@ TEST_F(ImageTest, LiesAboutDigestsSizesAndLayersAreFound) {
     return std::string(Unpack(archive).status().message());
   };
   EXPECT_THAT(why(DockerImage({layer}, config, {Layer(kRun + TarEntry('0', "more", "x"))})),
-              HasSubstr("another content"));
-  EXPECT_THAT(why(DockerImage({layer}, config, {layer + "more"})), HasSubstr("another content"));
+              HasSubstr("different content"));
+  EXPECT_THAT(why(DockerImage({layer}, config, {layer + "more"})), HasSubstr("different content"));
   EXPECT_THAT(why(DockerImage({layer}, config, {"no tar at all" + std::string(5000, 'x')})),
               HasSubstr("the image's layer"));
   EXPECT_THAT(why(DockerImage({layer, layer + layer}, config)), HasSubstr("2 layers"));
@@ -223,7 +223,7 @@ TEST_F(ImageTest, LimitsCountWhatLayersWriteEvenIfItIsRemovedAgain) {
   std::string tops = kRun;
   for (int i = 0; i < 200; ++i) tops += TarEntry('0', "top" + std::to_string(i));
   EXPECT_THAT(std::string(Unpack(DockerImage({Layer(tops)})).status().message()),
-              HasSubstr("put them into folders"));
+              HasSubstr("group them into folders"));
 }
 
 TEST_F(ImageTest, UserWorkingFolderAndEnvironmentAreTheImages) {

@@ -76,7 +76,7 @@ TEST(Adapters, PlayOnlyTracksOfTheirTemplate) {
     EXPECT_TRUE(CheckAdapter("", *track).ok());
   }
   EXPECT_THAT(std::string(CheckAdapter("template-2024", *FindTrack("elbow")).message()),
-              HasSubstr("can't play tracks of the kind \"elbow\""));
+              HasSubstr("does not support tracks of the kind \"elbow\""));
 }
 
 TEST(PackArtefact, AnImagesNameIsTheGivenOneThenThatOfItsTagThenItsFiles) {

@@ -157,14 +157,14 @@ class DamagedStore(OrganiserCase):
         self.assertIn("removed", answer["error"]["message"])
         self.stop(signal.SIGKILL)
         self.start()
-        self.assertIn("if it was lost", self.daemon.log())
+        self.assertIn("if the store was lost", self.daemon.log())
         self.stop(signal.SIGKILL)
         for file in self.data.glob("store.db*"):
             file.unlink()
         (self.data / "store.db").touch()
         before = len(self.daemon.log())
         self.start()
-        self.assertIn("if it was lost", self.daemon.log()[before:], "an empty file is no store either")
+        self.assertIn("if the store was lost", self.daemon.log()[before:], "an empty file is no store either")
 
     def test_a_log_that_was_cut_off_is_said_at_once(self):
         self.played("ok")

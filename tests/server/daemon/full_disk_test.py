@@ -174,7 +174,7 @@ class Reserve(SmallDisk):
         self.assertEqual(prometheus.value_of(self.metrics(), "myograde_not_ready", reason="disk"), 1)
         doctor = json.loads(self.daemon.run_verb("doctor", "--json").stdout)["checks"]
         disk = next(check for check in doctor if check["name"] == "disk_data")
-        self.assertIn("no lease begins", json.dumps(disk))
+        self.assertIn("no lease can start", json.dumps(disk))
         self.assertEqual(self.get(f"/v1/submissions/{waiting}")["state"], "queued")
         self.ballast.unlink()
         status = self.ended(waiting)

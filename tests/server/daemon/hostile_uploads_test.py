@@ -65,7 +65,7 @@ HOSTILE = {
     "gzip-twice": (gzip.compress(gzip.compress(packed())), "compressed more than once"),
     "ten-million": (many(), "more than 1000 files"),
     "cut": (packed()[:1300], "broken"),
-    "nonsense": (b"no archive at all" * 100, "archive of a kind that is accepted"),
+    "nonsense": (b"no archive at all" * 100, "archive of a supported kind"),
     "empty": (bytes(1024), ""),
 }
 

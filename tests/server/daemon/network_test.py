@@ -209,7 +209,7 @@ class TlsTest(NetworkCase):
                 ({"key": str(self.folder / "none.key")}, 2, "none.key: the key can't be read"),
                 ({"key": str(self.folder / "other.key")}, 2, "is not the key of the certificate"),
                 ({"key": None}, 2, '"key" is missing'),
-                ({"certificate": None, "key": None, "address": "0.0.0.0"}, 2, "without TLS only"),
+                ({"certificate": None, "key": None, "address": "0.0.0.0"}, 2, "without TLS the daemon listens only"),
                 ({"address": "localhost"}, 2, "must be an IP address"),
                 ({"address": "0.0.0.0", "behind_proxy": True}, 2, '"behind_proxy" is for a proxy')):
             found, words = self.exit_of({**good, **change})

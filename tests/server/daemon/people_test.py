@@ -359,7 +359,7 @@ class Tokens(PeopleCase):
         again = self.ask("token", "revoke", first, schema="token")
         self.assertFalse(again["changed"])
         self.assertEqual(again["revoked_at"], revoked["revoked_at"])
-        self.assertIn("was revoked already", self.cli("token", "revoke", first).stdout)
+        self.assertIn("was already revoked", self.cli("token", "revoke", first).stdout)
         self.refused("there is no token 99", "token", "revoke", 99)
         self.assertEqual(self.call("POST", "/v1/tokens/99/revoke", {})[0], 404)
         made_at = datetime.datetime.fromisoformat(revoked["created_at"].replace("Z", "+00:00"))

@@ -280,7 +280,7 @@ class Boards(PhasesCase):
         self.assertEqual(status, 201, rerun)
         status, answer = self.call("POST", f"{path}/cancel", {}, uid=TEAMS["alpha"])
         self.assertEqual(status, 409, answer)
-        self.assertIn("only organisers can end its re-runs", answer["error"]["message"])
+        self.assertIn("only organisers can end its reruns", answer["error"]["message"])
         self.assertIn(self.get(f"/v1/evaluations/{rerun['evaluation']}")["state"],
                       ("queued", "running"))
         status, answer = self.call("POST", f"{path}/cancel", {"reason": "enough"})
@@ -314,7 +314,7 @@ class Boards(PhasesCase):
         submission = self.played("ok")
         refused = self.cli("choose", submission, check=False)
         self.assertEqual(refused.returncode, 2)
-        self.assertIn("stands with its last submission", refused.stderr)
+        self.assertIn("board ranks each team's last submission", refused.stderr)
 
     @AS_OTHERS
     def test_a_choice_after_the_freeze_is_not_on_the_frozen_board(self):
@@ -395,8 +395,8 @@ class Files(PhasesCase):
         (self.configs / "reference/manipulation.lcmlog.zst").unlink()
         self.start()
         said = self.daemon.log()[start:]
-        self.assertIn(f"the track {TRACK} is for practice only: no reference episode", said)
-        self.assertNotIn("elbow is for practice", said)
+        self.assertIn(f"track {TRACK} is only for practice: no reference episode", said)
+        self.assertNotIn("elbow is only for practice", said)
         self.refused("not_official", "no reference episode", status=503, phase="final")
         self.assertEqual(self.try_submit("ok", episodes=1)[0], 201)
         result = self.daemon.run_verb("phase", "check", "--configs", self.configs, timeout_s=60,

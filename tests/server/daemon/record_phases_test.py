@@ -36,7 +36,7 @@ class HiddenPhases(RecordCase, SecretsCase):
         self.holds(folder)
         copy = self.altered(folder)
         (copy / "secrets/final.txt").write_text("0" * 64 + "\n")
-        self.refuted(copy, "secrets", "is not the secret that the record reveals")
+        self.refuted(copy, "secrets", "is not the secret revealed in the record")
         self.assertEqual(self.call("GET", f"/v1/submissions/{submission}/receipt?public=true")[0], 200)
 
     def test_a_phase_that_plays_other_seeds_than_it_committed_to_is_told(self):

@@ -141,7 +141,7 @@ class Records(RecordCase):
                 self.assertEqual(len(wrong), 1, f"{other}, byte {place}: {answer}")
 
         lines = (whole / "record.jsonl").read_text().splitlines(keepends=True)
-        for words, altered in (("entries were taken out", lines[:2] + lines[3:]),
+        for words, altered in (("entries were removed", lines[:2] + lines[3:]),
                                ("more entries", lines + lines[-1:]),
                                ("the root", [lines[1], lines[0], *lines[2:]])):
             copy = self.altered(whole)
@@ -151,7 +151,7 @@ class Records(RecordCase):
         copy = self.altered(whole)
         receipts = sorted((copy / "receipts").iterdir())
         receipts[0].write_bytes(receipts[1].read_bytes())
-        self.refuted(copy, "receipts", f"{receipts[0].name}: it is the receipt of another evaluation")
+        self.refuted(copy, "receipts", f"{receipts[0].name}: it is the receipt of a different evaluation")
         copy = self.altered(whole)
         receipts[0].unlink()
         self.refuted(copy, "receipts", "neither a receipt nor a line in withheld.json")
@@ -200,7 +200,7 @@ class Records(RecordCase):
         damaged = self.exported("damaged")
         self.assertEqual((self.said["receipts"], self.said["withheld"]), (2, 1))
         answer = self.incomplete(damaged, "the receipt of evaluation 1 is withheld: unreadable",
-                                 "main.json: the receipt of evaluation 1 is withheld, and it may")
+                                 "main.json: the receipt of evaluation 1 is withheld and may")
         self.assertEqual(answer["boards"], self.said["boards"] - answer["withheld"])
         line = json.loads((damaged / "withheld.json").read_text())["receipts"][0]
         self.assertEqual(line["withheld"]["head"],
@@ -221,7 +221,7 @@ class Records(RecordCase):
         self.played("ok", "delta")
         grown = self.exported("grown")
         for lines, name, words in (
-                ([line], "withheld", "was signed for another record"),
+                ([line], "withheld", "was signed for a different record"),
                 ([], "receipts", "neither a receipt nor a line in withheld.json")):
             copy = self.altered(grown)
             change(copy / "withheld.json", lambda withheld, lines=lines: withheld.update(receipts=lines))
@@ -254,18 +254,18 @@ class Records(RecordCase):
         whole = self.exported()
         for make, words in (
                 (lambda f: (f / "receipts/1.json").unlink() or
-                 os.symlink("/etc/passwd", f / "receipts/1.json"), "is not a plain file"),
-                (lambda f: os.mkfifo(f / "secrets/final.txt"), "is not a plain file"),
-                (lambda f: (f / "more").write_text("x"), "does not belong there"),
-                (lambda f: (f / "boards/\x1b[2J").write_text("x"), "does not belong there"),
-                (lambda f: (f / "configs/deep").mkdir(), "is not a plain file")):
+                 os.symlink("/etc/passwd", f / "receipts/1.json"), "is not a regular file"),
+                (lambda f: os.mkfifo(f / "secrets/final.txt"), "is not a regular file"),
+                (lambda f: (f / "more").write_text("x"), "does not belong in a record"),
+                (lambda f: (f / "boards/\x1b[2J").write_text("x"), "does not belong in a record"),
+                (lambda f: (f / "configs/deep").mkdir(), "is not a regular file")):
             copy = self.altered(whole)
             make(copy)
             self.refuted(copy, "folder", words)
         copy = self.altered(whole)
         with open(copy / "head.json", "ab") as file:
             file.truncate(1 << 40)  # a hole
-        self.refuted(copy, "head", "larger than such a file can be")
+        self.refuted(copy, "head", "too large for such a file")
         copy = self.altered(whole)
         with open(copy / "record.jsonl", "wb") as file:
             file.truncate(1 << 40)
@@ -277,7 +277,7 @@ class Records(RecordCase):
                                        timeout_s=60, text=True)
         self.assertEqual(missing.returncode, 2, missing)
         again = self.cli("proof", "record", "export", whole, check=False)
-        self.assertEqual((again.returncode, "has files already" in again.stderr), (2, True), again)
+        self.assertEqual((again.returncode, "is not empty" in again.stderr), (2, True), again)
 
     def test_a_record_that_was_written_anew_is_found_by_an_earlier_head(self):
         head = self.folder / "head.json"
@@ -317,7 +317,7 @@ class Records(RecordCase):
         store.close()
         self.start()
         forged = self.exported("resigned")
-        self.refuted(forged, "earlier_head", "written anew", "--head", head)
+        self.refuted(forged, "earlier_head", "rewritten in between", "--head", head)
 
     def test_an_edit_of_the_store_is_found(self):
         self.holds(self.exported("before"))

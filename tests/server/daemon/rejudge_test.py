@@ -104,7 +104,7 @@ class FromFacts(Graded):
                            "--reason", "softer", "--wait").stdout
         for words in ("Rejudge 1 of track demo-manipulation, profile paper is ready",
                       "3 of 3 results; from facts 3, played 0", "Board main: 3 changes",
-                      "1 → 3", "down 2", "The live board is as it was."):
+                      "1 → 3", "down 2", "The live board is unchanged."):
             self.assertIn(words, created)
         self.assertIn("now has the results of rejudge 1",
                       self.cli("board", "rejudge", "apply", 1, "--reason", "as announced").stdout)

@@ -90,7 +90,7 @@ class Scheduling(DaemonCase):
         waits = self.submit("slow", team="b", episodes=2)
         status = self.ended(waits)
         self.assertEqual(status["state"], "done")
-        self.assertIn("goes ahead", " ".join(row["why"] or "" for row in status["history"]))
+        self.assertIn("goes first", " ".join(row["why"] or "" for row in status["history"]))
         self.assertEqual([self.ended(other)["state"] for other in official], ["done"] * 3)
 
     def test_a_broken_host_pauses_and_resumes_by_itself(self):

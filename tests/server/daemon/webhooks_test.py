@@ -90,7 +90,7 @@ class Events(WebhookCase):
         hook = wait_until(self.listed, 30, "not all are recorded", lambda h: h["delivered"] == 6)
         self.assertEqual((hook["waiting"], hook["given_up"], hook["url"]),
                          (0, 0, self.receiver.url))
-        # The re-run was told to nobody, and nothing twice.
+        # The rerun was told to nobody, and nothing twice.
         time.sleep(1)
         self.assertEqual(len(self.receiver.events), 6)
 
@@ -174,7 +174,7 @@ class Hostile(WebhookCase):
         begin = time.monotonic()
         self.assertEqual(self.stop(signal.SIGTERM), 0)
         self.assertLess(time.monotonic() - begin, 6)
-        self.assertNotIn("without waiting for hanging threads", self.daemon.log())
+        self.assertNotIn("without waiting for blocked threads", self.daemon.log())
 
     def test_a_test_tells_how_it_went(self):
         for name, delivered in (("good", True), ("fail", False), ("hang", False)):
@@ -285,7 +285,7 @@ class Mistakes(WebhookCase):
         self.stop(signal.SIGTERM)
         self.configure(webhooks=[self.hook("hook", self.receiver)] * 2)
         self.assertEqual(self.daemon.launch().wait(timeout=30), 2)
-        self.assertIn('webhooks[1]: "name" is "hook", as that of an earlier one', self.daemon.log())
+        self.assertIn('webhooks[1]: "name" is "hook", as is an earlier one\'s', self.daemon.log())
 
 
 if __name__ == "__main__":

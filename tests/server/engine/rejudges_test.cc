@@ -277,7 +277,7 @@ TEST_F(RejudgesTest, FurtherEpisodesAreForTheListedOnesAndNeverApplied) {
   Run();
   NewRejudge rejudge = To(Changed([](Json& config) { config["seeds"] = {51, 52, 53, 54, 55}; }));
   rejudge.purpose = RejudgePurpose::kSeeds;
-  EXPECT_THAT(std::string(Create(rejudge).status().message()), HasSubstr("List at least one"));
+  EXPECT_THAT(std::string(Create(rejudge).status().message()), HasSubstr("list at least one"));
   rejudge.submissions = {second, second + 7};
   EXPECT_THAT(std::string(Create(rejudge).status().message()),
               HasSubstr(absl::StrCat("submission ", second + 7, " can't get")));
@@ -307,7 +307,7 @@ TEST_F(RejudgesTest, RefusesWhatMakesNoSense) {
   EXPECT_THAT(message(rejudge), HasSubstr("needs a reason"));
   rejudge = To(base_);
   rejudge.submissions = {1};
-  EXPECT_THAT(message(rejudge), HasSubstr("for all submissions"));
+  EXPECT_THAT(message(rejudge), HasSubstr("covers all submissions"));
   rejudge = To(base_);
   rejudge.to_config_json = "{}";
   EXPECT_THAT(message(rejudge), HasSubstr("is not the hash"));

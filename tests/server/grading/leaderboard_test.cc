@@ -101,7 +101,7 @@ TEST(Leaderboard, ExplainsByNumberAndByTeamAndSaysWhyNot) {
   EXPECT_THAT(explain("3", "1"), HasSubstr("1 (alpha) stands above 3 (beta)"));
   EXPECT_THAT(explain("beta", "alpha"), HasSubstr("40 of 100 episodes against 35 of 100"));
   EXPECT_THAT(explain("beta", "7"), HasSubstr("3 (beta) stands above 4 (7)"));
-  EXPECT_THAT(explain("2", "3"), HasSubstr("its team stands with submission 1"));
+  EXPECT_THAT(explain("2", "3"), HasSubstr("its team's entry is submission 1"));
   EXPECT_THAT(explain("5", "3"), HasSubstr("it is hidden"));
   EXPECT_THAT(explain("99", "3"), HasSubstr("no finished ranked evaluation"));
   EXPECT_THAT(explain("nobody", "3"), HasSubstr("no team \"nobody\""));

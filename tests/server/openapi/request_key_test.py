@@ -17,7 +17,7 @@ CLIENTS = 12
 
 class LossyDoor(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
     """Hands requests on to the daemon's socket, and hangs up in place of the first answer to a POST
-    of a submission or a re-run."""
+    of a submission or a rerun."""
 
     daemon_threads = True
 

@@ -164,7 +164,7 @@ TEST(SharedLimits, SocketMemoryOfAllSlotsMustLeaveRoom) {
   EXPECT_EQ(JudgeSocketMemory(memory).state, CheckState::kDegraded);
   memory.tcp_total = int64_t{1} << 30;
   memory.bounded = false;
-  EXPECT_THAT(JudgeSocketMemory(memory).found, HasSubstr("without a bound"));
+  EXPECT_THAT(JudgeSocketMemory(memory).found, HasSubstr("has no bound"));
 }
 
 TEST(SharedLimits, DescriptorsInFlightMustNotReachTheRunnersLimit) {

@@ -66,8 +66,9 @@ TEST_F(ProgramTest, ABareWordIsLookedUpOnThePath) {
   EXPECT_EQ(Complaint("sh"), "");
   EXPECT_EQ(Complaint("env"), "");
   EXPECT_THAT(Complaint("no-such-program"),
-              HasSubstr("\"no-such-program\", which is not a file of the submission and no program of "
-                        "the sandbox, which has its own in /usr/local/bin, /usr/bin, /bin"));
+              HasSubstr("\"no-such-program\", which is neither a file of the submission nor a "
+                        "program of the sandbox, which has programs in /usr/local/bin, /usr/bin, "
+                        "/bin"));
 }
 
 TEST_F(ProgramTest, ARuntimeBringsPrograms) {
@@ -76,7 +77,7 @@ TEST_F(ProgramTest, ARuntimeBringsPrograms) {
   EXPECT_THAT(Complaint("snake"), HasSubstr(runtime / "bin"));
   fs::create_directory(runtime / "bin");
   std::ofstream(runtime / "bin/snake") << "#!/bin/sh\n";
-  EXPECT_THAT(Complaint("snake"), HasSubstr("no program of the sandbox"));  // not executable yet
+  EXPECT_THAT(Complaint("snake"), HasSubstr("nor a program of the sandbox"));  // not executable yet
   ASSERT_EQ(::chmod((runtime / "bin/snake").c_str(), 0755), 0);
   EXPECT_EQ(Complaint("snake"), "");
   EXPECT_EQ(Complaint(runtime / "bin/snake"), "");
@@ -89,9 +90,9 @@ TEST_F(ProgramTest, PathsAreThoseOfTheSandbox) {
   EXPECT_EQ(Complaint("/policy/bin/policy"), "");
   EXPECT_EQ(Complaint("/bin/sh"), "");
   EXPECT_EQ(Complaint("/usr/bin/env"), "");
-  EXPECT_THAT(Complaint("/usr/bin/no-such-python"), HasSubstr("is not there: the sandbox has"));
+  EXPECT_THAT(Complaint("/usr/bin/no-such-python"), HasSubstr("does not exist: the sandbox has"));
   // Exists on the host but not in the sandbox.
-  EXPECT_THAT(Complaint("/etc/passwd"), HasSubstr("is not there"));
+  EXPECT_THAT(Complaint("/etc/passwd"), HasSubstr("does not exist"));
   EXPECT_THAT(Complaint(folder_ / "bin/policy"), HasSubstr("leads to"));
   EXPECT_THAT(Complaint("/usr"), HasSubstr("is a folder"));
   EXPECT_THAT(Complaint("./data"), HasSubstr("is not executable; set its bit with chmod +x"));
@@ -158,7 +159,7 @@ TEST_F(ProgramTest, AnImagesProgramIsLookedForInTheImageOnly) {
   Write("image/etc/hosts", "", 0644);
   // The host has it, and the image does not.
   EXPECT_THAT(Complaint("/usr/bin/env"), HasSubstr("which the image does not have"));
-  EXPECT_THAT(Complaint("env"), HasSubstr("none of the image's folders of programs: /app/bin"));
+  EXPECT_THAT(Complaint("env"), HasSubstr("none of the image's program folders: /app/bin"));
   Write("image/usr/bin/sh", Elf(EM_X86_64, ELFCLASS64, "/lib64/loader"));
   EXPECT_THAT(Complaint("sh"), HasSubstr("\"/lib64/loader\", which the image does not have"));
   Link("image/lib64", "../../usr/lib");
@@ -173,7 +174,7 @@ TEST_F(ProgramTest, AnImagesProgramIsLookedForInTheImageOnly) {
   Write("image/app/lost", "#!/usr/bin/python9\n");
   EXPECT_THAT(Complaint("./lost"), HasSubstr("/usr/bin/python9"));
   Write("image/tmp/run", "#!/bin/sh\n");
-  EXPECT_THAT(Complaint("/tmp/run"), HasSubstr("/tmp are the sandbox' own"));
+  EXPECT_THAT(Complaint("/tmp/run"), HasSubstr("/tmp are the sandbox's own"));
   Link("image/app/out", folder_ / "image/app/start");
   EXPECT_THAT(Complaint("./out"), HasSubstr("the image does not have"))
       << "a link leads within the image, whatever the host has there";
@@ -187,8 +188,10 @@ TEST_F(ProgramTest, AnImageWithTooManyNamesAroundARuntimeIsRefused) {
   for (int i = 0; i < 520; ++i) Write(absl::StrCat("image/srv/data/", i), "");
   EXPECT_EQ(Complaint("run"), "") << "one mount shows all of /srv";
   runtimes_ = {"/srv/data/runtime"};
-  EXPECT_THAT(Complaint("run"), HasSubstr("more than 512 names on the way to a runtime of policy.json, "
-                                          "the last of them in \"/srv/data\"; leave \"runtimes\""));
+  EXPECT_THAT(Complaint("run"), HasSubstr(
+      "more than 512 names along the path to a runtime of policy.json, the last of them in "
+      "\"/srv/data\"; leave "
+                                          "\"runtimes\""));
 }
 
 TEST_F(ProgramTest, AVirtualEnvironmentIsOfAPythonThatTheSandboxHas) {

@@ -178,7 +178,7 @@ TEST_F(MigrationTest, WhatAKilledCopyLeftIsReplaced) {
 TEST_F(MigrationTest, ADraftThatIsInTheWayIsNamed) {
   Make(2);
   fs::create_directories(CopyBeforeMigration(path_, 2) + ".draft/full");
-  EXPECT_THAT(std::string(Open().status().message()), HasSubstr(".draft: can't be made"));
+  EXPECT_THAT(std::string(Open().status().message()), HasSubstr(".draft: can't be created"));
   EXPECT_EQ(Number(path_, "PRAGMA user_version"), 2);
 }
 

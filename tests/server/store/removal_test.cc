@@ -119,7 +119,7 @@ TEST_F(RemovalTest, WhatIsNeededLeavesNoRow) {
   EXPECT_EQ(Count("SELECT count(*) FROM removal"), 1);
 }
 
-// A re-run of a practice evaluation that ended long ago needs its files again, and produces the
+// A rerun of a practice evaluation that ended long ago needs its files again, and produces the
 // same logs.
 TEST_F(RemovalTest, ALaterEvaluationNeedsTheFilesOfAnEarlierOne) {
   const absl::StatusOr<Accepted> practice = TrySubmit("alpha", 'b', /*ranked=*/false);

@@ -1,4 +1,4 @@
-// Uploads that nobody has submitted, and re-runs that have not ended: counted in total and per
+// Uploads that nobody has submitted, and reruns that have not ended: counted in total and per
 // owner, until they are gone.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -136,10 +136,10 @@ TEST_F(RerunsTest, AreBoundedUntilTheyEnd) {
   EXPECT_THAT(Rerun(a, "uid 9").message(), HasSubstr("of submission"));
   EXPECT_TRUE(Rerun(b, "uid 7").ok());
   const absl::Status own = Rerun(b, "uid 7");
-  EXPECT_THAT(own.message(), HasSubstr("2 re-runs that uid 7 asked for"));
+  EXPECT_THAT(own.message(), HasSubstr("2 reruns that uid 7 asked for"));
   EXPECT_EQ(ErrorCodeOf(own), "quota");
   EXPECT_TRUE(Rerun(b, "uid 8").ok());
-  EXPECT_THAT(Rerun(c, "uid 9").message(), HasSubstr("4 re-runs have not ended"));
+  EXPECT_THAT(Rerun(c, "uid 9").message(), HasSubstr("4 reruns have not ended"));
   EXPECT_TRUE(Rerun(a, "uid 0", /*organiser=*/true).ok());
   EXPECT_EQ(ErrorCodeOf(Rerun(a, "uid 0", /*organiser=*/true)), "quota");
   ASSERT_TRUE(store_->Write([&](Transaction& writer) {

@@ -1,4 +1,4 @@
-"""Submits policies and reads results over the HTTP API, with Python's own library alone.
+"""Submits policies and reads results over the HTTP API, with only Python's standard library.
 
     import myograde.client
 

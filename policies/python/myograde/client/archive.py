@@ -1,5 +1,5 @@
 """Packs a submission as a tar for the upload. The server checks every rule and names the entry that
-breaks one; here only those mistakes are found that would make a wrong archive."""
+breaks one; only mistakes that would make a wrong archive are found here."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ MANIFESTS = ("policy.json", "./policy.json")
 def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None) -> None:
     """Writes to `target` a tar of the submission at `path`: a folder with a policy.json, one
     executable file, or an archive (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip) of such a folder or of a
-    container image. `name` takes the place of the name in policy.json, or of that which an image
-    was saved by. WrongUse names what can't be packed."""
+    container image. `name` replaces the name in policy.json, or the name that an image was saved with.
+    WrongUse names what can't be packed."""
     source = pathlib.Path(path)
     if name == "":
         raise WrongUse("the name is empty; give 1 to 64 bytes, or None for the submission's own")
@@ -45,8 +45,8 @@ def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None
 
 
 def runtimes_of(path: str | os.PathLike[str]) -> list[str]:
-    """The runtimes that the policy.json of a submission asks for; none where that can't be told
-    here, as the server tells then."""
+    """The runtimes that the policy.json of a submission asks for; none if it can't be read here, which the server then
+    reports."""
     source = pathlib.Path(path)
     try:
         manifest = json.loads(_manifest(source))
@@ -64,7 +64,7 @@ def _head(source: pathlib.Path) -> bytes:
 
 
 def _is_tar(source: pathlib.Path) -> bool:
-    """By its first bytes, as the server knows it; a file named so is told there what is wrong with it."""
+    """By its first bytes, as on the server, or by its name, so that the server reports what is wrong with it."""
     head = _head(source)
     return (head[257:] == b"ustar" or head.startswith(COMPRESSED)
             or source.name.lower().endswith(SENT_AS_THEY_ARE))
@@ -94,7 +94,7 @@ def _renamed(source: pathlib.Path, manifest: bytes, name: str) -> bytes:
     try:
         about = json.loads(manifest)
     except ValueError as error:
-        raise WrongUse(f"{source}: its policy.json is no JSON ({error})") from error
+        raise WrongUse(f"{source}: its policy.json is not JSON ({error})") from error
     if not isinstance(about, dict):
         raise WrongUse(f"{source}: its policy.json is not an object")
     return json.dumps({**about, "name": name}).encode()
@@ -102,7 +102,7 @@ def _renamed(source: pathlib.Path, manifest: bytes, name: str) -> bytes:
 
 def _pack_folder(folder: pathlib.Path, target: BinaryIO, new_name: str | None) -> None:
     if not (folder / "policy.json").is_file():
-        raise WrongUse(f'{folder}: has no policy.json, such as {{"name": "my-policy", "command": '
+        raise WrongUse(f'{folder}: has no policy.json; add one such as {{"name": "my-policy", "command": '
                        '["python3", "policy.py"], "runtimes": ["python"]}')
     with _writer(target) as archive:
         for path in _below(folder):
@@ -135,7 +135,7 @@ def _raise(error: OSError) -> None:
 def _pack_program(program: pathlib.Path, target: BinaryIO, policy_name: str) -> None:
     info = os.stat(program)
     if not _head(program).startswith((b"\x7fELF", b"#!")):
-        raise WrongUse(f"{program}: is not a program (neither ELF nor a script with \"#!\") and no archive; give a "
+        raise WrongUse(f"{program}: is not a program (neither ELF nor a script with \"#!\") and not an archive; give a "
                        "program, a folder with a policy.json, or an archive of one (.tar, .tar.gz, .tar.zst, "
                        ".tar.xz, .tar.bz2, .zip)")
     if not info.st_mode & 0o111:
@@ -147,8 +147,8 @@ def _pack_program(program: pathlib.Path, target: BinaryIO, policy_name: str) -> 
 
 
 def _pack_tar(file: pathlib.Path, target: BinaryIO, name: str | None) -> None:
-    """As it is; with another name an image beside a policy.json, an ordinary submission with its own
-    changed."""
+    """Unchanged; if the name changes, an image goes beside a new policy.json, and another submission has the name in
+    its policy.json changed."""
     if name is None:
         with open(file, "rb") as stream:
             shutil.copyfileobj(stream, target)
@@ -166,7 +166,7 @@ def _pack_tar(file: pathlib.Path, target: BinaryIO, name: str | None) -> None:
                     else:
                         archive.addfile(entry, content)
     except (tarfile.TarError, EOFError) as error:
-        raise WrongUse(f"{file}: can't be read here, so that its name can't be changed ({error}); "
+        raise WrongUse(f"{file}: can't be read here, so its name can't be changed ({error}); "
                        "put the name into its policy.json, or save an image uncompressed") from error
 
 

@@ -1,4 +1,4 @@
-"""The client: one method for each thing that participants ask of a server."""
+"""The client: one method for each request of participants."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PAGE = 1000
 
 
 class Client:
-    """Speaks to one server. Without arguments it is the one that the program myograde would ask:
+    """Talks to one server: without arguments, the one that the program myograde would use:
     MYOGRADE_SERVER with MYOGRADE_TOKEN, else that of `myograde login`, else the daemon of this
     host.
 
@@ -47,7 +47,7 @@ class Client:
     # --- what there is ---
 
     def whoami(self) -> Json:
-        """Whom the server takes the caller for: `role`, `teams`, `token`."""
+        """Who the caller is to the server: `role`, `teams`, `token`."""
         return self._get("/v1/whoami")
 
     def tracks(self) -> list[Record]:
@@ -73,12 +73,12 @@ class Client:
                phase: str | None = None, profile: str | None = None, episodes: int | None = None,
                seeds: Sequence[int] | None = None, name: str | None = None) -> Json:
         """Uploads a submission (a folder with a policy.json, an executable file, an archive of such a
-        folder, or a container image) and has it graded; returns its status, whose number is under
-        "submission". With `episodes` or `seeds` it is practice. `name` is shown on boards in place
-        of the submission's own. If the answer is lost, the request is sent again and takes effect
+        folder, or a container image) and submits it for grading; returns its status, with its number under
+        "submission". With `episodes` or `seeds` it is practice. `name` is shown on boards instead of the submission's
+        own. If the answer is lost, the request is sent again and takes effect
         once."""
         if track is None and phase is None:
-            raise WrongUse("give the track, or the phase of a challenge")
+            raise WrongUse("give a track, or a phase of a challenge")
         request: Json = {"team": team, "track": track or self._track_of(str(phase))}
         given = {"phase": phase, "profile": profile, "episodes": episodes,
                  "seeds": None if seeds is None else [int(seed) for seed in seeds]}
@@ -91,8 +91,8 @@ class Client:
 
     def upload(self, path: str | os.PathLike[str], *, team: str, track: str,
                name: str | None = None) -> Json:
-        """The upload alone; its answer has the id of the content under "artefact". A runtime that the
-        server lacks is WrongUse, and nothing is sent."""
+        """Only uploads; the answer has the id of the content under "artefact". WrongUse, with nothing sent, if the
+        server lacks a runtime."""
         self._check_runtimes(runtimes_of(path))
         query = urllib.parse.urlencode({"team": team, "track": track})
         with tempfile.TemporaryFile() as archive:
@@ -109,7 +109,7 @@ class Client:
             return self._with(_with_retries(send), artefact=str)
 
     def cancel(self, submission: int, reason: str | None = None) -> Json:
-        """Ends a submission; its status then has "cancel". Episodes recorded so far stay."""
+        """Cancels a submission; its status then has "cancel". Recorded episodes are kept."""
         body = {} if reason is None else {"reason": reason}
         return self._post(f"{_address(submission)}/cancel", body, retry=False)
 
@@ -121,8 +121,8 @@ class Client:
 
     def follow(self, submission: int, *, timeout_s: float) -> Iterator[Json]:
         """Yields the submission's status at once and at each change of its state or its number of
-        episodes, up to its end. DeadlinePassed after `timeout_s`: grading goes on then. A server
-        that does not answer is asked again for half a minute."""
+        episodes, up to its end. DeadlinePassed after `timeout_s`; grading continues. A server that does not answer is
+        retried for half a minute."""
         begun = heard = time.monotonic()
         shown = None
         while True:
@@ -145,10 +145,9 @@ class Client:
                     return
             left = begun + timeout_s - time.monotonic()
             if left <= 0:
-                state = "unheard of" if shown is None else shown[0]
+                state = "unknown" if shown is None else shown[0]
                 raise DeadlinePassed(f"submission {submission} is still {state} after "
-                                     f"{timeout_s:g} s; it is graded all the same, and can be "
-                                     "followed again")
+                                     f"{timeout_s:g} s; grading continues, and you can follow it again")
             pause = (time.monotonic() - begun) / POLLS_IN_A_WAIT
             time.sleep(min(max(pause, SHORTEST_POLL_S), LONGEST_POLL_S, left))
 
@@ -185,8 +184,7 @@ class Client:
     def submissions(self, *, team: str | None = None, track: str | None = None,
                     profile: str | None = None, phase: str | None = None,
                     state: str | None = None) -> Iterator[Record]:
-        """One record for each submission that the caller may see, newest first; pages are asked for
-        as they are needed."""
+        """One record for each submission that the caller may see, newest first; pages are fetched as needed."""
         before = None
         while True:
             query = _query(team=team, track=track, profile=profile, phase=phase, state=state,
@@ -207,7 +205,7 @@ class Client:
         for phase in self.phases():
             if phase["phase"] == name:
                 return phase["track"]
-        raise WrongUse(f'there is no phase "{name}"; phases() lists those that there are')
+        raise WrongUse(f'there is no phase "{name}"; phases() lists the phases')
 
     def _check_runtimes(self, needed: list[str]) -> None:
         if not needed:
@@ -226,7 +224,7 @@ class Client:
         for key, kind in wanted.items():
             if not isinstance(answer.get(key), kind):
                 raise ServerError(200, "unreadable", f'the answer of {self.server} lacks "{key}"; '
-                                  "is it a server of MyoGrade?")
+                                  "check that it is a MyoGrade server")
         return answer
 
     def _post(self, path: str, body: Json, headers: dict[str, str] | None = None, *,
@@ -241,7 +239,7 @@ class Client:
 
 
 def _with_retries(send: Callable[[], Json]) -> Json:
-    """For requests that take effect once however often they arrive."""
+    """For requests that take effect only once, however often they arrive."""
     for tried in range(1, TRIES + 1):
         try:
             return send()
@@ -253,7 +251,7 @@ def _with_retries(send: Callable[[], Json]) -> Json:
 
 
 def _passes(error: Exception) -> bool:
-    """Whether the same request may be answered a little later."""
+    """Whether the same request may succeed a little later."""
     return not isinstance(error, ServerError) or error.status == 429 or error.status >= 500
 
 

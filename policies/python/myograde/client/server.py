@@ -44,14 +44,14 @@ class Server:
 
 
 def parse_server(text: str, what: str) -> Server:
-    """An address as people write it: https://HOST:PORT, unix:PATH, or a path with a slash. WrongUse
-    with `what` if it is none, or http:// to another host."""
+    """An address as people write it: https://HOST:PORT, unix:PATH, or a path with a slash. WrongUse with `what` for
+    anything else, and for http:// to another host."""
     if text.startswith("unix:") and len(text) > 5:
         return Server(socket=text[5:])
     if "://" not in text and "/" in text:
         return Server(socket=text)
     if "@" in text:
-        raise WrongUse(f"{what}: an address has no user and no password in it; "
+        raise WrongUse(f"{what}: leave user and password out of the address; "
                        '"myograde login" takes a token')
     try:
         parts = urllib.parse.urlsplit(text)
@@ -68,9 +68,8 @@ def parse_server(text: str, what: str) -> Server:
                        "or the path of a daemon's socket")
     here = host == "localhost" or (numeric is not None and numeric.is_loopback)
     if scheme == "http" and not here:
-        raise WrongUse(f"{what}: {text[:80]} is without TLS, so that anybody on the way could read "
-                       "and change everything; write https://, or reach this host itself as "
-                       "http://127.0.0.1")
+        raise WrongUse(f"{what}: {text[:80]} is without TLS, so anybody on the network could read and change "
+                       "everything; write https://, or for this host http://127.0.0.1")
     return Server(scheme=scheme, host=host if numeric is None else str(numeric), port=port)
 
 
@@ -78,9 +77,8 @@ def choose_server(server: str | None = None, *, socket: str | os.PathLike[str] |
                   data: str | os.PathLike[str] | None = None, token: str | None = None,
                   ca_file: str | os.PathLike[str] | None = None) -> Server:
     """The server of the arguments; else of MYOGRADE_SERVER, of MYOGRADE_DATA, of `myograde login`,
-    or the daemon of this host. A token is shown only to the server that it is for: MYOGRADE_TOKEN
-    to that of MYOGRADE_SERVER, the login's to the login's. WrongUse if something is no address, no
-    token or no login."""
+    or the daemon of this host. A token is sent only to its own server: MYOGRADE_TOKEN to that of MYOGRADE_SERVER, the
+    login's to the login's. WrongUse if an address, a token or the login is not valid."""
     if server is not None and (socket is not None or data is not None):
         raise WrongUse("give the server's address, or the socket or data folder of a daemon of "
                        "this host, not both")
@@ -105,8 +103,8 @@ def choose_server(server: str | None = None, *, socket: str | os.PathLike[str] |
 def check_token(token: str, what: str) -> None:
     """WrongUse with `what` if this can't be a token."""
     if not 0 < len(token) <= MAX_TOKEN or not all("!" <= sign <= "~" for sign in token):
-        raise WrongUse(f"{what}: this is not a token; it is one word of at most {MAX_TOKEN} letters, "
-                       "digits and signs, as the organiser gave it")
+        raise WrongUse(f"{what}: not a token, which is one word of at most {MAX_TOKEN} letters, digits and "
+                       "punctuation marks, as the organiser gave it to you")
 
 
 def login_file() -> pathlib.Path:
@@ -178,12 +176,12 @@ def _check_rights(path: pathlib.Path, info: os.stat_result) -> None:
     if hasattr(os, "geteuid") and info.st_uid != os.geteuid():
         raise _not_usable(path, "belongs to another user")
     if os.name == "posix" and info.st_mode & 0o077:
-        raise WrongUse(f"{path}: other users may read the token in it; take that right away (chmod "
-                       "600), and have the token replaced if they may have done so")
+        raise WrongUse(f"{path}: other users may read the token in it; withdraw that right (chmod 600), and have the "
+                       "token replaced if somebody may have read it")
 
 
 def _not_usable(path: pathlib.Path, why: str) -> WrongUse:
-    return WrongUse(f'{path}: {why}; "myograde login" writes it anew, "myograde logout" removes it')
+    return WrongUse(f'{path}: {why}; replace it with "myograde login", or remove it with "myograde logout"')
 
 
 def _numeric(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:

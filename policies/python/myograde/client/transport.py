@@ -1,5 +1,5 @@
-"""One HTTP request after another, each on a connection of its own and with a deadline as a whole,
-so that no server can hold a caller by sending a byte now and then."""
+"""One HTTP request after another, each on its own connection and with one deadline, so that no server can stall a
+caller by sending a byte now and then."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PIECE = 256 << 10
 
 
 class Lost(Unreachable):
-    """The request may have arrived, and there is no answer."""
+    """The request may have arrived, but there is no answer."""
 
 
 class Transport:
@@ -107,7 +107,7 @@ def _context(server: Server) -> ssl.SSLContext:
     try:
         context = ssl.create_default_context(cafile=server.ca_file or None)
     except (OSError, ssl.SSLError) as error:
-        raise WrongUse(f"{server.ca_file}: can't be read as certificates in PEM ({error}); correct "
+        raise WrongUse(f"{server.ca_file}: can't be read as PEM certificates ({error}); correct "
                        "ca_file, MYOGRADE_CA_FILE, or the login") from error
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     return context
@@ -118,7 +118,7 @@ def _connect(server: Server, timeout_s: float) -> socket.socket:
         try:
             return socket.create_connection((server.host, server.port), timeout_s)
         except OSError as error:
-            raise Unreachable(f"no server can be reached at {server} ({error}); check the address "
+            raise Unreachable(f"can't reach a server at {server} ({error}); check the address "
                               "and the network, or ask its organiser") from error
     made = socket.socket(socket.AF_UNIX)
     made.settimeout(timeout_s)
@@ -127,11 +127,11 @@ def _connect(server: Server, timeout_s: float) -> socket.socket:
     except OSError as error:
         made.close()
         if isinstance(error, PermissionError):
-            raise Unreachable(f"this user may not talk to the daemon on {server}; run this as the "
+            raise Unreachable(f"this user has no access to the daemon on {server}; run this as the "
                               "daemon's user, or ask the organiser for its address") from error
         why = error.strerror or str(error)
-        raise Unreachable(f'no daemon can be reached at {server} ({why}); start one with "myograde '
-                          'serve", or give the address of a server') from error
+        raise Unreachable(f"can't reach a daemon at {server} ({why}); start one with 'myograde "
+                          "serve', or give the address of a server") from error
     return made
 
 
@@ -140,11 +140,11 @@ def _shake_hands(wire: ssl.SSLSocket, server: Server) -> None:
         wire.do_handshake()
     except ssl.SSLCertVerificationError as error:
         raise Unreachable(f"the certificate of {server} can't be trusted ({error.verify_message}); "
-                          "if the lab has an authority of its own, give its file as ca_file"
+                          "if your lab has its own authority, give its certificate as ca_file"
                           ) from error
     except OSError as error:
-        raise Unreachable(f"no TLS connection to {server} could be made ({error}); check the "
-                          "address, or try again in a minute") from error
+        raise Unreachable(f"can't make a TLS connection to {server} ({error}); check the address, or try again in a "
+                          "minute") from error
 
 
 def _read(answer: http.client.HTTPResponse) -> bytes:
@@ -154,15 +154,15 @@ def _read(answer: http.client.HTTPResponse) -> bytes:
         size += len(piece)
         if size > MAX_ANSWER_BYTES:
             raise http.client.HTTPException(f"the answer is larger than {MAX_ANSWER_BYTES} bytes")
-    if answer.length:  # of a body whose length was told
+    if answer.length:  # of a body with a known length
         raise http.client.IncompleteRead(b"", answer.length)
     return b"".join(pieces)
 
 
 def _answer(server: Server, status: int, text: bytes) -> Any:
     if 300 <= status < 400:
-        raise ServerError(status, "redirect", f"{server} redirects requests, and redirections are "
-                          "not followed, as a token is for one server; give the server's own "
+        raise ServerError(status, "redirect", f"{server} redirects requests, and redirects are not followed, because "
+                          "a token is for one server; give the server's own "
                           "address")
     try:
         answer = json.loads(text)
@@ -172,13 +172,12 @@ def _answer(server: Server, status: int, text: bytes) -> Any:
         return answer
     error = answer.get("error") if isinstance(answer, dict) else None
     if not isinstance(error, dict) or not isinstance(error.get("message"), str):
-        raise ServerError(status, "unreadable", f"{server} answered with HTTP status {status} and "
-                          "nothing that can be read")
+        raise ServerError(status, "unreadable", f"{server} answered with HTTP status {status} and no readable body")
     raise ServerError(status, _harmless(str(error.get("code", ""))), _harmless(error["message"]))
 
 
 def _harmless(text: str) -> str:
-    """Without what a terminal would obey."""
+    """Without control characters that a terminal would obey."""
     return "".join(sign if sign.isprintable() else "\ufffd" for sign in text[:MAX_SENTENCE])
 
 

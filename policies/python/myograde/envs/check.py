@@ -1,4 +1,4 @@
-"""Whether this host gives a server's digests: the episodes that come with the package, played anew."""
+"""Whether this host reproduces a server's digests: the episodes shipped with the package, played here."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def check(cache: str | os.PathLike[str] | None = None) -> list[Check]:
     """Plays the reference episode of each track in this process. MyogradeError if it can't."""
     logs = sorted(extension.REFERENCE.glob("*.lcmlog.zst"))
     if not logs:
-        raise MyogradeError(f"{extension.REFERENCE}: holds no episodes; install myograde anew")
+        raise MyogradeError(f"{extension.REFERENCE}: has no episodes; reinstall myograde")
     return [_play(log, cache) for log in logs]
 
 

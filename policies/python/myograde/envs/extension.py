@@ -49,24 +49,24 @@ def load() -> Any:
         if NOT_BUILT.is_file():
             raise MyogradeError(NOT_BUILT.read_text()) from error
         raise MyogradeError(
-            "this installation of myograde has the kit and the client, and no environments: "
-            f"{error}. They are in the wheels that ./dev wheel builds for CPython 3.9 to 3.12 on "
+            f"this installation of myograde has the kit and the client but no environments: {error}. They are in the "
+            "wheels that ./dev wheel builds for CPython 3.9 to 3.12 on "
             "Linux (x86-64); building them takes a C++ compiler and the grader's packages") from error
     return _env
 
 
 def exact() -> bool:
-    """Whether this process computes what a grader does, to the bit: the C library chooses its maths
-    functions when a process starts, by the processor, unless variables tell it not to. Start a
-    script by `python -m myograde run SCRIPT` for that; `python -m myograde check` tries it."""
+    """Whether this process computes the same as a grader, to the bit: when a process starts, the C library chooses its
+    maths functions by the processor, unless environment variables fix them. `python -m myograde run SCRIPT` starts a
+    script so; `python -m myograde check` tests it."""
     return load().maths_are_pinned()
 
 
 def require_exact() -> None:
     """WrongUse unless exact()."""
     if not exact():
-        raise WrongUse("this process was not started with the grader's maths functions, so that its "
-                       "digests may differ from a server's; start it by: python -m myograde run "
+        raise WrongUse("this process was not started with the grader's maths functions, so its digests may differ "
+                       "from a server's; start it with: python -m myograde run "
                        + (sys.argv[0] if sys.argv and sys.argv[0] not in ("", "-c") else "SCRIPT"))
 
 
@@ -86,14 +86,14 @@ def provide_models(cache: str | os.PathLike[str] | None = None) -> str:
     folder = pathlib.Path(cache).expanduser() if cache is not None else usual_cache()
     if not extension.models_are_compiled(str(folder)):
         if not (folder / MODELS).is_dir():
-            raise MyogradeError(f"{folder}: holds no models yet; get them by: python -m myograde "
-                                f"get-models --cache {folder}")
+            raise MyogradeError(f"{folder}: has no models yet; download them with: python -m myograde get-models "
+                                f"--cache {folder}")
         compile_models(folder)
     return str(folder)
 
 
 def compile_models(folder: pathlib.Path) -> None:
-    """Compiles the models in a cache folder, for graders on this host too."""
+    """Compiles the models in a cache folder, also for graders on this host."""
     script = "import sys; from myograde import _env; _env.compile_models(sys.argv[1])"
     variables = pinned_environment()
     variables["PYTHONPATH"] = os.pathsep.join(
@@ -107,14 +107,14 @@ def compile_models(folder: pathlib.Path) -> None:
                             f"{COMPILE_DEADLINE_S // 60} minutes; try again") from None
     if done.returncode != 0:
         last = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
-        raise MyogradeError(f"{folder}: the models can't be compiled there: {last[0]}; name another "
-                            "cache folder by MYOGRADE_CACHE, or get the models anew")
+        raise MyogradeError(f"{folder}: can't compile the models there: {last[0]}; choose another cache folder with "
+                            "MYOGRADE_CACHE, or download the models again")
 
 
 def tracks_folder() -> str:
     """The folder of the track configs."""
     if not TRACKS.is_dir():
-        raise MyogradeError(f"{TRACKS}: is missing; install myograde anew")
+        raise MyogradeError(f"{TRACKS}: is missing; reinstall myograde")
     return str(TRACKS)
 
 
@@ -146,5 +146,5 @@ def replay(log: str | os.PathLike[str], cache: str | os.PathLike[str] | None = N
 
 
 def path_or_none(path: str | os.PathLike[str] | None) -> str:
-    """As the extension takes a file that may be left out: "" then, else an absolute path."""
+    """An optional file as the extension takes it: an absolute path, or "" for none."""
     return "" if path is None else str(pathlib.Path(path).expanduser().absolute())

@@ -1,5 +1,4 @@
-"""Of what kind each argument of the environments must be: the extension's own refusals are for
-programmers of C++."""
+"""The kind of each argument of the environments, because the extension's own errors are for C++ programmers."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from ..policy.leg import LegSet
 
 
 def check(**values: Any) -> None:
-    """WrongUse for the first value that is not of its name's kind."""
+    """WrongUse for the first value of the wrong kind."""
     for name, value in values.items():
         fits, words = KINDS[name]
         if not fits(value):

@@ -1,5 +1,5 @@
-"""The names of the official environments (MyoSuite) that GradedEnv has too, and what stands for the
-others. `policies/MYOSUITE.md` compares both."""
+"""The names of the official environments (MyoSuite) that GradedEnv also has, and replacements for the others.
+`policies/MYOSUITE.md` compares both."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import WrongUse
 from . import kinds, settings
 
-# What an AttributeError says to use in place of an official name.
+# What to use instead of an official name, for an AttributeError.
 ELSEWHERE = {
     "seed": "reset(seed=N) sets the seed",
     "sim": "the simulation can't be changed; get_env_state() has time, qpos, qvel and act",
@@ -20,7 +20,7 @@ ELSEWHERE = {
     "physics": "get_env_state() has time, qpos, qvel and act",
     "init_qpos": "get_env_state() after reset() has the start of an episode",
     "init_qvel": "get_env_state() after reset() has the start of an episode",
-    "set_state": "set_env_state() takes what get_env_state() gave; episodes begin as a seed says",
+    "set_state": "set_env_state() takes what get_env_state() returned; a seed determines how episodes begin",
     "get_reward_dict": "rwd_dict has the terms of the last step, and step() returns them in info",
     "get_metrics": "info[\"facts\"] has what results are made of",
     "evaluate_success": "info[\"facts\"] of the last step has \"solved\"",
@@ -37,7 +37,7 @@ ELSEWHERE = {
     "get_exteroception": "obs_dict has all parts of an observation",
     "get_visuals": "there are no images in observations; render() draws a picture",
 }
-# Official names for which nothing stands here.
+# Official names without a replacement.
 WITHOUT = frozenset("""
     add_obsvec_to_cache compute_path_rewards device_id examine_policy_new expand_dims fatigue_reset_random
     fatigue_reset_vec forward get_env_infos get_obs_vec get_obsvec_from_cache get_target_pose id initialize
@@ -48,7 +48,7 @@ WITHOUT = frozenset("""
 
 
 class OfficialNames:
-    """Of GradedEnv, which has what is used here."""
+    """A base class of GradedEnv, which has the attributes used here."""
 
     core: Any
     settings: Any
@@ -108,18 +108,18 @@ class OfficialNames:
         return int(self.core.seed)
 
     def get_env_state(self) -> dict[str, Any]:
-        """time, qpos, qvel and act to look at, and what set_env_state() goes on from."""
+        """time, qpos, qvel and act for information, and what set_env_state() continues from."""
         self._require_episode()
         return {**self.core.physics(), "history": settings.history_of(self.core.history),
                 "last_reward": self._last_reward, "settings": dict(self.settings.identity)}
 
     def set_env_state(self, state: Mapping[str, Any]) -> None:
-        """Goes on from a state of get_env_state(), of this environment or of one with the same
-        arguments, by playing its episode up to there again. WrongUse for any other."""
+        """Continues from a state of get_env_state(), of this environment or of one with the same arguments, by playing
+        its episode up to there again. WrongUse for any other."""
         needed = ("settings", "history", "last_reward")
         if not isinstance(state, Mapping) or any(name not in state for name in needed):
-            raise WrongUse("set_env_state takes what get_env_state returned; a state can't be made of "
-                           "qpos and qvel alone, as episodes begin as a seed says")
+            raise WrongUse("set_env_state takes what get_env_state returned; a state can't be made from only qpos and "
+                           "qvel, because a seed determines how episodes begin")
         kinds.check(**{name: state[name] for name in needed})
         self.settings.require_same(state["settings"])
         try:

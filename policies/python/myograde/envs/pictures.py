@@ -14,12 +14,11 @@ CAMERA = ("body", "look_at", "distance", "azimuth", "elevation")
 
 
 class Pictures:
-    """The renderer of one environment; it is made for the first picture."""
+    """The renderer of one environment, created with the first picture."""
 
     def __init__(self, core: Any, width: int, height: int,
                  camera: Optional[Mapping[str, Any]] = None) -> None:
-        """core: a _env.Environment. WrongUse for a key of `camera` that there is not, and for values
-        that can't be."""
+        """core: a _env.Environment. WrongUse for an unknown key of `camera` or an invalid value."""
         kinds.check(width=width, height=height, camera=camera)
         for name in camera or {}:
             if name not in CAMERA:
@@ -31,8 +30,8 @@ class Pictures:
         self._renderer: Any = None
 
     def draw(self) -> np.ndarray:
-        """The current state: height x width x 3 uint8, a new array. WrongUse for a body that
-        there is not; MyogradeError without OSMesa on this machine."""
+        """The current state: height x width x 3 uint8, a new array. WrongUse for an unknown body; MyogradeError without
+        OSMesa on this machine."""
         try:
             if self._renderer is None:
                 self._renderer = extension.load().Renderer(self._core, *self._size)
@@ -43,5 +42,5 @@ class Pictures:
             raise MyogradeError(str(error)) from error
 
     def close(self) -> None:
-        """Gives the memory of OpenGL back. The next picture makes it anew."""
+        """Frees the memory of OpenGL. The next picture allocates it again."""
         self._renderer = None

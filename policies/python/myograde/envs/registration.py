@@ -20,7 +20,7 @@ def register(required: bool = True) -> None:
     importing myograde after Gymnasium. MyogradeError without Gymnasium, if it is `required`."""
     if importlib.util.find_spec("gymnasium") is None:
         if required:
-            raise MyogradeError('the package gymnasium is missing; install it by: pip install '
+            raise MyogradeError('the package gymnasium is missing; install it with: pip install '
                                 '"myograde[gym]"')
         return
     from gymnasium.envs import registration

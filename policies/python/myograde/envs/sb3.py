@@ -1,4 +1,4 @@
-"""Many environments for Stable-Baselines3: C++ threads in place of a process for each.
+"""Many environments for Stable-Baselines3: C++ threads instead of a process for each.
 
     from myograde.envs.sb3 import StableVecEnv
 
@@ -26,7 +26,7 @@ class StableVecEnv(VecEnv):
     def __init__(self, name: str, num_envs: int, threads: int = 0, **settings: Any) -> None:
         """MyogradeError and WrongUse as GradedVectorEnv's."""
         if "autoreset_mode" in settings:
-            raise WrongUse("Stable-Baselines3 begins episodes in the step that ends one; leave "
+            raise WrongUse("Stable-Baselines3 begins an episode in the step that ends the one before; leave "
                            "autoreset_mode out")
         self.envs: GradedVectorEnv = vec(name, num_envs, threads, autoreset_mode="same_step",
                                          **settings).unwrapped
@@ -70,7 +70,7 @@ class StableVecEnv(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Of all together: they have the same settings."""
+        """The same for all: they share their settings."""
         return [getattr(self.envs, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:

@@ -44,8 +44,7 @@ class Settings:
             object.__setattr__(self, name, extension.path_or_none(getattr(self, name)) or None)
 
     def check(self) -> None:
-        """WrongUse for a word that there is not, and where `exact` asks for what this process can't
-        give."""
+        """WrongUse for an unknown word, and for `exact` where this process can't be exact."""
         for name, value, known in (("observation", self.observation, ("flat", "dict")),
                                    ("actions", self.actions, ("normalized", "direct"))):
             if value not in known:
@@ -104,13 +103,13 @@ def check_seed(seed: Any) -> int:
 
 
 def action_array(action: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """As the extension takes actions. WrongUse if they are no numbers, or of another shape."""
+    """Actions as the extension takes them. WrongUse if they are not numbers, or of another shape."""
     try:
         array = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise WrongUse(f"the action must be an array of numbers of shape {shape}: {error}") from error
     if array.shape != shape:
-        raise WrongUse(f"the action must have the shape {shape}, and has {array.shape}")
+        raise WrongUse(f"the action must have the shape {shape}, but has {array.shape}")
     return array
 
 
@@ -169,8 +168,8 @@ def weights_of(terms: Sequence[tuple[str, float]], given: Mapping[str, float]) -
 
 
 def leg_set_values(sets: Sequence[LegSet]) -> tuple[int, Optional[np.ndarray]]:
-    """As the extension takes parameter sets: which there are, and their numbers. WrongUse if they are
-    none."""
+    """Parameter sets as the extension takes them: which are present, and their numbers. WrongUse if they are not
+    parameter sets."""
     kinds.check(leg_sets=sets)
     if not sets:
         return 0, None

@@ -18,12 +18,12 @@ from .pictures import Pictures
 class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
     """An environment of one of the grader's tracks.
 
-    Observations and actions are float64, as a policy gets and gives them. An episode is `terminated`
+    Observations and actions are float64, as a policy receives and sends them. An episode is `terminated`
     when it ends by itself, `truncated` when its time runs out. The reward is the sum of the official
     reward terms times `weights`.
 
     reset(seed=N) plays the episode that a grader plays for the seed N; without a seed, one drawn from
-    the generator that the last seed has begun. In the profile "as-graded" of manipulation one
+    the generator that the last seed initialised. In the profile "as-graded" of manipulation one
     environment plays all episodes, as the official evaluation did: there only the first seed counts.
 
     `info` has of a reset: "seed". Of a step: "rewards" (each term, unweighted) and "facts" (what was
@@ -31,8 +31,8 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
     "actions_digest" (SHA-256 over states and actions, as in a result), "seed", "steps" and "details"
     (ranges of joints and the like, as in a result; None if no step could be measured).
 
-    Copies, by pickle or copy.deepcopy, go on where this one is, with equal states to the bit: they play
-    the episode up to there again, which takes as long as it took. (In the profile "as-graded" of
+    Copies, by pickle or copy.deepcopy, continue where this one is, with states equal to the bit: they play the episode
+    up to there again, which takes as long as the first time. (In the profile "as-graded" of
     manipulation: all episodes since this environment was made.)
     """
 
@@ -50,10 +50,10 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
         profile: its rules profile; "": the config's default.
         observation: "flat", one vector, or "dict", its parts by name.
         actions: "normalized" or "direct", the convention that a policy names when it begins.
-        weights: of reward terms, in place of the official ones.
+        weights: of reward terms, instead of the official ones.
         extra_observations: what the official dictionary has beyond the graded observation follows it
             (profiles "myosuite" and "as-graded").
-        leg_sets: parameter sets of the prosthetic leg in place of the grader's.
+        leg_sets: parameter sets of the prosthetic leg instead of the grader's.
         config: an organiser's config file, which replaces that of `track`.
         cache: the folder of the models (default: as get-models).
         exact: refuse to run where digests might differ from a server's; see exact().
@@ -88,8 +88,8 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
 
     def reset(self, *, seed: Optional[int] = None,
               options: Optional[dict[str, Any]] = None) -> tuple[Any, dict[str, Any]]:
-        """Begins an episode. options["leg_sets"]: those of this episode, in place of the
-        constructor's. ValueError names a number in them that is out of range."""
+        """Begins an episode. options["leg_sets"]: those of this episode, instead of the constructor's. ValueError names
+        a number in them that is out of range."""
         kinds.check(options=options)
         if seed is not None:
             seed = settings.check_seed(seed)
@@ -118,8 +118,7 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
 
     def render(self) -> Optional[np.ndarray]:
         """The current state: height x width x 3 uint8, the top row first; None without a
-        render_mode. MyogradeError if OSMesa is missing; WrongUse before the first reset(), and for a
-        body that there is not."""
+        render_mode. MyogradeError if OSMesa is missing; WrongUse before the first reset(), and for an unknown body."""
         if self.render_mode is None:
             return None
         if not self._begun:
@@ -127,7 +126,7 @@ class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
         return self._pictures.draw()
 
     def close(self) -> None:
-        """Gives the renderer's memory back; the rest goes with the object."""
+        """Frees the renderer's memory; the rest is freed with the object."""
         self._pictures.close()
 
     @property

@@ -25,7 +25,7 @@ VIEWS = ("_observations", "_rewards", "_terminated", "_truncated", "_was_reset",
 
 
 def _mode_of(given: Any) -> Any:
-    """As the metadata have it: Gymnasium's own value, if it has one. WrongUse if there is no such."""
+    """The mode as in the metadata: Gymnasium's own value, if it has one. WrongUse for an unknown mode."""
     word = str(getattr(given, "value", given)).replace("_", "").lower()
     for mode in (NEXT_STEP, SAME_STEP, DISABLED):
         if word == mode.lower():
@@ -35,16 +35,15 @@ def _mode_of(given: Any) -> Any:
 
 
 class GradedVectorEnv(VectorEnv):  # type: ignore[type-arg,misc]
-    """`num_envs` environments of one track; the settings are GradedEnv's. Environment i plays what a
-    GradedEnv would that is reset with its seed and then, after each episode, without one. The number
+    """`num_envs` environments of one track; the settings are GradedEnv's. Environment i plays the episodes of a
+    GradedEnv that is reset with its seed and then, after each episode, without one. The number
     of threads changes the speed and nothing else.
 
     Where an episode ended, `autoreset_mode` says what begins another one:
-    "next_step": the next step(), which returns its first observation, with a reward of 0 and without
-        looking at the action;
+    "next_step": the next step(), which returns its first observation, with a reward of 0, and ignores the action;
     "same_step": the step that ended it, which returns the first observation of the new episode, and in
         info["final_obs"] and info["final_info"] the old one's last;
-    "disabled": nothing but reset(options={"reset_mask": ...}).
+    "disabled": only reset(options={"reset_mask": ...}).
 
     `info` has of each step "rewards" (the terms, unweighted) and "facts" (what was measured so far),
     arrays of num_envs by name; for the environments whose episode ended in this step, as the masks _end
@@ -73,8 +72,8 @@ class GradedVectorEnv(VectorEnv):  # type: ignore[type-arg,misc]
         autoreset_mode: above; also a value of Gymnasium's AutoresetMode.
         The other settings, and what is raised, are GradedEnv's."""
         if render_mode is not None:
-            raise WrongUse("many environments at once draw no pictures; make one by "
-                           "gymnasium.make(..., render_mode=...) for that")
+            raise WrongUse("many environments at once draw no pictures; create one with gymnasium.make(..., "
+                           "render_mode=...) for that")
         kinds.check(num_envs=num_envs, threads=threads, copy=copy,
                     max_episode_steps=max_episode_steps)
         self.settings = settings.Settings(track, profile, observation, actions, weights or {},
@@ -185,7 +184,7 @@ class GradedVectorEnv(VectorEnv):  # type: ignore[type-arg,misc]
         self._seeds[i] = generator.integers(2**63)
 
     def _seeds_of(self, given: Any) -> list[Optional[int]]:
-        """One for each environment. TypeError or WrongUse if one can't be an episode's."""
+        """A seed for each environment. TypeError or WrongUse if one is not valid."""
         if given is None:
             return [None] * self.num_envs
         if isinstance(given, (str, bytes)) or not np.iterable(given):

@@ -1,5 +1,5 @@
-"""The kit: a policy is a class with reset and act, handed to serve(). A policy that is graded needs
-the package `lcm`, which the runtime "python" of a grader has; nothing else here does."""
+"""The kit: a policy is a class with reset and act, handed to serve(). Only a policy that is graded needs the package
+`lcm`, which the runtime "python" of a grader has."""
 
 from .kit import Episode, Policy, serve
 from .layout import Layout, Part, Track, track, tracks

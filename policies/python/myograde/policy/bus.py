@@ -16,8 +16,8 @@ class Bus:
         try:
             import lcm  # here, so that the rest of the package needs nothing
         except ImportError as error:
-            sys.exit(f"error: the package lcm is missing ({error}); name the runtime \"python\" in "
-                     "policy.json, or put lcm into the submission")
+            sys.exit(f"error: the package lcm is missing ({error}); name the runtime \"python\" in policy.json, or "
+                     "add lcm to the submission")
         url = os.environ.get("MYOGRADE_LCM_URL", "")
         try:
             self._lcm = lcm.LCM(url)

@@ -34,7 +34,7 @@ class Episode:
 
 
 class Policy:
-    """What a participant writes: act, and whatever else is needed of the methods below."""
+    """What a participant writes: act, and any of the other methods below."""
 
     name: str = "policy"  # for logs; at most 64 bytes
     direct: bool = False  # True: muscles in [0, 1], prosthesis targets in rad
@@ -48,7 +48,7 @@ class Policy:
         return []
 
     def start(self) -> None:
-        """Called once, when self.welcome is there."""
+        """Called once, when self.welcome is set."""
 
     def reset(self, episode: Episode) -> None:
         """Called at the beginning of each episode, once random, numpy.random, torch and tensorflow
@@ -64,7 +64,7 @@ class Policy:
         return self.observation_layout.split(observation)
 
     def give_up(self) -> None:
-        """Called by act: ends the episode as it stands, and what act returns is not looked at."""
+        """Called by act: ends the episode, and ignores what act returns."""
         self._gives_up = True
 
     _gives_up = False
@@ -153,7 +153,7 @@ class _Conversation:
             tell(f"error: act returned {len(values)} numbers {place}, must return {wanted}")
         elif not all(map(math.isfinite, values)):
             tell(f"error: act returned a number that is not finite {place}")
-        # Sent all the same: what a wrong answer means is the grader's to say.
+        # Sent nevertheless: the grader decides what a wrong answer means.
         action = action_t()
         action.episode = observation.episode
         action.step = observation.step
@@ -168,8 +168,8 @@ def tell(sentence: str) -> None:
 
 
 def serve(policy: Policy) -> NoReturn:
-    """Plays `policy` until the grader ends the process, as sys.exit does. Exits with 1 and a
-    sentence if there is no bus, or nothing is heard on it."""
+    """Plays `policy` until the grader ends the process, as sys.exit does. Exits with 1 and a sentence if there is no
+    bus, or no message arrives on it."""
     conversation = _Conversation(Bus(), policy)
     conversation.greet()
     conversation.play()

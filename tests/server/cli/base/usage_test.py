@@ -125,7 +125,7 @@ class UsageTest(CliCase):
         self.refused(2, 'there is no verb "list"; "myograde --help" lists them', "list")
         self.refused(2, 'did you mean "--episodes"?', "show", "7", "--epsodes")
         self.refused(2, 'there is no verb "paint"; "myograde --help" lists them', "paint")
-        self.refused(2, "no verb is given")
+        self.refused(2, "no verb given")
 
     def test_bad_seed_files(self):
         program = self.path("program", "#!/bin/sh\n", 0o755)

@@ -15,8 +15,8 @@ from cli_case import (  # pylint: disable=wrong-import-position
 
 class ClientTest(CliCase):
     def test_no_daemon_is_status_3(self):
-        self.refused(3, "no daemon", "status", "--data", self.temp)
-        self.refused(3, "no daemon", "leaderboard", MYOGRADE_DATA=self.temp)
+        self.refused(3, "reach a daemon", "status", "--data", self.temp)
+        self.refused(3, "reach a daemon", "leaderboard", MYOGRADE_DATA=self.temp)
         self.refused(2, "longer than", "status", "--socket", "/" + "x" * 200)
 
     def test_a_closed_folder_has_a_remedy(self):
@@ -129,11 +129,11 @@ class ClientTest(CliCase):
         self.assertIn("1 of 2 episodes is equal", again.stdout)
         self.refused(2, "Submission 7 has ended.", "cancel", "7", *at)
         self.refused(4, "Disk full.", "status", "8", *at)
-        self.refused(4, "nothing that can be read", "status", "9", *at)
+        self.refused(4, "no readable body", "status", "9", *at)
 
     def test_cancel_says_what_it_costs(self):
-        for charged, words in (("official", "It stays charged to the team's quota"),
-                               (None, "Nothing of the team's quota is used up")):
+        for charged, words in (("official", "It still counts against the team's quota"),
+                               (None, "It does not count against the team's quota")):
             socket = self.serve({"POST /v1/submissions/7/cancel": (200, {
                 **STATUS, "episodes": {**COUNTS, "success": 1}, "cancel": {
                     "killed": 1, "still_ending": 0, "took_wall_s": 0.03, "charged": charged}})})

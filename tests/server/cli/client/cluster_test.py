@@ -41,12 +41,12 @@ class ClusterTest(CliCase):
             self.assertIn("--json", done.stdout)
 
     def test_wrong_use(self):
-        self.refused(2, "no verb is given", "cluster")
+        self.refused(2, "no verb given", "cluster")
         self.refused(2, 'did you mean "cluster drain"?', "cluster", "drian", "n1")
         self.refused(2, "--reason", "cluster", "drain", "n1")
         self.refused(2, "", "cluster", "admit")
         for bad in ("", "../n1", "-n", "n 1", "n/1", "a" * 256):
-            self.refused(2, "no node's name", "cluster", "admit", "--", bad)
+            self.refused(2, "not a node's name", "cluster", "admit", "--", bad)
 
     def test_what_is_asked_and_answered(self):
         socket = self.serve({

@@ -47,7 +47,7 @@ class PeopleTest(CliCase):
     def test_wrong_use(self):
         self.refused(2, 'did you mean "team rename"?', "team", "renam", "a", "b")
         self.refused(2, 'did you mean "token revoke"?', "token", "revok", "7")
-        self.refused(2, "no verb is given", "team")
+        self.refused(2, "no verb given", "team")
         for words in (("team", "create"), ("team", "rename", "a"), ("team", "add-member", "a"),
                       ("team", "merge", "a"), ("team", "ban", "a"), ("token", "create"),
                       ("token", "revoke"), ("team", "list", "a")):
@@ -119,7 +119,7 @@ class PeopleTest(CliCase):
                           if command == "POST"], [True, False])
         created = myograde("token", "create", "--team", "alpha", "--label", "l", *at).stdout
         self.assertIn(f"\n{TEXT}\n", created)
-        self.assertIn("shown this once", created)
+        self.assertIn("shown only once", created)
         self.assertIn("There are no tokens yet", myograde("token", "list", *at).stdout)
 
     def test_a_token_that_cannot_be_printed_is_revoked(self):

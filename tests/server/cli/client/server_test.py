@@ -55,8 +55,8 @@ class ClosedSocketTest(CliCase):
             listening.bind(path)
             for mode, gid, words in (
                     (0o660, group.gr_gid, "is open to the group games, and nobody is not in it; .*adduser nobody games"),
-                    (0o660, 0, "is open to root alone; run this as root"),
-                    (0o600, group.gr_gid, "is open to root alone; run this as root")):
+                    (0o660, 0, "is open to root only; run this as root"),
+                    (0o600, group.gr_gid, "is open to root only; run this as root")):
                 os.chown(path, 0, gid)
                 os.chmod(path, mode)
                 done = subprocess.run(
@@ -165,13 +165,13 @@ class ServerTest(CliCase):
         self.assertEqual((out["removed"], out["server"]), (True, server))
         self.assertFalse(os.path.exists(self.login_file))
         self.assertIn("no login", self.done("logout"))
-        self.told(3, "no daemon can be reached", "status", "7", XDG_DATA_HOME=self.temp,
+        self.told(3, "can't reach a daemon", "status", "7", XDG_DATA_HOME=self.temp,
                   **({"MYOGRADE_DATA": self.temp} if os.geteuid() == 0 else {}))
 
     def test_a_token_that_the_server_does_not_take_is_not_kept(self):
         for answer, sentence in (((401, {"error": {"code": "bad_token", "message": "It is revoked."}}),
                                   "It is revoked."),
-                                 ((200, {**WHO, "token": None}), "takes no notice of the token")):
+                                 ((200, {**WHO, "token": None}), "ignored the token")):
             port = self.listen({"GET /v1/whoami": answer})
             self.told(2, sentence, "login", f"https://localhost:{port}", "--ca-file",
                       self.certificate, typed=TOKEN)
@@ -258,7 +258,7 @@ class ServerTest(CliCase):
         self.done("status", "7", "--server", f"https://localhost:{other}", *trust,
                   MYOGRADE_TOKEN="another", MYOGRADE_SERVER=f"https://localhost:{port}")
         self.assertEqual(self.shown(), [(other, None)])
-        self.told(2, "MYOGRADE_TOKEN: this is not a token", "status", "7", MYOGRADE_TOKEN="a\nb: c")
+        self.told(2, "MYOGRADE_TOKEN: not a token", "status", "7", MYOGRADE_TOKEN="a\nb: c")
 
     def test_redirections_are_not_followed(self):
         class Away(NetworkHandler):
@@ -288,19 +288,19 @@ class ServerTest(CliCase):
             return ("status", "7", "--server", f"https://{host}:{port}", *words)
         port = self.listen()
         trust = ("--ca-file", self.certificate)
-        self.told(3, "is signed by nobody whom this host trusts", *status(port))
+        self.told(3, "is not signed by an authority that this host trusts", *status(port))
         other, _ = make_certificate(self.temp, "other")
         self.told(3, f"is not signed by an authority in {other}", *status(port, "--ca-file", other))
         self.told(2, "can't be read (No such file", *status(port, "--ca-file", f"{self.temp}/none"))
         empty = self.path("empty.pem", "no certificates\n")
-        self.told(3, "holds no certificates in PEM", *status(port, "--ca-file", empty))
+        self.told(3, "has no PEM certificates", *status(port, "--ca-file", empty))
         old, old_key = make_certificate(self.temp, "old", expired=True)
         self.told(3, "has expired", *status(self.listen(certificate=old, key=old_key), "--ca-file", old))
         named, named_key = make_certificate(self.temp, "named", hosts=("DNS:grader.example.org",))
         for host in ("localhost", "127.0.0.1"):
             self.told(3, f"is not for {host}", *status(
                 self.listen(certificate=named, key=named_key), "--ca-file", named, host=host))
-        self.told(3, "no TLS connection", *status(self.listen(tls=False), *trust))
+        self.told(3, "can't make a TLS connection", *status(self.listen(tls=False), *trust))
         self.assertEqual(self.shown(), [])
         self.done(*status(port, *trust))
         self.done(*status(port), SSL_CERT_FILE=str(self.certificate))
@@ -312,12 +312,12 @@ class ServerTest(CliCase):
                 ("https://x:99999", "not a server's address"), ("https://x/path", "not a server's address"),
                 ("https://a b", "not a server's address"), ("grader", "not a server's address"),
                 ("https://[::1", "not a server's address"), ("https://[x]", "not a server's address"),
-                (f"https://user:{TOKEN}@x", "no user and no password"),
+                (f"https://user:{TOKEN}@x", "leave user and password out"),
                 ("unix:", "not a server's address")):
             self.told(2, sentence, "status", "7", "--server", text)
             self.told(2, sentence, "status", "7", MYOGRADE_SERVER=text)
-        self.told(3, "no server can be reached", "status", "7", "--server", "https://127.0.0.1:1")
-        self.told(3, "no server can be reached", "status", "7", "--server", "http://[::1]:1")
+        self.told(3, "can't reach a server", "status", "7", "--server", "https://127.0.0.1:1")
+        self.told(3, "can't reach a server", "status", "7", "--server", "http://[::1]:1")
 
     # --- files over the network ---
 

@@ -135,7 +135,7 @@ class Bounded(unittest.TestCase):
         for name, content, sentence in (
                 ("line", b"", "line 1: is too long"),
                 ("second", b'{"data":{\n"team":[\n', "line 3: is too long"),
-                ("deep", b'{"data":{\n"team":[\n' + b"[" * 8_000_000 + b"\n", "is not what stands")):
+                ("deep", b'{"data":{\n"team":[\n' + b"[" * 8_000_000 + b"\n", "is not what an export has")):
             file = self.path(f"{name}.json", content, size=None if name == "deep" else GIB)
             self.refused("store", "import", file, "--data", f"{self.folder}/data", sentence=sentence,
                          status=2)

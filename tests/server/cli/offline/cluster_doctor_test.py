@@ -92,7 +92,7 @@ class ClusterDoctorTest(CliCase):
     def test_text_for_people(self):
         done = self.doctor()
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("The cluster has all that MyoGrade needs.", done.stdout)
+        self.assertIn("The cluster has everything that MyoGrade needs.", done.stdout)
         self.command("scontrol", "echo \"no \x1b[2J\"; exit 1")
         done = self.doctor()
         self.assertEqual(done.returncode, 4)

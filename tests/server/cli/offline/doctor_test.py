@@ -157,7 +157,7 @@ class DoctorTest(unittest.TestCase):
         done = self.doctor("--sandbox")
         self.assertEqual(done.returncode, 0, done.stderr)
         for words in ("The policy's sandbox", "The simulator's sandbox", "myograde-bridge",
-                      "ptrace", "/dev/shm", "limits of all together", "allowed_once_loaded"):
+                      "ptrace", "/dev/shm", "limits in total", "allowed_once_loaded"):
             self.assertIn(words, done.stdout)
         self.assertNotIn("\x1b", done.stdout)
 

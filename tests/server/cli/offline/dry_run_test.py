@@ -129,7 +129,7 @@ class DryRunTest(CliCase):
                  "--socket", self.socket)
         done = self.myograde(*words)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("would be taken and graded. Nothing was sent.\n", done.stdout)
+        self.assertIn("would be accepted and graded. Nothing was sent.\n", done.stdout)
         self.policy("crash")
         done = self.myograde(*words)
         self.assertEqual(done.returncode, 1, done.stderr)
@@ -143,7 +143,7 @@ class DryRunTest(CliCase):
         self.fails("submission", "./gone")
         self.assertEqual([self.report["name"], self.report["episode"]], [None, None])
         self.path("policy/policy.json", '{"name": "walker", "command": ["python99"]}')
-        self.fails("program", "no program of the sandbox")
+        self.fails("program", "nor a program of the sandbox")
         self.path("policy/policy.json",
                   '{"name": "w", "command": ["/bin/true"], "runtimes": ["elsewhere"]}')
         self.fails("runtimes",
@@ -162,7 +162,7 @@ class DryRunTest(CliCase):
         self.fails("team", "banned", answers={"GET /v1/teams/alpha": {"team": "alpha",
                                                                       "banned": True}})
         unknown = {"GET /v1/teams/alpha": (404, {"error": {"code": "not_found", "message": "No."}})}
-        self.assertIn("founds it", self.dry(0, answers=unknown)["team"]["found"])
+        self.assertIn("creates it", self.dry(0, answers=unknown)["team"]["found"])
         self.fails("team", 'no team "alpha"',
                    answers={**unknown, "GET /v1/challenges": challenges(PHASE)})
         renamed = {"GET /v1/teams/alpha": {"team": "beta", "banned": False}}
@@ -203,7 +203,7 @@ class DryRunTest(CliCase):
             official={**BUDGET, "total": used_up}))
         self.fails("quota", "failed tries", answers=self.quota(
             failed={**BUDGET, "per_day": used_up}))
-        self.fails("quota", "wait already", answers=self.quota(waiting={"limit": 2, "used": 2}))
+        self.fails("quota", "waiting, which is", answers=self.quota(waiting={"limit": 2, "used": 2}))
         practice = self.quota(official={**BUDGET, "per_day": used_up})
         self.dry(0, "--episodes", "1", answers=practice)
         self.dry(0)
@@ -239,7 +239,7 @@ class DryRunTest(CliCase):
         self.refused(2, "--track", *submit)
         self.refused(2, "no track", *submit, "--track", "running")
         self.refused(2, "--wait", *submit, "--track", TRACK, "--wait")
-        self.refused(3, "no daemon", *submit, "--phase", "final", "--data", self.temp)
+        self.refused(3, "reach a daemon", *submit, "--phase", "final", "--data", self.temp)
 
 
 if __name__ == "__main__":

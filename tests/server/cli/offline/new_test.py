@@ -71,7 +71,7 @@ class NewTest(CliCase):
         self.path("file", "mine")
         for name in ("empty", "dangling", "file"):
             for place in (name, f"{name}/"):
-                self.refused(2, "is there already", "new", "walker", "--lang", "cpp",
+                self.refused(2, "already exists", "new", "walker", "--lang", "cpp",
                              "--output", self.path(place))
         self.assertEqual(sorted(os.listdir(self.temp)), ["dangling", "empty", "file"])
         self.assertEqual(os.listdir(self.path("empty")), [])
@@ -80,13 +80,13 @@ class NewTest(CliCase):
     def test_places_that_can_not_be(self):
         self.path("file", "")
         for place in ("no/where", "file/walker"):
-            self.refused(2, "can't be made", "new", "walker", "--lang", "cpp",
+            self.refused(2, "can't be created", "new", "walker", "--lang", "cpp",
                          "-o", self.path(place))
 
     def test_names_that_would_break_a_program_or_leave_the_folder(self):
         for name in ("", ".", "..", "../x", "a/b", ".hidden", "-x", 'a"b', "a b", "a\nb", "ü",
                      "x" * 65):
-            self.refused(2, "a policy's name", "new", "--lang", "cpp", f"--output={self.path('x')}",
+            self.refused(2, "use a name of 1", "new", "--lang", "cpp", f"--output={self.path('x')}",
                          "--", name)
         self.assertEqual(os.listdir(self.temp), [])
         self.made("x" * 64, "cpp")

@@ -23,7 +23,7 @@ class OfflineTest(CliCase):
         self.path("folder/readme", "x")
         self.refused(2, "no policy.json", *local, self.path("folder"))
         self.path("folder/policy.json", '{"name": "a", "command": ["./gone"]}')
-        self.refused(2, "is not there", *local, self.path("folder"))
+        self.refused(2, "does not exist", *local, self.path("folder"))
         self.path("folder/policy.json",
                   '{"name": "a", "command": ["/bin/true"], "runtimes": ["r"]}')
         self.refused(2, "asks for the runtime", *local, self.path("folder"))

@@ -85,15 +85,15 @@ class PlotTest(CliCase):
                 ("named twice", "plot", "paired", "7", "7", *out),
                 ("not a submission's number", "plot", "survival", "0", *out),
                 ("give --track or --phase", "plot", "board", *out),
-                ("shows a board, no submission", "plot", "board", "7", "--track", "t", *out),
+                ("shows a board, not submissions", "plot", "board", "7", "--track", "t", *out),
                 ("leave out --track", "plot", "survival", "7", "--track", "t", *out),
                 ("ends in .svg or .pdf", "plot", "survival", "7", "-o", self.path("a.png")),
-                ("which file to write", "plot", "survival", "7"),
+                ("the file to write", "plot", "survival", "7"),
                 ("KIND", "plot", "pie", "7", *out),
-                ("say what the report is of", "report", *out),
-                ("of one submission or of one board", "report", "7", "--phase", "final", *out),
+                ("name what to report on", "report", *out),
+                ("covers one submission or one board", "report", "7", "--phase", "final", *out),
                 ("ends in .html", "report", "7", *out),
-                ("which file to write", "report", "7")):
+                ("the file to write", "report", "7")):
             self.refused(2, sentence, *words, "--socket", self.path("none"))
         self.assertEqual(os.listdir(self.temp), [])
 
@@ -136,7 +136,7 @@ class PlotTest(CliCase):
             row["seed"] = None
         socket = self.serve({path_of(7): (200, result(7, [1.0, 2.0], [1, 0])),
                              path_of(8): (200, second)})
-        self.refused(2, "no episode on the same seed", "plot", "paired", "7", "8", "-o",
+        self.refused(2, "no episodes on the same seeds", "plot", "paired", "7", "8", "-o",
                      self.path("a.svg"), "--socket", socket)
 
     def test_what_a_phase_withholds_is_no_figure(self):
@@ -218,7 +218,7 @@ class PlotTest(CliCase):
     def test_a_program_that_fails_is_a_sentence(self):
         broken = {**result(7, [1.0], [1]), "metrics": [{"name": 7}]}
         socket = self.serve({path_of(7): (200, broken)})
-        self.refused(4, "the figure could not be drawn: the drawing program exited with status 1",
+        self.refused(4, "can't draw the figure: the drawing program exited with status 1",
                      "plot", "distributions", "7", "-o", self.path("a.svg"), "--socket", socket)
 
 

@@ -119,7 +119,7 @@ class Render(CliCase):
     def test_a_renderer_that_fails_is_told_and_its_pictures_are_thrown_away(self):
         for script, status, sentence in (
                 ("echo half; echo 'myograde-render: no OSMesa' >&2; exit 1", 4,
-                 "no picture can be drawn: no OSMesa"),
+                 "can't draw a picture: no OSMesa"),
                 ("echo half; echo 'myograde-render: episode 0 differs' >&2; exit 3", 1,
                  "episode 0 differs"),
                 ("kill -SYS $$", 4, "Bad system call"),
@@ -210,7 +210,7 @@ class Render(CliCase):
         file = self.out("a.png")
         for status, sentence, words, changes in (
                 (2, "no recorded episode 9", ("--episode", "9"), {}),
-                (2, "no log of episode 1", ("--episode", "1"), {}),
+                (2, "the log of episode 1 was not kept", ("--episode", "1"), {}),
                 (2, "withholds", ("--strip",), {"outcome": None}),
                 (1, "another episode or config", ("--episode", "0"), {"config": "e" * 64})):
             self.refused(status, sentence, "episode", "render",
