@@ -16,7 +16,7 @@ namespace {
 // The 97.5 % quantile of the normal distribution: half a 95 % interval in standard errors.
 constexpr double kHalfWidth = 1.959963984540054;
 
-Mean MeanOf(const std::vector<double>& values) {
+Mean ComputeMean(const std::vector<double>& values) {
   Mean mean;
   mean.count = static_cast<int64_t>(values.size());
   if (values.empty()) return mean;
@@ -65,7 +65,7 @@ Mean MeanOver(const std::vector<JudgedEpisode>& episodes, size_t metric) {
     const std::optional<double> value = ValueOf(episode, metric);
     if (value.has_value()) values.push_back(*value);
   }
-  return MeanOf(values);
+  return ComputeMean(values);
 }
 
 // The sum of one metric over all episodes by the steps of all; none without a step.

@@ -69,7 +69,7 @@ struct Banding {
   std::function<bool(const BoardEntry&, const BoardEntry&)> inside;  // above, in a band
 };
 
-Banding BandingOf(const TieredBoard& rules) {
+Banding MakeBanding(const TieredBoard& rules) {
   Banding banding;
   banding.takes_part = [rules](const BoardEntry& entry) {
     return RateAtLeast(entry, rules.line_successes, rules.line_episodes);
@@ -91,7 +91,7 @@ Banding BandingOf(const TieredBoard& rules) {
   return banding;
 }
 
-Banding BandingOf(const DistanceBoard& rules) {
+Banding MakeBanding(const DistanceBoard& rules) {
   Banding banding;
   const auto distance = [rules](const BoardEntry& entry) { return Distance(entry, rules.distance); };
   banding.takes_part = [rules, distance](const BoardEntry& entry) {
@@ -137,7 +137,7 @@ Ranked::iterator SortIntoBands(Ranked& board, const Banding& banding) {
 void Order(Ranked& board, const TieredBoard& rules) {
   const auto faster = LessOf(rules.time);
   const auto less_effort = LessOf(rules.effort);
-  SortBy(SortIntoBands(board, BandingOf(rules)), board.end(),
+  SortBy(SortIntoBands(board, MakeBanding(rules)), board.end(),
          [&](const BoardEntry& a, const BoardEntry& b) {
            if (HigherRate(a, b) || HigherRate(b, a)) return HigherRate(a, b);
            if (rules.ties == Ties::kAcceptance) return false;
@@ -147,7 +147,7 @@ void Order(Ranked& board, const TieredBoard& rules) {
 }
 
 void Order(Ranked& board, const DistanceBoard& rules) {
-  const Banding banding = BandingOf(rules);
+  const Banding banding = MakeBanding(rules);
   SortBy(SortIntoBands(board, banding), board.end(), banding.before);
 }
 
@@ -202,8 +202,8 @@ void AddStanding(const Ranked& candidates, const Banding& banding, Ranked& board
 
 Ranked BestOf(const Teams& teams, const BoardRules& rules) {
   std::optional<Banding> banding;
-  if (const auto* tiered = std::get_if<TieredBoard>(&rules)) banding = BandingOf(*tiered);
-  if (const auto* distance = std::get_if<DistanceBoard>(&rules)) banding = BandingOf(*distance);
+  if (const auto* tiered = std::get_if<TieredBoard>(&rules)) banding = MakeBanding(*tiered);
+  if (const auto* distance = std::get_if<DistanceBoard>(&rules)) banding = MakeBanding(*distance);
   Ranked board, candidates;
   for (const auto& [team, own] : teams) {
     const auto known = std::ssize(candidates);

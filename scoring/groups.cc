@@ -91,7 +91,7 @@ bool Counts(const JudgedEpisode& episode) {
 }
 
 // Both by index.
-std::vector<Pair> PairsOf(const Sampler& sampler, const std::vector<JudgedEpisode>& above,
+std::vector<Pair> MakePairs(const Sampler& sampler, const std::vector<JudgedEpisode>& above,
                           const std::vector<JudgedEpisode>& below) {
   std::vector<Pair> pairs;
   auto b = below.begin();
@@ -142,7 +142,7 @@ class PairTests {
         PlaceTest own;
         own.criterion = CriterionOf(rows[above].ranked, rows[below].ranked, rules);
         const Sampler sampler(metrics, own.criterion);
-        own.test = TestPairs(PairsOf(sampler, episodes[above], episodes[below]),
+        own.test = TestPairs(MakePairs(sampler, episodes[above], episodes[below]),
                              group_rules.samples);
         own.looks = LooksAt(rows[above].further, rows[below].further);
         own.p_adjusted = own.test.p;
@@ -227,7 +227,7 @@ Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> ro
   return groups;
 }
 
-std::vector<Criterion> CriteriaOf(const BoardRules& rules) {
+std::vector<Criterion> ListCriteria(const BoardRules& rules) {
   const auto number = [](size_t place) { return Criterion{Kind::kNumber, place}; };
   if (const auto* tiered = std::get_if<TieredBoard>(&rules)) {
     return {{Kind::kSuccess}, number(tiered->time), number(tiered->effort)};

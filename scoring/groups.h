@@ -110,7 +110,7 @@ Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> ro
 
 // The numbers that can rank a board's rows, the first first: success rate, or numbers by their place
 // in BoardEntry::numbers.
-std::vector<Criterion> CriteriaOf(const BoardRules& rules);
+std::vector<Criterion> ListCriteria(const BoardRules& rules);
 
 // The metric behind a number of a BoardEntry.
 const Metric& MetricOf(std::span<const Metric> metrics, size_t number);

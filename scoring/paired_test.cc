@@ -62,7 +62,7 @@ double SortedSum(std::span<const Pair> pairs, NumberOf number) {
   return std::accumulate(numbers.begin(), numbers.end(), 0.0);
 }
 
-Differences DifferencesOf(std::span<const Pair> pairs) {
+Differences ComputeDifferences(std::span<const Pair> pairs) {
   Differences found;
   for (const auto& [a, b] : pairs) {
     Difference own{a.amount - b.amount, a.weight - b.weight};
@@ -113,7 +113,7 @@ double Exchanged(const Differences& all, NextBit next) {
 }
 
 // What reaches the observed difference.
-double ThresholdOf(const Differences& all, double observed) {
+double ComputeThreshold(const Differences& all, double observed) {
   return std::abs(observed) - kRounding * all.size / all.weights();
 }
 
@@ -217,12 +217,12 @@ bool CanEnumerate(const Differences& all, int64_t samples) {
 }  // namespace
 
 PairedTest TestPairs(std::span<const Pair> pairs, int64_t samples) {
-  const Differences all = DifferencesOf(pairs);
+  const Differences all = ComputeDifferences(pairs);
   PairedTest test{.pairs = std::ssize(pairs), .differing = std::ssize(all.all)};
   if (all.all.empty() || all.weights() <= 0) return test;
   const double observed = MeansDifference(all.a, all.b);
   test.difference = std::isfinite(observed) ? observed : 0;
-  const double threshold = ThresholdOf(all, observed);
+  const double threshold = ComputeThreshold(all, observed);
   if (SameSize(all)) {
     test.p = ClosedP(all);
   } else if (CanEnumerate(all, samples)) {

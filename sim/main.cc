@@ -89,7 +89,7 @@ CpuPage* MapCpuPage(int fd) {
 MakeEpisodeRecorder RecordersOf(const Environment& environment) {
   return [&environment](const EpisodeLog& log) -> absl::StatusOr<std::unique_ptr<EpisodeRecorder>> {
     const TrackKind& kind = *log.header.track.kind;
-    const SimulatedTrack& track = SimulatedTrackOf(kind);
+    const SimulatedTrack& track = FindSimulatedTrack(kind);
     ASSIGN_OR_RETURN(
         auto recorder, TrajectoryRecorder::Make(environment, track.telemetry(environment),
                                                  {.track = std::string(kind.name),
@@ -157,7 +157,7 @@ absl::Status WriteModelFile(const std::string& name, const char* file,
     return absl::InvalidArgumentError(absl::StrCat("there is no track \"", name, "\"; known: ",
                                                    absl::StrJoin(TrackNames(), ", ")));
   }
-  const SimulatedTrack& track = SimulatedTrackOf(*kind);
+  const SimulatedTrack& track = FindSimulatedTrack(*kind);
   const absl::StatusOr<ModelPtr> model = LoadModel(*track.model, cache_dir);
   if (!model.ok()) return model.status();
   const absl::StatusOr<std::string> content =

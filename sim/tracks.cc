@@ -38,7 +38,7 @@ std::span<const SimulatedTrack> SimulatedTracks() {
   return tracks;
 }
 
-const SimulatedTrack& SimulatedTrackOf(const TrackKind& kind) {
+const SimulatedTrack& FindSimulatedTrack(const TrackKind& kind) {
   const std::span<const SimulatedTrack> all = SimulatedTracks();
   const auto found = std::ranges::find(all, &kind, &SimulatedTrack::kind);
   if (found == all.end()) std::abort();  // a test compares the registries

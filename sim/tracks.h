@@ -32,7 +32,7 @@ struct SimulatedTrack {
 std::span<const SimulatedTrack> SimulatedTracks();
 
 // REQUIRES: the kind of a parsed config.
-const SimulatedTrack& SimulatedTrackOf(const TrackKind& kind);
+const SimulatedTrack& FindSimulatedTrack(const TrackKind& kind);
 
 // Makes the environment that a track config asks for. `cache_dir` holds the
 // challenge's models (see sim/model/model.h). Errors: the rules are wrong

@@ -34,7 +34,7 @@ std::string ProcessorName(Elf64_Half machine, bool wide) {
   }
 }
 
-std::string LoaderOf(int fd, const Elf64_Ehdr& header) {
+std::string ReadLoader(int fd, const Elf64_Ehdr& header) {
   const int segments = std::min<int>(header.e_phnum, kMaxSegments);
   for (int i = 0; i < segments; ++i) {
     Elf64_Phdr segment;
@@ -63,7 +63,7 @@ ProgramHead BinaryHead(int fd, std::string_view bytes) {
     return head;
   }
   head.kind = ProgramHead::Kind::kBinary;
-  head.interpreter = LoaderOf(fd, header);
+  head.interpreter = ReadLoader(fd, header);
   return head;
 }
 

@@ -78,9 +78,9 @@ Sha256Digest Sha256::Peek() const {
   return digest;
 }
 
-std::string Sha256::FinishHex() { return HexOf(Finish()); }
+std::string Sha256::FinishHex() { return ToHex(Finish()); }
 
-std::string HexOf(std::span<const uint8_t> bytes) {
+std::string ToHex(std::span<const uint8_t> bytes) {
   return absl::BytesToHexString(
       absl::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
@@ -95,7 +95,7 @@ Sha256Digest Sha256Of(std::string_view data) {
   return hash.Finish();
 }
 
-std::string Sha256Hex(std::string_view data) { return HexOf(Sha256Of(data)); }
+std::string Sha256Hex(std::string_view data) { return ToHex(Sha256Of(data)); }
 
 absl::StatusOr<std::string> Sha256File(const std::string& path) {
   // O_NONBLOCK: opening a FIFO without a writer must not hang.

@@ -40,7 +40,7 @@ class Sha256 {
 };
 
 // 64 lower-case hexadecimal digits.
-std::string HexOf(std::span<const uint8_t> bytes);
+std::string ToHex(std::span<const uint8_t> bytes);
 bool IsSha256Hex(std::string_view text);
 
 Sha256Digest Sha256Of(std::string_view data);

@@ -66,7 +66,7 @@ absl::StatusOr<std::vector<uint64_t>> SeedRange(const nlohmann::json& json,
   return seeds;
 }
 
-std::string PolicySeedSecretOf(ConfigReader& reader) {
+std::string ReadPolicySeedSecret(ConfigReader& reader) {
   constexpr char kKey[] = "policy_seed_secret";
   constexpr size_t kMaxBytes = 200;
   std::string secret = reader.String(kKey);
@@ -175,7 +175,7 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
   const nlohmann::json& budgets = reader.Object("budgets");
   if (!reader.Has("seeds")) reader.Fail("seeds", "is missing");
   reader.Ignore("seeds");
-  config.policy_seed_secret = PolicySeedSecretOf(reader);
+  config.policy_seed_secret = ReadPolicySeedSecret(reader);
   ReadPhase(reader, config);
   RETURN_IF_ERROR(reader.Finish());
   for (const std::string& name : {config.id, config.profile}) {

@@ -95,7 +95,7 @@ absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
 }
 
 // The merged file's profiles, checked to be an object of objects with valid names.
-absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const std::string& where) {
+absl::StatusOr<nlohmann::json> ReadProfiles(const nlohmann::json& merged, const std::string& where) {
   const auto it = merged.find("profiles");
   if (it == merged.end() || !it->is_object() || it->empty()) {
     return absl::InvalidArgumentError(
@@ -149,7 +149,7 @@ std::vector<std::string> KeysOf(const nlohmann::json& object) {
 // The config of one profile of `track`, whose files were merged.
 absl::StatusOr<TrackConfig> ConfigOfProfile(nlohmann::json merged, const std::string& track,
                                             const std::string& profile, const std::string& where) {
-  ASSIGN_OR_RETURN(nlohmann::json profiles, ProfilesOf(merged, where));
+  ASSIGN_OR_RETURN(nlohmann::json profiles, ReadProfiles(merged, where));
   std::string wanted = profile;
   if (wanted.empty()) {
     const auto it = merged.find("default_profile");
@@ -217,7 +217,7 @@ absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_
                                                       const std::string& track) {
   ASSIGN_OR_RETURN(nlohmann::json merged, ReadExtended(tracks_dir, track));
   ASSIGN_OR_RETURN(nlohmann::json profiles,
-                   ProfilesOf(merged, absl::StrCat(tracks_dir, "/", track, ".json")));
+                   ReadProfiles(merged, absl::StrCat(tracks_dir, "/", track, ".json")));
   return KeysOf(profiles);
 }
 

@@ -60,7 +60,7 @@ absl::StatusOr<LogStart> StartFromJson(const Json& json) {
 
 // The checksum at the end of a log covers the bytes before its last event, by their SHA-256, and
 // that event's content.
-std::string ChecksumOf(const std::string& before, const LogEnd& end) {
+std::string ComputeChecksum(const std::string& before, const LogEnd& end) {
   return Sha256Hex(before + CanonicalJson({{"steps", end.steps},
                                            {"logged", end.logged},
                                            {"end", end.end},
@@ -72,7 +72,7 @@ Json EndToJson(const LogEnd& end, const std::string& before) {
           {"logged", end.logged},
           {"end", end.end},
           {"digest", end.digest},
-          {"checksum", ChecksumOf(before, end)}};
+          {"checksum", ComputeChecksum(before, end)}};
 }
 
 int64_t MicrosecondsOf(int64_t step, double period) {
@@ -194,7 +194,7 @@ class Parser {
     std::string seal;
     encoder.Resume(event.number, log_.steps());
     encoder.End(end, before, seal);
-    if (checksum != ChecksumOf(before, end) || seal != bytes_.substr(event.offset)) {
+    if (checksum != ComputeChecksum(before, end) || seal != bytes_.substr(event.offset)) {
       return absl::DataLossError(
           "the log was altered or damaged: its bytes do not fit the checksum at its end");
     }

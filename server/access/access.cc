@@ -88,7 +88,7 @@ bool MayTake(const Identity& identity, Action action, const std::optional<std::s
   return any_team || !team.has_value() || identity.teams.contains(*team);
 }
 
-Visibility VisibilityOf(Role role, const PhaseVisibility& phase) {
+Visibility ComputeVisibility(Role role, const PhaseVisibility& phase) {
   if (role >= Role::kOrganiser) return {};
   Visibility sight = phase.published || phase.revealed ? Visibility{} : phase.shown;
   sight.seeds = !phase.committed || phase.revealed;

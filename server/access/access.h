@@ -109,7 +109,7 @@ inline constexpr Visibility kUnknownPhaseVisibility = {.aggregate = true,
                                                     .seeds = false,
                                                     .progress = false};
 
-Visibility VisibilityOf(Role role, const PhaseVisibility& phase);
+Visibility ComputeVisibility(Role role, const PhaseVisibility& phase);
 
 // Whether nothing is withheld.
 inline bool SeesAll(const Visibility& sight) { return sight == Visibility{}; }

@@ -104,7 +104,7 @@ absl::Status Admission::CheckTries(const std::string& team, const std::string& t
   return readers_.Read([&](const Transaction& reader) {
     RETURN_IF_ERROR(reader.teams.Check(team));
     const QuotaUse use =
-        reader.quotas.UseOf(reader.teams.NameOf(team), track, absl::ToUnixMillis(clock_.Now()));
+        reader.quotas.CountQuotaUse(reader.teams.NameOf(team), track, absl::ToUnixMillis(clock_.Now()));
     return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
   });
 }
@@ -257,7 +257,7 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entr
   submission.grader_json =
       CanonicalJson(WithRuntimes(GraderBuild(options_.cache_dir, {artefact.adapter}),
                                  RuntimeDigests(runtimes_, artefact.runtimes)));
-  submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
+  submission.blocks = SplitIntoBlocks(submission.seed_count, config.episodes_per_lease);
   return submission;
 }
 

@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 constexpr char kStopsNow[] = "the daemon is stopping; nothing was changed";
 constexpr size_t kReadAtOnce = 256 << 10;
 
-absl::StatusOr<std::string> HashOf(const IncomingArchive& archive,
+absl::StatusOr<std::string> HashArchive(const IncomingArchive& archive,
                                    const std::function<bool()>& stopping) {
   Sha256 hash;
   std::string piece(std::min(kReadAtOnce, static_cast<size_t>(archive.size())), '\0');
@@ -109,7 +109,7 @@ absl::StatusOr<ReceivedArtefact> Admission::Take(const UploadRequest& request,
     return kind == nullptr ? absl::OkStatus() : CheckAdapter(adapter, *kind);
   };
   if (archive.size() == 0) return absl::InvalidArgumentError("the archive is empty");
-  ASSIGN_OR_RETURN(const std::string sha256, HashOf(archive, request.stopping));
+  ASSIGN_OR_RETURN(const std::string sha256, HashArchive(archive, request.stopping));
   absl::StatusOr<ArtefactRow> known = Known(sha256);
   if (known.ok()) {
     RETURN_IF_ERROR(check(known->adapter));

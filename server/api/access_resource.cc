@@ -175,7 +175,7 @@ ApiResult ListTokens(const ApiContext& context, const Transaction& reader, const
 
 ApiResult RevokeToken(const ApiContext& context, const Request& request, const Json& body) {
   RETURN_IF_ERROR(ParseNothing(body));
-  const int64_t id = IdOf(request);
+  const int64_t id = ReadId(request);
   // Of an unreadable row nobody knows the role, so that it takes an operator.
   std::string role = "operator";
   RETURN_IF_ERROR(context.readers.Read([&](const Transaction& store) {

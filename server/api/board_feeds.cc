@@ -22,7 +22,7 @@ int WidthOf(const std::string& text) {
   return static_cast<int>(characters) * kCharacterWidth + 2 * kPadding;
 }
 
-std::string SubjectOf(const Json& board) {
+std::string FeedSubject(const Json& board) {
   const std::string name =
       (board["phase"].is_string() ? board["phase"] : board["track"]).get<std::string>();
   const auto which = board["board"].get<std::string>();
@@ -35,7 +35,7 @@ std::string PlaceOf(const Json& row) {
 }
 
 // `ended`: "" if that can't be read.
-std::string EntryOf(const Json& board, const Json& row, const std::string& changed,
+std::string WriteEntry(const Json& board, const Json& row, const std::string& changed,
                     const std::string& ended) {
   const Json& aggregate = row["aggregate"];
   const std::string results =
@@ -72,7 +72,7 @@ std::string XmlText(const std::string& text) {
   return escaped;
 }
 
-absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::string& team) {
+absl::StatusOr<std::string> DrawBadge(const nlohmann::json& board, const std::string& team) {
   const Json& rows = board["rows"];
   const auto ranked = [](const Json& one) { return !one["rank"].is_null(); };
   const auto its = [&](const Json& one) { return one["team"] == team; };
@@ -83,7 +83,7 @@ absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::stri
   if (row == rows.end()) {
     return absl::NotFoundError(absl::StrCat("there is no team \"", team, "\" on this board"));
   }
-  const std::string left = SubjectOf(board);
+  const std::string left = FeedSubject(board);
   const auto teams = std::count_if(rows.begin(), rows.end(), ranked);
   const std::string right =
       ranked(*row) ? absl::StrCat(PlaceOf(*row), " of ", teams) : PlaceOf(*row);
@@ -101,14 +101,14 @@ absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::stri
       XmlText(left), middle + (width - middle) / 2, XmlText(right));
 }
 
-std::string FeedOf(const nlohmann::json& board, const std::string& changed,
+std::string WriteFeed(const nlohmann::json& board, const std::string& changed,
                    const std::map<int64_t, std::string>& ended) {
   std::string entries;
   for (const Json& row : board["rows"]) {
     const auto at = ended.find(row["evaluation"].get<int64_t>());
-    entries += EntryOf(board, row, changed, at == ended.end() ? "" : at->second);
+    entries += WriteEntry(board, row, changed, at == ended.end() ? "" : at->second);
   }
-  const std::string subject = XmlText(SubjectOf(board));
+  const std::string subject = XmlText(FeedSubject(board));
   return absl::StrCat("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n"
                       "<feed xmlns=\"http://www.w3.org/2005/Atom\"><id>urn:myograde:",
                       board["config"].get<std::string>(), ":",

@@ -17,12 +17,12 @@ namespace myograde::server {
 std::string XmlText(const std::string& text);
 
 // An SVG that tells a team's rank on the board. NotFoundError: it has none.
-absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::string& team);
+absl::StatusOr<std::string> DrawBadge(const nlohmann::json& board, const std::string& team);
 
 // An Atom feed (RFC 4287) with an entry for each row. Times are as RFC 3339 writes them. `changed`: when
 // the board last changed, which may have moved any rank. `ended`: when each row's evaluation did;
 // those that can't be read are left out.
-std::string FeedOf(const nlohmann::json& board, const std::string& changed,
+std::string WriteFeed(const nlohmann::json& board, const std::string& changed,
                    const std::map<int64_t, std::string>& ended);
 
 }  // namespace myograde::server

@@ -228,7 +228,7 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
     if (filled.ok()) filled = FillRow(reader, names, row);
     if (filled.ok()) {
       source.standings.push_back(std::move(row));
-    } else if (const std::optional<Damage> damage = DamageOf(filled)) {
+    } else if (const std::optional<Damage> damage = ExtractDamage(filled)) {
       source.damaged.push_back(*damage);
     } else {
       return filled;

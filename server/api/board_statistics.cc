@@ -25,11 +25,11 @@ constexpr absl::Duration kLongestWaitForStatistics = absl::Hours(1);  // outside
 using scoring::JudgedEpisode;
 using scoring::TestedRow;
 
-std::vector<std::optional<scoring::Spread>> SpreadsOf(const Track& track,
+std::vector<std::optional<scoring::Spread>> ComputeSpreads(const Track& track,
                                                       const scoring::BoardRules& rules,
                                                       const std::vector<JudgedEpisode>& episodes) {
   std::vector<std::optional<scoring::Spread>> spreads;
-  for (const scoring::Criterion& criterion : scoring::CriteriaOf(rules)) {
+  for (const scoring::Criterion& criterion : scoring::ListCriteria(rules)) {
     const bool number = criterion.kind == scoring::Criterion::Kind::kNumber;
     spreads.push_back(
         number ? scoring::SpreadOverSteps(track.scoring.track->metrics, criterion.number, episodes)
@@ -86,7 +86,7 @@ absl::StatusOr<TestedRow> ReadRow(const Transaction& reader, const Track& track,
   ASSIGN_OR_RETURN(std::vector<JudgedEpisode> episodes, JudgedEpisodes(*track.scoring.track, rows));
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Find(row.source.evaluation));
   RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, track.config.seed_salt));
-  place.over_steps = SpreadsOf(track, rules, episodes);
+  place.over_steps = ComputeSpreads(track, rules, episodes);
   ASSIGN_OR_RETURN(Further further, FurtherEpisodes(reader, track, items, before_ms, indices));
   place.further = std::ssize(further.episodes);
   episodes.insert(episodes.end(), further.episodes.begin(), further.episodes.end());
@@ -102,7 +102,7 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
   return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
 }
 
-absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std::string& config) {
+absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader, const std::string& config) {
   FurtherItems all;
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.from_config != config) continue;
@@ -118,7 +118,7 @@ absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std
   return all;
 }
 
-scoring::StatisticsConfig StatisticsConfigOf(const ApiContext& context, const std::string& phase) {
+scoring::StatisticsConfig FindStatisticsConfig(const ApiContext& context, const std::string& phase) {
   const scoring::StatisticsConfig& fallback = context.config.statistics;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
   if (config == nullptr) return fallback;
@@ -128,12 +128,12 @@ scoring::StatisticsConfig StatisticsConfigOf(const ApiContext& context, const st
   return own;
 }
 
-absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Track& track,
+absl::StatusOr<BoardStatistics> ComputeStatistics(const Transaction& reader, const Track& track,
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
                                              int64_t before_ms) {
-  ASSIGN_OR_RETURN(FurtherItems further, FurtherItemsOf(reader, track.config.hash));
+  ASSIGN_OR_RETURN(FurtherItems further, ListFurtherItems(reader, track.config.hash));
   FurtherIndices indices;
   BoardStatistics statistics;
   std::vector<TestedRow> tested;
@@ -145,7 +145,7 @@ absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Tr
     absl::StatusOr<TestedRow> read =
         ReadRow(reader, track, rules, board.rows[i], further[board.rows[i].source.submission],
                 before_ms, indices, place);
-    if (const std::optional<Damage> damage = DamageOf(read.status())) {
+    if (const std::optional<Damage> damage = ExtractDamage(read.status())) {
       statistics.damaged.push_back(*damage);
       continue;
     }
@@ -208,7 +208,7 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
   if (!own.owns_lock()) return busy;
   if (Made made = Find(key); made != nullptr) return made;
   ASSIGN_OR_RETURN(BoardStatistics computed,
-                   StatisticsOf(reader, *asked.track, asked.rules->rules, board, rules,
+                   ComputeStatistics(reader, *asked.track, asked.rules->rules, board, rules,
                                 moment.results_before_ms()));
   auto made = std::make_shared<const BoardStatistics>(std::move(computed));
   const MutexLock lock(mutex_);

@@ -27,7 +27,7 @@
 namespace myograde::server {
 
 // How the board of a phase ("": of none) tells close places apart.
-scoring::StatisticsConfig StatisticsConfigOf(const ApiContext& context, const std::string& phase);
+scoring::StatisticsConfig FindStatisticsConfig(const ApiContext& context, const std::string& phase);
 
 // An evaluation of further episodes that is played, or will be.
 struct FurtherItem {
@@ -40,7 +40,7 @@ struct FurtherItem {
 using FurtherItems = std::map<int64_t, std::vector<FurtherItem>>;
 
 // Of the submissions on the board of a config.
-absl::StatusOr<FurtherItems> FurtherItemsOf(const Transaction& reader, const std::string& config);
+absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader, const std::string& config);
 
 // The seeds that a rejudge plays, by index.
 absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
@@ -64,7 +64,7 @@ struct BoardStatistics {
 // `rules`: of the board, which MakeLeaderboard made. `before_ms`: what ended from then on is left
 // out. Reads the episodes of the first places only. DeadlineExceededError: the request was over
 // (HttpServer::IsOver) before all tests were made.
-absl::StatusOr<BoardStatistics> StatisticsOf(const Transaction& reader, const Track& track,
+absl::StatusOr<BoardStatistics> ComputeStatistics(const Transaction& reader, const Track& track,
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,

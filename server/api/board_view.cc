@@ -17,7 +17,7 @@ namespace {
 void AddBuilds(const Transaction& reader, const Leaderboard& board, Json& json) {
   std::vector<int64_t> evaluations;
   for (const LeaderboardRow& row : board.rows) evaluations.push_back(row.source.evaluation);
-  const BoardBuilds builds = CountBuilds(evaluations, reader.evaluations.GradersOf(evaluations));
+  const BoardBuilds builds = CountBuilds(evaluations, reader.evaluations.ListGraders(evaluations));
   for (size_t i = 0; i < builds.of_rows.size(); ++i) {
     json["rows"][i]["build"] = builds.of_rows[i];
     json["rows"][i]["other_build"] = builds.of_rows[i] != builds.own();
@@ -144,10 +144,10 @@ Json IntervalToJson(const Json& aggregate, const std::string& name,
           {"method", name == kSuccessRate ? "wilson" : "normal"}};
 }
 
-Json IntervalsOf(const Track& track, const scoring::BoardRules& rules, const Json& aggregate,
+Json ListIntervals(const Track& track, const scoring::BoardRules& rules, const Json& aggregate,
                  const TestedPlace* tested) {
   Json intervals = Json::object();
-  const std::vector<Criterion> criteria = scoring::CriteriaOf(rules);
+  const std::vector<Criterion> criteria = scoring::ListCriteria(rules);
   for (size_t i = 0; i < criteria.size(); ++i) {
     const std::string name = NameOf(track, criteria[i]).get<std::string>();
     intervals[name] = IntervalToJson(aggregate, name,
@@ -215,7 +215,7 @@ Json StatisticsAnswer(const Transaction& reader, const Track& track,
     const TestedPlace* tested =
         found == place_of.end() ? nullptr : &statistics.places[found->second];
     if (tested != nullptr) AddTests(track, board, statistics.places, found->second, json);
-    json["intervals"] = IntervalsOf(track, rules, row.aggregate, tested);
+    json["intervals"] = ListIntervals(track, rules, row.aggregate, tested);
     rows.push_back(std::move(json));
   }
   Json used = scoring::StatisticsToJson(config);
@@ -223,7 +223,7 @@ Json StatisticsAnswer(const Transaction& reader, const Track& track,
   used["spending"] = config.groups.further_looks ? Json("halving") : Json();
   used["tests"] = statistics.tests;
   Json criteria = Json::array();
-  for (const Criterion& criterion : scoring::CriteriaOf(rules)) {
+  for (const Criterion& criterion : scoring::ListCriteria(rules)) {
     criteria.push_back(DescriptionOf(track, criterion));
   }
   Json groups = GroupsOf(board, statistics);

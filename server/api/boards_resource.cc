@@ -84,7 +84,7 @@ absl::Status SendBadge(const ApiContext& context, const Answers& answers, const 
     if (!request.HasParam("team")) return MissingParameter("team", "the name of a team");
     ASSIGN_OR_RETURN(const auto text, answers->TextOf(reader, asked));
     ASSIGN_OR_RETURN(std::string badge,
-                     BadgeOf(Json::parse(*text), reader.teams.NameOf(request.Param("team"))));
+                     DrawBadge(Json::parse(*text), reader.teams.NameOf(request.Param("team"))));
     // Opened by itself, an image runs nothing and loads nothing either.
     response.SetHeader("Content-Security-Policy", "default-src 'none'; sandbox");
     SendFresh(std::move(badge), "image/svg+xml", response);
@@ -102,7 +102,7 @@ absl::Status SendFeed(const ApiContext& context, const Answers& answers, const R
     for (const Json& row : board["rows"]) {
       const auto evaluation = row["evaluation"].get<int64_t>();
       const absl::StatusOr<EvaluationRow> found = reader.evaluations.Find(evaluation);
-      if (DamageOf(found.status()).has_value()) continue;  // the others are good
+      if (ExtractDamage(found.status()).has_value()) continue;  // the others are good
       if (!found.ok()) return found.status();
       ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
     }
@@ -110,7 +110,7 @@ absl::Status SendFeed(const ApiContext& context, const Answers& answers, const R
         asked.track->config.hash, asked.track->config.phase, asked.moment()));
     const std::string changed = last.is_null() ? "1970-01-01T00:00:00.000Z"  // an empty board
                                                : last.get<std::string>();
-    SendFresh(FeedOf(board, changed, ended), "application/atom+xml", response);
+    SendFresh(WriteFeed(board, changed, ended), "application/atom+xml", response);
     return absl::OkStatus();
   });
 }
@@ -154,7 +154,7 @@ void AddBoards(Routes& routes, const ApiContext& context) {
   const auto answers = [&](auto view) {
     return std::make_shared<BoardAnswers>(
         context, [&context, kept, view](const Transaction& reader, const BoardQuery& asked) {
-          return view(reader, asked, StatisticsConfigOf(context, asked.track->config.phase), *kept);
+          return view(reader, asked, FindStatisticsConfig(context, asked.track->config.phase), *kept);
         });
   };
   const Answers boards = answers(BoardView);

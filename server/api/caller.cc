@@ -56,7 +56,7 @@ absl::Status RequireEvaluation(const Transaction& reader, int64_t id) {
   RETURN_IF_ERROR(Require(team, missing));
   const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
   const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
-  return CallerSees(reader.Board().VisibilityOf(rejudge)) ? absl::OkStatus() : missing;
+  return CallerSees(reader.Board().ComputeVisibility(rejudge)) ? absl::OkStatus() : missing;
 }
 
 bool CallerSees(const RejudgeVisibility& rejudge) {

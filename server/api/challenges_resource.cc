@@ -205,7 +205,7 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
 
 ApiResult ChooseSubmission(const ApiContext& context, const Request& request, const Json& body) {
   RETURN_IF_ERROR(ParseNothing(body));
-  const int64_t id = IdOf(request);
+  const int64_t id = ReadId(request);
   SubmissionRow row;
   RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
     RETURN_IF_ERROR(RequireSubmission(reader, id));

@@ -24,8 +24,8 @@ const std::map<std::string, std::string> kTypes = {{".html", "text/html; charset
 }  // namespace
 
 Document MakeDocument(std::string type, std::string text, std::string packed) {
-  std::string tag = EntityTagOf(text);
-  std::string packed_tag = EntityTagOf(packed);
+  std::string tag = ComputeEntityTag(text);
+  std::string packed_tag = ComputeEntityTag(packed);
   return {std::move(type), std::move(text), std::move(packed), std::move(tag),
           std::move(packed_tag)};
 }
@@ -49,7 +49,7 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
                                                      kMostBytes,
                                                      " bytes in total; remove some versions"));
     }
-    std::string packed = GzipOf(*text);
+    std::string packed = CompressGzip(*text);
     if (packed.size() >= text->size()) packed.clear();
     documents[it->path().lexically_relative(folder).generic_string()] =
         MakeDocument(type->second, *std::move(text), std::move(packed));

@@ -72,7 +72,7 @@ void DropUnended(const std::vector<LeaseRow>& leases, std::vector<EpisodeRow>& r
 }
 
 // A rerun against its original; null for an original.
-absl::StatusOr<Json> ComparisonOf(const Transaction& reader, const EvaluationRow& evaluation,
+absl::StatusOr<Json> CompareEvaluations(const Transaction& reader, const EvaluationRow& evaluation,
                                   const std::vector<EpisodeRow>& rows,
                                   const std::string& seed_salt) {
   if (evaluation.kind != EvaluationKind::kRerun) return Json();
@@ -119,7 +119,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
                     {"config", ConfigOf(evaluation, submission)},
                     {"seeds", SeedsOf(evaluation, submission)},
                     {"results", ResultsHash(rows, config.seed_salt)}};
-  json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows, config.seed_salt));
+  json["merkle_root"] = rows.empty() ? Json() : Json(ComputeMerkleRoot(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation.grader_json, nullptr, false);
   json["limits"] = config.effective.value("budgets", Json());
   json["output"] = OutputToJson(leases, rows);
@@ -127,7 +127,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   for (const RepeatRow& repeat : repeats) {
     json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});
   }
-  ASSIGN_OR_RETURN(json["comparison"], ComparisonOf(reader, evaluation, rows, config.seed_salt));
+  ASSIGN_OR_RETURN(json["comparison"], CompareEvaluations(reader, evaluation, rows, config.seed_salt));
   if (selection.rows || selection.summary) {
     RETURN_IF_ERROR(AddEpisodes(reader, *track, id, rows, judged, selection, json));
   }
@@ -183,7 +183,7 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
 }
 
 ApiResult GetResult(const ApiContext& context, const Transaction& reader, const Request& request) {
-  const int64_t id = IdOf(request);
+  const int64_t id = ReadId(request);
   ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
   RETURN_IF_ERROR(RequireSubmission(reader, id));
   RETURN_IF_ERROR(reader.submissions.Find(id).status());
@@ -195,8 +195,8 @@ ApiResult GetResult(const ApiContext& context, const Transaction& reader, const 
 ApiResult GetEvaluation(const ApiContext& context, const Transaction& reader,
                         const Request& request) {
   ASSIGN_OR_RETURN(const EpisodeSelection selection, ParseEpisodes(request));
-  RETURN_IF_ERROR(RequireEvaluation(reader, IdOf(request)));
-  ASSIGN_OR_RETURN(Json body, EvaluationToJson(reader, context, IdOf(request), selection));
+  RETURN_IF_ERROR(RequireEvaluation(reader, ReadId(request)));
+  ASSIGN_OR_RETURN(Json body, EvaluationToJson(reader, context, ReadId(request), selection));
   return ApiAnswer{200, std::move(body)};
 }
 
@@ -220,7 +220,7 @@ ApiResult RerunSubmission(const ApiContext& context, const Request& request, con
   ASSIGN_OR_RETURN(const std::optional<Accepted> earlier,
                    FindEarlier(context.readers, CallerKey(), key));
   if (earlier.has_value()) return RerunAnswer(context, *earlier);
-  const int64_t submission = IdOf(request);
+  const int64_t submission = ReadId(request);
   ASSIGN_OR_RETURN(NewRerun rerun, ReadStore(context, [&](const Transaction& reader) {
     return MakeRerun(reader, context, submission, wanted);
   }));

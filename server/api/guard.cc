@@ -139,7 +139,7 @@ std::optional<ApiError> Guard::IdentifyUser(const Peer& peer, std::optional<Acti
     return absl::OkStatus();
   });
   // What is open to everybody is answered also while the store is in trouble.
-  if (!status.ok() && RoleFor(*action) > Role::kPublic) return ErrorOf(status);
+  if (!status.ok() && RoleFor(*action) > Role::kPublic) return ToApiError(status);
   return std::nullopt;
 }
 
@@ -171,7 +171,7 @@ std::optional<ApiError> Guard::IdentifyToken(const Peer& peer, std::string_view 
       if (found.ok()) row = *std::move(found);
       return absl::IsNotFound(found.status()) ? absl::OkStatus() : found.status();
     });
-    if (!status.ok()) return ErrorOf(status);
+    if (!status.ok()) return ToApiError(status);
   }
   auto identity = IdentityOfToken(row, absl::ToUnixMillis(context_.clock.Now()),
                                   /*remote=*/peer.network);

@@ -75,7 +75,7 @@ Json HostToJson(const ApiContext& context, const LiveHealth& health) {
 // Everybody sees that it works, participants how busy it is, and organisers the host.
 ApiResult GetHealth(const ApiContext& context, const Request&) {
   const LiveHealth health = context.engine.Health();
-  Json body = {{"status", StatusOf(health)}, {"version", GraderVersion()}, {"api", 1}};
+  Json body = {{"status", StatusText(health)}, {"version", GraderVersion()}, {"api", 1}};
   if (Caller().role >= Role::kParticipant) {
     body["slots"] = context.config.scheduler.slots;
     body["running"] = health.running;
@@ -90,7 +90,7 @@ ApiResult GetLive(const Request&) { return ApiAnswer{200, {{"live", true}}}; }
 
 ApiResult GetReady(const ApiContext& context, const Request&) {
   Json reasons = Json::array();
-  for (const Obstacle& obstacle : ObstaclesOf(context, context.engine.Health())) {
+  for (const Obstacle& obstacle : FindObstacles(context, context.engine.Health())) {
     if (obstacle.message.empty()) continue;
     reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
   }

@@ -25,7 +25,7 @@ void AddGauge(Families& families, const char* name, const char* help, Number val
   AddGauges<Number>(families, name, help, "", {{"", value}});
 }
 
-double SecondsOf(const std::optional<absl::Duration>& duration) {
+double ToSeconds(const std::optional<absl::Duration>& duration) {
   return absl::ToDoubleSeconds(duration.value_or(absl::ZeroDuration()));
 }
 
@@ -55,13 +55,13 @@ void AddEngineMetrics(const ApiContext& context, const LiveHealth& health, Famil
   AddGauge(families, "myograde_queue_oldest_wait_seconds",
            "How long the longest waiting evaluation has had no lease started, in seconds; 0: none "
            "is waiting",
-           SecondsOf(health.queue.oldest));
+           ToSeconds(health.queue.oldest));
   AddGauge(families, "myograde_leases_running", "Running leases", health.running);
   AddGauge(families, "myograde_leases_ending",
            "Reclaimed leases whose processes have not ended yet", health.ending);
   AddGauge(families, "myograde_lease_oldest_running_seconds",
            "How long the longest running lease has run, in seconds; 0: none is running",
-           SecondsOf(health.oldest_run));
+           ToSeconds(health.oldest_run));
   AddGauge(families, "myograde_slots", "Leases that may run at once",
            context.config.scheduler.slots);
   AddGauge(families, "myograde_slots_busy", "Slots in use by a lease or a self-test",
@@ -85,7 +85,7 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
   AddGauges(families, "myograde_host_state",
             "1 for the present state of this host, 0 for the others", "state", states);
   std::map<std::string, bool> reasons;
-  for (const Obstacle& obstacle : ObstaclesOf(context, health)) {
+  for (const Obstacle& obstacle : FindObstacles(context, health)) {
     reasons[obstacle.code] = !obstacle.message.empty();
   }
   const bool ready = std::none_of(reasons.begin(), reasons.end(),

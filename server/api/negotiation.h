@@ -10,7 +10,7 @@
 namespace myograde::server {
 
 // The strong tag of an answer with this body, quotes included.
-std::string EntityTagOf(std::string_view body);
+std::string ComputeEntityTag(std::string_view body);
 
 // Whether the value of an If-None-Match header has the tag, or is "*". Tags are compared weakly, as
 // the RFC asks for; what is not a list of tags has none.

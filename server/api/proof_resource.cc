@@ -39,7 +39,7 @@ Json PolicySeedsOf(const TrackConfig& config, const std::vector<EpisodeRow>& row
 }
 
 // Null: this store never had the phase's secret, as after an import.
-absl::StatusOr<Json> CommitmentOf(const Transaction& reader, const std::string& phase) {
+absl::StatusOr<Json> FindCommitment(const Transaction& reader, const std::string& phase) {
   const absl::StatusOr<std::string> secret = reader.phases.Secret(phase);
   if (secret.ok()) return Json(SecretCommitment(*secret));
   return absl::IsNotFound(secret.status()) ? absl::StatusOr<Json>(Json()) : secret.status();
@@ -47,7 +47,7 @@ absl::StatusOr<Json> CommitmentOf(const Transaction& reader, const std::string& 
 
 // Takes everything out of a receipt from which its seeds follow.
 absl::Status HideSeeds(const Transaction& reader, const TrackConfig& config, Json& receipt) {
-  ASSIGN_OR_RETURN(Json commitment, CommitmentOf(reader, config.phase));
+  ASSIGN_OR_RETURN(Json commitment, FindCommitment(reader, config.phase));
   receipt["format"] = 2;
   receipt["policy_seeds"] = nullptr;
   for (const char* key : {"seeds", "policy_seed_secret", "seed_salt"}) {
@@ -66,7 +66,7 @@ absl::Status AddRecord(const Transaction& reader, RecordLog& record,
       entry.ok() ? record.Prove(reader, entry->index, entry->index + 1)
                  : absl::StatusOr<EntryProof>(entry.status());
   // A broken record does not keep anybody's result back.
-  if (absl::IsNotFound(proof.status()) || DamageOf(proof.status())) return absl::OkStatus();
+  if (absl::IsNotFound(proof.status()) || ExtractDamage(proof.status())) return absl::OkStatus();
   if (!proof.ok()) return proof.status();
   receipt["record"] = EntryProofToJson(*proof);
   return absl::OkStatus();
@@ -76,7 +76,7 @@ absl::Status AddRecord(const Transaction& reader, RecordLog& record,
 // (server/proof/receipt.h); in format 2 if its config hides its seeds, whether or not they have
 // been revealed. `record` proves where the public record has it. FailedPreconditionError before it
 // is done or failed.
-absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record,
+absl::StatusOr<Json> BuildReceipt(const Transaction& reader, RecordLog& record,
                                const SubmissionRow& submission, const EvaluationRow& evaluation) {
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -110,7 +110,7 @@ absl::StatusOr<Json> ReceiptOf(const Transaction& reader, RecordLog& record,
                   {"grader", Json::parse(evaluation.grader_json, nullptr, false)},
                   {"aggregate", AggregateToJson(scored, aggregate)},
                   {"results", ResultsHash(rows, track.seed_salt)},
-                  {"merkle_root", MerkleRootOf(rows, track.seed_salt)},
+                  {"merkle_root", ComputeMerkleRoot(rows, track.seed_salt)},
                   {"episodes", std::move(episodes)}};
   RETURN_IF_ERROR(AddRecord(reader, record, evaluation, receipt));
   if (track.seed_salt.empty()) return receipt;
@@ -159,7 +159,7 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, const Tran
 // Until a rejudge is applied, only organisers know of its results.
 absl::Status CheckRejudgeShown(const Transaction& reader, const EvaluationRow& evaluation,
                                bool everybody) {
-  const RejudgeVisibility rejudge = reader.Board().VisibilityOf(evaluation.rejudge);
+  const RejudgeVisibility rejudge = reader.Board().ComputeVisibility(evaluation.rejudge);
   if (rejudge.rejudge == 0) return absl::OkStatus();
   if (!CallerSees(rejudge)) {
     return absl::NotFoundError(
@@ -175,30 +175,30 @@ absl::Status CheckRejudgeShown(const Transaction& reader, const EvaluationRow& e
 absl::StatusOr<Json> AskedReceipt(const Request& request, const Transaction& reader,
                                   const ApiContext& context) {
   RETURN_IF_ERROR(CheckParameters(request, {"evaluation", "public", "reason"}));
-  RETURN_IF_ERROR(RequireSubmission(reader, IdOf(request)));
+  RETURN_IF_ERROR(RequireSubmission(reader, ReadId(request)));
   ASSIGN_OR_RETURN(const bool everybody, ReadFlag(request, "public"));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(IdOf(request)));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(ReadId(request)));
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, AskedEvaluation(request, reader, submission.id));
   RETURN_IF_ERROR(CheckRejudgeShown(reader, evaluation, everybody));
   RETURN_IF_ERROR(CheckReceiptShown(reader, context, submission, everybody));
   if (evaluation.state == EvaluationState::kFailed) {
     RETURN_IF_ERROR(CheckFailureShown(reader, context, submission));
   }
-  return ReceiptOf(reader, context.record, submission, evaluation);
+  return BuildReceipt(reader, context.record, submission, evaluation);
 }
 
 // What a copy of the record has in place of a receipt that AskedReceipt answered with `why`; the
 // same status, if it is not withheld.
 absl::StatusOr<WithheldReceipt> WithheldFor(const Request& request, const Transaction& reader,
                                             const ApiContext& context, const absl::Status& why) {
-  const bool unreadable = DamageOf(why).has_value();
+  const bool unreadable = ExtractDamage(why).has_value();
   if (!unreadable && ErrorCodeOf(why) != kWithheldCode) return why;
   WithheldReceipt withheld;
   RETURN_IF_ERROR(ReadNumber(request, "evaluation", INT64_MAX, withheld.evaluation));
   // Not of another submission's evaluation, which may be readable.
   const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(withheld.evaluation);
-  if (evaluation.ok() ? evaluation->submission != IdOf(request)
-                      : !DamageOf(evaluation.status()).has_value()) {
+  if (evaluation.ok() ? evaluation->submission != ReadId(request)
+                      : !ExtractDamage(evaluation.status()).has_value()) {
     return why;
   }
   const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
@@ -310,8 +310,8 @@ ApiResult CompareRecords(const ApiContext& context, const Transaction& reader,
   ASSIGN_OR_RETURN(const auto compared, context.record.Compare(reader, from, to));
   return ApiAnswer{.body = {{"from", from},
                             {"to", to == 0 ? reader.journal.RecordSize() : to},
-                            {"from_root", HexOf(compared.from_root)},
-                            {"to_root", HexOf(compared.to_root)},
+                            {"from_root", ToHex(compared.from_root)},
+                            {"to_root", ToHex(compared.to_root)},
                             {"proof", ProofToJson(compared.proof)}},
                    .tagged = true};
 }

@@ -30,7 +30,7 @@ constexpr absl::Duration kLongest = absl::Minutes(10);
 constexpr absl::Duration kFreshFor = absl::Milliseconds(900);
 
 // The entry of what the engine plays or will play; null: it has ended since the engine was asked.
-absl::StatusOr<Json> EntryOf(int64_t id, const Transaction& reader, const ApiContext& context) {
+absl::StatusOr<Json> BuildEntry(int64_t id, const Transaction& reader, const ApiContext& context) {
   const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
   if (absl::IsNotFound(evaluation.status())) return Json();  // it is newer than what is read
   if (!evaluation.ok()) return evaluation.status();
@@ -63,8 +63,8 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
   Json entries = Json::array();
   for (const int64_t id : queue) {
     if (entries.size() == kShow) break;
-    absl::StatusOr<Json> entry = EntryOf(id, reader, context);
-    if (const auto damage = DamageOf(entry.status())) {
+    absl::StatusOr<Json> entry = BuildEntry(id, reader, context);
+    if (const auto damage = ExtractDamage(entry.status())) {
       ReportLeftOut(*damage);
       continue;
     }

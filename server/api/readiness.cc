@@ -29,7 +29,7 @@ std::string MissingProgram() {
 
 }  // namespace
 
-std::vector<Obstacle> ObstaclesOf(const ApiContext& context, const LiveHealth& health) {
+std::vector<Obstacle> FindObstacles(const ApiContext& context, const LiveHealth& health) {
   const auto closed = static_cast<int>(health.closed_slots.size());
   std::string slots;
   if (closed >= context.config.scheduler.slots) {
@@ -46,7 +46,7 @@ std::vector<Obstacle> ObstaclesOf(const ApiContext& context, const LiveHealth& h
           {"simulator", MissingProgram()}};
 }
 
-const char* StatusOf(const LiveHealth& health) {
+const char* StatusText(const LiveHealth& health) {
   if (!health.store_trouble.empty()) return "store";
   if (!health.host_trouble.empty() || !health.executor_trouble.empty() || !health.disk_trouble.empty()) {
     return "paused";

@@ -23,9 +23,9 @@ struct Obstacle {
 //   cluster    nothing can start on the cluster, or one lease after the other is lost
 //   simulator  a program that plays leases is missing
 // Only inside handlers.
-std::vector<Obstacle> ObstaclesOf(const ApiContext& context, const LiveHealth& health);
+std::vector<Obstacle> FindObstacles(const ApiContext& context, const LiveHealth& health);
 
 // "store" (it can't be written), "paused" (no lease starts), "degraded" (leases are lost) or "ok".
-const char* StatusOf(const LiveHealth& health);
+const char* StatusText(const LiveHealth& health);
 
 }  // namespace myograde::server

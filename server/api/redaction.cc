@@ -187,7 +187,7 @@ bool IsPhasePublic(const Transaction& reader, const ApiContext& context,
   const PhaseVisibility known = KnownOf(reader, context, phase);
   if (known.published || known.revealed) return true;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
-  const Visibility sight = VisibilityOf(Role::kParticipant, known);
+  const Visibility sight = ComputeVisibility(Role::kParticipant, known);
   return config != nullptr && config->freezes == absl::InfiniteFuture() && sight.aggregate &&
          SeesReceipt(sight);
 }
@@ -196,7 +196,7 @@ Visibility FindPhaseVisibility(const Transaction& reader, const ApiContext& cont
                         const std::string& phase) {
   const Role role = Caller().role;
   if (phase.empty() || role >= Role::kOrganiser) return {};
-  return VisibilityOf(role, KnownOf(reader, context, phase));
+  return ComputeVisibility(role, KnownOf(reader, context, phase));
 }
 
 Visibility FindConfigVisibility(const Transaction& reader, const ApiContext& context,

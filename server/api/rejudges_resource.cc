@@ -150,7 +150,7 @@ absl::StatusOr<Json> BoardChanges(const Transaction& reader, const Track& from, 
 }
 
 absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t rejudge) {
-  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.rejudges.UnrepeatableOf(rejudge));
+  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.rejudges.ListUnrepeatable(rejudge));
   Json list = Json::array();
   for (const Unrepeatable& one : found) {
     Json episodes = Json::array();
@@ -168,7 +168,7 @@ absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t reju
 
 // With the events, what has no result, and the keys at which the configs differ.
 absl::StatusOr<Json> WholeRejudgeToJson(const Transaction& reader, const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.ProgressOf(rejudge));
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(rejudge));
   Json json = SummaryOf(rejudge, progress);
   ASSIGN_OR_RETURN(json["without_result"], WithoutResultToJson(reader, rejudge, progress));
   json["events"] = Json::array();
@@ -199,7 +199,7 @@ absl::Status AddRejudgeChanges(const Transaction& reader, const RejudgeRow& reju
   return absl::OkStatus();
 }
 
-std::string SubjectOf(int64_t id) { return absl::StrCat("rejudge ", id); }
+std::string RejudgeName(int64_t id) { return absl::StrCat("rejudge ", id); }
 
 Json PlanToJson(const RejudgePlan& plan) {
   return {{"submissions", plan.submissions},
@@ -220,7 +220,7 @@ ApiResult ListRejudges(const ApiContext&, const Transaction& reader, const Reque
   }
   ApiAnswer answer{200, {{"rejudges", Json::array()}}};
   for (const RejudgeRow& row : listed.rows) {
-    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.ProgressOf(row));
+    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(row));
     answer.body["rejudges"].push_back(SummaryOf(row, progress));
   }
   AddNextPage(request, page, listed, answer);
@@ -230,7 +230,7 @@ ApiResult ListRejudges(const ApiContext&, const Transaction& reader, const Reque
 ApiResult GetRejudge(const ApiContext&, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {"changes"}));
   ASSIGN_OR_RETURN(const bool changes, ReadSwitch(request, "changes", false));
-  ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(IdOf(request)));
+  ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(ReadId(request)));
   ApiAnswer answer;
   ASSIGN_OR_RETURN(answer.body, WholeRejudgeToJson(reader, row));
   if (changes) RETURN_IF_ERROR(AddRejudgeChanges(reader, row, answer.body));
@@ -259,7 +259,7 @@ ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& b
       const CreatedRejudge created,
       context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
   const int64_t id = created.rejudge.id;
-  NoteAct(SubjectOf(id), "created");
+  NoteAct(RejudgeName(id), "created");
   return ShowRejudge(context, id, 201, {{"plan", PlanToJson(created.plan)}});
 }
 
@@ -298,7 +298,7 @@ ApiResult ActOnRejudge(const ApiContext& context, int64_t id, ApplyRequest asked
   ASSIGN_OR_RETURN(const RejudgeDone done,
                    context.engine.EndRejudge(apply, what, sign, CallerKey(),
                                              context.config.http.request, PlayFromNowOn(context)));
-  NoteAct(SubjectOf(id), apply ? "applied" : "dropped");
+  NoteAct(RejudgeName(id), apply ? "applied" : "dropped");
   Json more = {{"config_before", done.config_before}, {"config_after", done.config_after}};
   if (!apply) more["accepted_under_to_config"] = done.stay;
   return ShowRejudge(context, id, 200, std::move(more));
@@ -306,12 +306,12 @@ ApiResult ActOnRejudge(const ApiContext& context, int64_t id, ApplyRequest asked
 
 ApiResult ApplyRejudge(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(ApplyRequest asked, ParseApply(body));
-  return ActOnRejudge(context, IdOf(request), std::move(asked), /*apply=*/true);
+  return ActOnRejudge(context, ReadId(request), std::move(asked), /*apply=*/true);
 }
 
 ApiResult DropRejudge(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(std::string reason, ParseReason(body));
-  return ActOnRejudge(context, IdOf(request), {std::move(reason), {}}, /*apply=*/false);
+  return ActOnRejudge(context, ReadId(request), {std::move(reason), {}}, /*apply=*/false);
 }
 
 }  // namespace

@@ -195,6 +195,6 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const Request& request) {
   return filter;
 }
 
-int64_t IdOf(const Request& request) { return std::stoll(request.matches[1]); }
+int64_t ReadId(const Request& request) { return std::stoll(request.matches[1]); }
 
 }  // namespace myograde::server

@@ -75,6 +75,6 @@ absl::StatusOr<Page> ReadPage(const Request& request, std::vector<std::string> o
 
 // The number in a path like /v1/submissions/ID. REQUIRES: the pattern's first group is 1 to 18
 // digits.
-int64_t IdOf(const Request& request);
+int64_t ReadId(const Request& request);
 
 }  // namespace myograde::server

@@ -45,7 +45,7 @@ void SendError(Response& response, ApiError error) {
 }
 
 void SendResult(const Request& request, Response& response, const ApiResult& result) {
-  if (!result.ok()) return SendError(response, ErrorOf(result.status()));
+  if (!result.ok()) return SendError(response, ToApiError(result.status()));
   const ApiAnswer& answer = *result;
   if (!answer.next.empty()) {
     response.SetHeader("Link", absl::StrCat("<", answer.next, ">; rel=\"next\""));
@@ -59,7 +59,7 @@ void SendResult(const Request& request, Response& response, const ApiResult& res
       answer.text == nullptr ? CanonicalJson(answer.body) + "\n" : *answer.text;
   if (!answer.tagged) return response.SetJson(answer.http, std::move(text));
   // It may be kept, as long as its holder asks each time whether it is still current.
-  const std::string tag = EntityTagOf(text);
+  const std::string tag = ComputeEntityTag(text);
   response.SetHeader("ETag", tag);
   response.SetHeader("Cache-Control", "no-cache");
   response.SetHeader("Vary", "Authorization");
@@ -81,7 +81,7 @@ auto CountAtEnd(Metrics& metrics, std::string_view action, const Response& respo
 
 }  // namespace
 
-ApiError ErrorOf(const absl::Status& status) {
+ApiError ToApiError(const absl::Status& status) {
   const std::string message(status.message());
   const std::string code = ErrorCodeOf(status);
   if (code == kDamagedRowCode) return {500, code, message};
@@ -121,7 +121,7 @@ absl::Status Busy(std::string_view message, int64_t retry_after_s) {
   return status;
 }
 
-absl::Status TeamErrorOf(const absl::Status& status, const std::string& team) {
+absl::Status ToTeamError(const absl::Status& status, const std::string& team) {
   const std::string other = ResembledTeam(status);
   if (other.empty()) return status;
   const LogScope scope({.team = team});
@@ -179,7 +179,7 @@ void Routes::Get(const std::string& pattern, Action action, Handler handler) {
 void Routes::GetFile(const std::string& pattern, Action action, FileHandler handler) {
   Add({"GET", pattern, action, [handler = std::move(handler)](const Request& request, Response& response) {
          const absl::Status status = handler(request, response);
-         if (!status.ok()) SendError(response, ErrorOf(status));
+         if (!status.ok()) SendError(response, ToApiError(status));
        }});
 }
 

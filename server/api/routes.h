@@ -27,17 +27,17 @@ struct ApiAnswer {
   bool for_all_origins = false;  // pages of other origins may read it, if nobody's token asked
   std::string next = {};  // the address of a list's next page; "": there is none
 };
-// An error becomes the one that ErrorOf says.
+// An error becomes the one that ToApiError says.
 using ApiResult = absl::StatusOr<ApiAnswer>;
 
 // The entry of README.md's table of errors for a status: by its code (ErrorCodeOf of
 // store/quota.h) if it has one, otherwise by its kind.
-ApiError ErrorOf(const absl::Status& status);
+ApiError ToApiError(const absl::Status& status);
 // 503 `busy`, to be asked again after so many seconds.
 absl::Status Busy(std::string_view message, int64_t retry_after_s);
 // The same for an operation that takes a team's name. Only organisers are told which existing team
 // a refused name looks like. Only inside handlers.
-absl::Status TeamErrorOf(const absl::Status& status, const std::string& team);
+absl::Status ToTeamError(const absl::Status& status, const std::string& team);
 
 // Adds addresses to a router. A pattern's groups are the request's `matches`. Handlers ask about
 // teams with Require (caller.h).

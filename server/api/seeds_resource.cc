@@ -176,8 +176,8 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader,
                                                    "; a comparison needs two"));
   }
   ASSIGN_OR_RETURN(const BoardStatistics statistics,
-                   StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, board,
-                                StatisticsConfigOf(context, request.phase).groups, INT64_MAX));
+                   ComputeStatistics(reader, track, track.scoring.boards.at(request.board).rules, board,
+                                FindStatisticsConfig(context, request.phase).groups, INT64_MAX));
   chosen = UndecidedOf(board, statistics);
   if (!chosen.empty()) return chosen;
   return absl::FailedPreconditionError(
@@ -241,7 +241,7 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& r
                                                    most, " further ones at most"));
   }
   ASSIGN_OR_RETURN(const std::vector<int64_t> rows, ChosenRows(reader, context, *track, request));
-  ASSIGN_OR_RETURN(FurtherItems items, FurtherItemsOf(reader, live.hash));
+  ASSIGN_OR_RETURN(FurtherItems items, ListFurtherItems(reader, live.hash));
   const std::vector<uint64_t> seeds =
       FurtherSeeds(secret, request.phase, live.seeds.size(), request.episodes);
   std::map<size_t, std::vector<int64_t>> lacking;  // submissions by what they have

@@ -113,7 +113,7 @@ ApiResult UploadArtefact(const ApiContext& context, const Request& request) {
   }
   UploadedBody body(*request.body);
   const absl::StatusOr<ReceivedArtefact> received = context.admission.Receive(upload, body);
-  if (!received.ok()) return TeamErrorOf(received.status(), upload.from.team);
+  if (!received.ok()) return ToTeamError(received.status(), upload.from.team);
   const ArtefactRow& artefact = received->artefact;
   return ApiAnswer{received->is_new ? 201 : 200,
                    {{"artefact", artefact.hash},
@@ -205,7 +205,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations, reader.evaluations.Of(id));
   const EvaluationRow& original = evaluations.front();
   ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(original.id));
-  ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.leases.RunsOf(original.id));
+  ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.leases.ListRuns(original.id));
   ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
   const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
   const EpisodeCounts counts = reader.episodes.Counts(original.id, !sight.progress);
@@ -227,7 +227,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   json["marks"] = MarksToJson(reader.Board().MarkHistory(id));
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : evaluations) {
-    if (!CallerSees(reader.Board().VisibilityOf(evaluation.rejudge))) continue;
+    if (!CallerSees(reader.Board().ComputeVisibility(evaluation.rejudge))) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
                                    {"kind", EvaluationKindName(evaluation.kind)},
                                    {"state", EvaluationStateName(evaluation.state)},
@@ -260,7 +260,7 @@ ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader,
     absl::StatusOr<Json> json = ListedToJson(reader, context, row);
     if (json.ok()) {
       list.push_back(*std::move(json));
-    } else if (const std::optional<Damage> damage = DamageOf(json.status())) {
+    } else if (const std::optional<Damage> damage = ExtractDamage(json.status())) {
       ReportLeftOut(*damage);
     } else {
       return json.status();
@@ -280,8 +280,8 @@ ApiResult StatusAnswer(const ApiContext& context, int64_t submission) {
 
 ApiResult GetSubmission(const ApiContext& context, const Transaction& reader,
                         const Request& request) {
-  RETURN_IF_ERROR(RequireSubmission(reader, IdOf(request)));
-  ASSIGN_OR_RETURN(Json body, SubmissionStatus(reader, context, IdOf(request)));
+  RETURN_IF_ERROR(RequireSubmission(reader, ReadId(request)));
+  ASSIGN_OR_RETURN(Json body, SubmissionStatus(reader, context, ReadId(request)));
   return ApiAnswer{200, std::move(body)};
 }
 
@@ -293,7 +293,7 @@ ApiResult CreateSubmission(const ApiContext& context, const Request& request, co
   asked.founding = std::move(founding);
   asked.organiser = CallerIsOrganiser();
   const absl::StatusOr<Accepted> accepted = context.admission.Submit(asked, CallerKey());
-  if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked.team);
+  if (!accepted.ok()) return ToTeamError(accepted.status(), asked.team);
   NoteAct(absl::StrCat("submission ", accepted->submission),
           absl::StrCat("for team ", asked.team, accepted->is_new() ? "" : ", known already"));
   ASSIGN_OR_RETURN(ApiAnswer answer, StatusAnswer(context, accepted->submission));
@@ -305,7 +305,7 @@ ApiResult CreateSubmission(const ApiContext& context, const Request& request, co
 
 ApiResult CancelSubmission(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(const std::string reason, ParseCancel(body));
-  const int64_t id = IdOf(request);
+  const int64_t id = ReadId(request);
   bool charge = false;
   RETURN_IF_ERROR(context.readers.Read([&](const Transaction& reader) -> absl::Status {
     RETURN_IF_ERROR(RequireSubmission(reader, id));
@@ -343,7 +343,7 @@ ApiResult MarkSubmission(const ApiContext& context, const Request& request, cons
     reader.Fail("reason", "is missing: a disqualification needs one");
   }
   RETURN_IF_ERROR(reader.Finish());
-  const int64_t id = IdOf(request);
+  const int64_t id = ReadId(request);
   // What can't be answered is not done.
   RETURN_IF_ERROR(context.readers.Read(
       [&](const Transaction& store) { return store.submissions.Find(id).status(); }));

@@ -132,10 +132,10 @@ ApiResult ChangeTeam(const ApiContext& context, const std::string& team,
                      std::function<absl::StatusOr<bool>(Transaction&)> change, int http = 200) {
   const absl::StatusOr<bool> changed =
       context.engine.ChangeTeams(std::move(change), context.config.http.request);
-  if (!changed.ok()) return TeamErrorOf(changed.status(), team);
+  if (!changed.ok()) return ToTeamError(changed.status(), team);
   absl::StatusOr<Json> body = ReadStore(
       context, [&](const Transaction& reader) { return WholeTeam(reader, team); });
-  if (!body.ok()) return TeamErrorOf(body.status(), team);
+  if (!body.ok()) return ToTeamError(body.status(), team);
   (*body)["changed"] = *changed;
   return ApiAnswer{http, *std::move(body)};
 }
@@ -220,8 +220,8 @@ absl::StatusOr<Json> ConsequencesOfMerge(const Transaction& reader, const ApiCon
                {"phases", Json::array()}};
   const int64_t now = absl::ToUnixMillis(context.clock.Now());
   for (const BudgetPlace& place : BudgetPlaces(context)) {
-    const QuotaUse used = reader.quotas.UseOf(from, place.track, now, place.phase);
-    const QuotaUse used_by_into = reader.quotas.UseOf(to, place.track, now, place.phase);
+    const QuotaUse used = reader.quotas.CountQuotaUse(from, place.track, now, place.phase);
+    const QuotaUse used_by_into = reader.quotas.CountQuotaUse(to, place.track, now, place.phase);
     body[place.list()].push_back(
         BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) {
           return SumToJson((used.*use_of)(budget), (used_by_into.*use_of)(budget), limit);
@@ -291,7 +291,7 @@ Json QuotaOf(const Transaction& reader, const ApiContext& context, const std::st
                {"phases", Json::array()}};
   for (const BudgetPlace& place : BudgetPlaces(context)) {
     if (!track.empty() && track != place.track) continue;
-    const QuotaUse used = reader.quotas.UseOf(team, place.track, now, place.phase);
+    const QuotaUse used = reader.quotas.CountQuotaUse(team, place.track, now, place.phase);
     Json entry = BudgetsToJson(place, [&](UseOf use_of, Budget budget, int64_t limit) -> Json {
       const BudgetUse& use = (used.*use_of)(budget);
       return {{"limit", limit},
@@ -357,7 +357,7 @@ ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body
       return absl::OkStatus();
     });
   }
-  if (!status.ok()) return TeamErrorOf(status, grant.team);
+  if (!status.ok()) return ToTeamError(status, grant.team);
   NoteAct(absl::StrCat("team ", grant.team),
           absl::StrCat(grant.amount, " more of ", std::string(BudgetName(grant.budget)), " on ",
                        grant.track, ": ", grant.why));

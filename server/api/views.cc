@@ -171,7 +171,7 @@ Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& evaluation,
 QueueOutlook AddOutlook(const ApiContext& context, const EvaluationRow& evaluation,
                         const EpisodeCounts& counts, Json& json) {
   const int64_t now = absl::ToUnixMillis(context.clock.Now());
-  QueueOutlook outlook = context.engine.OutlookOf(evaluation.id);
+  QueueOutlook outlook = context.engine.EstimateOutlook(evaluation.id);
   json["queue"] = nullptr;
   if (outlook.place && evaluation.state == EvaluationState::kQueued) {
     json["queue"] = {{"position", outlook.place->position},

@@ -65,7 +65,7 @@ struct Candidates {  // what an index lists
   absl::Status unusable;                     // why an entry that may fit can't be read
 };
 
-absl::StatusOr<std::string> TextOf(const ImageArchive& archive, const std::string& name) {
+absl::StatusOr<std::string> ReadText(const ImageArchive& archive, const std::string& name) {
   ASSIGN_OR_RETURN(const std::string member, archive.Find(name));
   MemberStream stream = archive.Open(member);
   std::string text;
@@ -77,14 +77,14 @@ absl::StatusOr<std::string> TextOf(const ImageArchive& archive, const std::strin
   return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
 }
 
-absl::StatusOr<Json> JsonOf(const ImageArchive& archive, const std::string& name) {
-  ASSIGN_OR_RETURN(const std::string text, TextOf(archive, name));
+absl::StatusOr<Json> ReadJson(const ImageArchive& archive, const std::string& name) {
+  ASSIGN_OR_RETURN(const std::string text, ReadText(archive, name));
   return ParseJson(text, absl::StrCat("the image's ", Quoted(name)));
 }
 
-absl::StatusOr<Json> BlobOf(const ImageArchive& archive, const Described& described,
+absl::StatusOr<Json> ReadBlob(const ImageArchive& archive, const Described& described,
                             const std::string& what) {
-  ASSIGN_OR_RETURN(const std::string text, TextOf(archive, BlobName(described.sha256)));
+  ASSIGN_OR_RETURN(const std::string text, ReadText(archive, BlobName(described.sha256)));
   if (std::ssize(text) != described.size) {
     return BadImage(absl::StrCat("has a ", what, " of ", text.size(), " bytes where its archive "
                                  "states ", described.size, "; save the image again"));
@@ -97,7 +97,7 @@ absl::StatusOr<Json> BlobOf(const ImageArchive& archive, const Described& descri
 }
 
 absl::StatusOr<Described> Descriptor(const Json& json, const std::string& where) {
-  ASSIGN_OR_RETURN(const std::string sha256, DigestOf(TextAt(json, "digest"), where));
+  ASSIGN_OR_RETURN(const std::string sha256, ParseDigest(TextAt(json, "digest"), where));
   const Json& size = At(json, "size");
   if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
     return BadImage(absl::StrCat("gives no size for its ", where));
@@ -113,22 +113,22 @@ absl::StatusOr<Described> Present(const ImageArchive& archive, const Json& entry
   return described;
 }
 
-absl::StatusOr<Json> ConfigOf(const ImageArchive& archive, const Json& manifest) {
+absl::StatusOr<Json> ReadConfig(const ImageArchive& archive, const Json& manifest) {
   ASSIGN_OR_RETURN(const Described about, Descriptor(At(manifest, "config"), "config"));
-  return BlobOf(archive, about, "config");
+  return ReadBlob(archive, about, "config");
 }
 
 // "SYSTEM/PROCESSOR" of an image by its config.
-absl::StatusOr<std::string> PlatformOf(const ImageArchive& archive, const Described& described) {
-  ASSIGN_OR_RETURN(const Json manifest, BlobOf(archive, described, "manifest"));
-  ASSIGN_OR_RETURN(const Json config, ConfigOf(archive, manifest));
+absl::StatusOr<std::string> ReadPlatform(const ImageArchive& archive, const Described& described) {
+  ASSIGN_OR_RETURN(const Json manifest, ReadBlob(archive, described, "manifest"));
+  ASSIGN_OR_RETURN(const Json config, ReadConfig(archive, manifest));
   return PlatformName(config);
 }
 
 // Whether a manifest is that of an image, and not of what builders add to one (signatures, bills of
 // materials).
 absl::StatusOr<bool> IsOfImage(const ImageArchive& archive, const Described& described) {
-  ASSIGN_OR_RETURN(const Json manifest, BlobOf(archive, described, "manifest"));
+  ASSIGN_OR_RETURN(const Json manifest, ReadBlob(archive, described, "manifest"));
   if (!TextAt(manifest, "artifactType").empty() || manifest.contains("subject")) return false;
   const std::string kind = TextAt(At(manifest, "config"), "mediaType");
   if (kind != "application/vnd.oci.image.config.v1+json" &&
@@ -164,14 +164,14 @@ absl::Status Collect(const ImageArchive& archive, const Json& index, int depth,
     }
     if (is_index) {
       if (depth >= kMaxIndexDepth) return BadImage("has too many nested indexes");
-      ASSIGN_OR_RETURN(const Json inner, BlobOf(archive, *described, "index"));
+      ASSIGN_OR_RETURN(const Json inner, ReadBlob(archive, *described, "index"));
       RETURN_IF_ERROR(Collect(archive, inner, depth + 1, candidates));
       continue;
     }
     ASSIGN_OR_RETURN(const bool image, IsOfImage(archive, *described));
     if (!image) continue;
     if (!platform.is_object()) {
-      ASSIGN_OR_RETURN(const std::string name, PlatformOf(archive, *described));
+      ASSIGN_OR_RETURN(const std::string name, ReadPlatform(archive, *described));
       if (name != kPlatform) {
         other(name);
         continue;
@@ -183,8 +183,8 @@ absl::Status Collect(const ImageArchive& archive, const Json& index, int depth,
 }
 
 absl::StatusOr<ImageContent> ReadManifest(const ImageArchive& archive, const Described& described) {
-  ASSIGN_OR_RETURN(const Json manifest, BlobOf(archive, described, "manifest"));
-  ASSIGN_OR_RETURN(const Json config, ConfigOf(archive, manifest));
+  ASSIGN_OR_RETURN(const Json manifest, ReadBlob(archive, described, "manifest"));
+  ASSIGN_OR_RETURN(const Json config, ReadConfig(archive, manifest));
   ImageContent content;
   ASSIGN_OR_RETURN(content.config, ReadImageConfig(config));
   for (const Json& layer : At(manifest, "layers")) {
@@ -202,7 +202,7 @@ absl::StatusOr<ImageContent> ReadManifest(const ImageArchive& archive, const Des
 }
 
 absl::StatusOr<ImageContent> ReadOci(const ImageArchive& archive) {
-  ASSIGN_OR_RETURN(const Json index, JsonOf(archive, "index.json"));
+  ASSIGN_OR_RETURN(const Json index, ReadJson(archive, "index.json"));
   Candidates candidates;
   RETURN_IF_ERROR(Collect(archive, index, 1, candidates));
   std::map<std::string, Described>& fitting = candidates.fitting;
@@ -225,7 +225,7 @@ absl::StatusOr<ImageContent> ReadOci(const ImageArchive& archive) {
 }
 
 absl::StatusOr<ImageContent> ReadDocker(const ImageArchive& archive) {
-  ASSIGN_OR_RETURN(const Json images, JsonOf(archive, "manifest.json"));
+  ASSIGN_OR_RETURN(const Json images, ReadJson(archive, "manifest.json"));
   if (images.contains("schemaVersion")) {
     return absl::InvalidArgumentError(
         "the archive has an image as written by \"skopeo copy IMAGE dir:FOLDER\"; save it with "
@@ -238,7 +238,7 @@ absl::StatusOr<ImageContent> ReadDocker(const ImageArchive& archive) {
   }
   const Json& image = images[0];
   const std::string config_name = TextAt(image, "Config");
-  ASSIGN_OR_RETURN(const std::string text, TextOf(archive, config_name));
+  ASSIGN_OR_RETURN(const std::string text, ReadText(archive, config_name));
   // Its name is its digest, wherever tools put it.
   const std::string base = config_name.substr(config_name.rfind('/') + 1);
   if (IsHexDigest(base) && Sha256Hex(text) != base.substr(0, kHexDigits)) {

@@ -38,7 +38,7 @@ std::string TagOfDockerManifest(const nlohmann::json& manifest);
 std::string TagOfIndex(const nlohmann::json& index);
 
 // The hexadecimal digits of "sha256:HEX". `where` names it in the error.
-absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view where);
+absl::StatusOr<std::string> ParseDigest(std::string_view text, std::string_view where);
 
 // The user and group inside the sandbox for an image's "USER[:GROUP]", by its /etc/passwd and
 // /etc/group, which are untrusted. Root, and an image without a user, become `image`'s defaults.

@@ -67,7 +67,7 @@ std::vector<std::string> LineWith(std::string_view text, size_t key, std::string
 }
 
 // A user or group number; nullopt: none.
-std::optional<int64_t> IdOf(std::string_view text) {
+std::optional<int64_t> ParseId(std::string_view text) {
   int64_t id = 0;
   const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string_view::npos;
   if (!digits || !absl::SimpleAtoi(absl::string_view(text.data(), text.size()), &id)) {
@@ -101,7 +101,7 @@ std::string TagOfIndex(const Json& index) {
   return "";
 }
 
-absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view where) {
+absl::StatusOr<std::string> ParseDigest(std::string_view text, std::string_view where) {
   constexpr std::string_view kPrefix = "sha256:";
   const std::string_view hex = text.substr(std::min(text.size(), kPrefix.size()));
   if (text.starts_with(kPrefix) && IsSha256Hex(hex)) return std::string(hex);
@@ -136,7 +136,7 @@ absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
                                   " are possible"));
   }
   for (const std::string& id : ids) {
-    ASSIGN_OR_RETURN(std::string hex, DigestOf(id, "config"));
+    ASSIGN_OR_RETURN(std::string hex, ParseDigest(id, "config"));
     read.diff_ids.push_back(std::move(hex));
   }
   return read;
@@ -159,12 +159,12 @@ absl::Status FindUser(std::string_view user, std::string_view passwd, std::strin
   }
   image.environment.emplace("HOME", std::move(home));
   if (name.empty()) return absl::OkStatus();
-  const std::optional<int64_t> uid = IdOf(line.empty() ? name : std::string_view(line[2]));
+  const std::optional<int64_t> uid = ParseId(line.empty() ? name : std::string_view(line[2]));
   if (!uid.has_value() || *uid > INT32_MAX) return UnknownUser("user", name, "/etc/passwd");
-  std::optional<int64_t> gid = line.size() > 3 ? IdOf(line[3]) : 0;
+  std::optional<int64_t> gid = line.size() > 3 ? ParseId(line[3]) : 0;
   if (!group_name.empty()) {
     const std::vector<std::string> found = LineWith(group, 0, group_name);
-    gid = IdOf(found.empty() ? group_name : std::string_view(found[2]));
+    gid = ParseId(found.empty() ? group_name : std::string_view(found[2]));
   }
   if (!gid.has_value() || *gid > INT32_MAX) return UnknownUser("group", group_name, "/etc/group");
   // No policy is root.

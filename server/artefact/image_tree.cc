@@ -153,7 +153,7 @@ class ImageTree {
     const bool folder = hard_link == nullptr && type == AE_IFDIR;
     if (folder && Has(path, EntryType::kFolder)) {
       nodes_.at(path).layer = layer_;
-      return MakeFoldersOf(path);
+      return MakeParents(path);
     }
     if (hard_link != nullptr) return PutHardLink(path, hard_link);
     if (type != AE_IFDIR && type != AE_IFREG && type != AE_IFLNK) {
@@ -161,7 +161,7 @@ class ImageTree {
                             "only in /dev, which the sandbox replaces with its own");
     }
     RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
-    RETURN_IF_ERROR(MakeFoldersOf(path));
+    RETURN_IF_ERROR(MakeParents(path));
     if (folder) return MakeFolder(path);
     if (type == AE_IFREG) return PutFile(path, layer, entry);
     const char* target = archive_entry_symlink(entry);
@@ -193,7 +193,7 @@ class ImageTree {
       return BadEntry(path, absl::StrCat("is a hard link to ", Quoted(target),
                                          ", which is not a file of the image"));
     }
-    RETURN_IF_ERROR(MakeFoldersOf(path));
+    RETURN_IF_ERROR(MakeParents(path));
     const Entry original = nodes_.at(real).entry;
     if (original.type == EntryType::kLink) return PutLink(path, original.target);
     // A copy: the file system's own links could be made to lead elsewhere, and need a further
@@ -258,7 +258,7 @@ class ImageTree {
   }
 
   // Makes the folders above `path`, whose folders are real, and notes that this layer uses them.
-  absl::Status MakeFoldersOf(const std::string& path) {
+  absl::Status MakeParents(const std::string& path) {
     for (size_t slash = path.find('/'); slash != std::string::npos;
          slash = path.find('/', slash + 1)) {
       const std::string above = path.substr(0, slash);
@@ -321,7 +321,7 @@ class ImageTree {
 
   absl::Status AddText(const std::string& path, std::string_view text) {
     RETURN_IF_ERROR(Remove(path, /*itself=*/true, /*of_this_layer=*/true));
-    RETURN_IF_ERROR(MakeFoldersOf(path));
+    RETURN_IF_ERROR(MakeParents(path));
     return Write(path, Entry{}, [&] { return std::exchange(text, std::string_view()); });
   }
 
@@ -340,7 +340,7 @@ class ImageTree {
     if (there && !Has(real, EntryType::kFolder)) {
       return BadEntry(image.working_dir, "is its working folder, but not a folder");
     }
-    RETURN_IF_ERROR(MakeFoldersOf(real));
+    RETURN_IF_ERROR(MakeParents(real));
     return there ? absl::OkStatus() : MakeFolder(real);
   }
 

@@ -95,7 +95,7 @@ class Unpacker {
     if (type == AE_IFREG) return TakeFile(path, entry);
     if (type == AE_IFDIR) {
       RETURN_IF_ERROR(listing_.Add(path, EntryType::kFolder).status());
-      return MakeFoldersOf(path + "/");
+      return MakeParents(path + "/");
     }
     const char* text = archive_entry_symlink(entry);
     const std::string target = text == nullptr ? "" : text;
@@ -103,7 +103,7 @@ class Unpacker {
     RETURN_IF_ERROR(submitted_ ? CheckLinkTarget(path, target) : CheckLinkText(path, target));
     ASSIGN_OR_RETURN(Entry* const link, listing_.Add(path, EntryType::kLink));
     link->target = target;
-    RETURN_IF_ERROR(MakeFoldersOf(path));
+    RETURN_IF_ERROR(MakeParents(path));
     return MakeLinkBeneath(root_, path, target);
   }
 
@@ -116,7 +116,7 @@ class Unpacker {
     if (archive_entry_size_is_set(entry) != 0) {
       RETURN_IF_ERROR(listing_.CheckRoom(path, archive_entry_size(entry)));
     }
-    RETURN_IF_ERROR(MakeFoldersOf(path));
+    RETURN_IF_ERROR(MakeParents(path));
     const std::string broken = absl::StrCat("the archive is broken in the entry ", Quoted(path));
     return MakeFileBeneath(root_, path, *file, [&]() -> absl::StatusOr<std::string_view> {
       if (file->size > 0) read_();
@@ -136,7 +136,7 @@ class Unpacker {
   }
 
   // Makes the folders above `path` that are missing.
-  absl::Status MakeFoldersOf(const std::string& path) {
+  absl::Status MakeParents(const std::string& path) {
     for (size_t slash = path.find('/'); slash != std::string::npos;
          slash = path.find('/', slash + 1)) {
       const std::string folder = path.substr(0, slash);

@@ -300,7 +300,7 @@ bool BoardState::WasApplied(int64_t rejudge) const {
   });
 }
 
-RejudgeVisibility BoardState::VisibilityOf(int64_t id) const {
+RejudgeVisibility BoardState::ComputeVisibility(int64_t id) const {
   const RejudgeRow* rejudge = Rejudge(id);
   if (rejudge == nullptr) return {.rejudge = id};
   return {.rejudge = id,

@@ -161,7 +161,7 @@ class BoardState {
   const RejudgeRow* Rejudge(int64_t id) const;
   bool WasApplied(int64_t rejudge) const;
   // Of a rejudge; its id may be 0.
-  RejudgeVisibility VisibilityOf(int64_t rejudge) const;
+  RejudgeVisibility ComputeVisibility(int64_t rejudge) const;
   // The submission that a team chose last on a board; 0: none.
   int64_t NewestChoice(int64_t team, const BoardName& board) const;
 

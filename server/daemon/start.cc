@@ -204,7 +204,7 @@ void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
 
 absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
   const std::string store = data + "/store.db";
-  ASSIGN_OR_RETURN(DataHome here, HomeOf(data));
+  ASSIGN_OR_RETURN(DataHome here, HomeDir(data));
   ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
   HomeFound found = {std::move(here), ""};
   const bool copied = recorded.has_value() && recorded->key != found.home.key;
@@ -236,7 +236,7 @@ absl::StatusOr<Phases> TakePhases(DaemonConfigs& configs, Store& store, ReaderPo
 }
 
 absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
-  store.SetSubscriptions(SubscriptionsOf(webhooks));
+  store.SetSubscriptions(ListSubscriptions(webhooks));
   std::set<std::string> names;
   for (const Webhook& webhook : webhooks) names.insert(webhook.config.name);
   return store.Write([&](Transaction& writer) -> absl::Status {

@@ -35,7 +35,7 @@ absl::Status Found(Transaction& writer, const NewSubmission& submission) {
 }
 
 // The items of a rejudge with further episodes, complete but for its id.
-absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(const Transaction& reader,
+absl::StatusOr<std::vector<NewRejudgeItem>> ListItems(const Transaction& reader,
                                                     const NewRejudge& rejudge,
                                                     const std::string& data_dir) {
   std::vector<NewRejudgeItem> items;
@@ -282,7 +282,7 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
       readers_.Read<std::vector<NewRejudgeItem>>(
           [&](const Transaction& reader) -> absl::StatusOr<std::vector<NewRejudgeItem>> {
             ASSIGN_OR_RETURN(plan, PlanRejudge(reader, rejudge, core_.options().data_dir));
-            return ItemsOf(reader, rejudge, core_.options().data_dir);
+            return ListItems(reader, rejudge, core_.options().data_dir);
           }));
   const auto to_queue = std::make_shared<EvaluationIds>();
   ASSIGN_OR_RETURN(

@@ -278,7 +278,7 @@ absl::Status EngineCore::FinishShutdown() {
   return Flush();
 }
 
-QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
+QueueOutlook EngineCore::EstimateOutlook(int64_t evaluation) const {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   QueueOutlook outlook;

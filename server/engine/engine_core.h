@@ -207,7 +207,7 @@ class EngineCore {
   void Cancel(const CancelOrder& order, CancelAnswer answer);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
-  QueueOutlook OutlookOf(int64_t evaluation) const;
+  QueueOutlook EstimateOutlook(int64_t evaluation) const;
   // See Scheduler::QueueOf.
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
   // By lease; only of these leases if there is a set, so that its cost doesn't grow with all running

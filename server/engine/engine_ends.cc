@@ -121,7 +121,7 @@ void EngineCore::FreeSlot(int slot) {
 // At the start: processes that an earlier daemon's leases left behind, if its runners were killed
 // before they could reap them.
 bool EngineCore::CloseSlots(int first, int count) {
-  const std::map<int, std::string> found = executor_.ProcessesOf(first, count);
+  const std::map<int, std::string> found = executor_.FindProcesses(first, count);
   const MutexLock lock(mutex_);
   for (const auto& [slot, left] : found) {
     spdlog::warn("slot {} is closed until {} is gone", slot, left);
@@ -139,7 +139,7 @@ void EngineCore::ReopenSlots() {
     if (troubles_.closed_slots.empty()) return;
   }
   next_slot_check_ = now + kSlotCheckInterval;
-  const auto found = executor_.ProcessesOf(0, options_.config.scheduler.slots);
+  const auto found = executor_.FindProcesses(0, options_.config.scheduler.slots);
   const MutexLock lock(mutex_);
   for (auto closed = troubles_.closed_slots.begin(); closed != troubles_.closed_slots.end();) {
     if (const auto left = found.find(closed->first); left != found.end()) {

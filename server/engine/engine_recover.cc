@@ -152,7 +152,7 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
   ASSIGN_OR_RETURN(const Rows rows, readers_.Read<Rows>([&](const Transaction& reader) {
     return WholeEpisodes(reader, context.evaluation, *context.seeds);
   }));
-  ASSIGN_OR_RETURN(const EvaluationResult result, ResultOf(*context.track, rows));
+  ASSIGN_OR_RETURN(const EvaluationResult result, ComputeResult(*context.track, rows));
   RETURN_IF_ERROR(WriteNow([&](Transaction& writer) {
     absl::Status written = writer.evaluations.End(evaluation, result.state, result.reason,
                                                 result.results_hash, owner_);

@@ -98,7 +98,7 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
   return absl::OkStatus();
 }
 
-RejudgeMethod MethodOf(RejudgeMethod asked, int64_t repeats, bool same_facts,
+RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts,
                        const Json& source_grader, const Json& today) {
   if (asked != RejudgeMethod::kAuto) return asked;
   const bool facts = repeats == 1 && same_facts && SameSimulation(source_grader, today);
@@ -119,11 +119,11 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
   for (const RejudgeCandidate& candidate : candidates) {
     submissions.insert(candidate.submission);
     const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
-    if (DamageOf(source.status()).has_value()) continue;  // it will be without a result
+    if (ExtractDamage(source.status()).has_value()) continue;  // it will be without a result
     if (!source.ok()) return source.status();
     const auto [method, is_new] = methods.try_emplace(source->grader_json);
     if (is_new) {
-      method->second = MethodOf(rejudge.method, rejudge.repeats, same_facts,
+      method->second = ChooseMethod(rejudge.method, rejudge.repeats, same_facts,
                                 ParsedText(source->grader_json), today);
     }
     if (method->second == RejudgeMethod::kFacts) {
@@ -133,7 +133,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
     ++plan.play;
     if (candidate.repetition != 1) continue;
     const absl::StatusOr<SubmissionRow> submission = reader.submissions.Find(candidate.submission);
-    if (DamageOf(submission.status()).has_value()) continue;
+    if (ExtractDamage(submission.status()).has_value()) continue;
     if (!submission.ok()) return submission.status();
     if (!HasArtefactFiles(data_dir, submission->artefact).ok()) {
       without_files.insert(candidate.submission);
@@ -149,7 +149,7 @@ absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader,
                                           const std::string& grader_json, int64_t count,
                                           int64_t per_lease, const std::string& data_dir) {
   ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(candidate.submission));
-  NewRejudgeItem item = {candidate, RejudgeMethod::kPlay, grader_json, BlocksOf(count, per_lease)};
+  NewRejudgeItem item = {candidate, RejudgeMethod::kPlay, grader_json, SplitIntoBlocks(count, per_lease)};
   if (!HasArtefactFiles(data_dir, submission.artefact).ok()) {
     item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
                                    submission.artefact, " are no longer on this host");

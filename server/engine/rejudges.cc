@@ -47,7 +47,7 @@ absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeCan
     row.reason = judged->reason;
     row.metrics_json = std::move(judged->metrics_json);
   }
-  ASSIGN_OR_RETURN(EvaluationResult result, ResultOf(track, rows));
+  ASSIGN_OR_RETURN(EvaluationResult result, ComputeResult(track, rows));
   return JudgedItem{candidate, std::move(result), std::move(rows)};
 }
 
@@ -86,7 +86,7 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
   std::vector<Work> open;
   RETURN_IF_ERROR(readers_.Read([&](const Transaction& reader) -> absl::Status {
     for (const auto& [id, rejudge] : reader.Board().rejudges()) {
-      absl::StatusOr<Work> work = WorkOf(reader, rejudge);
+      absl::StatusOr<Work> work = FindWork(reader, rejudge);
       if (MayPass(work.status()) || IsBrokenStore(work.status())) return work.status();
       if (!work.ok()) {
         spdlog::error("rejudge {} can't continue: {}", id, std::string(work.status().message()));
@@ -99,7 +99,7 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
   return open;
 }
 
-absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(const Transaction& reader, RejudgeRow rejudge) {
+absl::StatusOr<Rejudger::Work> Rejudger::FindWork(const Transaction& reader, RejudgeRow rejudge) {
   Work work;
   work.rejudge = std::move(rejudge);
   if (work.rejudge.last() == RejudgeEvent::kDropped) return work;
@@ -131,7 +131,7 @@ absl::Status Rejudger::Add(const Transaction& reader, const Work& work,
   absl::Status why_not = source.status();
   RejudgeMethod method = RejudgeMethod::kPlay;
   if (source.ok()) {
-    method = MethodOf(work.rejudge.method, work.rejudge.repeats, work.same_facts,
+    method = ChooseMethod(work.rejudge.method, work.rejudge.repeats, work.same_facts,
                       ParsedText(source->grader_json), today);
   }
   if (source.ok() && method == RejudgeMethod::kFacts) {
@@ -152,7 +152,7 @@ absl::Status Rejudger::Add(const Transaction& reader, const Work& work,
   if (MayPass(why_not) || IsBrokenStore(why_not)) return why_not;
   if (!item.ok()) {
     item = NewRejudgeItem{candidate, RejudgeMethod::kPlay, CanonicalJson(today),
-                          BlocksOf(std::ssize(*work.seeds), per_lease)};
+                          SplitIntoBlocks(std::ssize(*work.seeds), per_lease)};
   }
   item->method = method;
   // One that can't be read is without a result, and holds up no other.

@@ -50,7 +50,7 @@ class Rejudger {
   // An error: something has to be tried again.
   absl::Status LookForWork();
   absl::StatusOr<std::vector<Work>> OpenWork();
-  absl::StatusOr<Work> WorkOf(const Transaction& reader, RejudgeRow rejudge);
+  absl::StatusOr<Work> FindWork(const Transaction& reader, RejudgeRow rejudge);
   absl::Status Carry(const Work& work);
   // Adds the candidate's item to the batch.
   absl::Status Add(const Transaction& reader, const Work& work, const RejudgeCandidate& candidate,

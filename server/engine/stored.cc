@@ -20,7 +20,7 @@ absl::Status Unreadable(const char* table, const std::string& key, const absl::S
 }
 
 // The submission of an evaluation. If its row is missing, then the evaluation's is damaged.
-absl::StatusOr<SubmissionRow> SubmissionOf(const Transaction& reader,
+absl::StatusOr<SubmissionRow> FindSubmission(const Transaction& reader,
                                            const EvaluationRow& evaluation) {
   absl::StatusOr<SubmissionRow> submission = reader.submissions.Find(evaluation.submission);
   if (absl::IsNotFound(submission.status())) {
@@ -46,14 +46,14 @@ absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredConten
   for (const EpisodeRow& row : *rows) {
     const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
     if (judged.ok()) continue;
-    return DamageOf(judged).has_value()
+    return ExtractDamage(judged).has_value()
                ? judged
                : Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
   }
   RETURN_IF_ERROR(CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt));
   RETURN_IF_ERROR(reader.episodes.Details(id).status());
   RETURN_IF_ERROR(reader.episodes.Repeats(id).status());
-  RETURN_IF_ERROR(reader.leases.RunsOf(id).status());
+  RETURN_IF_ERROR(reader.leases.ListRuns(id).status());
   return reader.evaluations.Transitions("evaluation", id).status();
 }
 
@@ -96,7 +96,7 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(const Transaction& reader, int64
   StoredEvaluation stored;
   ASSIGN_OR_RETURN(stored.evaluation, reader.evaluations.Find(id));
   const std::string key = absl::StrCat(id);
-  ASSIGN_OR_RETURN(stored.submission, SubmissionOf(reader, stored.evaluation));
+  ASSIGN_OR_RETURN(stored.submission, FindSubmission(reader, stored.evaluation));
   ASSIGN_OR_RETURN(stored.artefact, reader.content.Artefact(stored.submission.artefact));
   ASSIGN_OR_RETURN(stored.track,
                    content.Track(reader, ConfigOf(stored.evaluation, stored.submission)));
@@ -196,7 +196,7 @@ absl::Status CheckReadable(const Transaction& reader) {
 
 absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluation) {
   ASSIGN_OR_RETURN(EvaluationRow row, reader.evaluations.Find(evaluation));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, SubmissionOf(reader, row));
+  ASSIGN_OR_RETURN(const SubmissionRow submission, FindSubmission(reader, row));
   ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, ConfigOf(row, submission)));
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation));
   if (std::ssize(rows) != row.last - row.first + 1) {
@@ -207,7 +207,7 @@ absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluat
   const scoring::ScoredTrack& track = *scoring::FindScoredTrack(config.kind->name);
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(track, rows));
   RETURN_IF_ERROR(CheckResults(reader, row, rows, config.seed_salt));
-  return StandingOf(track, aggregate);
+  return ToStanding(track, aggregate);
 }
 
 absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only) {
@@ -217,7 +217,7 @@ absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only) 
       absl::StatusOr<Standing> standing = ReadStanding(reader, evaluation);
       if (standing.ok()) {
         standings.rows.emplace_back(evaluation, *std::move(standing));
-      } else if (const std::optional<Damage> damage = DamageOf(standing.status())) {
+      } else if (const std::optional<Damage> damage = ExtractDamage(standing.status())) {
         standings.damaged.push_back(*damage);
       } else {
         return standing.status();
@@ -246,7 +246,7 @@ absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& read
   return std::move(missing.damaged);
 }
 
-std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {
+std::vector<std::pair<int64_t, int64_t>> SplitIntoBlocks(int64_t count, int64_t per_lease) {
   std::vector<std::pair<int64_t, int64_t>> blocks;
   for (int64_t first = 0; first < count; first += per_lease) {
     blocks.emplace_back(first, std::min(first + per_lease, count) - 1);

@@ -69,7 +69,7 @@ absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);
 absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers);
 
 // The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.
-std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
+std::vector<std::pair<int64_t, int64_t>> SplitIntoBlocks(int64_t count, int64_t per_lease);
 
 // Whether every row of the store can be read, by the readers that requests and the engine use, and
 // results are those of their episodes: for rows that come from outside. The first damaged row otherwise (store/damage.h).

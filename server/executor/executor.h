@@ -55,7 +55,7 @@ class Executor {
 
   // Living processes on this host in the sandboxes of slots `first` to `first + count - 1`, whoever
   // started them: by slot, described for people.
-  virtual std::map<int, std::string> ProcessesOf(int /*first*/, int /*count*/) { return {}; }
+  virtual std::map<int, std::string> FindProcesses(int /*first*/, int /*count*/) { return {}; }
 
   // True if leases run on other hosts. Then they wait there for a processor before they begin
   // (Runner::begun), slots are jobs, and this host's self-test says nothing.
@@ -88,7 +88,7 @@ class LocalExecutor : public Executor {
   explicit LocalExecutor(SlotProcesses slots) : slots_(std::move(slots)) {}
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order,
                                                 const LeaseSubject& subject) override;
-  std::map<int, std::string> ProcessesOf(int first, int count) override {
+  std::map<int, std::string> FindProcesses(int first, int count) override {
     return slots_.Find(first, count);
   }
 

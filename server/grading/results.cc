@@ -158,7 +158,7 @@ nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
   return json;
 }
 
-Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate) {
+Standing ToStanding(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate) {
   const scoring::BoardEntry entry = scoring::MakeEntry(track.metrics, aggregate);
   Standing standing;
   standing.ranked = {.successes = entry.successes,
@@ -172,7 +172,7 @@ Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate&
   return standing;
 }
 
-absl::StatusOr<EvaluationResult> ResultOf(const Track& track,
+absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
                                           const std::vector<EpisodeRow>& rows) {
   const scoring::ScoredTrack& scored = *track.scoring.track;
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(scored, rows));
@@ -183,7 +183,7 @@ absl::StatusOr<EvaluationResult> ResultOf(const Track& track,
                                  "first as ", std::string(OutcomeName(rows.front().outcome)));
   }
   result.results_hash = ResultsHash(rows, track.config.seed_salt);
-  result.standing = StandingOf(scored, aggregate);
+  result.standing = ToStanding(scored, aggregate);
   return result;
 }
 
@@ -215,7 +215,7 @@ std::string ResultsHash(const std::vector<EpisodeRow>& rows, const std::string& 
   return hash.FinishHex();
 }
 
-std::string MerkleRootOf(const std::vector<EpisodeRow>& rows, const std::string& seed_salt) {
+std::string ComputeMerkleRoot(const std::vector<EpisodeRow>& rows, const std::string& seed_salt) {
   std::vector<std::string> leaves;
   for (const EpisodeRow& row : rows) leaves.push_back(CanonicalResult(row, seed_salt));
   return MerkleRoot(leaves);

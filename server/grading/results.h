@@ -34,11 +34,11 @@ nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
                                const scoring::Aggregate& aggregate);
 
 // The standing that follows from an evaluation's aggregate.
-Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate);
+Standing ToStanding(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate);
 
 // What an evaluation with these episodes ends as, once all of them are there. Errors of
 // AggregateRows.
-absl::StatusOr<EvaluationResult> ResultOf(const Track& track, const std::vector<EpisodeRow>& rows);
+absl::StatusOr<EvaluationResult> ComputeResult(const Track& track, const std::vector<EpisodeRow>& rows);
 
 // A metric's description, for those who print its values: name, title, unit, better, digits.
 nlohmann::json MetricToJson(const scoring::Metric& metric);
@@ -51,7 +51,7 @@ nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring);
 std::string ResultsHash(const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
 // The root of the Merkle tree (server/proof/merkle_tree.h) with the same canonical rows as leaves.
-std::string MerkleRootOf(const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
+std::string ComputeMerkleRoot(const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
 // A receipt's entry for an episode: its canonical row, and the hashes of its actions and its log.
 nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt);

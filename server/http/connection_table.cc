@@ -91,7 +91,7 @@ Connection* ConnectionTable::Victim(const std::function<bool(const PeerLoad&)>& 
   return victim;
 }
 
-std::shared_ptr<PeerLoad> ConnectionTable::LoadOf(const Peer& peer) {
+std::shared_ptr<PeerLoad> ConnectionTable::FindLoad(const Peer& peer) {
   std::shared_ptr<PeerLoad>& load = peers_[peer.key];
   if (load == nullptr) load = std::make_shared<PeerLoad>(peer);
   return load;

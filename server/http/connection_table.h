@@ -35,7 +35,7 @@ class ConnectionTable {
   // requests, may have been closed. False: all that could be closed are busy.
   bool MakeRoom(const Peer& peer);
   // What all connections of `peer` have in common.
-  std::shared_ptr<PeerLoad> LoadOf(const Peer& peer);
+  std::shared_ptr<PeerLoad> FindLoad(const Peer& peer);
   void Add(std::shared_ptr<Connection> connection);
   // Nothing if it is no longer there.
   void Remove(Connection& connection);

@@ -186,7 +186,7 @@ void HttpServer::Admit(AcceptedSocket accepted) {
   if (error) return;
   accepted.socket.release();
   const auto connection = std::make_shared<Connection>(
-      ++last_id_, std::move(socket), connections_.LoadOf(accepted.peer),
+      ++last_id_, std::move(socket), connections_.FindLoad(accepted.peer),
       secure ? accepted.from->tls_of() : nullptr, *this);
   connections_.Add(connection);
   ++running_;

@@ -77,7 +77,7 @@ struct Place {
   uint16_t port = 0;
 };
 
-Place PlaceOf(int fd) {
+Place FindPlace(int fd) {
   sockaddr_storage own = {};
   socklen_t size = sizeof(own);
   if (::getsockname(fd, reinterpret_cast<sockaddr*>(&own), &size) != 0) return {};
@@ -240,7 +240,7 @@ absl::StatusOr<std::unique_ptr<TcpListener>> TcpListener::Open(const ListenConfi
     return absl::InvalidArgumentError(absl::StrCat(config.address, ": is not an IP address"));
   }
   if (handed.valid()) {
-    RETURN_IF_ERROR(CheckHanded(config, PlaceOf(handed.get())));
+    RETURN_IF_ERROR(CheckHanded(config, FindPlace(handed.get())));
   }
   ASSIGN_OR_RETURN(std::shared_ptr<TlsContext> context, LoadContext(config));
   ASSIGN_OR_RETURN(Fd socket,
@@ -248,7 +248,7 @@ absl::StatusOr<std::unique_ptr<TcpListener>> TcpListener::Open(const ListenConfi
                        *address, static_cast<uint16_t>(config.port),
                        absl::StrCat(address->UrlHost(), ":", config.port)));
   LogWarning(context.get());
-  const Place place = PlaceOf(socket.get());
+  const Place place = FindPlace(socket.get());
   std::string url = absl::StrCat(context == nullptr ? "http" : "https", "://",
                                  place.address.value_or(*address).UrlHost(), ":", place.port);
   return std::unique_ptr<TcpListener>(

@@ -16,7 +16,7 @@ constexpr int kGzipMemory = 9;
 
 }  // namespace
 
-std::string ZstdOf(std::string_view bytes) {
+std::string CompressZstd(std::string_view bytes) {
   std::string packed(ZSTD_compressBound(bytes.size()), '\0');
   const size_t size = ZSTD_compress(packed.data(), packed.size(), bytes.data(), bytes.size(),
                                     kZstdLevel);
@@ -25,7 +25,7 @@ std::string ZstdOf(std::string_view bytes) {
   return packed;
 }
 
-std::string GzipOf(std::string_view bytes) {
+std::string CompressGzip(std::string_view bytes) {
   z_stream stream = {};
   if (deflateInit2(&stream, kGzipLevel, Z_DEFLATED, kGzipWindow, kGzipMemory,
                    Z_DEFAULT_STRATEGY) != Z_OK) {

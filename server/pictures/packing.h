@@ -10,8 +10,8 @@
 namespace myograde::server {
 
 // The same bytes each time.
-std::string ZstdOf(std::string_view bytes);
-std::string GzipOf(std::string_view bytes);
+std::string CompressZstd(std::string_view bytes);
+std::string CompressGzip(std::string_view bytes);
 
 // DataLossError: damaged, or more than `most` bytes unpacked.
 absl::StatusOr<std::string> UnpackZstd(std::string_view packed, size_t most);

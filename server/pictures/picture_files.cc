@@ -88,9 +88,9 @@ absl::Status PictureFiles::Keep(const PictureKey& key, std::string_view bytes) c
   if (key.kind == PictureKind::kPicture) {
     status = WriteWhole(PathOf(key, Packing::kPlain), bytes);
   } else {
-    status = WriteWhole(PathOf(key, Packing::kGzip), GzipOf(bytes));
+    status = WriteWhole(PathOf(key, Packing::kGzip), CompressGzip(bytes));
     // The last one, as Has looks for it.
-    if (status.ok()) status = WriteWhole(PathOf(key, Packing::kZstd), ZstdOf(bytes));
+    if (status.ok()) status = WriteWhole(PathOf(key, Packing::kZstd), CompressZstd(bytes));
   }
   Trim();
   return status;

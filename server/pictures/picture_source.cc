@@ -74,7 +74,7 @@ absl::StatusOr<std::string> ReadMade(const std::string& path, size_t most = kAny
 }
 
 // The first sentence of what a program printed as its reason.
-std::string ReasonOf(const ProgramEnd& end, const std::string& program) {
+std::string ExplainEnd(const ProgramEnd& end, const std::string& program) {
   absl::string_view text = end.errors;
   while (absl::ConsumeSuffix(&text, "\n")) continue;
   absl::ConsumePrefix(&text, program + ": ");
@@ -129,7 +129,7 @@ absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const Ma
                                                      .deadline = time},
                                                     stopped));
   if (end.exit_status == kRendered) return end.output;
-  const std::string why = ReasonOf(end, "myograde-render");
+  const std::string why = ExplainEnd(end, "myograde-render");
   return end.exit_status == kRenderLogFault ? absl::DataLossError(why) : absl::InternalError(why);
 }
 
@@ -143,12 +143,12 @@ absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptio
                                .words = {"--model-file", track, file, options.cache_dir},
                                .deadline = kPictureTime},
                               stopped));
-  if (end.exit_status != 0) return absl::InternalError(ReasonOf(end, "myograde-sim"));
+  if (end.exit_status != 0) return absl::InternalError(ExplainEnd(end, "myograde-sim"));
   return ReadMade(file);
 }
 
 // "" if it has none, or can't be read.
-std::string LogOf(const EpisodeRow& row) {
+std::string FetchEpisodeLog(const EpisodeRow& row) {
   const nlohmann::json facts = nlohmann::json::parse(row.facts_json, nullptr, false);
   if (!facts.is_object() || !facts.contains("log") || !facts["log"].is_object()) return "";
   return facts["log"].value("sha256", "");
@@ -179,7 +179,7 @@ absl::StatusOr<PicturedEpisode> EpisodeOf(const Transaction& reader, const std::
     ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(found.evaluation));
     for (const EpisodeRow& row : rows) {
       if (row.lease != found.lease || row.index >= found.index) continue;
-      ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, LogOf(row)));
+      ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, FetchEpisodeLog(row)));
       shown.episodes.push_back({row.index, row.seed, 0});
       shown.logs.push_back(path);
     }
@@ -199,7 +199,7 @@ absl::StatusOr<std::vector<PictureKey>> PicturesOf(const Transaction& reader, in
   ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, rows));
   ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(scoring, judged));
   std::map<int64_t, std::string> logs;
-  for (const EpisodeRow& row : rows) logs[row.index] = LogOf(row);
+  for (const EpisodeRow& row : rows) logs[row.index] = FetchEpisodeLog(row);
   std::vector<PictureKey> keys;
   for (const PickedEpisode& picked : BestMedianWorst(order)) {
     if (!logs[picked.index].empty()) keys.push_back({PictureKind::kPicture, logs[picked.index]});

@@ -64,7 +64,7 @@ Sha256Digest MerkleTree::Root(int64_t size) const {
 std::string MerkleRoot(const std::vector<std::string>& leaves) {
   MerkleTree tree;
   for (const std::string& leaf : leaves) tree.Append(leaf);
-  return HexOf(tree.Root(tree.size()));
+  return ToHex(tree.Root(tree.size()));
 }
 
 MerkleProof MerkleTree::InclusionProof(int64_t leaf, int64_t size) const {
@@ -167,7 +167,7 @@ bool ProvesConsistency(int64_t from, const Sha256Digest& from_root, int64_t to,
 
 nlohmann::json ProofToJson(const MerkleProof& proof) {
   nlohmann::json json = nlohmann::json::array();
-  for (const Sha256Digest& node : proof) json.push_back(HexOf(node));
+  for (const Sha256Digest& node : proof) json.push_back(ToHex(node));
   return json;
 }
 

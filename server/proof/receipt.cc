@@ -20,7 +20,7 @@ using Json = nlohmann::json;
 constexpr int64_t kMaxReceiptValues = 50 * kMaxEpisodes;
 
 // The canonical results of the episodes: the leaves of the Merkle tree.
-std::vector<std::string> LeavesOf(const Json& episodes) {
+std::vector<std::string> ComputeLeaves(const Json& episodes) {
   std::vector<std::string> leaves;
   for (Json entry : episodes) {
     entry.erase("actions_digest");
@@ -102,7 +102,7 @@ std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& k
   const bool good = key.IsSigned("receipt", json);
   checks.push_back({"signature", good,
                     good ? "" : "the receipt was not signed with this key, or was altered since"});
-  const std::vector<std::string> leaves = LeavesOf(receipt["episodes"]);
+  const std::vector<std::string> leaves = ComputeLeaves(receipt["episodes"]);
   checks.push_back(
       CompareTexts("merkle_root", TextOf(receipt, "merkle_root"), MerkleRoot(leaves)));
   std::string rows;

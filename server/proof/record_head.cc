@@ -17,7 +17,7 @@ constexpr int64_t kMaxEntries = int64_t{1} << 40;
 constexpr size_t kMaxHeadBytes = 4096;
 
 Json HeadToJson(const RecordHead& head) {
-  return {{"size", head.size}, {"root", HexOf(head.root)}, {"chain", head.chain}};
+  return {{"size", head.size}, {"root", ToHex(head.root)}, {"chain", head.chain}};
 }
 
 // -1: it is no such number.
@@ -94,7 +94,7 @@ nlohmann::json EntryProofToJson(const EntryProof& proof) {
   return {{"entry", proof.index},
           {"content", proof.content},
           {"size", proof.size},
-          {"root", HexOf(proof.root)},
+          {"root", ToHex(proof.root)},
           {"proof", ProofToJson(proof.proof)}};
 }
 

@@ -43,7 +43,7 @@ absl::Status CantRead(const std::string& folder, const std::error_code& error) {
 }
 
 // The files in and below a folder, by their paths in it; true: something else than a regular file.
-absl::StatusOr<std::map<std::string, bool>> FilesOf(const std::string& folder) {
+absl::StatusOr<std::map<std::string, bool>> ListFiles(const std::string& folder) {
   std::map<std::string, bool> files;
   std::error_code error;
   fs::recursive_directory_iterator entries(folder, error);
@@ -84,7 +84,7 @@ absl::StatusOr<SignedRelease> SignRelease(const std::string& folder, const std::
     return absl::InvalidArgumentError(
         "a release's name has 1 to 64 printable characters of ASCII");
   }
-  ASSIGN_OR_RETURN(const auto files, FilesOf(folder));
+  ASSIGN_OR_RETURN(const auto files, ListFiles(folder));
   if (files.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(folder, ": has no file to sign"));
   }
@@ -123,7 +123,7 @@ absl::StatusOr<ReleaseCheck> CheckRelease(const std::string& folder, const Publi
     return check;
   }
   ASSIGN_OR_RETURN(const auto listed, ListedFiles(sums));
-  ASSIGN_OR_RETURN(const auto files, FilesOf(folder));
+  ASSIGN_OR_RETURN(const auto files, ListFiles(folder));
   check.name = sums.substr(kFirstLine.size(), sums.find('\n') - kFirstLine.size());
   check.files = std::ssize(listed);
   for (const auto& [path, hash] : listed) {

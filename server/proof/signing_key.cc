@@ -40,7 +40,7 @@ std::string TextOf(BIO* bio) {
 }
 
 // The key in a PEM text; null if there is none.
-KeyPtr PrivateKeyOf(const std::string& pem) {
+KeyPtr ParsePrivateKey(const std::string& pem) {
   const BioPtr bio(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())), BIO_free);
   KeyPtr key(PEM_read_bio_PrivateKey(bio.get(), nullptr, nullptr, nullptr));
   if (key != nullptr && EVP_PKEY_get_id(key.get()) != EVP_PKEY_ED25519) key = nullptr;
@@ -94,7 +94,7 @@ absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
   absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
   if (absl::IsInvalidArgument(text.status())) text = "";  // nothing that large is a key
   if (!text.ok()) return absl::InternalError(text.status().message());
-  KeyPtr key = PrivateKeyOf(*text);
+  KeyPtr key = ParsePrivateKey(*text);
   if (key == nullptr) {
     return absl::InternalError(absl::StrCat(
         path, ": holds no Ed25519 private key in PEM; put your copy of it back, or move the file "
@@ -105,7 +105,7 @@ absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
 
 absl::StatusOr<SigningKey> SigningKey::Read(const std::string& path) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxPemBytes));
-  KeyPtr key = PrivateKeyOf(text);
+  KeyPtr key = ParsePrivateKey(text);
   if (key == nullptr) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": holds no Ed25519 private key in PEM"));
@@ -132,7 +132,7 @@ absl::StatusOr<std::string> SigningKey::Sign(std::string_view message) const {
                      message.size()) != 1) {
     return absl::InternalError("OpenSSL can't sign with the receipts' key");
   }
-  return HexOf({signature, size});
+  return ToHex({signature, size});
 }
 
 std::string SigningKey::PublicPem() const {

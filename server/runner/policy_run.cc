@@ -140,7 +140,7 @@ PolicyRun::~PolicyRun() {
 
 void PolicyRun::Sample() {
   if (ended_) return;
-  disk_ = Stage::UsageOf(scratch_);
+  disk_ = Stage::MeasureUsage(scratch_);
   const NetworkUse use = sandbox_->network()->Sample();
   sockets_ = std::max(sockets_, use.sockets);
   all_sockets_ = std::max(all_sockets_, use.all_sockets);

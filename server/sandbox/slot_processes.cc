@@ -37,7 +37,7 @@ struct StatusFacts {
 };
 
 // `path`: the /proc folder of a process or thread. All fields are empty if it is gone.
-StatusFacts StatusOf(const std::string& path) {
+StatusFacts ReadStatus(const std::string& path) {
   // The file's owner says nothing: for a process that can't be inspected it is root.
   const std::string text = ReadKernelFile(path + "/status");
   StatusFacts facts;
@@ -52,11 +52,11 @@ StatusFacts StatusOf(const std::string& path) {
 // nullopt if the process is dead. A process whose first thread has ended looks dead, but lives as
 // long as another thread does: a thread that can't be killed yet is usually not the first.
 std::optional<StatusFacts> Living(const std::string& path) {
-  StatusFacts facts = StatusOf(path);
+  StatusFacts facts = ReadStatus(path);
   if (!facts.dead()) return facts;
   if (facts.threads < 2) return std::nullopt;
   for (const pid_t thread : NumbersIn(path + "/task")) {
-    StatusFacts other = StatusOf(absl::StrCat(path, "/task/", thread));
+    StatusFacts other = ReadStatus(absl::StrCat(path, "/task/", thread));
     if (!other.dead()) return other;
   }
   return std::nullopt;
@@ -69,7 +69,7 @@ void Append(pid_t pid, const StatusFacts& facts, std::string& words) {
 
 // The mounts that a process or thread sees; empty if it has none any more. Never waits for a file
 // system.
-std::vector<KernelMount> MountsOf(const std::string& path) {
+std::vector<KernelMount> ReadMounts(const std::string& path) {
   return MountsIn(ReadKernelFile(path + "/mountinfo"));
 }
 
@@ -84,14 +84,14 @@ int MountNamespaceOf(const std::string& path, std::string& space) {
 }
 
 // For a folder that exists, as it is mounted here.
-std::optional<Place> PlaceOf(const std::string& folder) {
+std::optional<Place> FindPlace(const std::string& folder) {
   std::error_code error;
   const std::string path = fs::canonical(folder, error);
   struct statx facts = {};
   if (error || statx(AT_FDCWD, path.c_str(), AT_STATX_DONT_SYNC, STATX_MNT_ID, &facts) != 0) {
     return std::nullopt;
   }
-  for (const KernelMount& mount : MountsOf("/proc/self")) {
+  for (const KernelMount& mount : ReadMounts("/proc/self")) {
     if (mount.id != static_cast<int64_t>(facts.stx_mnt_id)) continue;
     const fs::path inside = fs::path(path).lexically_relative(mount.point);
     std::string whole = (fs::path(mount.root) / inside).lexically_normal();
@@ -113,7 +113,7 @@ class MarkSearch {
     if (MountNamespaceOf("/proc/self", own) == 0) known_[own] = std::nullopt;
   }
 
-  std::optional<int> SlotOf(pid_t pid) {
+  std::optional<int> FindSlot(pid_t pid) {
     const std::string path = absl::StrCat("/proc/", pid);
     std::string space;
     const int error = MountNamespaceOf(path, space);
@@ -132,7 +132,7 @@ class MarkSearch {
  private:
   std::optional<int> SlotOfNamespace(const std::string& space, const std::string& path) {
     if (const auto known = known_.find(space); known != known_.end()) return known->second;
-    const std::vector<KernelMount> mounts = MountsOf(path);
+    const std::vector<KernelMount> mounts = ReadMounts(path);
     // It has just died, which says nothing about the others.
     if (mounts.empty()) return std::nullopt;
     std::optional<int>& slot = known_[space];
@@ -164,7 +164,7 @@ std::map<int, std::string> FindUsers(int64_t uid_base, int first, int count) {
 std::map<int, std::string> FindMarks(const std::string& folder, int first, int count) {
   std::map<int, std::string> found;
   // Without a mark folder there has never been a lease.
-  const std::optional<Place> place = PlaceOf(folder);
+  const std::optional<Place> place = FindPlace(folder);
   if (!place.has_value()) return found;
   Marks marks;
   for (int slot = first; slot < first + count; ++slot) {
@@ -172,7 +172,7 @@ std::map<int, std::string> FindMarks(const std::string& folder, int first, int c
   }
   MarkSearch search(std::move(marks));
   for (const pid_t pid : NumbersIn("/proc")) {
-    const std::optional<int> slot = search.SlotOf(pid);
+    const std::optional<int> slot = search.FindSlot(pid);
     if (!slot.has_value()) continue;
     const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
     if (facts.has_value()) Append(pid, *facts, found[*slot]);

@@ -171,7 +171,7 @@ void Stage::UnmountScratch(const std::string& path) const {
   rmdir(path.c_str());
 }
 
-ScratchUsage Stage::UsageOf(const std::string& path) {
+ScratchUsage Stage::MeasureUsage(const std::string& path) {
   struct statvfs usage;
   if (statvfs(path.c_str(), &usage) != 0) return {};
   const auto block = static_cast<int64_t>(usage.f_frsize);

@@ -52,7 +52,7 @@ class Stage {
   void UnmountScratch(const std::string& path) const;
 
   // Usage of the tmpfs at `path`, from MountScratch().
-  static ScratchUsage UsageOf(const std::string& path);
+  static ScratchUsage MeasureUsage(const std::string& path);
 
  private:
   void MakeDevices();

@@ -61,7 +61,7 @@ std::optional<int> Scheduler::TakeSlot() {
   return free_slots_.extract(free_slots_.begin()).value();
 }
 
-Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation& evaluation) const {
+Scheduler::Precedence Scheduler::ComputePrecedence(const Team& team, const Evaluation& evaluation) const {
   const bool goes_on = team.turn.left > 0 && team.turn.of == evaluation.spec.id;
   Precedence turn = {team.running, goes_on ? team.turn.began : INT64_MAX, team.last_start,
                      team.joined};
@@ -85,7 +85,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
       if (best != nullptr && first <= earliest) continue;
       Lease* lease = FirstReady(team, Priority(priority), now);
       if (lease == nullptr) continue;
-      const Precedence turn = PrecedenceOf(team, evaluations_.at(lease->evaluation));
+      const Precedence turn = ComputePrecedence(team, evaluations_.at(lease->evaluation));
       if (best != nullptr && first <= turn) continue;
       best = lease;
       first = turn;

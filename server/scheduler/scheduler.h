@@ -251,7 +251,7 @@ class Scheduler {
   void StopRunning(Lease& lease);
   void Wait(Evaluation& evaluation, absl::Duration until);
   void Remove(int64_t evaluation);
-  Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
+  Precedence ComputePrecedence(const Team& team, const Evaluation& evaluation) const;
   // Whose shares an evaluation's running leases count in: none for a rejudge.
   std::vector<Share*> SharesOf(const Evaluation& evaluation);
   // Whether `team` may have a lease of this class started now.

@@ -75,7 +75,7 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
   const Evaluation& evaluation = it->second;
   const Team& own = teams_.at(evaluation.spec.team);
   const int64_t rank = own.line.RankOf(evaluation.priority, id);
-  const Precedence turn = PrecedenceOf(own, evaluation);
+  const Precedence turn = ComputePrecedence(own, evaluation);
   QueuePlace place{.position = 1};
   for (const auto& [name, team] : teams_) {
     for (int i = 0; i < static_cast<int>(evaluation.priority); ++i) {
@@ -86,7 +86,7 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
     const auto line = team.line.In(evaluation.priority).begin();
     bool earlier = false;
     if (&team != &own && line != team.line.In(evaluation.priority).end()) {
-      const Precedence other = PrecedenceOf(team, evaluations_.at(line->first));
+      const Precedence other = ComputePrecedence(team, evaluations_.at(line->first));
       // Teams that have had rejudges only are equal, and come in the order of their names.
       earlier = std::tie(other, name) < std::tie(turn, evaluation.spec.team);
     }
@@ -113,7 +113,7 @@ std::vector<int64_t> Scheduler::QueueOf(const std::set<std::string>* teams) cons
     for (int i = 0; i < kPriorities; ++i) {
       const std::map<int64_t, int64_t>& line = team.line.In(Priority(i));
       if (line.empty()) continue;
-      const Precedence turn = PrecedenceOf(team, evaluations_.at(line.begin()->first));
+      const Precedence turn = ComputePrecedence(team, evaluations_.at(line.begin()->first));
       int64_t round = 0;
       for (const auto& [id, leases] : line) {
         const bool shown = listed(evaluations_.at(id)) && !order.contains(id);

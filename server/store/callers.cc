@@ -12,7 +12,7 @@
 namespace myograde::server {
 namespace {
 
-StoredRow AccessEventOf(SQLite::Statement& select, AccessEventRow& event) {
+StoredRow ReadAccessEvent(SQLite::Statement& select, AccessEventRow& event) {
   StoredRow row(select, "access_event");
   event.id = row.Id(0);
   event.at = row.Time(1);
@@ -49,7 +49,7 @@ constexpr char kTokenColumns[] =
     "LEFT JOIN team AS o ON o.id = k.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ";
 
-StoredRow TokenOf(SQLite::Statement& select, TokenRow& token) {
+StoredRow ReadToken(SQLite::Statement& select, TokenRow& token) {
   StoredRow row(select, "token");
   token.id = row.Id(0);
   token.role = row.OneOf(1, {kParticipant, "organiser", "operator"});
@@ -107,7 +107,7 @@ Listed<AccessEventRow> Callers::Events(const std::string& kind, int64_t before,
       Statement(db_, R"(SELECT id, at, kind, who, role, action, subject, detail, count
           FROM access_event WHERE id < ?1 AND (?2 = '' OR kind = ?2) ORDER BY id DESC LIMIT ?3)",
                 before, kind, limit),
-      AccessEventOf);
+      ReadAccessEvent);
 }
 
 absl::StatusOr<int64_t> Callers::AddToken(const NewToken& token, const std::string& who) {
@@ -153,19 +153,19 @@ absl::Status Callers::TouchToken(int64_t id) {
 
 absl::StatusOr<TokenRow> Callers::TokenByHash(const std::string& sha256) const {
   return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.hash = ?"), sha256),
-                           TokenOf, absl::NotFoundError("there is no such token"));
+                           ReadToken, absl::NotFoundError("there is no such token"));
 }
 
 absl::StatusOr<TokenRow> Callers::Token(int64_t id) const {
   return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id = ?"), id),
-                           TokenOf, absl::NotFoundError(absl::StrCat("there is no token ", id)));
+                           ReadToken, absl::NotFoundError(absl::StrCat("there is no token ", id)));
 }
 
 Listed<TokenRow> Callers::Tokens(int64_t before, int64_t limit) const {
   return ListOf<TokenRow>(
       Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id < ? ORDER BY k.id DESC LIMIT ?"),
                 before, limit),
-      TokenOf);
+      ReadToken);
 }
 
 }  // namespace myograde::server

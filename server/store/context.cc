@@ -41,7 +41,7 @@ void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act) {
   entry["kind"] = act.kind;
   entry["at"] = TimeText(now_ms);
   const std::string text = CanonicalJson(entry);
-  const std::string chain = ChainOf(any ? last.getColumn(1).getString() : "", text);
+  const std::string chain = ExtendChain(any ? last.getColumn(1).getString() : "", text);
   Run(db, R"(INSERT INTO journal (at, kind, who, evaluation, private_json, entry, entry_json, chain)
       VALUES (?, ?, ?, nullif(?, 0), ?, ?, ?, ?))",
       now_ms, act.kind, act.who, act.evaluation, CanonicalJson(act.beside),

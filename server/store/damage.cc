@@ -30,7 +30,7 @@ absl::Status DamagedRow(const Damage& damage) {
   return WithErrorCode(status, kDamagedRowCode);
 }
 
-std::optional<Damage> DamageOf(const absl::Status& status) {
+std::optional<Damage> ExtractDamage(const absl::Status& status) {
   const auto payload = status.GetPayload(kPayload);
   if (!payload) return std::nullopt;
   const auto parts = nlohmann::json::parse(std::string(*payload));
@@ -52,7 +52,7 @@ bool MayPass(const absl::Status& status) {
 }
 
 bool IsBrokenStore(const absl::Status& status) {
-  return absl::IsDataLoss(status) && !DamageOf(status).has_value();
+  return absl::IsDataLoss(status) && !ExtractDamage(status).has_value();
 }
 
 bool IsCorruptStore(const absl::Status& status) { return status.GetPayload(kCorrupt).has_value(); }

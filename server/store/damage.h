@@ -31,7 +31,7 @@ std::string DamageText(const Damage& damage);
 
 absl::Status DamagedRow(const Damage& damage);
 // nullopt if the status is of another kind.
-std::optional<Damage> DamageOf(const absl::Status& status);
+std::optional<Damage> ExtractDamage(const absl::Status& status);
 
 bool MayPass(const absl::Status& status);
 bool IsBrokenStore(const absl::Status& status);

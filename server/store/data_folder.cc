@@ -18,7 +18,7 @@ namespace myograde::server {
 namespace {
 
 // The process id that the holder wrote to the file; "unknown" if it has not done so yet.
-std::string HolderOf(const std::string& path) {
+std::string ReadHolder(const std::string& path) {
   const Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   char text[32] = {};
   const ssize_t n = file.valid() ? pread(file.get(), text, sizeof(text) - 1, 0) : 0;
@@ -40,7 +40,7 @@ absl::Status Lock(int fd, const std::string& path, const std::string& dir) {
   if (errno != EWOULDBLOCK)
     return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be locked"));
   return absl::FailedPreconditionError(
-      absl::StrCat("another daemon (process ", HolderOf(dir + "/lock"), ") works on ", dir,
+      absl::StrCat("another daemon (process ", ReadHolder(dir + "/lock"), ") works on ", dir,
                    "; stop it, or give this one a data folder of its own with --data"));
 }
 
@@ -69,7 +69,7 @@ absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
 }
 
 // Device numbers and the host's name are left out, as a restart may change them.
-absl::StatusOr<DataHome> HomeOf(const std::string& dir) {
+absl::StatusOr<DataHome> HomeDir(const std::string& dir) {
   struct statx info = {};
   if (statx(AT_FDCWD, dir.c_str(), 0, STATX_INO | STATX_BTIME, &info) != 0) {
     return absl::UnavailableError(absl::StrCat(dir, ": can't be examined"));

@@ -28,7 +28,7 @@ constexpr std::array<std::string_view, 9> kWebhookEvents = {
 constexpr char kDeliveryColumns[] =
     "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery ";
 
-StoredRow DeliveryOf(SQLite::Statement& select, DeliveryRow& delivery) {
+StoredRow ReadDelivery(SQLite::Statement& select, DeliveryRow& delivery) {
   StoredRow row(select, "delivery");
   delivery.id = row.Id(0);
   delivery.at = row.Time(1);
@@ -133,7 +133,7 @@ absl::StatusOr<DeliveryRow> Deliveries::Next(const std::string& webhook) const {
                 absl::StrCat(kDeliveryColumns,
                              "WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1"),
                 webhook),
-      DeliveryOf, absl::NotFoundError("nothing waits for this webhook"));
+      ReadDelivery, absl::NotFoundError("nothing waits for this webhook"));
 }
 
 int64_t Deliveries::NextId(const std::string& webhook) const {
@@ -149,7 +149,7 @@ Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before,
                                                     "WHERE id < ?1 AND (?2 = '' OR "
                                                     "webhook = ?2) ORDER BY id DESC LIMIT ?3"),
                                        before, webhook, limit),
-                             DeliveryOf);
+                             ReadDelivery);
 }
 
 std::vector<DeliveryCounts> Deliveries::Counts() const {

@@ -310,7 +310,7 @@ std::vector<int64_t> Evaluations::Done(bool without_standing) const {
                     without_standing);
 }
 
-std::vector<std::string> Evaluations::GradersOf(const std::vector<int64_t>& evaluations) const {
+std::vector<std::string> Evaluations::ListGraders(const std::vector<int64_t>& evaluations) const {
   std::vector<std::string> graders;
   for (const int64_t evaluation : evaluations) {
     graders.push_back(

@@ -63,7 +63,7 @@ class Evaluations : StorePart {
   // By submission and repetition.
   absl::StatusOr<std::vector<EvaluationRow>> OfRejudge(int64_t rejudge) const;
   // The builds that evaluations are of, as stored; "" for one that is missing.
-  std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations) const;
+  std::vector<std::string> ListGraders(const std::vector<int64_t>& evaluations) const;
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
   // Adds an audit row for an evaluation without changing its state.
   absl::Status Note(int64_t evaluation, const std::string& who, const std::string& why);

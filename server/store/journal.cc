@@ -19,7 +19,7 @@ using Json = nlohmann::json;
 constexpr int64_t kEntriesAtATime = 10'000;
 constexpr char kEntryColumns[] = "SELECT entry, entry_json, chain FROM journal ";
 
-StoredRow RecordRowOf(SQLite::Statement& select, RecordRow& record) {
+StoredRow ReadRecordRow(SQLite::Statement& select, RecordRow& record) {
   StoredRow row(select, "record");
   record.index = row.Number(0, 0, kMany);
   record.entry_json = row.Object(1);
@@ -29,7 +29,7 @@ StoredRow RecordRowOf(SQLite::Statement& select, RecordRow& record) {
 
 }  // namespace
 
-std::string ChainOf(std::string_view before, std::string_view entry_json) {
+std::string ExtendChain(std::string_view before, std::string_view entry_json) {
   Sha256 hash;
   hash.Update(before);
   hash.Update("\n");
@@ -39,7 +39,7 @@ std::string ChainOf(std::string_view before, std::string_view entry_json) {
 
 std::string ChainMistake(const std::string& before, const RecordRow* entry) {
   if (entry == nullptr) return "it is gone, or of another type";
-  if (entry->chain == ChainOf(before, entry->entry_json)) return "";
+  if (entry->chain == ExtendChain(before, entry->entry_json)) return "";
   return "its \"chain\" does not follow from the entry before: the record was changed here, behind "
          "the daemon's back";
 }
@@ -123,14 +123,14 @@ Listed<RecordRow> Journal::Record(int64_t from, int64_t limit) const {
   return ListOf<RecordRow>(
       Statement(db_, absl::StrCat(kEntryColumns, "WHERE entry >= ? ORDER BY entry LIMIT ?"), from,
                 limit),
-      RecordRowOf);
+      ReadRecordRow);
 }
 
 absl::StatusOr<RecordRow> Journal::GradedEntry(int64_t evaluation) const {
   return FirstOf<RecordRow>(
       Statement(db_, absl::StrCat(kEntryColumns, "WHERE evaluation = ? AND entry IS NOT NULL"),
                 evaluation),
-      RecordRowOf,
+      ReadRecordRow,
       absl::NotFoundError(absl::StrCat("the record has no result of evaluation ", evaluation)));
 }
 

@@ -31,7 +31,7 @@ struct RecordRow {
 
 // The chain's value at an entry: the SHA-256 over the value at the entry before ("" for the first),
 // a line feed and the entry.
-std::string ChainOf(std::string_view before, std::string_view entry_json);
+std::string ExtendChain(std::string_view before, std::string_view entry_json);
 
 // What is wrong at an entry: nullptr if it can't be read or is gone. `before`: the chain at the
 // entry before, "" for the first. "": nothing.

@@ -25,7 +25,7 @@ int64_t Thousandths(double value) {
   return std::llround(std::min(value, kMostUsed) * 1000);
 }
 
-StoredRow LeaseRunOf(SQLite::Statement& select, LeaseRunRow& run) {
+StoredRow ReadLeaseRun(SQLite::Statement& select, LeaseRunRow& run) {
   StoredRow row(select, "lease_run");
   run.lease = row.Id(0);
   run.attempt = row.Id(1);
@@ -40,7 +40,7 @@ StoredRow LeaseRunOf(SQLite::Statement& select, LeaseRunRow& run) {
   return row;
 }
 
-StoredRow DrainedNodeOf(SQLite::Statement& select, DrainedNodeRow& node) {
+StoredRow ReadDrainedNode(SQLite::Statement& select, DrainedNodeRow& node) {
   StoredRow row(select, "node_event");
   node.id = row.Id(0);
   node.at = row.Time(1);
@@ -201,20 +201,20 @@ absl::Status Leases::AdmitNode(const std::string& node, const std::string& who) 
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<LeaseRunRow>> Leases::RunsOf(int64_t evaluation) const {
+absl::StatusOr<std::vector<LeaseRunRow>> Leases::ListRuns(int64_t evaluation) const {
   return AllOf<LeaseRunRow>(
       Statement(db_, R"(SELECT r.lease, r.attempt, r.node, r.job, r.began_at, r.ended_at,
           r.cpu_ms, r.energy_mj, r.how FROM lease AS l JOIN lease_run AS r ON r.lease = l.id
           WHERE l.evaluation = ? ORDER BY r.lease, r.attempt)",
                 evaluation),
-      LeaseRunOf);
+      ReadLeaseRun);
 }
 
 Listed<DrainedNodeRow> Leases::DrainedNodes() const {
   return ListOf<DrainedNodeRow>(
       Statement(db_, R"(SELECT id, at, node, who, why FROM node_event AS n WHERE event = 'drained'
           AND id = (SELECT max(id) FROM node_event WHERE node IS n.node) ORDER BY node)"),
-      DrainedNodeOf);
+      ReadDrainedNode);
 }
 
 }  // namespace myograde::server

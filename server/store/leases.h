@@ -23,7 +23,7 @@ class Leases : StorePart {
 
   absl::StatusOr<std::vector<LeaseRow>> Of(int64_t evaluation) const;  // by first episode
   // The attempts of its leases that have ended, by lease and attempt.
-  absl::StatusOr<std::vector<LeaseRunRow>> RunsOf(int64_t evaluation) const;
+  absl::StatusOr<std::vector<LeaseRunRow>> ListRuns(int64_t evaluation) const;
   // By name.
   Listed<DrainedNodeRow> DrainedNodes() const;
   // pending -> running, as the given attempt (one more than before). A queued evaluation starts

@@ -139,7 +139,7 @@ absl::Status AddUnits(SQLite::Database& db, int64_t now_ms, const char* entry,
   return absl::OkStatus();
 }
 
-StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
+StoredRow ReadLedgerRow(SQLite::Statement& select, LedgerRow& entry) {
   StoredRow row(select, "ledger");
   entry.id = row.Id(0);
   entry.at = row.Time(1);
@@ -262,7 +262,7 @@ absl::Status Quotas::Grant(const NewGrant& grant, const std::string& who) {
   return AddUnits(db_, now_ms_, "grant", grant, who);
 }
 
-QuotaUse Quotas::UseOf(const std::string& team, const std::string& track, int64_t now_ms,
+QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track, int64_t now_ms,
                        const std::string& phase) const {
   return ReadQuotaUse(db_, team, track, phase, now_ms);
 }
@@ -287,7 +287,7 @@ Listed<LedgerRow> Quotas::Ledger(const std::string& team, const std::string& tra
                              " AND (?2 = '' OR l.track = ?2) AND l.id < ?3 "
                              "ORDER BY l.id DESC LIMIT ?4"),
                 KnownTeamId(db_, team), track, before, limit, team),
-      LedgerRowOf);
+      ReadLedgerRow);
 }
 
 }  // namespace myograde::server

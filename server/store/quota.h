@@ -111,7 +111,7 @@ class Quotas : StorePart {
   using StorePart::StorePart;
 
   // `phase` "": of the track itself.
-  QuotaUse UseOf(const std::string& team, const std::string& track, int64_t now_ms,
+  QuotaUse CountQuotaUse(const std::string& team, const std::string& track, int64_t now_ms,
                  const std::string& phase = "") const;
   int64_t DayAt(int64_t now_ms) const;
   // The budget that a submission is charged to; "" if none, or if it was refunded.

@@ -241,7 +241,7 @@ absl::StatusOr<RejudgeDone> Rejudges::MoveBoard(const RejudgeRow& rejudge, Rejud
 absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDocument& sign,
                                             const std::string& who) {
   ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
-  ASSIGN_OR_RETURN(const RejudgeProgress progress, ProgressOf(rejudge));
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, CountProgress(rejudge));
   RejudgeDone done;
   done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
   if (const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);

@@ -50,7 +50,7 @@ absl::StatusOr<RejudgeRow> Rejudges::Find(int64_t id) const {
   return absl::NotFoundError(absl::StrCat("there is no rejudge ", id));
 }
 
-absl::StatusOr<RejudgeProgress> Rejudges::ProgressOf(const RejudgeRow& rejudge) const {
+absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudge) const {
   ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, Evaluations(context_).OfRejudge(rejudge.id));
   RejudgeProgress progress;
   std::set<int64_t> submissions;
@@ -110,7 +110,7 @@ std::vector<RejudgeCandidate> Rejudges::CandidatesFor(const NewRejudge& rejudge)
   return candidates;
 }
 
-absl::StatusOr<std::vector<Unrepeatable>> Rejudges::UnrepeatableOf(int64_t rejudge) const {
+absl::StatusOr<std::vector<Unrepeatable>> Rejudges::ListUnrepeatable(int64_t rejudge) const {
   ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, Evaluations(context_).OfRejudge(rejudge));
   std::map<int64_t, Unrepeatable> found;
   const auto add = [&](int64_t submission, Unrepeatable::Episode episode) {

@@ -124,14 +124,14 @@ class Rejudges : StorePart {
   using StorePart::StorePart;
 
   absl::StatusOr<RejudgeRow> Find(int64_t id) const;
-  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge) const;
+  absl::StatusOr<RejudgeProgress> CountProgress(const RejudgeRow& rejudge) const;
   // The items that it lacks, first repetitions first; none for purpose kSeeds.
   std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge) const;
   // The same before it is created.
   std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge) const;
   // The submissions whose repetitions that have ended as done or failed differ, with every episode
   // that does.
-  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge) const;
+  absl::StatusOr<std::vector<Unrepeatable>> ListUnrepeatable(int64_t rejudge) const;
   // Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
                                  const std::string& who);

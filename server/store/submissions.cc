@@ -62,7 +62,7 @@ constexpr char kSubmissionColumns[] =
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
 
-StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
+StoredRow FindSubmission(SQLite::Statement& select, SubmissionRow& submission) {
   StoredRow row(select, "submission");
   submission.id = row.Id(0);
   submission.artefact = row.Hash(2);
@@ -94,7 +94,7 @@ void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
 
 absl::StatusOr<SubmissionRow> Submissions::Find(int64_t id) const {
   return FirstOf<SubmissionRow>(
-      Statement(db_, absl::StrCat(kSubmissionColumns, "WHERE s.id = ?"), id), SubmissionOf,
+      Statement(db_, absl::StrCat(kSubmissionColumns, "WHERE s.id = ?"), id), FindSubmission,
       absl::NotFoundError(absl::StrCat("there is no submission ", id)));
 }
 
@@ -112,7 +112,7 @@ Listed<SubmissionRow> Submissions::List(const SubmissionFilter& filter) const {
           filter.state ? EvaluationStateName(*filter.state) : std::string(), filter.limit,
           filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : std::string(),
           filter.phase),
-      SubmissionOf);
+      FindSubmission);
 }
 
 std::vector<std::string> Submissions::HeldBack() const {

@@ -96,7 +96,7 @@ absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& tea
   return MergePair{from, to};
 }
 
-std::vector<std::string> MembersOf(SQLite::Database& db, int64_t team) {
+std::vector<std::string> ListMembers(SQLite::Database& db, int64_t team) {
   return AllTexts(
       db, absl::StrCat("SELECT m.person ", kMemberships, "AND m.team_id = ? ORDER BY m.person"),
       team);
@@ -106,7 +106,7 @@ constexpr char kTeamColumns[] =
     "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name FROM team AS t "
     "LEFT JOIN team AS g ON g.id = t.merged_into ";
 
-StoredRow TeamRowOf(SQLite::Statement& select, TeamRow& team) {
+StoredRow ReadTeamRow(SQLite::Statement& select, TeamRow& team) {
   StoredRow row(select, "team");
   team.id = row.Id(0);
   team.name = row.Text(1);
@@ -201,7 +201,7 @@ absl::Status Teams::Merge(const std::string& team, const std::string& into, cons
   const auto& [from, to] = pair;
   // Teams that were merged into the first follow it, so that no row leads to another merged one.
   Run(db_, "UPDATE team SET merged_into = ?1 WHERE id = ?2 OR merged_into = ?2", to.id, from.id);
-  for (const std::string& person : MembersOf(db_, from.id)) {
+  for (const std::string& person : ListMembers(db_, from.id)) {
     AddMember(db_, now_ms_, from.id, person, false, who);
     if (!Belongs(db_, to.id, person)) AddMember(db_, now_ms_, to.id, person, true, who);
   }
@@ -239,7 +239,7 @@ Listed<TeamRow> Teams::List(int64_t before, int64_t limit) const {
   Listed<TeamRow> listed = ListOf<TeamRow>(
       Statement(db_, absl::StrCat(kTeamColumns, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?"),
                 before, limit),
-      TeamRowOf);
+      ReadTeamRow);
   auto names = TextsByTeam(
       db_,
       "SELECT ifnull(t.merged_into, t.id), f.name FROM former_name AS f JOIN team AS t ON "
@@ -259,7 +259,7 @@ absl::StatusOr<TeamRow> Teams::Find(const std::string& name) const {
   ASSIGN_OR_RETURN(
       TeamRow team,
       FirstOf<TeamRow>(Statement(db_, absl::StrCat(kTeamColumns, "WHERE t.id = ?"), found.id),
-                       TeamRowOf, absl::NotFoundError(name)));
+                       ReadTeamRow, absl::NotFoundError(name)));
   team.other_names =
       AllTexts(db_,
                absl::StrCat("SELECT name FROM former_name WHERE team_id IN ", RowsOfTeam(1),

@@ -26,7 +26,7 @@ absl::Status Transaction::Import(const std::string& path, const ExportInfo& info
   RETURN_IF_ERROR(ImportRows(context_.db, path, info));
   FillTeamSkeletons(context_.db);
   if (absl::Status read = check(*this); !read.ok()) {
-    if (!DamageOf(read).has_value()) return read;
+    if (!ExtractDamage(read).has_value()) return read;
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": has a row that no request could read (", read.message(),
                      "); nothing was imported: export again from a store that is well"));

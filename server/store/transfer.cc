@@ -43,7 +43,7 @@ struct Table {
   std::vector<std::string> key;      // of the primary key, in key order
 };
 
-std::vector<Table> TablesOf(SQLite::Database& db) {
+std::vector<Table> BuildTables(SQLite::Database& db) {
   std::vector<Table> tables;
   for (const std::string& name : AllTexts(db, kExportedTables)) {
     tables.push_back(
@@ -157,7 +157,7 @@ absl::Status RefusedRow(const Table& table, const Json& row, std::string_view wh
 class Inserter {
  public:
   explicit Inserter(SQLite::Database& db) {
-    for (Table& table : TablesOf(db)) {
+    for (Table& table : BuildTables(db)) {
       std::vector<std::string> marks(table.columns.size(), "?");
       const std::string sql = absl::StrCat("INSERT INTO \"", table.name, "\" (",
                                            Quoted(table.columns), ") VALUES (",
@@ -251,7 +251,7 @@ absl::Status CheckReferences(SQLite::Database& db) {
     absl::StrAppend(&same, " AND p.\"", parts.getColumn(1).getString(), "\" = ", from);
   }
   Table table;
-  for (Table& each : TablesOf(db)) {
+  for (Table& each : BuildTables(db)) {
     if (each.name == child) table = std::move(each);
   }
   // Not by its rowid, which some tables don't have.
@@ -271,7 +271,7 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
     return sink(text) ? absl::OkStatus() : absl::CancelledError("the export was stopped");
   };
   RETURN_IF_ERROR(write(kHead));
-  const std::vector<Table> tables = TablesOf(db);
+  const std::vector<Table> tables = BuildTables(db);
   for (const Table& table : tables) {
     const bool first = &table == &tables.front();
     RETURN_IF_ERROR(write(absl::StrCat(first ? "" : ",", "\n\"", table.name, "\":[")));
@@ -362,7 +362,7 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
         absl::StrCat(path, ": is of schema ", info.schema, ", this program's is ",
                      SchemaMigrations().size(), "; export and import with the same version"));
   }
-  for (const Table& table : TablesOf(db)) {
+  for (const Table& table : BuildTables(db)) {
     if (AnyRow(db, absl::StrCat("SELECT 1 FROM \"", table.name, "\" LIMIT 1"))) {
       return absl::FailedPreconditionError(
           absl::StrCat("the store has rows already (table ", table.name,

@@ -41,7 +41,7 @@ bool IsThisHost(std::string host) {
 }
 
 // Why a URL can't be used; "" if it can.
-std::string ProblemOf(const std::string& text) {
+std::string FindProblem(const std::string& text) {
   if (text.size() > kMaxUrl) return absl::StrCat("is longer than ", kMaxUrl, " bytes");
   const UrlPtr url(curl_url(), curl_url_cleanup);
   if (url == nullptr || curl_url_set(url.get(), CURLUPART_URL, text.c_str(), 0) != CURLUE_OK) {
@@ -60,7 +60,7 @@ std::string ProblemOf(const std::string& text) {
   return "";
 }
 
-std::string ProblemOf(const HttpAnswer& answer, absl::Duration timeout) {
+std::string FindProblem(const HttpAnswer& answer, absl::Duration timeout) {
   using Failure = HttpAnswer::Failure;
   const int http = answer.status;
   if (answer.failure == Failure::kStopped) return "the daemon stopped meanwhile";
@@ -85,7 +85,7 @@ absl::StatusOr<std::vector<Webhook>> LoadWebhooks(const std::vector<WebhookConfi
       return absl::InvalidArgumentError(
           absl::StrCat("server.json: webhook \"", config.name, "\": ", what));
     };
-    if (const std::string problem = ProblemOf(config.url); !problem.empty()) {
+    if (const std::string problem = FindProblem(config.url); !problem.empty()) {
       return mistake(absl::StrCat("its \"url\" ", problem));
     }
     absl::StatusOr<std::string> secret =
@@ -99,7 +99,7 @@ absl::StatusOr<std::vector<Webhook>> LoadWebhooks(const std::vector<WebhookConfi
   return webhooks;
 }
 
-Subscriptions SubscriptionsOf(const std::vector<Webhook>& webhooks) {
+Subscriptions ListSubscriptions(const std::vector<Webhook>& webhooks) {
   Subscriptions subscriptions;
   for (const Webhook& webhook : webhooks) {
     subscriptions.push_back({webhook.config.name, webhook.config.events});
@@ -107,19 +107,19 @@ Subscriptions SubscriptionsOf(const std::vector<Webhook>& webhooks) {
   return subscriptions;
 }
 
-std::string SignatureOf(std::string_view secret, int64_t seconds, std::string_view body) {
+std::string ComputeSignature(std::string_view secret, int64_t seconds, std::string_view body) {
   const std::string text = absl::StrCat(seconds, ".", std::string(body));
   std::array<uint8_t, 32> digest = {};
   unsigned size = digest.size();
   HMAC(EVP_sha256(), secret.data(), static_cast<int>(secret.size()),
        reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest.data(), &size);
-  return absl::StrCat("t=", seconds, ",v1=", HexOf(digest));
+  return absl::StrCat("t=", seconds, ",v1=", ToHex(digest));
 }
 
 PostResult Post(const Webhook& webhook, const std::string& event_id, const std::string& body,
                 absl::Time now, const std::function<bool()>& stop) {
   const absl::Duration timeout = webhook.config.timeout;
-  const std::string signature = SignatureOf(webhook.secret, absl::ToUnixSeconds(now), body);
+  const std::string signature = ComputeSignature(webhook.secret, absl::ToUnixSeconds(now), body);
   HttpAnswer answer =
       HttpClient().Ask({.url = webhook.config.url,
                         .ca_file = webhook.config.ca_file,
@@ -129,7 +129,7 @@ PostResult Post(const Webhook& webhook, const std::string& event_id, const std::
                         .connect = timeout,
                         .time = timeout,
                         .stop = stop});
-  const std::string problem = ProblemOf(answer, timeout);
+  const std::string problem = FindProblem(answer, timeout);
   return {problem.empty(), answer.status, problem};
 }
 

@@ -26,12 +26,12 @@ struct Webhook {
 // fragment; for a secret as of ReadSecretFile; for a ca_file that can't be read.
 absl::StatusOr<std::vector<Webhook>> LoadWebhooks(const std::vector<WebhookConfig>& configs);
 
-Subscriptions SubscriptionsOf(const std::vector<Webhook>& webhooks);
+Subscriptions ListSubscriptions(const std::vector<Webhook>& webhooks);
 
 // How a receiver knows that an event came from this daemon, and when: "t=1764590400,v1=DIGITS", the
 // time of the attempt in seconds since 1970, and the HMAC-SHA256 of "1764590400.BODY" keyed with
 // the secret's bytes, in lower-case hexadecimal.
-std::string SignatureOf(std::string_view secret, int64_t seconds, std::string_view body);
+std::string ComputeSignature(std::string_view secret, int64_t seconds, std::string_view body);
 
 struct PostResult {
   bool delivered = false;

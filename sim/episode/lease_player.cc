@@ -19,7 +19,7 @@ constexpr absl::Duration kSandboxDeadline = absl::Minutes(5);
 constexpr absl::Duration kRulingDeadline = absl::Minutes(2);
 constexpr absl::Duration kReadingDeadline = absl::Minutes(1);
 
-absl::StatusOr<nlohmann::json> ParametersOf(const ParametersText& parameters) {
+absl::StatusOr<nlohmann::json> ParseParameters(const ParametersText& parameters) {
   if (parameters.size == 0) return nlohmann::json::object();
   ASSIGN_OR_RETURN(nlohmann::json json,
                    ParseJson({parameters.text, parameters.size}, "the policy's parameters"));
@@ -211,7 +211,7 @@ std::optional<FaultEvidence> LeasePlayer::StartEpisode(uint64_t policy_seed) {
 }
 
 absl::Status LeasePlayer::TakeParameters(const ParametersText& uploaded, nlohmann::json& all) {
-  ASSIGN_OR_RETURN(const nlohmann::json own, ParametersOf(uploaded));
+  ASSIGN_OR_RETURN(const nlohmann::json own, ParseParameters(uploaded));
   all.update(own);
   return all.empty() ? absl::OkStatus() : environment_.SetParameters(all);
 }

@@ -81,7 +81,7 @@ absl::StatusOr<EpisodeLogInfo> LogWriter::End(LogEnd end) {
   end.logged = info_.steps;
   // Steps that were dropped leave no gap in the numbers of the events.
   encoder_.Resume(/*number=*/(started_ ? 2 : 1) + 2 * end.logged, end.logged);
-  encoder_.End(end, HexOf(digest_.Peek()), waiting_);
+  encoder_.End(end, ToHex(digest_.Peek()), waiting_);
   Pack(/*last=*/true);
   info_.sha256 = digest_.FinishHex();
   if (!status_.ok()) return status_;

@@ -70,7 +70,7 @@ class Sheet {
 };
 
 absl::StatusOr<Renders> Renders::Prepare(RenderOrder order) {
-  const SimulatedTrack& track = SimulatedTrackOf(*order.track.kind);
+  const SimulatedTrack& track = FindSimulatedTrack(*order.track.kind);
   Renders renders(std::move(order), track);
   const RenderOrder& wanted = renders.order_;
   // The longest first: others may be a part of them.

@@ -102,7 +102,7 @@ void Restore(GradedEnvironment& self, const nb::list& list) {
   RaiseUnlessOk(status);
 }
 
-nb::dict PhysicsOf(const GradedEnvironment& self) {
+nb::dict ReadPhysics(const GradedEnvironment& self) {
   const mjModel& model = self.environment().model();
   const std::span<const double> state = self.environment().state();
   nb::dict dict;
@@ -118,7 +118,7 @@ nb::dict PhysicsOf(const GradedEnvironment& self) {
   return dict;
 }
 
-nb::list TermsOf(const GradedEnvironment& self) {
+nb::list ReadTerms(const GradedEnvironment& self) {
   nb::list terms;
   for (const RewardTerm& term : self.reward_terms()) {
     terms.append(nb::make_tuple(term.name, term.weight));
@@ -154,7 +154,7 @@ void BindEnvironment(nb::module_& module) {
            "All inputs that the current state depends on; restore() takes them.")
       .def("restore", &Restore, "history"_a,
            "Plays the history of an environment with the same arguments, instead of its own.")
-      .def("physics", &PhysicsOf, "time, qpos, qvel and act after the last step, as new arrays.")
+      .def("physics", &ReadPhysics, "time, qpos, qvel and act after the last step, as new arrays.")
       .def("facts", [](const GradedEnvironment& self) { return FactsOf(self.facts()); },
            "What was measured in the episode so far, by the keys of a result's JSON.")
       .def("end_of", nb::overload_cast<const GradedEnvironment&>(&EndOf),
@@ -183,14 +183,14 @@ void BindEnvironment(nb::module_& module) {
                    [](const GradedEnvironment& self) {
                      return self.config().kind->control_period_s;
                    })
-      .def_prop_ro("reward_terms", &TermsOf, "[(name, default weight)], in their order.")
+      .def_prop_ro("reward_terms", &ReadTerms, "[(name, default weight)], in their order.")
       .def_prop_ro("observation_parts", &ObservationParts)
       .def_prop_ro("action_parts",
                    [](const GradedEnvironment& self) {
                      return PartsOf(ActionOf(*self.config().kind));
                    })
       .def_prop_ro("action_bounds", [](const GradedEnvironment& self) {
-        return BoundsOf(self.config().kind->layout().action_bounds(self.convention()));
+        return ToTuple(self.config().kind->layout().action_bounds(self.convention()));
       });
 }
 

@@ -55,7 +55,7 @@ nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<1>> NewArray(size_t si
 // A list of dictionaries with the keys of myograde.policy's Part.
 nanobind::list PartsOf(const VectorLayout& layout, int offset = 0);
 // The bounds of each entry, as two lists.
-nanobind::tuple BoundsOf(std::span<const Bounds> bounds);
+nanobind::tuple ToTuple(std::span<const Bounds> bounds);
 // What was measured, by the keys of the result's JSON.
 nanobind::dict FactsOf(const EpisodeFacts& facts);
 // "end", "facts", "digest", "actions_digest", "seed" and "steps" of an episode.

@@ -142,7 +142,7 @@ int GradedEnvironment::observation_size() const {
 }
 
 std::span<const RewardTerm> GradedEnvironment::reward_terms() const {
-  return SimulatedTrackOf(*config_.kind).reward_terms;
+  return FindSimulatedTrack(*config_.kind).reward_terms;
 }
 
 EpisodeFacts GradedEnvironment::facts() const {

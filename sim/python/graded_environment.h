@@ -87,8 +87,8 @@ class GradedEnvironment {
   int64_t steps() const { return steps_; }
   EpisodeFacts facts() const;
   // EpisodeFacts::digest and actions_digest of the steps so far.
-  std::string digest() const { return HexOf(digests_.PeekStates()); }
-  std::string actions_digest() const { return HexOf(digests_.PeekActions()); }
+  std::string digest() const { return ToHex(digests_.PeekStates()); }
+  std::string actions_digest() const { return ToHex(digests_.PeekActions()); }
 
   std::mutex& mutex() { return mutex_; }
 

@@ -119,7 +119,7 @@ nb::list PartsOf(const VectorLayout& layout, int offset) {
   return parts;
 }
 
-nb::tuple BoundsOf(std::span<const Bounds> bounds) {
+nb::tuple ToTuple(std::span<const Bounds> bounds) {
   nb::list low, high;
   for (const Bounds& bound : bounds) {
     low.append(bound.low);

@@ -95,7 +95,7 @@ absl::Status ListMuscles(const mjModel& model, Figure& figure) {
 
 }  // namespace
 
-absl::StatusOr<Figure> FigureOf(const mjModel& model) {
+absl::StatusOr<Figure> BuildFigure(const mjModel& model) {
   Figure figure;
   absl::Status status = ListParts(model, figure);
   if (status.ok()) status = ListMuscles(model, figure);

@@ -42,7 +42,7 @@ struct Figure {
 
 // InvalidArgumentError: a muscle's path is of a kind that trajectories can't show, or a part has no
 // name.
-absl::StatusOr<Figure> FigureOf(const mjModel& model);
+absl::StatusOr<Figure> BuildFigure(const mjModel& model);
 
 // The pose of a body's frame in the frame of the part that it belongs to, or in the world's.
 struct RelativePose {

@@ -181,7 +181,7 @@ std::vector<int> SmoothGroups(const Mesh& mesh, const std::vector<Vector3f>& nor
 
 }  // namespace
 
-Mesh MeshOf(const mjModel& model, int geom) {
+Mesh BuildMesh(const mjModel& model, int geom) {
   const mjtNum* size = model.geom_size + 3 * geom;
   switch (model.geom_type[geom]) {
     case mjGEOM_MESH: return MeshAsset(model, model.geom_dataid[geom]);

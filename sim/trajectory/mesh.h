@@ -17,7 +17,7 @@ struct Mesh {
 
 // The shape of a geom that is a mesh, box, sphere, capsule, cylinder or ellipsoid; of any other kind,
 // no faces.
-Mesh MeshOf(const mjModel& model, int geom);
+Mesh BuildMesh(const mjModel& model, int geom);
 
 // The same with at most `most` faces: points that are near to each other become one, and faces that
 // vanish by it go.

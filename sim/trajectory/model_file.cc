@@ -121,7 +121,7 @@ class ModelFile {
     const std::pair key(asset ? model_.geom_dataid[geom] : -1 - geom, material);
     const auto found = meshes_.find(key);
     if (found != meshes_.end()) return found->second;
-    const Mesh mesh = Simplified(MeshOf(model_, geom), kMostFacesOfMesh);
+    const Mesh mesh = Simplified(BuildMesh(model_, geom), kMostFacesOfMesh);
     return meshes_[key] =
                mesh.faces.empty() ? -1 : glb_.AddMesh(WithNormals(mesh), material);
   }
@@ -186,7 +186,7 @@ std::string ModelFileKey(const ModelSource& source) {
 
 absl::StatusOr<std::string> MakeModelFile(const mjModel& model, std::string_view track,
                                           const std::string& key, const CameraView& view) {
-  ASSIGN_OR_RETURN(const Figure figure, FigureOf(model));
+  ASSIGN_OR_RETURN(const Figure figure, BuildFigure(model));
   return ModelFile(model, figure)
       .Write({{"format", 1},
               {"track", track},

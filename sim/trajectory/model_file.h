@@ -19,7 +19,7 @@ inline constexpr size_t kMostFacesOfMesh = 24'000;
 // or contents of the file.
 std::string ModelFileKey(const ModelSource& source);
 
-// The file's bytes: the same for the same arguments. Errors: as FigureOf.
+// The file's bytes: the same for the same arguments. Errors: as BuildFigure.
 absl::StatusOr<std::string> MakeModelFile(const mjModel& model, std::string_view track,
                                           const std::string& key, const CameraView& view);
 

@@ -133,7 +133,7 @@ std::string FileOf(const Json& head, const std::string& arrays) {
 absl::StatusOr<std::unique_ptr<TrajectoryRecorder>> TrajectoryRecorder::Make(
     const Environment& environment, std::unique_ptr<Telemetry> telemetry,
     const RecordedEpisode& episode) {
-  ASSIGN_OR_RETURN(Figure figure, FigureOf(environment.model()));
+  ASSIGN_OR_RETURN(Figure figure, BuildFigure(environment.model()));
   return std::unique_ptr<TrajectoryRecorder>(new TrajectoryRecorder(
       environment, std::move(telemetry), episode, std::move(figure)));
 }

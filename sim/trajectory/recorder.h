@@ -38,7 +38,7 @@ struct RecordedEpisode {
 
 class TrajectoryRecorder final : public EpisodeRecorder {
  public:
-  // `environment` must outlive the recorder. Errors: as FigureOf.
+  // `environment` must outlive the recorder. Errors: as BuildFigure.
   static absl::StatusOr<std::unique_ptr<TrajectoryRecorder>> Make(
       const Environment& environment, std::unique_ptr<Telemetry> telemetry,
       const RecordedEpisode& episode);

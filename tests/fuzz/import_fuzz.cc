@@ -138,14 +138,14 @@ void ReadAll(SQLite::Database& db) {
       (void)ReadStanding(reader, evaluation.id);
       for (const std::string& salt : {std::string(), std::string(64, 'a')}) {
         (void)ResultsHash(rows, salt);
-        (void)MerkleRootOf(rows, salt);
+        (void)ComputeMerkleRoot(rows, salt);
         for (const EpisodeRow& row : rows) (void)ReceiptEntry(row, salt);
       }
       (void)reader.leases.Of(evaluation.id).status();
       (void)reader.episodes.Repeats(evaluation.id).status();
     }
     (void)reader.quotas.Ledger(submission.team, submission.track, INT64_MAX, 100);
-    (void)reader.quotas.UseOf(submission.team, submission.track, 1700000000000);
+    (void)reader.quotas.CountQuotaUse(submission.team, submission.track, 1700000000000);
     (void)reader.content.ConfigJson(submission.config).status();
     (void)reader.content.SeedsJson(submission.seeds).status();
     (void)reader.Board().InForce(submission.config);

@@ -287,12 +287,12 @@ TEST(Explain, GivesTheWholeSentenceOfTheOtherBoards) {
 
 TEST(Criteria, AreThoseOfTheBoard) {
   using Kind = Criterion::Kind;
-  EXPECT_THAT(CriteriaOf(kTieredBoard),
+  EXPECT_THAT(ListCriteria(kTieredBoard),
               ElementsAre(Criterion{Kind::kSuccess}, Criterion{Kind::kNumber, 0},
                           Criterion{Kind::kNumber, 1}));
-  EXPECT_THAT(CriteriaOf(kDistances),
+  EXPECT_THAT(ListCriteria(kDistances),
               ElementsAre(Criterion{Kind::kNumber, 0}, Criterion{Kind::kNumber, 1}));
-  EXPECT_THAT(CriteriaOf(kBodies),
+  EXPECT_THAT(ListCriteria(kBodies),
               ElementsAre(Criterion{Kind::kNumber, 1}, Criterion{Kind::kNumber, 2}));
 }
 

@@ -26,14 +26,14 @@ const json& Golden() {
   return golden;
 }
 
-std::vector<Pair> PairsOf(const std::vector<double>& a, const std::vector<double>& b) {
+std::vector<Pair> MakePairs(const std::vector<double>& a, const std::vector<double>& b) {
   std::vector<Pair> pairs;
   for (size_t i = 0; i < a.size(); ++i) pairs.push_back({{a[i]}, {b.at(i)}});
   return pairs;
 }
 
-std::vector<Pair> PairsOf(const json& row) {
-  return PairsOf(row.at("a").get<std::vector<double>>(), row.at("b").get<std::vector<double>>());
+std::vector<Pair> MakePairs(const json& row) {
+  return MakePairs(row.at("a").get<std::vector<double>>(), row.at("b").get<std::vector<double>>());
 }
 
 std::vector<Pair> Successes(int64_t only_a, int64_t only_b, int64_t both) {
@@ -64,7 +64,7 @@ TEST(PairedTest, OfSuccessesIsSciPysBinomialTest) {
 TEST(PairedTest, OfFewPairsIsSciPysExactPermutationTest) {
   for (const json& row : Golden().at("exact")) {
     SCOPED_TRACE(row.dump());
-    const PairedTest test = TestPairs(PairsOf(row), kSamples);
+    const PairedTest test = TestPairs(MakePairs(row), kSamples);
     EXPECT_NEAR(test.p, row.at("p"), 1e-12);
     EXPECT_EQ(test.method, Method::kExact);
   }
@@ -74,7 +74,7 @@ TEST(PairedTest, OfManyPairsIsNearSciPysRandomPermutationTest) {
   for (const json& row : Golden().at("monte_carlo")) {
     const double p = row.at("p");
     SCOPED_TRACE(p);
-    const PairedTest test = TestPairs(PairsOf(row), 100'000);
+    const PairedTest test = TestPairs(MakePairs(row), 100'000);
     EXPECT_EQ(test.method, Method::kMonteCarlo);
     // Five standard errors of both.
     EXPECT_NEAR(test.p, p, 5 * std::sqrt(p * (1 - p) * (1 / 1e5 + 1 / 2e6)));
@@ -92,9 +92,9 @@ TEST(PairedTest, OfMeansOverStepsIsSciPysExactPermutationTest) {
 }
 
 TEST(PairedTest, TellsTheDifferenceOfTheMeans) {
-  EXPECT_DOUBLE_EQ(TestPairs(PairsOf({1, 2, 6}, {1, 1, 1}), kSamples).difference, 2);
+  EXPECT_DOUBLE_EQ(TestPairs(MakePairs({1, 2, 6}, {1, 1, 1}), kSamples).difference, 2);
   EXPECT_DOUBLE_EQ(TestPairs({{{{6, 3}, {1, 1}}}}, kSamples).difference, 1);
-  EXPECT_DOUBLE_EQ(TestPairs(PairsOf({5}, {1}), kSamples).difference, 4);
+  EXPECT_DOUBLE_EQ(TestPairs(MakePairs({5}, {1}), kSamples).difference, 4);
   EXPECT_DOUBLE_EQ(TestPairs({{{{1, 0.5}, {2, 0.5}}}}, kSamples).difference, -2);
 }
 
@@ -140,7 +140,7 @@ TEST(PairedTest, DrawsTheSameWaysForEver) {
 }
 
 TEST(PairedTest, EnumeratesWhatTakesNoMoreWaysThanSamples) {
-  const std::vector<Pair> pairs = PairsOf({1, 2, 4, 8, 16}, {0, 0, 0, 0, 0});
+  const std::vector<Pair> pairs = MakePairs({1, 2, 4, 8, 16}, {0, 0, 0, 0, 0});
   EXPECT_EQ(TestPairs(pairs, 16).method, Method::kExact);
   EXPECT_EQ(TestPairs(pairs, 16).p, 1.0 / 16);
   EXPECT_EQ(TestPairs(pairs, 15).method, Method::kMonteCarlo);
@@ -153,9 +153,9 @@ TEST(PairedTest, OfThousandsOfClearPairsStaysAboveZero) {
 
 // So small a difference in the last digits is rounding, and not one that an exchange must reach.
 TEST(PairedTest, TakesEqualSumsAsEqual) {
-  const PairedTest test = TestPairs(PairsOf({0.1, 0.2, 0.3, 0}, {0, 0, 0, 0.6}), kSamples);
+  const PairedTest test = TestPairs(MakePairs({0.1, 0.2, 0.3, 0}, {0, 0, 0, 0.6}), kSamples);
   EXPECT_EQ(test.p, 1);
-  std::vector<Pair> large = PairsOf({0.1, 0.2, 0.3, 0}, {0, 0, 0, 0.6});
+  std::vector<Pair> large = MakePairs({0.1, 0.2, 0.3, 0}, {0, 0, 0, 0.6});
   for (Pair& pair : large) {
     pair.a.amount *= 1 << 30;
     pair.b.amount *= 1 << 30;
@@ -179,7 +179,7 @@ std::vector<double> AnyNumbers(size_t count) {
 // Plain means, or means over steps.
 std::vector<Pair> AnyPairs(int most) {
   const auto count = static_cast<size_t>(*rc::gen::inRange(0, most));
-  std::vector<Pair> pairs = PairsOf(AnyNumbers(count), AnyNumbers(count));
+  std::vector<Pair> pairs = MakePairs(AnyNumbers(count), AnyNumbers(count));
   if (*rc::gen::arbitrary<bool>()) {
     for (Pair& pair : pairs) {
       pair.a.weight = *rc::gen::inRange(0, 20);
@@ -256,7 +256,7 @@ TEST(IntervalOfDifference, OfSuccessesThatAreAllEqualHasAWidth) {
 }
 
 TEST(IntervalOfDifference, OfNumbersIsThatOfTheNormalDistribution) {
-  const auto interval = IntervalOfDifference(PairsOf({2, 4, 6, 8}, {1, 2, 3, 4}));
+  const auto interval = IntervalOfDifference(MakePairs({2, 4, 6, 8}, {1, 2, 3, 4}));
   ASSERT_TRUE(interval.has_value());
   EXPECT_FALSE(interval->of_proportions);
   EXPECT_NEAR(interval->low, 2.5 - 1.2651511, 1e-6);  // 1.96 standard errors of sqrt(5/3)/2
@@ -264,17 +264,17 @@ TEST(IntervalOfDifference, OfNumbersIsThatOfTheNormalDistribution) {
 }
 
 TEST(IntervalOfDifference, OfProportionsNeedsBothResultsOfEachPair) {
-  EXPECT_FALSE(IntervalOfDifference(PairsOf({1, 0, 1}, {0.5, 2, 3}))->of_proportions);
-  EXPECT_FALSE(IntervalOfDifference(PairsOf({0.5, 2, 3}, {1, 0, 1}))->of_proportions);
+  EXPECT_FALSE(IntervalOfDifference(MakePairs({1, 0, 1}, {0.5, 2, 3}))->of_proportions);
+  EXPECT_FALSE(IntervalOfDifference(MakePairs({0.5, 2, 3}, {1, 0, 1}))->of_proportions);
 }
 
 TEST(IntervalOfDifference, NeedsTwoPairs) {
-  EXPECT_FALSE(IntervalOfDifference(PairsOf({1}, {0})).has_value());
+  EXPECT_FALSE(IntervalOfDifference(MakePairs({1}, {0})).has_value());
 }
 
 RC_GTEST_PROP(PairedTestProperties, ExchangedEntriesHaveTheIntervalTurned, ()) {
   const auto count = *rc::gen::inRange<size_t>(2, 20);
-  const std::vector<Pair> pairs = PairsOf(AnyNumbers(count), AnyNumbers(count));
+  const std::vector<Pair> pairs = MakePairs(AnyNumbers(count), AnyNumbers(count));
   const auto interval = IntervalOfDifference(pairs);
   const auto turned = IntervalOfDifference(Exchanged(pairs));
   RC_ASSERT(std::abs(interval->low + turned->high) < 1e-9);
@@ -291,7 +291,7 @@ RC_GTEST_PROP(PairedTestProperties, TheClosedFormIsTheEnumeration, ()) {
 
 RC_GTEST_PROP(PairedTestProperties, TheExactTestIsTheEnumeration, ()) {
   const auto count = *rc::gen::inRange<size_t>(1, 10);
-  std::vector<Pair> pairs = PairsOf(AnyNumbers(count), AnyNumbers(count));
+  std::vector<Pair> pairs = MakePairs(AnyNumbers(count), AnyNumbers(count));
   const bool over_steps = *rc::gen::arbitrary<bool>();
   for (Pair& pair : pairs) {
     if (!over_steps) break;
@@ -304,7 +304,7 @@ RC_GTEST_PROP(PairedTestProperties, TheExactTestIsTheEnumeration, ()) {
 }
 
 RC_GTEST_PROP(PairedTestProperties, RandomWaysAreNearTheExactTest, ()) {
-  std::vector<Pair> pairs = PairsOf(AnyNumbers(14), AnyNumbers(14));
+  std::vector<Pair> pairs = MakePairs(AnyNumbers(14), AnyNumbers(14));
   const double exact = TestPairs(pairs, 1 << 14).p;
   const double random = TestPairs(pairs, 4000).p;
   RC_ASSERT(std::abs(random - exact) <= 6 * std::sqrt(0.25 / 4000) + 1.0 / 4000);

@@ -63,7 +63,7 @@ void CompareShown(GoldenTable& table, const std::map<std::string, std::vector<do
 void CompareRewardTerms(GoldenTable& table, const Environment& environment, const TrackKind& kind,
                         const json& rwd_dict, const ToleranceOf& tolerance,
                         const std::string& prefix, const std::string& where) {
-  const std::span<const RewardTerm> terms = SimulatedTrackOf(kind).reward_terms;
+  const std::span<const RewardTerm> terms = FindSimulatedTrack(kind).reward_terms;
   std::vector<double> values(terms.size());
   environment.RewardTerms(values);
   EXPECT_EQ(rwd_dict.size(), terms.size() + 1) << where << ": " << rwd_dict;

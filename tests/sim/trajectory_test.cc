@@ -162,7 +162,7 @@ TEST_P(Trajectories, HaveFramesAndCurvesAtTheirRate) {
 // The points where muscles wrap are those of the physics, in the frame of their body.
 TEST_P(Trajectories, HaveMusclesThatWrapWhereTheyDo) {
   const ReadTrajectory read = Read(PlayEpisode());
-  const auto figure = FigureOf(model());
+  const auto figure = BuildFigure(model());
   ASSERT_TRUE(figure.ok());
   EXPECT_EQ(read.head["wraps"], figure->wraps.size());
   int wrapped = 0;
@@ -307,7 +307,7 @@ TEST(Meshes, AreSmoothedAndSimplified) {
     const auto faces = [&](int of) { return (*model)->mesh_facenum[(*model)->geom_dataid[of]]; };
     if (largest < 0 || faces(geom) > faces(largest)) largest = geom;
   }
-  const Mesh whole = MeshOf(**model, largest);
+  const Mesh whole = BuildMesh(**model, largest);
   const Mesh smaller = Simplified(whole, 2000);
   EXPECT_GT(whole.faces.size(), 2000u);
   EXPECT_LE(smaller.faces.size(), 2000u);

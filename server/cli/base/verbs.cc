@@ -57,7 +57,7 @@ std::vector<std::string> NamesOf(const CLI::App& app) {
 std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
   const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
   if (word.empty()) return absl::StrCat("no verb given; ", help, " lists them");
-  std::string nearest = NearestOf(word, NamesOf(app));
+  std::string nearest = FindNearest(word, NamesOf(app));
   // "disqualify" is "submission disqualify"; of "list", which several nouns have, none is meant.
   const auto nouns = app.get_subcommands([&](const CLI::App* noun) {
     const std::vector<std::string> verbs = NamesOf(*noun);
@@ -80,7 +80,7 @@ std::string OptionMeant(const CLI::App& verb, const std::vector<std::string>& wo
     if (!name.starts_with("--") || std::find(known.begin(), known.end(), name) != known.end()) {
       continue;
     }
-    if (const std::string nearest = NearestOf(name, known); !nearest.empty()) return nearest;
+    if (const std::string nearest = FindNearest(name, known); !nearest.empty()) return nearest;
   }
   return "";
 }
@@ -263,7 +263,7 @@ std::string CommandOf(const CLI::App& verb) {
                            : absl::StrCat(CommandOf(*parent), " ", verb.get_name());
 }
 
-std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates) {
+std::string FindNearest(std::string_view word, const std::vector<std::string>& candidates) {
   if (word.empty() || word.size() > kLongestWord) return "";
   size_t least = std::max<size_t>(1, word.size() / 3);
   std::vector<std::string> nearest;

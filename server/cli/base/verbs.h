@@ -180,7 +180,7 @@ class Parts {
 
 // The candidate that is nearest to `word` by inserted, omitted, changed and swapped letters (at
 // most one in three), or else begins with `word`; "" if there is none or more than one.
-std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates);
+std::string FindNearest(std::string_view word, const std::vector<std::string>& candidates);
 
 // One sentence on `mistake`, the error of parsing `words`, with the verb or option that was
 // probably meant or the help to read.

@@ -204,7 +204,7 @@ absl::Status NoAnswer(const ServerChoice& choice, const HttpAnswer& answer) {
                                              answer.problem, "); see its log, or try again"));
 }
 
-absl::StatusOr<Json> JsonOf(const HttpAnswer& answer, const ServerChoice& choice) {
+absl::StatusOr<Json> ParseAnswer(const HttpAnswer& answer, const ServerChoice& choice) {
   if (answer.failure != HttpAnswer::Failure::kNone) return NoAnswer(choice, answer);
   if (answer.status >= 300 && answer.status < 400) {
     return absl::InternalError(absl::StrCat(
@@ -277,7 +277,7 @@ Client::Client(absl::StatusOr<ServerChoice> choice) : choice_(std::move(choice))
 
 absl::StatusOr<Json> Client::Get(const std::string& path) const {
   ASSIGN_OR_RETURN(const HttpRequest request, RequestTo(choice_, path));
-  const absl::StatusOr<Json> answer = JsonOf(HttpClient().Ask(request), *choice_);
+  const absl::StatusOr<Json> answer = ParseAnswer(HttpClient().Ask(request), *choice_);
   // A token that is not valid any more should not hide what is public; who one is, is about the token.
   if (AnsweredCode(answer.status()) != "bad_token" || choice_->token.empty() ||
       path == "/v1/whoami") {
@@ -286,7 +286,7 @@ absl::StatusOr<Json> Client::Get(const std::string& path) const {
   ServerChoice nobody = *choice_;
   nobody.token.clear();
   ASSIGN_OR_RETURN(const HttpRequest again, RequestTo(nobody, path));
-  absl::StatusOr<Json> shown = JsonOf(HttpClient().Ask(again), nobody);
+  absl::StatusOr<Json> shown = ParseAnswer(HttpClient().Ask(again), nobody);
   if (!shown.ok()) return answer;
   PrintToErrors(absl::StrCat("myograde: note: ", answer.status().message(),
                              ". Showing what the public sees; use \"myograde login\" to enter a "
@@ -303,7 +303,7 @@ absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body, boo
     request.body = text;
     if (once) request.headers.push_back("Idempotency-Key: " + absl::BytesToHexString(key));
     const HttpAnswer answer = HttpClient().Ask(request);
-    if (!once || again || !IsLost(answer)) return JsonOf(answer, *choice_);
+    if (!once || again || !IsLost(answer)) return ParseAnswer(answer, *choice_);
     absl::SleepFor(kBeforeRetry);
   }
 }
@@ -328,7 +328,7 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
         "): it may be larger than archive_bytes of server.json allows, or have taken longer than "
         "upload_s; see the daemon's log"));
   }
-  return JsonOf(answer, *choice_);
+  return ParseAnswer(answer, *choice_);
 }
 
 absl::StatusOr<int64_t> Client::Download(
@@ -346,7 +346,7 @@ absl::StatusOr<int64_t> Client::Download(
   const HttpAnswer answer = HttpClient().Ask(request);
   RETURN_IF_ERROR(taken);
   if (answer.failure == HttpAnswer::Failure::kNone && answer.status == 200) return done;
-  RETURN_IF_ERROR(JsonOf(answer, *choice_).status());
+  RETURN_IF_ERROR(ParseAnswer(answer, *choice_).status());
   return absl::InternalError("unexpected answer from the daemon; its version may differ from this "
                              "program's");
 }

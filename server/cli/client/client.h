@@ -159,15 +159,15 @@ absl::StatusOr<Json> RowOf(const Json& evaluation, int64_t episode);
 // The whole log of that SHA-256, or that a row names, unpacked. DataLossError, of a row with the
 // episode, if it was altered; the daemon's error if it is gone; FailedPreconditionError if the row
 // names none.
-absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& sha256);
-absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row);
-absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row);
+absl::StatusOr<std::string> FetchLogBytes(const Client& client, const std::string& sha256);
+absl::StatusOr<std::string> FetchLogBytes(const Client& client, const Json& row);
+absl::StatusOr<EpisodeLog> FetchEpisodeLog(const Client& client, const Json& row);
 
 // Help of --reason.
 inline constexpr char kReasonHelp[] = "Why, for the record; up to 200 bytes";
 
 // "?key=value&key=value" of the values that are not "".
-std::string QueryOf(const std::vector<std::pair<const char*, std::string>>& values);
+std::string BuildQuery(const std::vector<std::pair<const char*, std::string>>& values);
 
 // Sets `key` of a request's body, unless the value is "".
 void SetIfGiven(Json& body, const char* key, const std::string& value);

@@ -103,16 +103,16 @@ absl::StatusOr<Json> RowOf(const Json& evaluation, int64_t episode) {
                                             " has no recorded episode ", episode));
 }
 
-absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& sha256) {
+absl::StatusOr<std::string> FetchLogBytes(const Client& client, const std::string& sha256) {
   return ReadAllOf(client, sha256);
 }
 
-absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row) {
+absl::StatusOr<std::string> FetchLogBytes(const Client& client, const Json& row) {
   return ReadAllOf(client, row);
 }
 
-absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {
-  ASSIGN_OR_RETURN(std::string bytes, LogBytesOf(client, row));
+absl::StatusOr<EpisodeLog> FetchEpisodeLog(const Client& client, const Json& row) {
+  ASSIGN_OR_RETURN(std::string bytes, FetchLogBytes(client, row));
   return ParseEpisodeLog(bytes);
 }
 

@@ -95,7 +95,7 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
 constexpr size_t kMaxFile = 64 << 10;
 constexpr size_t kMaxToken = 512;
 
-std::string HomeOf() {
+std::string HomeDir() {
   if (std::string home = EnvironmentVariable("HOME"); !home.empty()) return home;
   const passwd* user = ::getpwuid(::getuid());
   return user == nullptr ? "/" : user->pw_dir;
@@ -196,7 +196,7 @@ absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options) {
 std::string LoginFile() {
   const std::string configs = EnvironmentVariable("XDG_CONFIG_HOME");
   // The XDG specification has relative paths ignored.
-  return absl::StrCat(configs.starts_with('/') ? configs : HomeOf() + "/.config",
+  return absl::StrCat(configs.starts_with('/') ? configs : HomeDir() + "/.config",
                       "/myograde/login.json");
 }
 
@@ -249,7 +249,7 @@ absl::StatusOr<bool> RemoveLogin() {
       absl::StrCat(path, ": can't be removed (", std::strerror(errno), ")"));
 }
 
-std::string QueryOf(const std::vector<std::pair<const char*, std::string>>& values) {
+std::string BuildQuery(const std::vector<std::pair<const char*, std::string>>& values) {
   std::string query;
   for (const auto& [key, value] : values) {
     if (value.empty()) continue;
@@ -310,7 +310,7 @@ void AddPlaces(CLI::App& verb, DaemonOptions& options) {
 }
 
 std::string BoardChoice::Query() const {
-  return QueryOf({{"track", track},
+  return BuildQuery({{"track", track},
                   {"board", board},
                   {"phase", phase},
                   {"profile", profile},

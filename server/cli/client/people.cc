@@ -308,7 +308,7 @@ Command AddQuota(CLI::App& verb) {
       ->check(CLI::Range(1, 1000));
   AddDaemonOptions(verb, "quota", *options);
   return [options] {
-    return options->GetAndPrint("/v1/quota" + QueryOf({{"team", options->team},
+    return options->GetAndPrint("/v1/quota" + BuildQuery({{"team", options->team},
                                                        {"limit", absl::StrCat(options->limit)},
                                                        {"track", options->track}}),
                                 PrintQuota);

@@ -140,7 +140,7 @@ absl::StatusOr<int> ProveEntry(const RecordOptions& options) {
   return ReportProof(
       options, json, valid,
       absl::StrCat("Entry ", options.entry, " is in the record of ",
-                   Counted(head.size, "entry", "entries"), " with the root ", HexOf(head.root)));
+                   Counted(head.size, "entry", "entries"), " with the root ", ToHex(head.root)));
 }
 
 absl::StatusOr<int> ProveSince(const RecordOptions& options) {

@@ -76,7 +76,7 @@ class RecordExporter {
       RETURN_IF_ERROR(Write("head.json", text));
       return Json{{"folder", folder_},
                   {"size", head->size},
-                  {"root", HexOf(head->root)},
+                  {"root", ToHex(head->root)},
                   {"receipts", receipts_.size()},
                   {"withheld", withheld_.size()},
                   {"boards", boards_}};

@@ -63,7 +63,7 @@ std::string UsedFor(const Json& attempt) {
   return attempt.value("cpu_s", Json()) == 0 ? "-" : DurationAt(attempt, "cpu_s");
 }
 
-std::string EnergyOf(const Json& attempt) {
+std::string ReadEnergy(const Json& attempt) {
   const Json energy = attempt.value("energy_j", Json());
   return energy.is_number() ? absl::StrCat(std::llround(energy.get<double>()), " J") : "-";
 }
@@ -86,7 +86,7 @@ void PrintAttempts(const Json& leases) {
     std::cout << "\nAttempts that have ended:\n";
     PrintRows(told, {"block", "attempt", "node", "job", RowColumn("began", moment("began_at")),
                      RowColumn("ended", moment("ended_at")), RowColumn("CPU time", UsedFor),
-                     RowColumn("energy", EnergyOf), "how"});
+                     RowColumn("energy", ReadEnergy), "how"});
   }
   for (const Json& lease : leases) {
     if (Cell(lease, "detail") == "-" || Cell(lease, "state") == "cancelled") continue;
@@ -214,7 +214,7 @@ void PrintEvents(const Json& answer) {
 
 absl::StatusOr<int> Events(const EventsOptions& options) {
   const std::string before = options.before == 0 ? "" : absl::StrCat(options.before);
-  return options.GetAndPrint("/v1/events" + QueryOf({{"limit", absl::StrCat(options.limit)},
+  return options.GetAndPrint("/v1/events" + BuildQuery({{"limit", absl::StrCat(options.limit)},
                                                      {"before", before},
                                                      {"kind", options.kind}}),
                              PrintEvents);

@@ -114,8 +114,8 @@ bool Holds(const Json& differs, std::initializer_list<const char*> names) {
 
 // Which difference came first, and so the cause, only the logs tell.
 void Judge(const Client& client, const Json& first, const Json& second, Json& entry) {
-  const absl::StatusOr<EpisodeLog> a = LogOf(client, first);
-  const absl::StatusOr<EpisodeLog> b = LogOf(client, second);
+  const absl::StatusOr<EpisodeLog> a = FetchEpisodeLog(client, first);
+  const absl::StatusOr<EpisodeLog> b = FetchEpisodeLog(client, second);
   if (!a.ok() || !b.ok()) {
     entry["verdict"] = "unknown";
     entry["detail"] = std::string((a.ok() ? b.status() : a.status()).message());

@@ -37,7 +37,7 @@ absl::StatusOr<std::string> MissingRuntime(const Client& client,
   return "";
 }
 
-absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
+absl::StatusOr<Json> BuildRequest(const SubmitOptions& options) {
   Json request = {{"team", options.team}, {"track", options.track}};
   SetIfGiven(request, "profile", options.profile);
   SetIfGiven(request, "phase", options.phase);
@@ -67,7 +67,7 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   Progress progress("sending", Progress::Unit::kBytes);
   ASSIGN_OR_RETURN(
       const Json answer,
-      client.Upload("/v1/artefacts" + QueryOf({{"team", options.team}, {"track", options.track}}),
+      client.Upload("/v1/artefacts" + BuildQuery({{"team", options.team}, {"track", options.track}}),
                     archive, progress.Listener("the daemon is checking it")));
   const std::string artefact = answer.value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon's answer has no artefact id");
@@ -309,7 +309,7 @@ Finding QuotaAt(const Json& quota, const Json& place, const std::string& budget)
 void AddQuotaFinding(const Client& client, const SubmissionPlan& plan, const std::string& phase,
                      std::vector<Finding>& findings) {
   const absl::StatusOr<Json> quota = client.Get(
-      "/v1/quota" + QueryOf({{"team", plan.team}, {"track", plan.track}, {"limit", "1"}}));
+      "/v1/quota" + BuildQuery({{"team", plan.team}, {"track", plan.track}, {"limit", "1"}}));
   const std::string code = AnsweredCode(quota.status());
   if (code == "not_found" || code == "unknown_track") return;
   if (!quota.ok()) return findings.push_back(NotAnswered("quota", quota.status()));
@@ -325,7 +325,7 @@ void AddTwinFinding(const Client& client, const SubmissionPlan& plan, const std:
                     std::vector<Finding>& findings) {
   if (plan.practice() || plan.artefact.empty()) return;
   const absl::StatusOr<Json> answer =
-      client.Get("/v1/submissions" + QueryOf({{"team", plan.team},
+      client.Get("/v1/submissions" + BuildQuery({{"team", plan.team},
                                               {"track", plan.track},
                                               {"limit", "1000"},
                                               {"phase", phase}}));
@@ -357,7 +357,7 @@ absl::StatusOr<int> Submit(SubmitOptions options) {
     options.track = phase.value("track", "");
   }
   // Mistakes that can be found here are reported before anything is sent.
-  ASSIGN_OR_RETURN(Json request, RequestOf(options));
+  ASSIGN_OR_RETURN(Json request, BuildRequest(options));
   ASSIGN_OR_RETURN(request["artefact"], SendArtefact(options, client));
   ASSIGN_OR_RETURN(const Json submission,
                    client.Post("/v1/submissions", request, /*once=*/true));

@@ -92,7 +92,7 @@ absl::StatusOr<std::string> Recipe(const std::string& name) {
 // name.
 absl::StatusOr<int> BecomeMaker(const RuntimeOptions& options, const std::string& verb,
                                 const std::vector<std::string>& words) {
-  ASSIGN_OR_RETURN(const ServerConfig config, ServerConfigOf(options.host));
+  ASSIGN_OR_RETURN(const ServerConfig config, BuildServerConfig(options.host));
   if (const auto own = config.runtimes.find(options.name);
       own != config.runtimes.end() && own->second != config.runtimes_dir + "/" + options.name) {
     return absl::InvalidArgumentError(
@@ -144,7 +144,7 @@ void PrintRuntimes(const Json& answer) {
 }
 
 absl::StatusOr<int> List(const RuntimeOptions& options) {
-  ASSIGN_OR_RETURN(const ServerConfig config, ServerConfigOf(options.host));
+  ASSIGN_OR_RETURN(const ServerConfig config, BuildServerConfig(options.host));
   const Runtimes runtimes(config.runtimes, config.runtimes_dir);
   Json rows = Json::array();
   for (const bool former : {false, true}) {

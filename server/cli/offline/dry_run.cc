@@ -165,7 +165,7 @@ absl::Status TakePhase(const Client& client, DryRunOptions& options) {
 
 // What `local` would need to play one episode of practice. Sets how many `episodes` would be played
 // of the submission.
-absl::StatusOr<LocalOrder> OrderOf(const DryRunOptions& options, int64_t& episodes) {
+absl::StatusOr<LocalOrder> BuildOrder(const DryRunOptions& options, int64_t& episodes) {
   ASSIGN_OR_RETURN(LocalOrder order, MakeLocalOrder({.host = options.host,
                                                      .path = options.path,
                                                      .track = options.track,
@@ -214,7 +214,7 @@ Finding ProgramFinding(const std::string& path, LocalOrder& order) {
   return {"program", FindingState::kOk, "the command can start in the sandbox"};
 }
 
-FindingState WorstOf(const std::vector<Finding>& findings) {
+FindingState FindWorst(const std::vector<Finding>& findings) {
   FindingState worst = FindingState::kOk;
   for (const Finding& finding : findings) worst = std::max(worst, finding.state);
   return worst;
@@ -229,7 +229,7 @@ absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& cl
   if (!taken.ok() && ExitOf(taken) == kTrouble) return taken;
   findings.push_back(SubmissionFinding(taken, order));
   if (taken.ok()) findings.push_back(ProgramFinding(options.path, order));
-  const bool playable = WorstOf(findings) == FindingState::kOk;
+  const bool playable = FindWorst(findings) == FindingState::kOk;
   const Artefact& artefact = order.artefact;
   report.answered = AskAcceptance(
       client,
@@ -244,7 +244,7 @@ absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& cl
 }
 
 int ExitOfReport(const DryReport& report) {
-  if (WorstOf(report.findings) == FindingState::kFails || report.interrupted) return kNoScore;
+  if (FindWorst(report.findings) == FindingState::kFails || report.interrupted) return kNoScore;
   if (!report.answered) return kUnreachable;
   return report.row.is_null() ? kTrouble : kDone;
 }
@@ -271,7 +271,7 @@ Json ReportJson(const DryRunOptions& options, const LocalOrder& order, const Cli
           {"artefact", TextOrNull(order.artefact.digest)},
           {"server", TextOrNull(client.where())},
           {"answered", report.answered},
-          {"state", StateName(WorstOf(report.findings))},
+          {"state", StateName(FindWorst(report.findings))},
           {"checks", std::move(checks)},
           {"episode", report.row},
           {"output", report.output}};
@@ -317,7 +317,7 @@ absl::StatusOr<int> DryRun(DryRunOptions options) {
   const Client client = options.client();
   RETURN_IF_ERROR(TakePhase(client, options));
   int64_t episodes = 0;
-  ASSIGN_OR_RETURN(LocalOrder order, OrderOf(options, episodes));
+  ASSIGN_OR_RETURN(LocalOrder order, BuildOrder(options, episodes));
   ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("dry-run"));
   ASSIGN_OR_RETURN(const DryReport report, Examine(options, client, temp.path(), episodes, order));
   return PrintAnswer(

@@ -56,7 +56,7 @@ RowPairs SameSeeds(const Json& a, const Json& b) {
   return pairs;
 }
 
-std::optional<double> MetricOf(const Json& row, const std::string& name) {
+std::optional<double> FindMetric(const Json& row, const std::string& name) {
   const Json metrics = row.value("metrics", Json());
   if (!metrics.is_object() || !metrics.value(name, Json()).is_number()) return std::nullopt;
   const double value = metrics[name].get<double>();
@@ -68,8 +68,8 @@ Json PairedMetric(const RowPairs& rows, Json metric) {
   std::vector<scoring::Pair> pairs;
   Json differences = Json::array();
   for (const auto& [a, b] : rows) {
-    const std::optional<double> of_a = MetricOf(*a, metric["name"]);
-    const std::optional<double> of_b = MetricOf(*b, metric["name"]);
+    const std::optional<double> of_a = FindMetric(*a, metric["name"]);
+    const std::optional<double> of_b = FindMetric(*b, metric["name"]);
     if (!of_a.has_value() || !of_b.has_value()) continue;
     pairs.push_back({{*of_a, 1}, {*of_b, 1}});
     differences.push_back(*of_a - *of_b);
@@ -136,7 +136,7 @@ struct FigureOptions : SubmissionOptions {
 };
 
 // The format that the file's name asks for, "svg" of FIGURE.svg; null without a file.
-absl::StatusOr<Json> FormatOf(const FigureOptions& options,
+absl::StatusOr<Json> ChooseFormat(const FigureOptions& options,
                               const std::vector<std::string>& formats) {
   RETURN_IF_ERROR(
       RefuseIf({{options.file.empty() && !options.json,
@@ -154,7 +154,7 @@ struct PlotOptions : FigureOptions {
   std::vector<int64_t> ids;
 };
 
-const PlotKind& KindOf(const PlotOptions& options) {
+const PlotKind& FindKind(const PlotOptions& options) {
   for (const PlotKind& kind : kPlotKinds) {
     if (options.kind == kind.name) return kind;
   }
@@ -162,7 +162,7 @@ const PlotKind& KindOf(const PlotOptions& options) {
 }
 
 absl::Status CheckPlot(const PlotOptions& options) {
-  const PlotKind& kind = KindOf(options);
+  const PlotKind& kind = FindKind(options);
   const std::set<int64_t> different(options.ids.begin(), options.ids.end());
   if (options.ids.size() < kind.least || options.ids.size() > kind.most) {
     const std::string range = kind.least == kind.most ? "" : absl::StrCat(kind.least, " to ");
@@ -185,7 +185,7 @@ absl::Status CheckPlot(const PlotOptions& options) {
 
 absl::Status Gather(const PlotOptions& options, Json& order) {
   const Client client = options.client();
-  if (KindOf(options).most == 0) return AddBoard(client, options.board, order);
+  if (FindKind(options).most == 0) return AddBoard(client, options.board, order);
   order["results"] = Json::array();
   for (const int64_t id : options.ids) {
     ASSIGN_OR_RETURN(Json result, ResultForFigures(client, id));
@@ -199,7 +199,7 @@ absl::Status Gather(const PlotOptions& options, Json& order) {
 absl::StatusOr<int> Plot(const PlotOptions& options) {
   RETURN_IF_ERROR(CheckPlot(options));
   Json order = {{"make", "plot"}, {"kind", options.kind}};
-  ASSIGN_OR_RETURN(order["format"], FormatOf(options, {"svg", "pdf"}));
+  ASSIGN_OR_RETURN(order["format"], ChooseFormat(options, {"svg", "pdf"}));
   CatchStopSignals();
   const absl::Status gathered = Gather(options, order);
   return DrawInto(options.file, gathered, order,
@@ -257,7 +257,7 @@ absl::StatusOr<int> WriteReport(const ReportOptions& options) {
         "a report covers one submission or one board: give a submission's number, --phase or "
         "--track"}}));
   Json order = {{"make", submission ? "report" : "board-report"}, {"version", MYOGRADE_VERSION}};
-  ASSIGN_OR_RETURN(order["format"], FormatOf(options, {"html"}));
+  ASSIGN_OR_RETURN(order["format"], ChooseFormat(options, {"html"}));
   CatchStopSignals();
   const absl::Status gathered =
       submission ? GatherSubmission(options, order)

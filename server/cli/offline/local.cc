@@ -115,7 +115,7 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
                 {"results", ResultsHash(result.rows, config.seed_salt)}}},
               {"merkle_root", result.rows.empty()
                                   ? Json()
-                                  : Json(MerkleRootOf(result.rows, config.seed_salt))},
+                                  : Json(ComputeMerkleRoot(result.rows, config.seed_salt))},
               {"grader", WithRuntimes(GraderBuild(order.cache_dir, {order.artefact.manifest.adapter}),
                                        RuntimeDigests(Runtimes(order.config.runtimes,
                                                                order.config.runtimes_dir),

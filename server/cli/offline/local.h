@@ -20,7 +20,7 @@
 namespace myograde::server {
 
 // What server.json says on this host.
-absl::StatusOr<ServerConfig> ServerConfigOf(const HostOptions& host);
+absl::StatusOr<ServerConfig> BuildServerConfig(const HostOptions& host);
 
 struct LocalOrder {
   TrackPtr track;

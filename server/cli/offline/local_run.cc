@@ -260,7 +260,7 @@ class LocalRun {
 
 }  // namespace
 
-absl::StatusOr<ServerConfig> ServerConfigOf(const HostOptions& host) {
+absl::StatusOr<ServerConfig> BuildServerConfig(const HostOptions& host) {
   return HostStatus("", LoadServerConfig(host.configs_dir() + "/server.json", host.cache_dir()));
 }
 
@@ -273,7 +273,7 @@ absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   ASSIGN_OR_RETURN(order.seeds, SeedsOf(options, config));
   ASSIGN_OR_RETURN(order.track, HostStatus("", MakeTrack(std::move(config))));
   order.cache_dir = options.host.cache_dir();
-  ASSIGN_OR_RETURN(order.config, ServerConfigOf(options.host));
+  ASSIGN_OR_RETURN(order.config, BuildServerConfig(options.host));
   RETURN_IF_ERROR(HostStatus("", LoadSandboxConfig(configs).status()));
   order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
   return order;

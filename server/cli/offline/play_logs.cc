@@ -28,7 +28,7 @@ namespace {
 constexpr int kMostSimulators = 64;
 
 // Blocks are leases; where nothing carries over, cut once more so that all slots have work.
-std::vector<ReplayBlock> BlocksOf(const std::map<int64_t, ReplayLogFile>& files,
+std::vector<ReplayBlock> SplitIntoBlocks(const std::map<int64_t, ReplayLogFile>& files,
                                   const TrackConfig& track, int slots) {
   std::vector<ReplayBlock> blocks;
   const bool carries = CarriesOver(track);
@@ -46,7 +46,7 @@ std::vector<ReplayBlock> BlocksOf(const std::map<int64_t, ReplayLogFile>& files,
 }
 
 // The file beside `path` that should be the log of `episode`.
-absl::StatusOr<std::string> SiblingOf(const std::string& path, const LogHeader& header,
+absl::StatusOr<std::string> FindSibling(const std::string& path, const LogHeader& header,
                                       int64_t episode) {
   const std::filesystem::path file(path);
   const std::string name = file.filename();
@@ -91,7 +91,7 @@ absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_vie
 absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t episode,
                                     const std::string& folder) {
   ASSIGN_OR_RETURN(const Json row, RowOf(evaluation, episode));
-  ASSIGN_OR_RETURN(const std::string bytes, LogBytesOf(client, row));
+  ASSIGN_OR_RETURN(const std::string bytes, FetchLogBytes(client, row));
   ASSIGN_OR_RETURN(EpisodeLog log, ParseEpisodeLog(bytes));
   const Json hashes = evaluation.value("hashes", Json::object());
   if (log.header.config != hashes.value("config", "") || log.header.episode != episode) {
@@ -108,7 +108,7 @@ absl::StatusOr<std::map<int64_t, ReplayLogFile>> LogsUpTo(const std::string& pat
   std::map<int64_t, ReplayLogFile> files = {{header.episode, {absolute, header}}};
   const int64_t first = FirstNeeded(header.track, header.episode);
   for (int64_t episode = first; episode < header.episode; ++episode) {
-    ASSIGN_OR_RETURN(const std::string sibling, SiblingOf(absolute, header, episode));
+    ASSIGN_OR_RETURN(const std::string sibling, FindSibling(absolute, header, episode));
     const absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(sibling));
     if (absl::IsNotFound(log.status())) {
       return absl::NotFoundError(absl::StrCat(
@@ -140,12 +140,12 @@ absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, Repla
   ASSIGN_OR_RETURN(TempFolder temp, TempFolder::Make("replay"));
   ReplayOrder order;
   order.cache_dir = host.cache_dir();
-  ASSIGN_OR_RETURN(const ServerConfig config, ServerConfigOf(host));
+  ASSIGN_OR_RETURN(const ServerConfig config, BuildServerConfig(host));
   order.track = files.begin()->second.header.track;
   order.work_dir = temp.path();
   order.slots = slots > 0 ? slots : std::min(config.scheduler.slots, kMostSimulators);
   if (::geteuid() == 0) order.uid_base = config.uid_base + kReplayUsers;
-  order.blocks = BlocksOf(files, order.track, order.slots);
+  order.blocks = SplitIntoBlocks(files, order.track, order.slots);
   Progress progress("replay");
   return RunReplay(order, {.progress = progress.Listener(), .stopped = StopRequested});
 }

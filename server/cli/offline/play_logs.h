@@ -42,7 +42,7 @@ struct FetchedLog {
 };
 
 // Gets the log of an episode of an evaluation with rows into `folder`. Errors of RowOf and
-// LogBytesOf; DataLossError also if it is of another episode or config.
+// FetchLogBytes; DataLossError also if it is of another episode or config.
 absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t episode,
                                     const std::string& folder);
 

@@ -76,7 +76,7 @@ Json DisqualifiedJson(const DisqualifiedRow& row) {
           {"aggregate", row.aggregate}};
 }
 
-std::vector<StandingRow> StandingsOf(const BoardState& record,
+std::vector<StandingRow> ListStandings(const BoardState& record,
                                      const std::map<int64_t, ReceivedResult>& results,
                                      const std::string& config) {
   const std::set<int64_t> chosen = record.Chosen(config);
@@ -179,7 +179,7 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   ReceivedResult result = {.done = done,
                            .hides_seeds = HidesSeeds(receipt),
                            .name = TextAt(receipt, "name"),
-                           .standing = StandingOf(*track, *aggregate)};
+                           .standing = ToStanding(*track, *aggregate)};
   result.standing.aggregate_json = CanonicalJson(numbers);
   return result;
 }
@@ -207,7 +207,7 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
     return absl::InvalidArgumentError("its config has no board of this name");
   }
   ASSIGN_OR_RETURN(const Leaderboard made,
-                   MakeLeaderboard(StandingsOf(record, results, hash), record.MarksAt(),
+                   MakeLeaderboard(ListStandings(record, results, hash), record.MarksAt(),
                                    spec->second.rules, config.scoring.team));
   Json rows = Json::array();
   for (const LeaderboardRow& row : made.rows) rows.push_back(BoardRowJson(row));

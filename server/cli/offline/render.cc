@@ -146,7 +146,7 @@ std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
   return stored;
 }
 
-absl::StatusOr<std::vector<int64_t>> OrderOf(const std::vector<Json>& rows,
+absl::StatusOr<std::vector<int64_t>> ChooseEpisodes(const std::vector<Json>& rows,
                                              const TrackConfig& config) {
   ASSIGN_OR_RETURN(const TrackPtr track, MakeTrack(config));
   std::vector<EpisodeRow> stored;
@@ -179,7 +179,7 @@ absl::Status AddOfFile(const RenderOptions& options, Drawing& drawing) {
 }
 
 // One episode of an evaluation with rows, its logs in `folder`. OutOfRangeError,
-// FailedPreconditionError: there is no such episode, or no log of it. Other errors as of LogBytesOf.
+// FailedPreconditionError: there is no such episode, or no log of it. Other errors as of FetchLogBytes.
 absl::Status AddEpisode(const Client& client, const Json& evaluation, int64_t index,
                         const std::string& place, const std::string& title,
                         const std::string& folder, Drawing& drawing) {
@@ -215,7 +215,7 @@ absl::Status AddStrip(const Client& client, const Json& evaluation, const std::s
   // A log has the config, and with it the board's rules.
   ASSIGN_OR_RETURN(const FetchedLog any,
                    FetchLog(client, evaluation, rows.front().value("index", int64_t{-1}), folder));
-  ASSIGN_OR_RETURN(const std::vector<int64_t> order, OrderOf(rows, any.log.header.track));
+  ASSIGN_OR_RETURN(const std::vector<int64_t> order, ChooseEpisodes(rows, any.log.header.track));
   for (const PickedEpisode& picked : BestMedianWorst(order)) {
     const std::string place(picked.place);
     RETURN_IF_ERROR(AddEpisode(client, evaluation, picked.index, place,

@@ -119,7 +119,7 @@ void Flatten(const Json& json, const std::string& prefix, std::map<std::string, 
   }
 }
 
-std::vector<RulesTable> TablesOf(const TrackConfig& config) {
+std::vector<RulesTable> BuildTables(const TrackConfig& config) {
   return config.kind->tables == nullptr ? std::vector<RulesTable>()
                                         : config.kind->tables(config.rules);
 }
@@ -127,7 +127,7 @@ std::vector<RulesTable> TablesOf(const TrackConfig& config) {
 // Rules with a table of their own would not fit on a line.
 Json WithoutTables(const TrackConfig& config) {
   Json rules = config.rules;
-  for (const RulesTable& table : TablesOf(config)) {
+  for (const RulesTable& table : BuildTables(config)) {
     const Json::json_pointer place(table.key);
     if (rules.contains(place)) rules[place] = table.summary;
   }
@@ -135,7 +135,7 @@ Json WithoutTables(const TrackConfig& config) {
 }
 
 void PrintTables(const TrackConfig& config) {
-  for (RulesTable& said : TablesOf(config)) {
+  for (RulesTable& said : BuildTables(config)) {
     if (said.rows.empty()) continue;
     std::cout << '\n' << Bold(said.title) << '\n' << "  (" << said.note << ")\n";
     Table table(said.head);
@@ -263,7 +263,7 @@ absl::Status IsThere(const std::string& folder) {
 }
 
 // Where an installation and a build tree have the templates of a language, seen from the programs.
-absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
+absl::StatusOr<std::string> FindTemplates(const std::string& lang) {
   ASSIGN_OR_RETURN(const std::string bin_dir, BinDir());
   for (const std::string& place : {ShareDir(bin_dir) + "/policies", bin_dir + "/../policies"}) {
     const std::string templates = absl::StrCat(place, "/starter/", lang);
@@ -332,7 +332,7 @@ absl::StatusOr<std::vector<std::string>> WriteStarter(const Starter& starter,
   if (fs::symlink_status(folder, error).type() != fs::file_type::not_found) {
     return error ? CantMake(folder, error.message()) : IsThere(folder);
   }
-  ASSIGN_OR_RETURN(const std::string templates, TemplatesOf(starter.lang));
+  ASSIGN_OR_RETURN(const std::string templates, FindTemplates(starter.lang));
   // Made beside its place, and removed with everything in it unless it gets its name.
   std::string part = folder + ".part-XXXXXX";
   if (::mkdtemp(part.data()) == nullptr) return CantMake(folder, std::strerror(errno));
@@ -356,7 +356,7 @@ struct NewOptions {
 };
 
 // What to type in the folder: the commands of its README.
-std::vector<std::string> CommandsOf(const Starter& starter) {
+std::vector<std::string> ListCommands(const Starter& starter) {
   const std::string submission = starter.lang == "python" ? "." : "submission";
   return {
       starter.lang == "cpp" ? "./build.sh" : absl::StrCat("myograde spec --track ", starter.track),
@@ -388,7 +388,7 @@ absl::StatusOr<int> New(const NewOptions& options) {
                           {"lang", starter.lang},
                           {"track", starter.track},
                           {"files", files},
-                          {"commands", CommandsOf(starter)}},
+                          {"commands", ListCommands(starter)}},
                      options.json, [&](const Json& made) { PrintMade(folder, made); });
 }
 

@@ -84,7 +84,7 @@ class LogSource {
   // The log of that SHA-256. NotFoundError if it is not among those given, DataLossError if it was
   // altered, or the daemon's error.
   absl::StatusOr<std::string> Find(const std::string& hash) const {
-    if (!given_) return LogBytesOf(client_, hash);
+    if (!given_) return FetchLogBytes(client_, hash);
     if (const auto it = files_.find(hash); it != files_.end()) return ReadAs(hash, it->second);
     for (const std::string& folder : folders_) {
       const std::string path = absl::StrCat(folder, "/", LogFileName(hash));

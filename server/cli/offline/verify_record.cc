@@ -72,7 +72,7 @@ RecordReport RecordVerifier::Run(const std::optional<std::string>& earlier) {
   check("configs", [&] { return CheckConfigs(); });
   check("boards", [&] { return CheckBoards(); });
   report.size = tree_.size();
-  report.root = HexOf(tree_.Root(tree_.size()));
+  report.root = ToHex(tree_.Root(tree_.size()));
   report.receipts = std::ssize(results_);
   report.withheld = std::ssize(withheld_);
   report.boards = boards_;
@@ -113,7 +113,7 @@ absl::Status RecordVerifier::CheckEntries() {
         const absl::Status added = act.ok() ? state_.Add(*act) : act.status();
         if (!added.ok()) return WrongFile("record.jsonl", added.message());
         tree_.Append(line);
-        chain = ChainOf(chain, line);
+        chain = ExtendChain(chain, line);
         return absl::OkStatus();
       }));
   if (tree_.size() < head_.size) {

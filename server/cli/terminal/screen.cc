@@ -65,7 +65,7 @@ std::string_view TakeRun(std::string_view text, bool spaces, size_t& at) {
 
 // Where a broken line goes on: below the second column of a text that has two, else a little
 // to the right of its beginning.
-size_t IndentOf(std::string_view line, size_t columns) {
+size_t CountIndent(std::string_view line, size_t columns) {
   const size_t begin = std::min(line.find_first_not_of(' '), line.size());
   const size_t gap = line.find("  ", begin);
   if (gap != std::string_view::npos) {
@@ -215,7 +215,7 @@ class StandardOutput::Fitter : public std::streambuf {
     if (columns > 0 && TextWidth(line_) > columns) {
       const std::string head = line_.starts_with(kForeignMark)
                                    ? std::string(kForeignMark)
-                                   : std::string(IndentOf(line_, columns), ' ');
+                                   : std::string(CountIndent(line_, columns), ' ');
       line_ = absl::StrJoin(BreakLine(line_, columns, head), "\n");
     }
     if (newline) line_ += '\n';

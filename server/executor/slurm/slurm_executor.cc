@@ -132,7 +132,7 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
   }
   ASSIGN_OR_RETURN(const std::string random, RandomBytes(kCommentBytes));
   const std::string comment = absl::StrCat(
-      order.lease, "-", HexOf({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
+      order.lease, "-", ToHex({reinterpret_cast<const uint8_t*>(random.data()), random.size()}));
   ASSIGN_OR_RETURN(const std::string text, OrderText(order, subject, comment));
   RETURN_IF_ERROR(MakeWorkDir(order.work_dir));
   {

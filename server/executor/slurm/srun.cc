@@ -46,7 +46,7 @@ constexpr EndState kEnds[] = {
     {"CANCELLED", "was cancelled"},
 };
 
-const EndState* EndOf(std::string_view state) {
+const EndState* FindEndState(std::string_view state) {
   const auto* found = std::find_if(std::begin(kEnds), std::end(kEnds),
                                    [&](const EndState& end) { return end.state == state; });
   return found == std::end(kEnds) ? nullptr : found;
@@ -116,10 +116,10 @@ absl::StatusOr<std::string> RunSlurm(const std::string& path, std::vector<std::s
   return absl::UnavailableError(absl::StrCat(name, ": ", said.empty() ? end.HowItEnded() : said));
 }
 
-bool SlurmJob::over() const { return EndOf(state) != nullptr; }
+bool SlurmJob::over() const { return FindEndState(state) != nullptr; }
 
 std::string SlurmJob::HowItEnded() const {
-  const EndState* end = EndOf(state);
+  const EndState* end = FindEndState(state);
   return end == nullptr ? "ended" : end->how;
 }
 

@@ -268,7 +268,7 @@ class Daemon {
     return {{"running", timed([&] { return core_->Running().size(); })},
             {"health", timed([&] { return core_->Health().running; })},
             {"queue_of", timed([&] { return core_->QueueOf(nullptr).size(); })},
-            {"outlook_of", timed([&] { return core_->OutlookOf(1).waiting.size(); })}};
+            {"outlook_of", timed([&] { return core_->EstimateOutlook(1).waiting.size(); })}};
   }
 
   const Options options_;

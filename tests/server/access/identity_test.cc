@@ -102,7 +102,7 @@ TokenRow Token(const std::string& role, const std::string& team = "") {
   return row;
 }
 
-TokenProblem ProblemOf(const std::optional<TokenRow>& row) {
+TokenProblem FindProblem(const std::optional<TokenRow>& row) {
   const auto identity = IdentityOfToken(row, kNow, /*remote=*/true);
   EXPECT_TRUE(std::holds_alternative<TokenProblem>(identity));
   return std::get<TokenProblem>(identity);
@@ -124,14 +124,14 @@ TEST(IdentityTest, ATokenEndsWithTheMillisecondOfItsExpiry) {
   row.expires_at = kNow + 1;
   EXPECT_TRUE(std::holds_alternative<Identity>(IdentityOfToken(row, kNow, true)));
   row.expires_at = kNow;
-  EXPECT_EQ(ProblemOf(row), TokenProblem::kExpired);
+  EXPECT_EQ(FindProblem(row), TokenProblem::kExpired);
   row.revoked_at = kNow - 5;
-  EXPECT_EQ(ProblemOf(row), TokenProblem::kRevoked);
+  EXPECT_EQ(FindProblem(row), TokenProblem::kRevoked);
 }
 
 TEST(IdentityTest, NoRowAndNoSuchRoleAreUnknown) {
-  EXPECT_EQ(ProblemOf(std::nullopt), TokenProblem::kUnknown);
-  EXPECT_EQ(ProblemOf(Token("root")), TokenProblem::kUnknown);
+  EXPECT_EQ(FindProblem(std::nullopt), TokenProblem::kUnknown);
+  EXPECT_EQ(FindProblem(Token("root")), TokenProblem::kUnknown);
 }
 
 TEST(IdentityTest, AnAuthorizationIsAWordAndAToken) {

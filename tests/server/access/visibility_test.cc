@@ -20,40 +20,40 @@ constexpr Visibility kNothing = {.aggregate = false,
 
 TEST(SightOf, OrganisersSeeEverything) {
   for (const Role role : {Role::kOrganiser, Role::kOperator}) {
-    EXPECT_TRUE(SeesAll(VisibilityOf(role, {.shown = kNothing, .committed = true})));
+    EXPECT_TRUE(SeesAll(ComputeVisibility(role, {.shown = kNothing, .committed = true})));
   }
 }
 
 TEST(SightOf, OutsideOfPhasesNothingIsWithheld) {
-  EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, {})));
+  EXPECT_TRUE(SeesAll(ComputeVisibility(Role::kParticipant, {})));
 }
 
 TEST(SightOf, ParticipantsSeeWhatThePhaseShowsUntilItIsPublished) {
   const PhaseVisibility open = {.shown = kNothing};
-  EXPECT_EQ(VisibilityOf(Role::kParticipant, open), kNothing);
-  EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, {.shown = kNothing, .published = true})));
-  EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, {.shown = kNothing, .revealed = true})));
+  EXPECT_EQ(ComputeVisibility(Role::kParticipant, open), kNothing);
+  EXPECT_TRUE(SeesAll(ComputeVisibility(Role::kParticipant, {.shown = kNothing, .published = true})));
+  EXPECT_TRUE(SeesAll(ComputeVisibility(Role::kParticipant, {.shown = kNothing, .revealed = true})));
 }
 
 TEST(SightOf, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
   for (const bool published : {false, true}) {
     PhaseVisibility phase = {.published = published, .committed = true};
-    EXPECT_FALSE(VisibilityOf(Role::kParticipant, phase).seeds);
-    EXPECT_FALSE(SeesLogs(VisibilityOf(Role::kParticipant, phase))) << "a log holds its seed";
+    EXPECT_FALSE(ComputeVisibility(Role::kParticipant, phase).seeds);
+    EXPECT_FALSE(SeesLogs(ComputeVisibility(Role::kParticipant, phase))) << "a log holds its seed";
     phase.revealed = true;
-    EXPECT_TRUE(SeesAll(VisibilityOf(Role::kParticipant, phase)));
+    EXPECT_TRUE(SeesAll(ComputeVisibility(Role::kParticipant, phase)));
   }
 }
 
 TEST(SightOf, NothingOfARunningLeaseIsShownWhileAnythingIsWithheldAndUnpublished) {
-  EXPECT_TRUE(VisibilityOf(Role::kParticipant, {}).progress);
-  EXPECT_FALSE(VisibilityOf(Role::kParticipant, {.shown = {.metrics = false}}).progress);
-  EXPECT_FALSE(VisibilityOf(Role::kParticipant, {.committed = true}).progress);
-  EXPECT_TRUE(VisibilityOf(Role::kParticipant, {.published = true, .committed = true}).progress);
+  EXPECT_TRUE(ComputeVisibility(Role::kParticipant, {}).progress);
+  EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.shown = {.metrics = false}}).progress);
+  EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.committed = true}).progress);
+  EXPECT_TRUE(ComputeVisibility(Role::kParticipant, {.published = true, .committed = true}).progress);
 }
 
 TEST(SightOf, AFileCanNotShowCommittedSeeds) {
-  EXPECT_FALSE(VisibilityOf(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
+  EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
 }
 
 TEST(WithheldParts, AreNamedInOrder) {

@@ -180,7 +180,7 @@ class AdmissionWorld : public ::testing::Test {
     db.exec(absl::StrCat("UPDATE artefact SET command_json = 'x' WHERE hash = '",
                          std::string(64, letter), "'"));
   }
-  SubmissionRow SubmissionOf(const Accepted& accepted) {
+  SubmissionRow FindSubmission(const Accepted& accepted) {
     SubmissionRow row;
     const absl::Status status = readers_->Read([&](const Transaction& reader) {
       absl::StatusOr<SubmissionRow> read = reader.submissions.Find(accepted.submission);

@@ -89,7 +89,7 @@ TEST_F(SubmitPhaseTest, ThePhasesConfigIsPlayed) {
   SetTo(kOpens);
   const auto accepted = To("final", 'a');
   ASSERT_TRUE(accepted.ok()) << accepted.status();
-  const SubmissionRow row = SubmissionOf(*accepted);
+  const SubmissionRow row = FindSubmission(*accepted);
   EXPECT_EQ(row.phase, "final");
   EXPECT_TRUE(row.ranked);
   EXPECT_EQ(row.config, (*phases_.Find("final"))->track->config.hash);
@@ -122,7 +122,7 @@ TEST_F(SubmitPhaseTest, TheCalendarLetsInBetweenOpeningAndClose) {
   SetTo(kCloses - 1);
   const auto accepted = To("", 'a');
   ASSERT_TRUE(accepted.ok()) << accepted.status();
-  EXPECT_EQ(SubmissionOf(*accepted).phase, "final");
+  EXPECT_EQ(FindSubmission(*accepted).phase, "final");
 }
 
 TEST_F(SubmitPhaseTest, WhatWasAcceptedIsFoundAfterTheClose) {
@@ -143,7 +143,7 @@ TEST_F(SubmitPhaseTest, PracticeBelongsToNoPhaseAndIsAlwaysOpen) {
   AddArtefact('a');
   const auto accepted = Practise('a');
   ASSERT_TRUE(accepted.ok()) << accepted.status();
-  const SubmissionRow row = SubmissionOf(*accepted);
+  const SubmissionRow row = FindSubmission(*accepted);
   EXPECT_EQ(row.phase, "");
   EXPECT_FALSE(row.ranked);
   SetTo(kOpens);
@@ -162,7 +162,7 @@ TEST_F(SubmitPhaseTest, TheTracksOwnSeedsDoNotRankWhereItHasPhases) {
                                     .seeds = (*tracks_->Find(kTrack, ""))->config.seeds,
                                     .episodes = std::nullopt},
                                    "uid 7");
-  EXPECT_TRUE(!sneaked.ok() || !SubmissionOf(*sneaked).ranked);
+  EXPECT_TRUE(!sneaked.ok() || !FindSubmission(*sneaked).ranked);
 }
 
 TEST_F(SubmitPhaseTest, APhasesQuotaIsItsOwn) {

@@ -36,8 +36,8 @@ TEST_F(SubmitTest, AnAcceptedOneWaitsToBePlayed) {
   ASSERT_TRUE(accepted.ok()) << accepted.status();
   EXPECT_FALSE(accepted->linked);
   EXPECT_EQ(accepted->leases.size(), 3u);
-  EXPECT_TRUE(engine_->OutlookOf(accepted->evaluation).place.has_value());
-  const SubmissionRow row = SubmissionOf(*accepted);
+  EXPECT_TRUE(engine_->EstimateOutlook(accepted->evaluation).place.has_value());
+  const SubmissionRow row = FindSubmission(*accepted);
   EXPECT_EQ(row.team, "alpha");
   EXPECT_EQ(row.accepted_by, "uid 7");
   EXPECT_EQ(row.config, config().hash);
@@ -56,7 +56,7 @@ TEST_F(SubmitTest, OnlyTheWholeSeedListIsRanked) {
   const auto is_ranked = [&] {
     const auto accepted = admission().Submit(request, "uid 7");
     EXPECT_TRUE(accepted.ok()) << accepted.status();
-    return SubmissionOf(accepted.value_or(Accepted())).ranked;
+    return FindSubmission(accepted.value_or(Accepted())).ranked;
   };
   EXPECT_TRUE(is_ranked());
   request.episodes = 2;
@@ -302,11 +302,11 @@ TEST_F(SubmitTest, ExtraObservationsAreShownWhereTheProfileAllowsThem) {
                         .episodes = std::nullopt};
   const auto shown = admission().Submit(request, "uid 7");
   ASSERT_TRUE(shown.ok()) << shown.status();
-  EXPECT_TRUE(SubmissionOf(*shown).extra_observations);
+  EXPECT_TRUE(FindSubmission(*shown).extra_observations);
   request.artefact = std::string(64, 'a');
   const auto plain = admission().Submit(request, "uid 7");
   ASSERT_TRUE(plain.ok()) << plain.status();
-  EXPECT_FALSE(SubmissionOf(*plain).extra_observations) << "it did not ask";
+  EXPECT_FALSE(FindSubmission(*plain).extra_observations) << "it did not ask";
   // An adapter takes what there is, and plays without.
   AddArtefact('c', {.hash = std::string(64, 'c'),
                     .name = "veteran",
@@ -319,7 +319,7 @@ TEST_F(SubmitTest, ExtraObservationsAreShownWhereTheProfileAllowsThem) {
   request.artefact = std::string(64, 'c');
   const auto adapted = admission().Submit(request, "uid 7");
   ASSERT_TRUE(adapted.ok()) << adapted.status();
-  EXPECT_TRUE(SubmissionOf(*adapted).extra_observations);
+  EXPECT_TRUE(FindSubmission(*adapted).extra_observations);
 }
 
 TEST_F(SubmitTest, AnArtefactMustBeHereWithItsFiles) {
@@ -361,14 +361,14 @@ TEST_F(SubmitTest, AStoreThatCantBeWrittenAcceptsNothing) {
   EXPECT_EQ(Count("team"), 0);
 }
 
-TEST(BlocksOf, CutsAtMultiplesAndCoversEverything) {
-  EXPECT_THAT(BlocksOf(25, 10), ElementsAre(Pair(0, 9), Pair(10, 19), Pair(20, 24)));
-  EXPECT_THAT(BlocksOf(1, 10), ElementsAre(Pair(0, 0)));
+TEST(SplitIntoBlocks, CutsAtMultiplesAndCoversEverything) {
+  EXPECT_THAT(SplitIntoBlocks(25, 10), ElementsAre(Pair(0, 9), Pair(10, 19), Pair(20, 24)));
+  EXPECT_THAT(SplitIntoBlocks(1, 10), ElementsAre(Pair(0, 0)));
   EXPECT_TRUE(rc::check([] {
     const auto count = *rc::gen::inRange<int64_t>(1, 500);
     const auto per_lease = *rc::gen::inRange<int64_t>(1, 100);
     int64_t next = 0;
-    for (const auto& [first, last] : BlocksOf(count, per_lease)) {
+    for (const auto& [first, last] : SplitIntoBlocks(count, per_lease)) {
       RC_ASSERT(first == next && first % per_lease == 0 && last >= first);
       RC_ASSERT(last - first < per_lease);
       next = last + 1;

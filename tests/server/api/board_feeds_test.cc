@@ -28,22 +28,22 @@ Json SomeBoard() {
 }
 
 TEST(BoardFeeds, ABadgeCountsTheRankedTeams) {
-  EXPECT_THAT(*BadgeOf(SomeBoard(), "beta"), HasSubstr("manipulation: rank 1 of 2"));
-  EXPECT_THAT(*BadgeOf(SomeBoard(), "alpha"), HasSubstr("manipulation: rank 2 of 2"));
+  EXPECT_THAT(*DrawBadge(SomeBoard(), "beta"), HasSubstr("manipulation: rank 1 of 2"));
+  EXPECT_THAT(*DrawBadge(SomeBoard(), "alpha"), HasSubstr("manipulation: rank 2 of 2"));
   Json board = SomeBoard();
   board["rows"].erase(2);
-  EXPECT_THAT(*BadgeOf(board, "alpha"), HasSubstr("manipulation: baseline<"));
-  EXPECT_FALSE(BadgeOf(board, "gamma").ok());
+  EXPECT_THAT(*DrawBadge(board, "alpha"), HasSubstr("manipulation: baseline<"));
+  EXPECT_FALSE(DrawBadge(board, "gamma").ok());
 }
 
 TEST(BoardFeeds, AFeedChangesWithTheBoardAndShowsRowsWhoseEndIsUnknown) {
-  const std::string feed = FeedOf(SomeBoard(), "2024-12-02T00:00:00.000Z",
+  const std::string feed = WriteFeed(SomeBoard(), "2024-12-02T00:00:00.000Z",
                                   {{2, "2024-12-01T00:00:00.000Z"}, {3, "2024-11-30T00:00:00.000Z"}});
   EXPECT_THAT(feed, HasSubstr("</title><updated>2024-12-02T00:00:00.000Z"));
   EXPECT_THAT(feed, HasSubstr("<title>beta: rank 1</title><published>2024-12-01T00:00:00.000Z"
                               "</published><updated>2024-12-02T00:00:00.000Z</updated>"));
   EXPECT_THAT(feed, HasSubstr("<title>alpha: baseline</title><updated>2024-12-02"));
-  EXPECT_THAT(FeedOf(SomeBoard(), "x", {}), Not(HasSubstr("published")));
+  EXPECT_THAT(WriteFeed(SomeBoard(), "x", {}), Not(HasSubstr("published")));
 }
 
 }  // namespace

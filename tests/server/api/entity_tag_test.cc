@@ -8,10 +8,10 @@ namespace myograde::server {
 namespace {
 
 TEST(EntityTag, FollowsFromTheBodyAlone) {
-  const std::string tag = EntityTagOf("{}\n");
+  const std::string tag = ComputeEntityTag("{}\n");
   EXPECT_EQ(tag, "\"ca3d163bab055381827226140568f3bef7eaac187cebd76878e0b63e9e442356\"");
-  EXPECT_EQ(EntityTagOf("{}\n"), tag);
-  EXPECT_NE(EntityTagOf("{} "), tag);
+  EXPECT_EQ(ComputeEntityTag("{}\n"), tag);
+  EXPECT_NE(ComputeEntityTag("{} "), tag);
 }
 
 TEST(EntityTag, IsFoundInAListOfTags) {

@@ -74,10 +74,10 @@ class DamageTest : public testing::Test {
         for (const absl::Status& read : {reader.evaluations.Original(row.id).status(),
                                          reader.content.Artefact(row.artefact).status(),
                                          reader.content.ConfigJson(row.config).status()}) {
-          EXPECT_TRUE(read.ok() || DamageOf(read)) << read;
+          EXPECT_TRUE(read.ok() || ExtractDamage(read)) << read;
         }
         (void)reader.quotas.Ledger(row.team, "", INT64_MAX, 100);
-        EXPECT_LT(reader.quotas.UseOf(row.team, row.track, 0).day, 30'000) << "of year 2052";
+        EXPECT_LT(reader.quotas.CountQuotaUse(row.team, row.track, 0).day, 30'000) << "of year 2052";
       }
       EXPECT_THAT(reader.teams.OfPerson("uid 1002"), ElementsAre("other"));
       EXPECT_THAT(reader.teams.OfPerson("uid 1001"), Not(Contains("other")));

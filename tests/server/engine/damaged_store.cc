@@ -31,15 +31,15 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
     const absl::StatusOr<TrackPtr> track = content.Track(reader, config);
     if (!track.ok()) {
       text = std::string(track.status().message());
-      return DamageOf(track.status()) ? absl::OkStatus() : track.status();
+      return ExtractDamage(track.status()) ? absl::OkStatus() : track.status();
     }
     const BoardState& state = reader.Board();
     std::vector<StandingRow> rows;
     std::vector<Damage> damaged;
     for (const auto& [submission, result] : state.InForce(config)) {
       const absl::StatusOr<Standing> standing = ReadStanding(reader, result->evaluation);
-      if (!standing.ok() && !DamageOf(standing.status())) return standing.status();
-      if (!standing.ok()) damaged.push_back(*DamageOf(standing.status()));
+      if (!standing.ok() && !ExtractDamage(standing.status())) return standing.status();
+      if (!standing.ok()) damaged.push_back(*ExtractDamage(standing.status()));
       rows.push_back({.submission = submission,
                       .evaluation = result->evaluation,
                       .team = state.TeamOf(submission)->name,

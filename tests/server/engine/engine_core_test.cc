@@ -161,7 +161,7 @@ TEST_F(EngineCoreTest, ASlotStaysClosedAsLongAsAProcessOfItsSandboxesLives) {
   EXPECT_EQ(StateOf(world, second), EvaluationState::kQueued);
   ASSERT_EQ(world.core->Health().closed_slots.count(0), 1u);
   EXPECT_EQ(world.core->Health().closed_slots[0], "71 (reader, state D)");
-  EXPECT_NE(world.core->OutlookOf(second).waiting.find("slot 0 is closed until 71"),
+  EXPECT_NE(world.core->EstimateOutlook(second).waiting.find("slot 0 is closed until 71"),
             std::string::npos);
   // The next daemon sees it too.
   world.Cut();

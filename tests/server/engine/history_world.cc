@@ -190,7 +190,7 @@ absl::StatusOr<std::unique_ptr<Runner>> FakeProcesses::Start(const LeaseOrder& o
   return std::make_unique<FakeRunner>(world_, order);
 }
 
-std::map<int, std::string> FakeProcesses::ProcessesOf(int first, int count) {
+std::map<int, std::string> FakeProcesses::FindProcesses(int first, int count) {
   std::map<int, std::string> found;
   for (const auto& [slot, words] : world_.left) {
     if (slot >= first && slot < first + count) found[slot] = words;
@@ -357,7 +357,7 @@ std::string World::WhatIsOpen() {
                                   health.host_trouble);
   (void)readers->Read([&](const Transaction& reader) {
     for (const EvaluationRow& row : reader.evaluations.Unfinished().rows) {
-      absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->OutlookOf(row.id).waiting);
+      absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->EstimateOutlook(row.id).waiting);
       const auto leases = reader.leases.Of(row.id);
       for (const LeaseRow& lease : leases.value_or(std::vector<LeaseRow>())) {
         absl::StrAppend(&open, ", lease ", lease.id, " ", std::string(LeaseStateName(lease.state)),

@@ -83,7 +83,7 @@ class FakeProcesses : public Executor {
   explicit FakeProcesses(World& world) : world_(world) {}
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order, const LeaseSubject&) override;
   void CleanUp(const std::string&) override {}
-  std::map<int, std::string> ProcessesOf(int first, int count) override;
+  std::map<int, std::string> FindProcesses(int first, int count) override;
   bool remote() const override;
   std::string CannotStart() const override;
   void NoteEnd(const std::string& node, bool fault) override;

@@ -163,7 +163,7 @@ TrackPtr RejudgeWorld::Changed(const std::function<void(Json&)>& change) const {
 
 namespace {
 
-NewSubmission SubmissionOf(const TrackConfig& config, const std::string& team,
+NewSubmission FindSubmission(const TrackConfig& config, const std::string& team,
                            const std::string& artefact, const Json& grader) {
   NewSubmission submission;
   submission.team = team;
@@ -177,7 +177,7 @@ NewSubmission SubmissionOf(const TrackConfig& config, const std::string& team,
   submission.seed_count = std::ssize(config.seeds);
   submission.ranked = true;
   submission.grader_json = CanonicalJson(grader);
-  submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
+  submission.blocks = SplitIntoBlocks(submission.seed_count, config.episodes_per_lease);
   return submission;
 }
 
@@ -194,12 +194,12 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
       return added.status();
     }
     absl::StatusOr<Accepted> added = writer.submissions.Accept(
-        SubmissionOf(config, team, artefact, grader), kOpenRules, "uid 1");
+        FindSubmission(config, team, artefact, grader), kOpenRules, "uid 1");
     if (!added.ok()) return added.status();
     accepted = *added;
     std::vector<EpisodeRow> rows;
     absl::Status written;
-    const auto blocks = BlocksOf(std::ssize(config.seeds), config.episodes_per_lease);
+    const auto blocks = SplitIntoBlocks(std::ssize(config.seeds), config.episodes_per_lease);
     for (size_t i = 0; i < blocks.size(); ++i) {
       written.Update(writer.leases.Start(accepted.leases[i], 1, 0, 1, "test"));
       for (int64_t index = blocks[i].first; index <= blocks[i].second; ++index) {
@@ -221,7 +221,7 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
       }
       written.Update(writer.leases.Finish(accepted.leases[i], 1, "{}", "test"));
     }
-    const EvaluationResult result = *ResultOf(*base_, rows);
+    const EvaluationResult result = *ComputeResult(*base_, rows);
     written.Update(writer.evaluations.End(accepted.evaluation, result.state, result.reason,
                                         result.results_hash, "test"));
     if (!crashes) written.Update(writer.episodes.SetStanding(accepted.evaluation, result.standing));
@@ -237,15 +237,15 @@ Accepted RejudgeWorld::Submit(const std::string& team) {
   const auto known = engine_->AddArtefact({artefact, team, {"./policy"}, {}, 1, 1}, {"uid 1", team},
                                           {}, kPatience);
   EXPECT_TRUE(known.ok()) << known.status();
-  const auto accepted = engine_->Submit(SubmissionOf(base_->config, team, artefact, today_),
+  const auto accepted = engine_->Submit(FindSubmission(base_->config, team, artefact, today_),
                                         kOpenRules, "uid 1", kPatience);
   EXPECT_TRUE(accepted.ok()) << accepted.status();
   return accepted.value_or(Accepted());
 }
 
 NewRejudge RejudgeWorld::To(const TrackPtr& track) const {
-  const NewSubmission from = SubmissionOf(base_->config, "", "", today_);
-  const NewSubmission to = SubmissionOf(track->config, "", "", today_);
+  const NewSubmission from = FindSubmission(base_->config, "", "", today_);
+  const NewSubmission to = FindSubmission(track->config, "", "", today_);
   NewRejudge rejudge;
   rejudge.track = from.track;
   rejudge.profile = from.profile;
@@ -281,7 +281,7 @@ RejudgeProgress RejudgeWorld::Progress(int64_t rejudge) {
   Read([&](const Transaction& reader) {
     const auto row = reader.rejudges.Find(rejudge);
     ASSERT_TRUE(row.ok()) << row.status();
-    const auto read = reader.rejudges.ProgressOf(*row);
+    const auto read = reader.rejudges.CountProgress(*row);
     ASSERT_TRUE(read.ok()) << read.status();
     progress = *read;
   });

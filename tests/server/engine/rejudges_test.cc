@@ -256,7 +256,7 @@ TEST_F(RejudgesTest, TellsWhichPoliciesAreNotRepeatable) {
   EXPECT_EQ(Items(id).size(), 6u);
   EXPECT_EQ(Progress(id).play, 6) << "facts tell nothing about a repetition";
   Read([&](const Transaction& reader) {
-    const std::vector<Unrepeatable> found = *reader.rejudges.UnrepeatableOf(id);
+    const std::vector<Unrepeatable> found = *reader.rejudges.ListUnrepeatable(id);
     ASSERT_EQ(found.size(), 1u);
     EXPECT_EQ(found[0].submission, unsteady);
     EXPECT_NE(found[0].submission, steady);
@@ -371,7 +371,7 @@ TEST_F(RejudgesTest, AnExportBringsThemAlong) {
   ASSERT_TRUE(imported.ok()) << imported;
   const std::vector<EvaluationRow> items = Items(id);
   EXPECT_TRUE(ReaderPool(dir_ + "/other.db").Read([&](const Transaction& reader) {
-    EXPECT_EQ(reader.rejudges.ProgressOf(*reader.rejudges.Find(id))->state, State::kApplied);
+    EXPECT_EQ(reader.rejudges.CountProgress(*reader.rejudges.Find(id))->state, State::kApplied);
     const EvaluationRow row = *reader.evaluations.Find(items[0].id);
     EXPECT_EQ(row.config, SlowFailures()->config.hash);
     EXPECT_EQ(row.results_hash, items[0].results_hash);

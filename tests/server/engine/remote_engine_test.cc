@@ -34,10 +34,10 @@ class RemoteEngineTest : public ::testing::Test {
     }).ok());
     return row;
   }
-  std::vector<LeaseRunRow> RunsOf(int64_t evaluation) {
+  std::vector<LeaseRunRow> ListRuns(int64_t evaluation) {
     std::vector<LeaseRunRow> rows;
     EXPECT_TRUE(world.readers->Read([&](const Transaction& reader) {
-      rows = *reader.leases.RunsOf(evaluation);
+      rows = *reader.leases.ListRuns(evaluation);
       return absl::OkStatus();
     }).ok());
     return rows;
@@ -77,7 +77,7 @@ TEST_F(RemoteEngineTest, ALostLeaseIsPlayedAgainWithoutAFault) {
   const LeaseRow lease = OnlyLease(id);
   EXPECT_EQ(lease.attempt, 2);
   EXPECT_EQ(lease.faults, 0);
-  const std::vector<LeaseRunRow> runs = RunsOf(id);
+  const std::vector<LeaseRunRow> runs = ListRuns(id);
   ASSERT_EQ(runs.size(), 2u);
   EXPECT_EQ(runs[0].how, RunEnd::kReturned);
   EXPECT_EQ(runs[1].how, RunEnd::kDone);
@@ -123,7 +123,7 @@ TEST_F(RemoteEngineTest, NothingStartsWhileTheClusterTakesNothing) {
   RunFor(absl::Minutes(5));
   EXPECT_TRUE(world.core->Running().empty());
   EXPECT_EQ(world.core->Health().executor_trouble, "the shared folder is full");
-  EXPECT_THAT(world.core->OutlookOf(id).waiting,
+  EXPECT_THAT(world.core->EstimateOutlook(id).waiting,
               HasSubstr("nothing starts: the shared folder is full"));
   world.cannot_start = "";
   RunFor(absl::Minutes(2));
@@ -151,7 +151,7 @@ TEST_F(RemoteEngineTest, ACancelAccountsForWhatRan) {
   RunFor(absl::Seconds(3));
   world.Cancel(1);
   RunFor(absl::Seconds(3));
-  const std::vector<LeaseRunRow> runs = RunsOf(id);
+  const std::vector<LeaseRunRow> runs = ListRuns(id);
   ASSERT_EQ(runs.size(), 1u);
   EXPECT_EQ(runs[0].how, RunEnd::kCancelled);
   EXPECT_EQ(world.cancels_open, 0);

@@ -74,7 +74,7 @@ TEST(JudgedRow, HasTheDetailsBesideAndNothingFollowsFromThem) {
   EXPECT_EQ(nlohmann::json::parse(with->details_json)["fall_time"], 3.5);
   EXPECT_EQ(with->facts_json, without->facts_json);
   EXPECT_EQ(with->metrics_json, without->metrics_json);
-  EXPECT_EQ(MerkleRootOf({*with}, ""), MerkleRootOf({*without}, ""));
+  EXPECT_EQ(ComputeMerkleRoot({*with}, ""), ComputeMerkleRoot({*without}, ""));
   EXPECT_EQ(ReceiptEntry(*with, ""), ReceiptEntry(*without, ""));
 }
 
@@ -189,7 +189,7 @@ TEST(AggregateRows, MeansAreOverTheEpisodes) {
   EXPECT_TRUE(AggregateToJson(scoring::ScoredManipulation(), {}).is_null());
 }
 
-TEST(MerkleRootOf, StaysForPublicSeedsAndCommitsToHiddenOnes) {
+TEST(ComputeMerkleRoot, StaysForPublicSeedsAndCommitsToHiddenOnes) {
   std::vector<EpisodeRow> rows(2);
   for (int64_t i = 0; i < 2; ++i) {
     rows[static_cast<size_t>(i)].index = i;
@@ -201,8 +201,8 @@ TEST(MerkleRootOf, StaysForPublicSeedsAndCommitsToHiddenOnes) {
   const nlohmann::json hidden = ReceiptEntry(rows[0], salt);
   EXPECT_FALSE(hidden.contains("seed"));
   EXPECT_EQ(hidden["seed_commitment"], SeedCommitment(salt, 0, 5));
-  EXPECT_NE(MerkleRootOf(rows, salt), MerkleRootOf(rows, ""));
-  EXPECT_NE(MerkleRootOf(rows, salt), MerkleRootOf(rows, std::string(64, 'b')));
+  EXPECT_NE(ComputeMerkleRoot(rows, salt), ComputeMerkleRoot(rows, ""));
+  EXPECT_NE(ComputeMerkleRoot(rows, salt), ComputeMerkleRoot(rows, std::string(64, 'b')));
   std::vector<EpisodeRow> other = rows;
   other[1].seed = 7;
   EXPECT_NE(ResultsHash(rows, salt), ResultsHash(other, salt));

@@ -268,11 +268,11 @@ TEST_F(PicturesTest, DraftsOfADaemonThatDiedAreRemoved) {
 TEST(Packing, GivesTheSameBytesBack) {
   std::string text;
   for (int i = 0; i < 100'000; ++i) text += static_cast<char>(i % 251 * i % 249);
-  EXPECT_EQ(*UnpackZstd(ZstdOf(text), text.size()), text);
-  EXPECT_FALSE(UnpackZstd(ZstdOf(text), text.size() - 1).ok());
+  EXPECT_EQ(*UnpackZstd(CompressZstd(text), text.size()), text);
+  EXPECT_FALSE(UnpackZstd(CompressZstd(text), text.size() - 1).ok());
   EXPECT_FALSE(UnpackZstd("nonsense", 1000).ok());
-  EXPECT_FALSE(UnpackZstd(ZstdOf(text).substr(0, 50), text.size()).ok());
-  const std::string packed = GzipOf(text);
+  EXPECT_FALSE(UnpackZstd(CompressZstd(text).substr(0, 50), text.size()).ok());
+  const std::string packed = CompressGzip(text);
   z_stream stream = {};
   ASSERT_EQ(inflateInit2(&stream, 15 + 16), Z_OK);
   std::string back(text.size() + 1, '\0');

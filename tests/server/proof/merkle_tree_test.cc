@@ -33,7 +33,7 @@ Sha256Digest NaiveHash(Leaves leaves) {
   return Sha256Of(node);
 }
 
-std::string NaiveRoot(Leaves leaves) { return HexOf(NaiveHash(leaves)); }
+std::string NaiveRoot(Leaves leaves) { return ToHex(NaiveHash(leaves)); }
 
 void NaivePath(size_t leaf, Leaves leaves, std::vector<std::string>& path) {
   if (leaves.size() == 1) return;
@@ -64,7 +64,7 @@ void NaiveSubproof(size_t from, Leaves leaves, bool whole, std::vector<std::stri
 
 std::vector<std::string> Hex(const MerkleProof& proof) {
   std::vector<std::string> digits;
-  for (const Sha256Digest& node : proof) digits.push_back(HexOf(node));
+  for (const Sha256Digest& node : proof) digits.push_back(ToHex(node));
   return digits;
 }
 
@@ -82,9 +82,9 @@ class MerkleTreeTest : public testing::Test {
 
 TEST_F(MerkleTreeTest, RootsAreThoseOfTheDefinition) {
   EXPECT_EQ(tree_.size(), kMost);
-  EXPECT_EQ(HexOf(tree_.Root(0)), Sha256Hex(""));
+  EXPECT_EQ(ToHex(tree_.Root(0)), Sha256Hex(""));
   for (int64_t size = 1; size <= kMost; ++size) {
-    EXPECT_EQ(HexOf(tree_.Root(size)), NaiveRoot(First(leaves_, size))) << size;
+    EXPECT_EQ(ToHex(tree_.Root(size)), NaiveRoot(First(leaves_, size))) << size;
   }
 }
 
@@ -95,9 +95,9 @@ TEST_F(MerkleTreeTest, TheRootOfKnownLeavesIsTheKnownOne) {
                            "606162636465666768696a6b6c6d6e6f"}) {
     tree.Append(absl::HexStringToBytes(leaf));
   }
-  EXPECT_EQ(HexOf(tree.Root(1)),
+  EXPECT_EQ(ToHex(tree.Root(1)),
             "6e340b9cffb37a989ca544e6bb780a2c78901d3fb33738768511a30617afa01d");
-  EXPECT_EQ(HexOf(tree.Root(8)),
+  EXPECT_EQ(ToHex(tree.Root(8)),
             "5dc9da79a70659a9ad559cb701ded9a2ab9d823aad2f4960cfe370eff4604328");
 }
 

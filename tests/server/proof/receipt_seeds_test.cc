@@ -74,7 +74,7 @@ struct Hidden {
                {"hidden", {{"commitment", SecretCommitment(secret)}, {"count", 3}}},
                {"grader", Json::object()},
                {"results", ResultsHash(rows, config.seed_salt)},
-               {"merkle_root", MerkleRootOf(rows, config.seed_salt)},
+               {"merkle_root", ComputeMerkleRoot(rows, config.seed_salt)},
                {"episodes", episodes}};
   }
 

@@ -29,9 +29,9 @@ class LeaseRunsTest : public StoreTest {
         store_->Write([&](Transaction& writer) { return writer.leases.AdmitNode(node, "uid 7"); });
     ASSERT_TRUE(status.ok()) << status;
   }
-  std::vector<LeaseRunRow> RunsOf(int64_t evaluation) {
+  std::vector<LeaseRunRow> ListRuns(int64_t evaluation) {
     std::vector<LeaseRunRow> runs;
-    Read([&](const Transaction& reader) { runs = reader.leases.RunsOf(evaluation).value(); });
+    Read([&](const Transaction& reader) { runs = reader.leases.ListRuns(evaluation).value(); });
     return runs;
   }
   std::vector<std::string> Drained() {
@@ -57,7 +57,7 @@ TEST_F(LeaseRunsTest, AnAttemptIsReadAsItWasRecorded) {
   ASSERT_TRUE(Add({accepted.leases[1], 1, "n6", "12_2", 0, 500, 0, std::nullopt,
                    RunEnd::kReturned}).ok());
   ASSERT_TRUE(Add({other.leases[0], 1, "", "", 1, 2, 1, std::nullopt, RunEnd::kFault}).ok());
-  const std::vector<LeaseRunRow> runs = RunsOf(accepted.evaluation);
+  const std::vector<LeaseRunRow> runs = ListRuns(accepted.evaluation);
   ASSERT_EQ(runs.size(), 2u);
   EXPECT_EQ(runs[0].attempt, 1);
   EXPECT_EQ(runs[0].began_at, 0) << "it never began";
@@ -78,7 +78,7 @@ TEST_F(LeaseRunsTest, WhatIsThereStaysWhenItIsRecordedAgain) {
   const Accepted accepted = Submit();
   ASSERT_TRUE(Add({accepted.leases[0], 1, "n1", "5", 1, 2, 3, std::nullopt, RunEnd::kDone}).ok());
   ASSERT_TRUE(Add({accepted.leases[0], 1, "n2", "6", 3, 4, 5, 6.0, RunEnd::kFault}).ok());
-  const std::vector<LeaseRunRow> runs = RunsOf(accepted.evaluation);
+  const std::vector<LeaseRunRow> runs = ListRuns(accepted.evaluation);
   ASSERT_EQ(runs.size(), 1u);
   EXPECT_EQ(runs[0].node, "n1");
   EXPECT_THAT(SqlError("UPDATE lease_run SET node = 'n3'"), HasSubstr("never changed"));
@@ -91,7 +91,7 @@ TEST_F(LeaseRunsTest, AMeasurementThatNoAttemptCanHaveDoesNotKeepItFromTheStore)
   const double nan = std::numeric_limits<double>::quiet_NaN();
   ASSERT_TRUE(Add({accepted.leases[0], 1, "n", "", 1, 2, nan, infinity, RunEnd::kDone}).ok());
   ASSERT_TRUE(Add({accepted.leases[0], 2, "n", "", 1, 2, -5, -infinity, RunEnd::kDone}).ok());
-  const std::vector<LeaseRunRow> runs = RunsOf(accepted.evaluation);
+  const std::vector<LeaseRunRow> runs = ListRuns(accepted.evaluation);
   EXPECT_EQ(runs[0].cpu_s, 0);
   EXPECT_EQ(runs[0].energy_j, 1e12);
   EXPECT_EQ(runs[1].cpu_s, 0);
@@ -101,7 +101,7 @@ TEST_F(LeaseRunsTest, AMeasurementThatNoAttemptCanHaveDoesNotKeepItFromTheStore)
 TEST_F(LeaseRunsTest, TheTimeOfTheEndIsNowUnlessItIsGiven) {
   const Accepted accepted = Submit();
   ASSERT_TRUE(Add({.lease = accepted.leases[0], .attempt = 1}).ok());
-  const LeaseRunRow run = RunsOf(accepted.evaluation).at(0);
+  const LeaseRunRow run = ListRuns(accepted.evaluation).at(0);
   EXPECT_GT(run.ended_at, 0);
   EXPECT_EQ(run.began_at, 0);
 }
@@ -116,7 +116,7 @@ TEST_F(LeaseRunsTest, ADamagedRowIsToldByItsLease) {
   ASSERT_EQ(SqlError("PRAGMA ignore_check_constraints = ON; DROP TRIGGER lease_run_fixed; "
                      "UPDATE lease_run SET how = 'lost'"), "");
   Read([&](const Transaction& reader) {
-    const auto runs = reader.leases.RunsOf(accepted.evaluation);
+    const auto runs = reader.leases.ListRuns(accepted.evaluation);
     ASSERT_FALSE(runs.ok());
     EXPECT_THAT(std::string(runs.status().message()), HasSubstr("lease_run"));
     EXPECT_THAT(std::string(runs.status().message()), HasSubstr("\"how\""));

@@ -42,7 +42,7 @@ TEST_F(MergesTest, AMergedTeamCountsAsTheOtherAndNoRowOfThePastChanges) {
   EXPECT_EQ(Quota("alpha").waiting, 1);
   EXPECT_EQ(TeamOf("beta"), "alpha");
   EXPECT_THAT(TeamsOf(kBob), ElementsAre("alpha"));
-  EXPECT_THAT(MembersOf("alpha"), ElementsAre(kAda, kBob));
+  EXPECT_THAT(ListMembers("alpha"), ElementsAre(kAda, kBob));
   Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.submissions.List({.team = "alpha"}).rows.size(), 3u);
     EXPECT_EQ(reader.submissions.CountOf("alpha"), 3);

@@ -51,7 +51,7 @@ class PeopleTest : public StoreTest {
     Read([&](const Transaction& reader) { teams = reader.teams.OfPerson(person); });
     return teams;
   }
-  std::vector<std::string> MembersOf(const std::string& team) {
+  std::vector<std::string> ListMembers(const std::string& team) {
     std::vector<std::string> members;
     Read([&](const Transaction& reader) {
       for (const MemberRow& member : reader.teams.Members(team).rows)
@@ -98,7 +98,7 @@ class PeopleTest : public StoreTest {
   QuotaUse Quota(const std::string& team) {
     QuotaUse use;
     Read([&](const Transaction& reader) {
-      use = reader.quotas.UseOf(team, "manipulation", absl::ToUnixMillis(clock_.Now()));
+      use = reader.quotas.CountQuotaUse(team, "manipulation", absl::ToUnixMillis(clock_.Now()));
     });
     return use;
   }

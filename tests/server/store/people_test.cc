@@ -22,7 +22,7 @@ TEST_F(PeopleTest, TheFirstWhoSubmitsForATeamFoundsIt) {
   ASSERT_TRUE(Found("alpha", kAda).ok());
   EXPECT_TRUE(Found("alpha", kAda).ok()) << "a member may go on";
   EXPECT_THAT(TeamsOf(kAda), ElementsAre("alpha"));
-  EXPECT_THAT(MembersOf("alpha"), ElementsAre(kAda));
+  EXPECT_THAT(ListMembers("alpha"), ElementsAre(kAda));
   const absl::Status others = Found("alpha", kBob);
   EXPECT_EQ(ErrorCodeOf(others), kForbiddenCode) << others;
   EXPECT_THAT(Sentence(others), AllOf(HasSubstr("\"alpha\" belongs to others"), HasSubstr(kBob),
@@ -73,7 +73,7 @@ TEST_F(PeopleTest, AMemberIsAddedAndRemovedOnce) {
   EXPECT_FALSE(set(true));
   EXPECT_TRUE(set(false));
   EXPECT_TRUE(set(true));
-  EXPECT_THAT(MembersOf("alpha"), ElementsAre(kAda));
+  EXPECT_THAT(ListMembers("alpha"), ElementsAre(kAda));
   EXPECT_TRUE(absl::IsNotFound(SetMember("nobody", kAda, true)));
   EXPECT_THAT(SqlError("UPDATE member SET belongs = 0"), HasSubstr("never changed"));
   EXPECT_THAT(SqlError("DELETE FROM member"), HasSubstr("never deleted"));
@@ -238,16 +238,16 @@ TEST_F(PeopleTest, DamagedRowsAreReportedAndTheRestGoesOn) {
   };
   damage("UPDATE team SET merged_into = 99 WHERE name = 'alpha'");
   EXPECT_THAT(Board(), ElementsAre("alpha", "beta")) << "what counts is in the journal";
-  EXPECT_TRUE(DamageOf(Try("alpha", 'e')).has_value());
+  EXPECT_TRUE(ExtractDamage(Try("alpha", 'e')).has_value());
   EXPECT_TRUE(Try("beta", 'e').ok());
   EXPECT_THAT(TeamsOf(kAda), IsEmpty()) << "nobody gains rights by damage";
   EXPECT_THAT(TeamsOf(kBob), ElementsAre("beta"));
   Read([&](const Transaction& reader) {
     EXPECT_TRUE(reader.teams.List().left_out.has_value());
-    EXPECT_TRUE(DamageOf(reader.teams.Find("alpha").status()).has_value());
+    EXPECT_TRUE(ExtractDamage(reader.teams.Find("alpha").status()).has_value());
   });
   damage("UPDATE team SET merged_into = NULL, banned = 7 WHERE name = 'alpha'");
-  EXPECT_TRUE(DamageOf(Try("alpha", 'e')).has_value());
+  EXPECT_TRUE(ExtractDamage(Try("alpha", 'e')).has_value());
   damage("UPDATE member SET belongs = 7 WHERE person = 'uid 1002'");
   EXPECT_THAT(TeamsOf(kBob), IsEmpty());
 }

@@ -262,7 +262,7 @@ TEST_F(PhaseStoreTest, EachPhaseCountsItsOwnUnits) {
   Read([&](const Transaction& reader) {
     for (const auto& [phase, charged, open] :
          {std::tuple{"final", 1, 0}, std::tuple{"other", 0, 1}, std::tuple{"", 0, 1}}) {
-      const QuotaUse use = reader.quotas.UseOf("alpha", "manipulation", now, phase);
+      const QuotaUse use = reader.quotas.CountQuotaUse("alpha", "manipulation", now, phase);
       EXPECT_EQ(use.total_of(Budget::kRanked).charged, charged) << phase;
       EXPECT_EQ(use.total_of(Budget::kRanked).open, open) << phase;
     }

@@ -29,7 +29,7 @@ class QuotaTest : public StoreTest {
  protected:
   QuotaUse Use(const std::string& team = "alpha") {
     QuotaUse use;
-    Read([&](const Transaction& reader) { use = reader.quotas.UseOf(team, kTrack, NowMs()); });
+    Read([&](const Transaction& reader) { use = reader.quotas.CountQuotaUse(team, kTrack, NowMs()); });
     return use;
   }
   int64_t NowMs() const { return absl::ToUnixMillis(clock_.Now()); }
@@ -273,7 +273,7 @@ TEST_F(QuotaTest, NothingIsAcceptedUnderContentThatIsNotWhatItsHashSays) {
     Submit("alpha", 'a');
     ASSERT_EQ(SqlError(damage), "");
     const absl::Status status = TrySubmit("beta", 'b', true).status();
-    ASSERT_TRUE(DamageOf(status)) << status;
+    ASSERT_TRUE(ExtractDamage(status)) << status;
     EXPECT_EQ(ErrorCodeOf(status), kDamagedRowCode);
     Read([&](const Transaction& reader) {
       EXPECT_EQ(reader.evaluations.Unfinished().rows.size(), 1u);

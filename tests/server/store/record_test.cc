@@ -43,7 +43,7 @@ class RecordTest : public StoreTest {
   void ExpectChain() {
     std::string chain;
     for (const RecordRow& row : Rows()) {
-      chain = ChainOf(chain, row.entry_json);
+      chain = ExtendChain(chain, row.entry_json);
       EXPECT_EQ(row.chain, chain) << row.index;
     }
   }
@@ -126,7 +126,7 @@ TEST_F(RecordTest, ABrokenLastEntryIsGoneOnFrom) {
   Submit("beta", 'b');
   const std::vector<RecordRow> rows = Rows();
   ASSERT_EQ(rows.size(), 4u);
-  EXPECT_EQ(rows[2].chain, ChainOf(rows[1].chain, rows[2].entry_json));
+  EXPECT_EQ(rows[2].chain, ExtendChain(rows[1].chain, rows[2].entry_json));
 }
 
 TEST_F(RecordTest, NobodyChangesOrRemovesAnEntry) {

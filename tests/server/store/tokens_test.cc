@@ -146,7 +146,7 @@ TEST_F(TokensTest, ADamagedTokenIsNone) {
                        "(2, '" + std::string(64, 'b') + "', 'organiser', NULL, 'y', 1, 'uid 0'); "
                        "UPDATE token SET " + std::string(change) + " WHERE id = 1; COMMIT"),
               "");
-    EXPECT_TRUE(DamageOf(Find('a').status()).has_value()) << Find('a').status();
+    EXPECT_TRUE(ExtractDamage(Find('a').status()).has_value()) << Find('a').status();
     EXPECT_TRUE(Find('b').ok());
     Read([&](const Transaction& reader) {
       const Listed<TokenRow> listed = reader.callers.Tokens();

@@ -21,7 +21,7 @@ using ::testing::HasSubstr;
 
 // printf '%s' '1764590400.{"id":"x"}' | openssl dgst -sha256 -hmac 'key of sixteen b'
 TEST(SignatureTest, IsTheHmacOfTimeAndBody) {
-  EXPECT_EQ(SignatureOf("key of sixteen b", 1764590400, "{\"id\":\"x\"}"),
+  EXPECT_EQ(ComputeSignature("key of sixteen b", 1764590400, "{\"id\":\"x\"}"),
             "t=1764590400,v1=0b478ca0767683d0383cfac1504fa99469e7be83463ab563b05910b4bbab876b");
 }
 

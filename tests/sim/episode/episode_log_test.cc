@@ -107,7 +107,7 @@ TEST_F(EpisodeLogTest, HoldsEveryActionAndDigest) {
     EXPECT_EQ(facts.log.steps, 5);
     EXPECT_EQ(log->action(4)[79], 1);
     EXPECT_EQ(log->end.digest, facts.digest);
-    EXPECT_EQ(HexOf(log->states.back()), facts.digest.substr(0, 16)) << "the chain ends there";
+    EXPECT_EQ(ToHex(log->states.back()), facts.digest.substr(0, 16)) << "the chain ends there";
     EXPECT_EQ(log->end.end, "time");
   }
 }

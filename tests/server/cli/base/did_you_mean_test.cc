@@ -9,14 +9,14 @@ namespace {
 TEST(DidYouMean, MistypedWordsHaveANearestOrNone) {
   const std::vector<std::string> verbs = {"submit", "show", "status", "seeds", "serve", "hide",
                                           "unhide", "leaderboard"};
-  EXPECT_EQ(NearestOf("sbmit", verbs), "submit");
-  EXPECT_EQ(NearestOf("sumbit", verbs), "submit");
-  EXPECT_EQ(NearestOf("leader", verbs), "leaderboard");
-  EXPECT_EQ(NearestOf("statsu", verbs), "status");
-  EXPECT_EQ(NearestOf("paint", verbs), "");
-  EXPECT_EQ(NearestOf("s", verbs), "") << "several begin with it";
-  EXPECT_EQ(NearestOf("", verbs), "");
-  EXPECT_EQ(NearestOf(std::string(100000, 'x'), verbs), "");
+  EXPECT_EQ(FindNearest("sbmit", verbs), "submit");
+  EXPECT_EQ(FindNearest("sumbit", verbs), "submit");
+  EXPECT_EQ(FindNearest("leader", verbs), "leaderboard");
+  EXPECT_EQ(FindNearest("statsu", verbs), "status");
+  EXPECT_EQ(FindNearest("paint", verbs), "");
+  EXPECT_EQ(FindNearest("s", verbs), "") << "several begin with it";
+  EXPECT_EQ(FindNearest("", verbs), "");
+  EXPECT_EQ(FindNearest(std::string(100000, 'x'), verbs), "");
 }
 
 }  // namespace
