@@ -39,9 +39,10 @@ def score(settings: Settings, given: pathlib.Path, output: pathlib.Path) -> int:
             with open(path, "rb") as file:
                 path.chmod(0o755 if file.read(4).startswith((b"\x7fELF", b"#!")) else 0o644)
     files = list(submission.iterdir())
-    artefact = client.upload(files[0] if len(files) == 1 else submission, team=team, check_runtimes=False,
-                             track=verdict.track_of(client, target))["artefact"]
-    made = verdict.submit(client, target, team, artefact, f"Codabench {key} {number} {artefact}")
+    where = {"team": team, "track": target.track, "phase": target.phase}
+    artefact = client.upload(files[0] if len(files) == 1 else submission, check_runtimes=False, **where)["artefact"]
+    made = client.submit_artefact(artefact, profile=target.profile, episodes=target.episodes, **where,
+                                  key=f"Codabench/{number}/{artefact}")["submission"]
     page, begun, ended = settings.page(client, made), time.monotonic(), None
     print(f"MyoGrade's submission {made}", page, flush=True)
     while ended is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import urllib.parse
 from types import SimpleNamespace
 from typing import Any, Optional
@@ -18,19 +17,6 @@ def marked(status: Json, mark: str) -> Optional[Json]:
     """The act by which a mark of a submission is in force."""
     acts = [act for act in status["marks"] if act["mark"] == mark]
     return acts[-1] if acts and acts[-1]["set"] else None
-
-
-def submit(client: Client, target: SimpleNamespace, team: str, artefact: str, key: str) -> int:
-    """The number of the submission, which is the same one whenever it is asked for with this key."""
-    asked = {"artefact": artefact, "team": team, "track": track_of(client, target), "phase": target.phase,
-             "profile": target.profile, "episodes": target.episodes}
-    made = client.ask("/v1/submissions", {name: value for name, value in asked.items() if value is not None},
-                      key=hashlib.sha256(key.encode()).hexdigest())
-    return made["submission"]
-
-
-def track_of(client: Client, target: SimpleNamespace) -> str:
-    return target.track or client.track_of(target.phase)
 
 
 def board_of(client: Client, target: SimpleNamespace, board: str = "main") -> Json:

@@ -54,7 +54,7 @@ class Worker:
         self.waits: dict[int, tuple[int, float]] = {}  # by pk how often it was tried, and when it is tried again
         tracks = {track["track"] for track in self.client.tracks()}
         for pk, target in settings.phases.items():
-            if verdict.track_of(self.client, target) not in tracks:
+            if self.client.track_of(target.track, target.phase) not in tracks:
                 raise WrongUse(f'{settings.file}, phases, {pk}: {self.client.server} has no track "{target.track}"')
 
     def run(self) -> None:
@@ -186,7 +186,7 @@ class Worker:
                 with zipfile.ZipFile(path) as archive:
                     if sum(entry.file_size for entry in archive.infolist()) > most:
                         raise WrongUse(f"unpacked, the submission has more than {most} bytes; make it smaller")
-            artefact = self.client.upload(path, team=team, track=verdict.track_of(self.client, target),
+            artefact = self.client.upload(path, team=team, track=target.track, phase=target.phase,
                                           check_runtimes=False)["artefact"]
         except WrongUse as error:
             raise WrongUse(str(error).replace(f"{folder}/", "")) from error.__cause__
@@ -227,8 +227,10 @@ class Worker:
                 if known["artefact"] == row["artefact"] and not self.rows(
                         "SELECT 1 FROM submission WHERE number = ?", known["submission"]):
                     return self.save(row, "sent", number=known["submission"])
-        key = f"{self.evalai.server} {self.challenge} {row['pk']} {row['attempt']}"
-        self.save(row, "sent", number=verdict.submit(self.client, target, row["team"], row["artefact"], key))
+        made = self.client.submit_artefact(
+            row["artefact"], team=row["team"], track=target.track, phase=target.phase, profile=target.profile,
+            episodes=target.episodes, key=f"{self.evalai.server}/{self.challenge}/{row['pk']}/{row['attempt']}")
+        self.save(row, "sent", number=made["submission"])
 
     def do_sent(self, row: Row) -> None:
         hidden = verdict.marked(self.client.status(row["number"]), "hidden")
