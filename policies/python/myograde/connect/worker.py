@@ -21,8 +21,8 @@ from .evalai import Evalai, EvalaiError
 from .settings import Settings
 
 Row = sqlite3.Row
-# A row's steps: new, sending, sent, grading, ended, reported, done. `status` is what EvalAI was told last, or
-# "withdrawn" if EvalAI itself has ended it.
+# A row's steps: new, sending, sent, grading, ended or withdrawn, reported, done. `status` is what EvalAI was told
+# last, or "withdrawn" if EvalAI itself has ended it.
 SCHEMA = """CREATE TABLE IF NOT EXISTS submission (
   pk INTEGER PRIMARY KEY, phase TEXT NOT NULL, receipt TEXT, step TEXT NOT NULL DEFAULT 'new',
   attempt INTEGER NOT NULL DEFAULT 0, team TEXT, artefact TEXT, sent_at REAL, number INTEGER, refusal TEXT,
@@ -93,8 +93,8 @@ class Worker:
         if row["step"] in ("reported", "done"):
             again = {"attempt": row["attempt"] + 1, "refusal": None, "number": None, "status": None, "digest": None}
             self.save(row, "new" if status in OPEN else "reported", **(again if status in OPEN else {}))
-        elif status == "cancelled" != row["status"]:
-            self.withdraw(row)
+        elif status == "cancelled" != row["status"] and row["step"] != "sending":  # else it may be here already
+            self.save(row, "withdrawn")
 
     def survey(self) -> None:
         """Finds what the queue has lost, and what EvalAI has cancelled without a message."""
@@ -103,8 +103,9 @@ class Worker:
                 known = self.rows("SELECT * FROM submission WHERE pk = ?", found["id"])
                 if status != "cancelled" and not known:
                     self.receive(found["id"], found["challenge_phase"], None)
-                elif status == "cancelled" and known and known[0]["status"] not in ("cancelled", "withdrawn"):
-                    self.withdraw(known[0])
+                elif status == "cancelled" and known and known[0]["step"] in ("reported", "done") \
+                        and known[0]["status"] not in ("cancelled", "withdrawn"):
+                    self.save(known[0], "withdrawn")
         self.surveyed_at = time.monotonic()
 
     def follow_record(self) -> None:
@@ -122,7 +123,7 @@ class Worker:
             self.rows("BEGIN")
             for row in self.rows("SELECT * FROM submission WHERE number NOTNULL AND status != 'withdrawn' "
                                  "AND step IN ('reported', 'done')"):
-                if everything or row["number"] in touched:
+                if (everything or row["number"] in touched) and row["phase"] in self.settings.phases:
                     self.save(row, "ended")
             for name, value in (("record", begin), ("phases", phases)):
                 self.rows("INSERT OR REPLACE INTO kept VALUES (?, ?)", name, str(value))
@@ -135,8 +136,6 @@ class Worker:
                 return
             try:
                 getattr(self, f"do_{row['step']}")(row)
-            except EvalaiError as error:
-                self.later(row, error)
             except (WrongUse, ServerError) as error:
                 code, status = getattr(error, "code", ""), getattr(error, "status", 0)
                 full = getattr(error.__cause__, "errno", 0) in (errno.ENOSPC, errno.EDQUOT, errno.EIO)
@@ -148,6 +147,8 @@ class Worker:
                     self.later(row, error)
                 else:
                     self.save(row, "ended", refusal=str(error))
+            except (EvalaiError, KeyError, TypeError, ValueError) as error:  # or an answer that none would expect
+                self.later(row, error)
 
     def later(self, row: Row, why: Exception) -> None:
         tries = self.waits.get(row["pk"], (0, 0.0))[0]
@@ -161,6 +162,11 @@ class Worker:
         self.rows(f"UPDATE submission SET {', '.join(f'{key} = ?' for key in values)} WHERE pk = ?",
                   *values.values(), row["pk"])
 
+    def target(self, row: Row) -> Any:
+        if row["phase"] not in self.settings.phases:
+            raise WrongUse(f"EvalAI's phase {row['phase']} is not graded here; tell the organisers")
+        return self.settings.phases[row["phase"]]
+
     def rows(self, sql: str, *values: Any) -> list[Row]:
         return self.state.execute(sql, values).fetchall()
 
@@ -169,9 +175,7 @@ class Worker:
         found = self.evalai.ask("GET", f"jobs/submission/{row['pk']}")
         if found is None or found["status"] in OVER:
             return self.save(row, "reported", status="withdrawn")
-        if row["phase"] not in self.settings.phases:
-            raise WrongUse(f"EvalAI's phase {row['phase']} is not graded here; tell the organisers")
-        target, most = self.settings.phases[row["phase"]], self.settings.largest_bytes
+        target, most = self.target(row), self.settings.largest_bytes
         team = self.team(found["participant_team"], found["participant_team_name"])
         folder = self.settings.file.with_suffix(".download")
         shutil.rmtree(folder, ignore_errors=True)
@@ -221,7 +225,7 @@ class Worker:
 
     def do_sending(self, row: Row) -> None:
         """Submits it. An answer that was lost is known by the key, for a day, and after that by the artefact."""
-        target = self.settings.phases[row["phase"]]
+        target = self.target(row)
         if time.time() - row["sent_at"] > KEY_S:
             for known in self.client.submissions(team=row["team"], phase=target.phase, track=target.track):
                 if known["artefact"] == row["artefact"] and not self.rows(
@@ -252,7 +256,7 @@ class Worker:
                 "stdout": " ", "stderr": row["refusal"]}
         if row["refusal"] is None:
             page = self.settings.page(self.client, row["number"])
-            ended = verdict.judge(self.client, self.settings.phases[row["phase"]], row["number"], page)
+            ended = verdict.judge(self.client, self.target(row), row["number"], page)
             if ended is None:
                 return self.save(row, "grading")
             results = [{"split": split, "show_to_participant": ended.show["aggregate"], "accuracies": columns}
@@ -265,7 +269,7 @@ class Worker:
         if digest != row["digest"]:
             found = self.evalai.ask("GET", f"jobs/submission/{row['pk']}") or {"status": "cancelled"}
             if found["status"] == "cancelled" != row["status"]:
-                return self.withdraw(row)
+                return self.save(row, "withdrawn")
             self.evalai.ask("PUT", f"{self.challenge}/update_submission/", body)
         self.save(row, "reported", status=body["submission_status"], digest=digest)
 
@@ -277,22 +281,13 @@ class Worker:
             pass  # a receipt that is too old: the queue delivers the message again, with another one
         self.save(row, "done", receipt=None)
 
-    def withdraw(self, row: Row) -> None:
+    def do_withdrawn(self, row: Row) -> None:
         """EvalAI has cancelled it, so it is taken back here, unless another one of EvalAI's is the same here."""
-        if row["step"] == "sending":
-            return  # it is not known yet what it is here
         same = "SELECT 1 FROM submission WHERE number = ? AND pk != ? AND status IS NOT 'withdrawn'"
         if row["number"] and not self.rows(same, row["number"], row["pk"]):
             why, status = f"{OURS} (submission {row['pk']})", self.client.status(row["number"])
-            waits = status["state"] not in FINAL_STATES and status["episodes"]["done"] == 0
-            try:
-                if waits:
-                    self.client.cancel(row["number"], why)
-                else:  # a cancel after the first episode would keep the same content from being graded ever again
-                    self.client.ask(f"/v1/submissions/{row['number']}/marks",
-                                    {"mark": "hidden", "set": True, "reason": why})
-            except ServerError as error:
-                if not waits or error.code != "conflict":
-                    raise
-                return self.later(row, error)  # it has ended just now, so that it is marked next time
+            if status["state"] not in FINAL_STATES and status["episodes"]["done"] == 0:
+                self.client.cancel(row["number"], why)
+            elif status["ranked"]:  # a cancel after the first episode would keep the content from being graded again
+                self.client.ask(f"/v1/submissions/{row['number']}/marks", {"mark": "hidden", "set": True, "reason": why})
         self.save(row, "reported", status="withdrawn")
