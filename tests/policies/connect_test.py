@@ -155,6 +155,19 @@ class Grading(WithBoth):
             self.turn_until(made, self.all_over)
             self.assertEqual((self.status(number), len(self.here(wanted))), ("finished", 1), wanted)
 
+    def test_a_rejudge_is_reported_and_undone(self):
+        made = self.start()
+        number = self.evalai.submit((26, "rejudged"), 3002, manifest("skill-2-7-10-1", "rejudged"), "agent.tar")
+        self.turn_until(made, self.all_over)
+        rejudge = self.client.ask("/v1/rejudges", {"phase": "final", "reason": "longer", "config": {
+            "extends": TRACK, "rules": {"max_time_s": 20}}})["rejudge"]
+        wait_until(lambda: self.client.ask(f"/v1/rejudges/{rejudge}")["complete"], LONG_S, "not played again")
+        made.turn()
+        self.assertEqual(self.evalai.results[number, "test"]["Success"], 0.2)
+        for act, success in (("apply", 0.7), ("drop", 0.2)):
+            self.client.ask(f"/v1/rejudges/{rejudge}/{act}", {"reason": "as announced"})
+            self.turn_until(made, lambda: self.evalai.results[number, "test"]["Success"] == success, act)
+
     def test_changed_columns_are_reported_anew(self):
         made = self.start()
         number = self.evalai.submit((24, "columns"), 3001, manifest("ok", "columns"), "agent.tar")
