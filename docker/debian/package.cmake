@@ -178,5 +178,5 @@ set(CPACK_DEBIAN_CLIENT_PACKAGE_CONTROL_EXTRA ${pages}/control/client/conffiles)
 set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA
     "${pages}/control/server/conffiles;${here}/control/postinst;${here}/control/prerm;${here}/control/postrm")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
-    "${here}/control/python/postinst;${here}/control/python/prerm")
+    "${here}/control/python/postinst;${here}/control/python/prerm;${here}/control/python/postrm")
 include(CPack)
