@@ -111,6 +111,8 @@ set(python_dir lib/python3/dist-packages)
 debian(python DIRECTORY ${CMAKE_BINARY_DIR}/python/myograde DESTINATION ${python_dir}
        PATTERN __pycache__ EXCLUDE PATTERN "*.so" EXCLUDE PATTERN "*.stamp" EXCLUDE)
 
+debian(python FILES ${units}/myograde-connect@.service DESTINATION /lib/systemd/system)
+
 set(package_client myograde-client)
 set(package_server myograde-server)
 set(package_policy-kit libmyograde-policy-dev)
@@ -176,5 +178,5 @@ set(CPACK_DEBIAN_CLIENT_PACKAGE_CONTROL_EXTRA ${pages}/control/client/conffiles)
 set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA
     "${pages}/control/server/conffiles;${here}/control/postinst;${here}/control/prerm;${here}/control/postrm")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
-    "${here}/control/python/postinst;${here}/control/python/prerm")
+    "${here}/control/python/postinst;${here}/control/python/prerm;${here}/control/python/postrm")
 include(CPack)

@@ -208,6 +208,9 @@ class Pages(unittest.TestCase):
             done = self.exposure(name)
             self.assertNotEqual(done.returncode, 0, name)
             self.assertNotIn("Unknown key", done.stderr)
+        done = run("systemd-analyze", "security", "--offline=yes", "--no-pager", f"--threshold={MOST_EXPOSED}",
+                   UNITS / "myograde-connect@.service")
+        self.assertEqual(done.returncode, 0, done.stdout[-200:] + done.stderr)
 
     @needs("systemd-analyze")
     def test_units_and_examples_have_no_mistake(self):
@@ -215,7 +218,7 @@ class Pages(unittest.TestCase):
             for line in unit.read_text().splitlines():
                 self.assertRegex(line, r"^(#.*|\[Service\]|[A-Z][A-Za-z]+=.*)$")
         done = run("systemd-analyze", "verify", "--man=no", UNITS / "myograded.socket",
-                   UNITS / "myograded-https.socket")
+                   UNITS / "myograded-https.socket", UNITS / "myograde-connect@.service")
         self.assertNotIn("Unknown", done.stderr)
 
     def test_the_service_may_open_what_its_own_doctor_asks_for(self):

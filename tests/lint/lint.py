@@ -126,6 +126,7 @@ CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_c
                       r"\b(\w*[cC]lock_?|SystemClock\(\))\.Now\(\)|"
                       r"\btime\.time(_ns)?\(|\bdate(time)?\.(now|utcnow|today)\(")
 CALENDAR_USERS = {
+    "policies/python/myograde/connect/worker.py": "the server keeps the keys of requests for a day",
     "protocol/base/clock.cc": "is the port",
     "server/admission/admission.cc": "quotas are of a day, phases open and close at a date",
     "server/api/access_resource.cc": "tokens expire by the calendar",

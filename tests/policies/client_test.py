@@ -91,6 +91,16 @@ class WithDaemon(unittest.TestCase):
 
 
 class Grading(WithDaemon):
+    def test_any_address_can_be_asked(self):
+        self.assertEqual(self.here.ask("/v1/whoami"), self.here.whoami())
+        self.assertEqual(self.here.ask("/v1/teams", {"team": "asked"})["team"], "asked")
+        artefact = self.here.upload(self.policy("asked"), track=TRACK, team="asked")["artefact"]
+        request = {"artefact": artefact, "team": "asked", "track": TRACK}
+        answers = [self.here.ask("/v1/submissions", request, key="a-key") for _ in range(2)]
+        self.assertEqual([answer["repeated"] for answer in answers], [False, True])
+        with self.assertRaisesRegex(ServerError, "there is no /v1/nothing"):
+            self.here.ask("/v1/nothing")
+
     def test_a_submission_is_graded_over_the_socket(self):
         seen = []
         submission = self.here.submit(self.policy("walker"), track=TRACK, team="socket")
@@ -366,6 +376,10 @@ class Answers(unittest.TestCase):
                 with self.assertRaisesRegex(WrongUse, '"torch", which .* it has python, jax'):
                     client.submit(path, track="elbow", team="a")
                 self.assertEqual([head.split()[1] for head, _ in requests], [b"/v1/runtimes"])
+            # A stranger's archive is opened by the server alone.
+            client, requests = self.serve(self.ok(b'{"artefact": "5e"}'))
+            client.upload(packed, track="elbow", team="a", check_runtimes=False)
+            self.assertEqual([head.split()[1] for head, _ in requests], [b"/v1/artefacts?team=a&track=elbow"])
 
     def test_a_server_that_sends_a_byte_now_and_then_holds_nobody(self):
         def trickle(wire):

@@ -5,9 +5,11 @@ import json
 import os
 import pathlib
 import shutil
+import stat
 import tarfile
 import tempfile
 import unittest
+import zipfile
 
 from myograde.client import WrongUse, flat
 from myograde.client.archive import pack
@@ -40,6 +42,11 @@ class Packing(unittest.TestCase):
         self.assertIn("setuid", self.refused(self.folder))
         (self.folder / "broken.zip").write_text("x")
         self.assertIn("zip archive", self.refused(self.folder / "broken.zip"))
+        with zipfile.ZipFile(self.folder / "link.zip", "w") as archive:
+            link = zipfile.ZipInfo("far")
+            link.external_attr = (stat.S_IFLNK | 0o777) << 16
+            archive.writestr(link, b"a" * 5000)
+        self.assertIn("the link far is too long", self.refused(self.folder / "link.zip"))
 
     def test_the_same_folder_makes_the_same_bytes(self):
         (self.folder / "policy.json").write_text("{}")

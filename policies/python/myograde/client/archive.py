@@ -18,6 +18,7 @@ from ..errors import WrongUse
 SENT_AS_THEY_ARE = (".tar", ".tar.gz", ".tgz", ".tar.zst", ".tzst", ".tar.xz", ".txz", ".tar.bz2",
                     ".tbz2", ".tbz")
 COMPRESSED = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")
+MAX_LINK_BYTES = 4096
 MANIFESTS = ("policy.json", "./policy.json")
 
 
@@ -188,6 +189,8 @@ def _pack_zip(file: pathlib.Path, target: BinaryIO, new_name: str | None) -> Non
                 elif entry.is_dir():
                     _add(archive, name, type=tarfile.DIRTYPE, mode=0o755)
                 elif stat.S_ISLNK(mode):
+                    if entry.file_size > MAX_LINK_BYTES:
+                        raise WrongUse(f"{file}: the target of the link {name[:80]} is too long")
                     _add(archive, name, type=tarfile.SYMTYPE,
                          linkname=source.read(entry).decode("utf-8"))
                 else:

@@ -77,23 +77,19 @@ class Client:
         "submission". With `episodes` or `seeds` it is practice. `name` is shown on boards instead of the submission's
         own. If the answer is lost, the request is sent again and takes effect
         once."""
-        if track is None and phase is None:
-            raise WrongUse("give a track, or a phase of a challenge")
-        request: Json = {"team": team, "track": track or self._track_of(str(phase))}
-        given = {"phase": phase, "profile": profile, "episodes": episodes,
-                 "seeds": None if seeds is None else [int(seed) for seed in seeds]}
-        request.update((key, value) for key, value in given.items() if value is not None)
-        request["artefact"] = self.upload(path, team=team, track=request["track"],
-                                          name=name)["artefact"]
-        accepted = self._post("/v1/submissions", request,
-                              {"Idempotency-Key": secrets.token_hex(16)})
-        return self._with(accepted, submission=int)
+        track = self.track_of(track, phase)
+        artefact = self.upload(path, team=team, track=track, name=name)["artefact"]
+        return self.submit_artefact(artefact, team=team, track=track, phase=phase, profile=profile,
+                                    episodes=episodes, seeds=seeds, key=secrets.token_hex(16))
 
-    def upload(self, path: str | os.PathLike[str], *, team: str, track: str,
-               name: str | None = None) -> Json:
+    def upload(self, path: str | os.PathLike[str], *, team: str, track: str | None = None,
+               phase: str | None = None, name: str | None = None,
+               check_runtimes: bool = True) -> Json:
         """Only uploads; the answer has the id of the content under "artefact". WrongUse, with nothing sent, if the
-        server lacks a runtime."""
-        self._check_runtimes(runtimes_of(path))
+        server lacks a runtime; without `check_runtimes`, for a stranger's archive, only the server opens it."""
+        track = self.track_of(track, phase)
+        if check_runtimes:
+            self._check_runtimes(runtimes_of(path))
         query = urllib.parse.urlencode({"team": team, "track": track})
         with tempfile.TemporaryFile() as archive:
             pack(path, archive, name)
@@ -107,6 +103,17 @@ class Client:
 
             # The same content has the same id.
             return self._with(_with_retries(send), artefact=str)
+
+    def submit_artefact(self, artefact: str, *, team: str, key: str, track: str | None = None,
+                        phase: str | None = None, profile: str | None = None,
+                        episodes: int | None = None, seeds: Sequence[int] | None = None) -> Json:
+        """Submits an upload for grading, as submit() does. With the same `key` it takes effect once, for a day,
+        whichever process asks."""
+        given = {"artefact": artefact, "team": team, "track": self.track_of(track, phase),
+                 "phase": phase, "profile": profile, "episodes": episodes,
+                 "seeds": None if seeds is None else [int(seed) for seed in seeds]}
+        request = {name: value for name, value in given.items() if value is not None}
+        return self._with(self.ask("/v1/submissions", request, key=key), submission=int)
 
     def cancel(self, submission: int, reason: str | None = None) -> Json:
         """Cancels a submission; its status then has "cancel". Recorded episodes are kept."""
@@ -201,11 +208,23 @@ class Client:
 
     # --- requests ---
 
-    def _track_of(self, name: str) -> str:
-        for phase in self.phases():
-            if phase["phase"] == name:
-                return phase["track"]
-        raise WrongUse(f'there is no phase "{name}"; phases() lists the phases')
+    def ask(self, path: str, body: Json | None = None, *, key: str | None = None) -> Json:
+        """The answer to any request of server/api/README.md: a GET, or with `body` a POST. With `key`,
+        its Idempotency-Key, it is sent again if the answer is lost, and takes effect once."""
+        if body is None:
+            return self._get(path)
+        return self._post(path, body, {"Idempotency-Key": key} if key else None, retry=bool(key))
+
+    def track_of(self, track: str | None, phase: str | None) -> str:
+        """The track, or that of the phase. WrongUse if there is neither."""
+        if track is None and phase is None:
+            raise WrongUse("give a track, or a phase of a challenge")
+        for known in self.phases() if track is None else []:
+            if known["phase"] == phase:
+                return known["track"]
+        if track is None:
+            raise WrongUse(f'there is no phase "{phase}"; phases() lists the phases')
+        return track
 
     def _check_runtimes(self, needed: list[str]) -> None:
         if not needed:

@@ -36,9 +36,17 @@ class Transport:
             headers: Mapping[str, str] | None = None, timeout_s: float = ANSWER_S) -> Any:
         """The JSON of the answer. ServerError with its code and sentence if the server refuses,
         Unreachable if there is no answer in `timeout_s`; Lost if the request may have arrived."""
-        with _Exchange(self.server, self._tls, timeout_s) as exchange:
-            status, text = exchange.run(method, path, body, size, dict(headers or {}))
+        status, _, text = self.send(method, path, body, size=size, headers=headers,
+                                    timeout_s=timeout_s)
         return _answer(self.server, status, text)
+
+    def send(self, method: str, path: str, body: bytes | BinaryIO | None = None, *, size: int = 0,
+             headers: Mapping[str, str] | None = None, timeout_s: float = ANSWER_S
+             ) -> tuple[int, Mapping[str, str], bytes]:
+        """The same for a server of another kind: the answer's status, headers and content, whatever
+        they say."""
+        with _Exchange(self.server, self._tls, timeout_s) as exchange:
+            return exchange.run(method, path, body, size, dict(headers or {}))
 
 
 class _Exchange:
@@ -69,7 +77,7 @@ class _Exchange:
         self._wire.close()
 
     def run(self, method: str, path: str, body: bytes | BinaryIO | None, size: int,
-            headers: dict[str, str]) -> tuple[int, bytes]:
+            headers: dict[str, str]) -> tuple[int, Mapping[str, str], bytes]:
         made = http.client.HTTPConnection("myograde", timeout=self._timeout_s, blocksize=PIECE)
         made.sock = self._wire
         made.auto_open = 0  # it is never opened anew without the timer
@@ -85,7 +93,7 @@ class _Exchange:
             except (BrokenPipeError, ConnectionResetError):
                 pass  # a body that is refused by its header: the reason is there to be read
             answer = made.getresponse()
-            return answer.status, _read(answer)
+            return answer.status, answer.headers, _read(answer)
         except (OSError, http.client.HTTPException) as error:
             late = self._over or isinstance(error, (TimeoutError, socket.timeout))
             reason = str(error) or type(error).__name__
