@@ -71,7 +71,7 @@ export class Arrows {
     this.heads = many(new three.ConeGeometry(1, 1, 14), material, most);
     this.group = new three.Group();
     this.group.add(this.shafts, this.heads);
-    this.thick = longest / 45;
+    this.thick = longest / 80;
     this.longest = longest;
     this.scale = strong > 0 ? longest / strong : 0;
     this.ends = new Float32Array(6);
