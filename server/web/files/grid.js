@@ -85,9 +85,18 @@ export function makeGrid(select) {
   const choose = (index) => {
     const at = rows.findIndex((row) => row.index === index);
     if (at < 0) return;
+    const page = Math.floor(at / PAGE) * PAGE;
+    const before = chosen;
     chosen = index;
-    first = Math.floor(at / PAGE) * PAGE;
-    draw();
+    if (page !== first) {
+      first = page;
+      draw();
+    }
+    for (const cell of cells) {
+      const own = Number(cell.dataset.index);
+      if (own === before) cell.removeAttribute("aria-pressed");
+      if (own === index) cell.setAttribute("aria-pressed", "true");
+    }
     select(rows[at]);
   };
   const draw = () => {

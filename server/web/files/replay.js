@@ -200,7 +200,7 @@ function legend(episodes) {
   const muscles = episodes.some((one) => one.trajectory.muscles.length > 0);
   return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
     h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
-  strong > 0 && `Arrows: contact forces; the longest stands for ${number(strong, 0)} N.`);
+  strong > 0 && `Arrows: contact forces; the longest stands for ${number(strong, 0)} N, one of half its length for a quarter.`);
 }
 
 // The episodes before and after this one, as far as the reader may see them.

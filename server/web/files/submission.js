@@ -196,9 +196,10 @@ export async function show(main, query) {
     if (news !== shown) {
       const begin = performance.now();
       await persist(() => parts.draw(status), onTrouble);
-      const words = await placeOf(status);
-      place.hidden = !words;
-      replace(place, words ?? []);
+      placeOf(status).then((words) => {
+        place.hidden = !words;
+        replace(place, words ?? []);
+      }, reportError);
       shown = news;
       took = performance.now() - begin;
     }

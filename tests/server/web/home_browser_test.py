@@ -118,6 +118,7 @@ class Home(BrowserCase):
     def test_a_submission_begins_with_its_place_or_its_fault(self):
         page = self.page("organiser")
         self.open(page, f"/submission?id={self.made['Sarcomere Club']}")
+        page.wait("document.querySelector('.standing')?.hidden === false")
         self.assertRegex(self.texts(page, ".standing")[0], r"^Rank 2 of \d; Neon Tendons is a band above")
         self.open(page, f"/submission?id={self.made['Antagonists']}")
         self.assertIn("40 of 40 episodes ended by a fault", self.texts(page, ".fault-first")[0])
