@@ -159,10 +159,9 @@ export async function show(main, query) {
     h("p", {class: "lead"}, `${whole(board.episodes)} episodes, rules `, h("b", null, board.profile),
       ". ", board.order), warnings, box, told, rest);
   await draw(board, phase);
-  main.dataset.ready = "yes";
-  if (!board.at) {
-    live.on("live");
-    await keepCurrent(address, board, live, asOf, async (answer, changed) => draw(answer,
-      await phaseOf(answer), changed));
-  }
+  if (board.at) return;
+  live.on("live");
+  // The page is there; this goes on for as long as it is open, or ends with what asking again won't mend.
+  keepCurrent(address, board, live, asOf, async (answer, changed) => draw(answer, await phaseOf(answer), changed))
+    .catch(live.lost);
 }
