@@ -22,7 +22,7 @@ RUN export SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(date +%s)} \
 FROM ${BASE}
 RUN apt-get update -q \
  && DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends \
-      bubblewrap ca-certificates iproute2 libabsl20220623 libarchive13 libcurl4 \
+      bubblewrap ca-certificates iproute2 libabsl20220623 libarchive13 libcmark0.30.2 libcurl4 \
       libfmt9 libicu72 liblcm1 libpng16-16 libprometheus-cpp-core1.0 libseccomp2 libspdlog1.10 \
       libsqlite3-0 libssl3 libstdc++6 libzstd1 python3 zlib1g zstd \
  && rm -rf /var/lib/apt/lists/* /var/cache/apt/* /var/log/apt /var/log/dpkg.log

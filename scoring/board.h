@@ -100,9 +100,16 @@ struct RankedEntry {
 absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& entries,
                                               const BoardRules& rules, TeamRule team_rule);
 
-// Why `above` stands above `below`, two entries of one board as Rank made it: one sentence
-// with unrounded numbers.
-std::string Explain(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules);
+// Why `above` stands above `below`, two entries of one board as Rank made it: one sentence with ranks and
+// names of teams (rank 0: a baseline). `metrics`: the track's, whose digits its numbers have; numbers that
+// differ and would look alike have more.
+std::string Explain(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules,
+                    std::span<const Metric> metrics);
+
+// What the rows of a band have in common, and what decides among them, in a few words; "": the board has no
+// bands. Rows with the same RankedEntry::band have the same words.
+std::string DescribeBand(const RankedEntry& ranked, const BoardRules& rules,
+                         std::span<const Metric> metrics);
 
 // True if an entry is at or above the line that the board draws.
 bool IsQualified(const BoardEntry& entry, const BoardRules& rules);

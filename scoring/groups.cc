@@ -201,6 +201,18 @@ Criterion CriterionOf(const RankedEntry& above, const RankedEntry& below,
   return std::visit([&](const auto& kind) { return Deciding(above, below, kind); }, rules);
 }
 
+Criterion CriterionWithin(const RankedEntry& ranked, const BoardRules& rules) {
+  const auto number = [](size_t place) { return Criterion{Kind::kNumber, place}; };
+  if (const auto* tiered = std::get_if<TieredBoard>(&rules)) {
+    return ranked.band >= 0 ? number(tiered->effort) : Criterion{Kind::kSuccess};
+  }
+  if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
+    const bool in_band = ranked.band >= 0 && distance->band > 0;
+    return number(in_band ? distance->time : distance->distance);
+  }
+  return number(std::get<PhysiologicalBoard>(rules).pain);
+}
+
 Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> rows,
                   const BoardRules& rules, const GroupRules& group_rules,
                   const std::function<bool()>& stopped) {

@@ -66,6 +66,10 @@ struct Criterion {
 // equal effort. Where a number is equal the next one decides, and at last the acceptance.
 Criterion CriterionOf(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules);
 
+// What decides among the rows of a band, or where a board has none among all of them: effort or time inside a
+// band, successes below the line of a tiered board, the distance outside bands, pain.
+Criterion CriterionWithin(const RankedEntry& ranked, const BoardRules& rules);
+
 // A row with the episodes that are compared: those that it is ranked by, and perhaps further ones.
 // The same index is the same episode in every row.
 struct TestedRow {

@@ -13,6 +13,19 @@
 namespace myograde::server {
 namespace {
 
+using scoring::Criterion;
+using scoring::PlaceTest;
+using Ranks = scoring::StatisticsConfig::Ranks;
+
+constexpr char kSuccessRate[] = "success_rate";
+
+// What a criterion is called in an aggregate; null: nothing but the acceptance decides.
+Json NameOf(const Track& track, const Criterion& criterion) {
+  if (criterion.kind == Criterion::Kind::kSuccess) return kSuccessRate;
+  if (criterion.kind == Criterion::Kind::kAcceptance) return nullptr;
+  return scoring::MetricOf(track.scoring.track->metrics, criterion.number).name;
+}
+
 // Which build each row is of, and which one the board itself is of.
 void AddBuilds(const Transaction& reader, const Leaderboard& board, Json& json) {
   std::vector<int64_t> evaluations;
@@ -61,6 +74,26 @@ Json BoardToJson(const Leaderboard& board) {
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
 
+// Adds "band" and "decided_by" of each row, and "bands", the words of each. A baseline has none.
+void AddBands(const Track& track, const scoring::BoardRules& rules, const Leaderboard& board,
+              Json& json) {
+  const auto metrics = track.scoring.track->metrics;
+  json["bands"] = Json::array();
+  for (size_t i = 0; i < board.rows.size(); ++i) {
+    const scoring::RankedEntry& ranked = board.rows[i].ranked;
+    Json& row = json["rows"][i];
+    row["band"] = row["decided_by"] = nullptr;
+    if (ranked.rank == 0) continue;
+    row["decided_by"] = NameOf(track, scoring::CriterionWithin(ranked, rules));
+    const std::string words = scoring::DescribeBand(ranked, rules, metrics);
+    if (words.empty()) continue;
+    row["band"] = ranked.band + 1;
+    if (json["bands"].empty() || json["bands"].back()["band"] != row["band"]) {
+      json["bands"].push_back({{"band", row["band"]}, {"words", words}});
+    }
+  }
+}
+
 // Adds which board was asked for, and how much of it the caller sees. `withheld`: some was left
 // out.
 void AddBoardAsked(const BoardQuery& asked, bool withheld, Json& json) {
@@ -80,19 +113,6 @@ void AddBoardAsked(const BoardQuery& asked, bool withheld, Json& json) {
 }
 
 // --- statistics ---
-
-using scoring::Criterion;
-using scoring::PlaceTest;
-using Ranks = scoring::StatisticsConfig::Ranks;
-
-constexpr char kSuccessRate[] = "success_rate";
-
-// What a criterion is called in an aggregate; null: nothing but the acceptance decides.
-Json NameOf(const Track& track, const Criterion& criterion) {
-  if (criterion.kind == Criterion::Kind::kSuccess) return kSuccessRate;
-  if (criterion.kind == Criterion::Kind::kAcceptance) return nullptr;
-  return scoring::MetricOf(track.scoring.track->metrics, criterion.number).name;
-}
 
 Json DescriptionOf(const Track& track, const Criterion& criterion) {
   if (criterion.kind == Criterion::Kind::kNumber) {
@@ -283,6 +303,7 @@ absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& aske
   json["official_figures"] = asked.track->scoring.official_figures;
   json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);
   json["order"] = scoring::DescribeOrder(asked.rules->rules);
+  AddBands(*asked.track, asked.rules->rules, board, json);
   return json;
 }
 

@@ -43,7 +43,7 @@ Json PublicSeeds(const Transaction& reader, const Phase& phase, bool revealed) {
 }
 
 Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Phase& phase,
-                 const Events& events, int64_t waiting) {
+                 const Events& events, const PhaseUse& use) {
   const PhaseConfig& config = phase.config;
   const TrackConfig& track = phase.track->config;
   const PhaseStatus status = StatusOfPhase(config, events, context.clock.Now());
@@ -79,7 +79,8 @@ Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Pha
             {"logs", config.shown.logs},
             {"output", config.shown.output}}},
           {"episodes", track.seeds.size()},
-          {"waiting", waiting},
+          {"submissions", use.submissions},
+          {"waiting", use.waiting},
           {"config", track.hash}};
 }
 
@@ -104,14 +105,18 @@ ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
   Json challenges = Json::array();
   for (const ChallengeConfig& challenge : context.phases.challenges()) {
     Json phases = Json::array();
-    for (const PhasePtr& phase : context.phases.entries()) {
-      if (phase->config.challenge != challenge.name) continue;
-      const auto use = uses.find(phase->config.name);
-      phases.push_back(PhaseToJson(reader, context, *phase, events,
-                                   use == uses.end() ? 0 : use->second.waiting));
+    for (const PhaseConfig& config : challenge.phases) {
+      const absl::StatusOr<PhasePtr> phase = context.phases.Find(config.name);
+      if (!phase.ok()) continue;  // it is among the unusable
+      const auto use = uses.find(config.name);
+      phases.push_back(PhaseToJson(reader, context, **phase, events,
+                                   use == uses.end() ? PhaseUse() : use->second));
     }
     challenges.push_back(
-        {{"challenge", challenge.name}, {"title", challenge.title}, {"phases", std::move(phases)}});
+        {{"challenge", challenge.name},
+         {"title", challenge.title},
+         {"text", challenge.text},
+         {"phases", std::move(phases)}});
   }
   Json former = Json::array();  // that only the store knows
   for (const auto& [name, use] : uses) {

@@ -51,6 +51,10 @@ void SendConstant(const Document& document, const Request& request, Response& re
   response.SetContent(packed ? document.packed : document.text, document.type);
 }
 
+Document PageOf(const WebFile& file) {
+  return MakeDocument(std::string(file.type), std::string(file.text), std::string(file.packed));
+}
+
 // The page that a path leads to which is none itself: no path or a version alone to the first page,
 // a page of a version that is not here to that of this program's. "" if there is no such page.
 std::string PageInstead(const Documents& documents, std::string_view path) {
@@ -82,6 +86,7 @@ void ServeDocument(const Documents& documents, const Request& request, Response&
       response.SetHeader("Location", absl::StrCat(root, "/", instead));
       return;
     }
+    if (ServeUnknownPage(request, response)) return;
     response.status = 404;
     response.SetContent(documents.empty() ?
                         "This server has no documents: build them with ./dev docs, or read "
@@ -96,6 +101,24 @@ void ServeDocument(const Documents& documents, const Request& request, Response&
 
 }  // namespace
 
+bool ServeUnknownPage(const Request& request, Response& response) {
+  static const Document kPage = [] {
+    const std::span<const WebFile> files = WebFiles();
+    return PageOf(*std::find_if(files.begin(), files.end(),
+                                [](const WebFile& file) { return file.path == "/"; }));
+  }();
+  const auto [begin, end] = request.headers.equal_range("accept");
+  const bool browser = std::any_of(begin, end, [](const auto& header) {
+    return header.second.find("text/html") != std::string::npos;
+  });
+  const bool of_api = request.path.starts_with("/v1/") || request.path == "/metrics";
+  if (!browser || of_api || (request.method != "GET" && request.method != "HEAD")) return false;
+  SetHeaders(response);
+  response.status = 404;
+  response.SetContent(kPage.text, kPage.type);
+  return true;
+}
+
 void AddPages(Routes& routes, const ApiContext& context) {
   const auto document = std::make_shared<const std::string>(OpenApiDocument());
   routes.Get("/v1/openapi.json", Action::kReadApi, [document](const Request& request) -> ApiResult {
@@ -105,8 +128,7 @@ void AddPages(Routes& routes, const ApiContext& context) {
   routes.GetPage("/docs(?:/[^/]+)*/?",
                  std::bind_front(ServeDocument, std::cref(context.documents)));
   for (const WebFile& file : WebFiles()) {
-    const Document page =
-        MakeDocument(std::string(file.type), std::string(file.text), std::string(file.packed));
+    const Document page = PageOf(file);
     routes.GetPage(std::string(file.path), [page](const Request& request, Response& response) {
       SetHeaders(response);
       SendConstant(page, request, response);

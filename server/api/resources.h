@@ -83,5 +83,7 @@ void AddTransfer(Routes& routes, const ApiContext& context);
 void AddWebhooks(Routes& routes, const ApiContext& context);
 // The web pages, the documents, and the API's description.
 void AddPages(Routes& routes, const ApiContext& context);
+// Sends the page that says so to a browser that asked for one that there is not; false: it was no such request.
+bool ServeUnknownPage(const Request& request, Response& response);
 
 }  // namespace myograde::server

@@ -13,6 +13,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/caller.h"
 #include "server/api/negotiation.h"
+#include "server/api/resources.h"
 #include "server/base/log_line.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"
@@ -143,6 +144,7 @@ Routes::Routes(Router& router, Guard& guard, const ApiContext& context)
       return SendError(response, *std::move(over));
     }
     ApiError why = router.WhyNone(request);
+    if (why.http == 404 && ServeUnknownPage(request, response)) return;
     if (request.method != "OPTIONS" || why.http != 405) return SendError(response, std::move(why));
     response.status = 204;
     response.SetHeader("Allow", why.allow);

@@ -1,6 +1,7 @@
 #include "server/api/resources.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -112,10 +113,21 @@ Json BudgetsToJson(const BudgetPlace& place,
   return json;
 }
 
-ApiResult ListTeams(const ApiContext&, const Transaction& reader, const Request& request) {
+ApiResult ListTeams(const ApiContext& context, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
+  const int64_t now = absl::ToUnixMillis(context.clock.Now());
+  std::map<std::string, int64_t> tokens;  // that are good today
+  for (const TokenRow& token : reader.callers.Tokens().rows) {
+    const bool good = token.revoked_at == 0 && (token.expires_at == 0 || token.expires_at > now);
+    if (good && !token.team.empty()) ++tokens[token.team];
+  }
   return PageAnswer(request, page, "teams", reader.teams.List(page.before, page.limit),
-                    [](const TeamRow& team) { return TeamToJson(team); });
+                    [&](const TeamRow& team) {
+                      Json json = TeamToJson(team);
+                      json["submissions"] = reader.submissions.CountOf(team.name);
+                      json["tokens"] = tokens[team.name];
+                      return json;
+                    });
 }
 
 ApiResult GetTeam(const ApiContext&, const Transaction& reader, const Request& request) {

@@ -59,6 +59,7 @@ struct ChallengeConfig {
   std::string name;   // of its file
   std::string where;  // the file, for messages
   std::string title;
+  nlohmann::json text = nlohmann::json::array();  // what its host says on the first page: MarkdownTree
   std::vector<PhaseConfig> phases;
 };
 
@@ -69,6 +70,10 @@ inline constexpr size_t kMaxTitleBytes = 200;
 // added to `mistakes`. A phase with a mistake is left out.
 ChallengeConfig ReadChallenge(const nlohmann::json& json, const std::string& name,
                               const std::string& where, std::vector<std::string>& mistakes);
+
+// Sets `text` to that of the file NAME.md beside the challenge file NAME.json, if there is one.
+void ReadChallengeText(const std::string& file, ChallengeConfig& challenge,
+                       std::vector<std::string>& mistakes);
 
 // Reads every challenge of a folder, by name; none if there is no such folder. Mistakes include files
 // that can't be read and names that no challenge may have.

@@ -12,10 +12,12 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
 #include "protocol/lease/track_config.h"
+#include "server/challenge/markdown.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {
@@ -24,6 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kMaxChallengeBytes = 4u << 20;
+constexpr size_t kMaxTextBytes = 64u << 10;
 constexpr std::array<std::string_view, 4> kStateNames = {"upcoming", "open", "paused", "closed"};
 
 std::string CantBeRead(const std::string& dir, const std::error_code& error) {
@@ -99,6 +102,19 @@ std::set<std::string> FileConfigsBehind(const std::vector<BoardConfigRow>& rows)
 
 }  // namespace
 
+void ReadChallengeText(const std::string& file, ChallengeConfig& challenge,
+                       std::vector<std::string>& mistakes) {
+  const fs::path path = fs::path(file).replace_extension(".md");
+  std::error_code error;
+  if (!fs::exists(path, error)) return;
+  const absl::StatusOr<std::string> text = ReadFile(path.string(), kMaxTextBytes);
+  if (!text.ok()) {
+    mistakes.emplace_back(text.status().message());
+  } else {
+    challenge.text = MarkdownTree(*text);
+  }
+}
+
 std::vector<ChallengeConfig> ReadChallenges(const std::string& dir,
                                             std::vector<std::string>& mistakes) {
   std::vector<ChallengeConfig> challenges;
@@ -115,6 +131,7 @@ std::vector<ChallengeConfig> ReadChallenges(const std::string& dir,
       continue;
     }
     challenges.push_back(ReadChallenge(*json, name, path.string(), mistakes));
+    ReadChallengeText(path.string(), challenges.back(), mistakes);
   }
   return challenges;
 }

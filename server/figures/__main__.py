@@ -2,7 +2,8 @@
 
   {"make": "plot", "kind": "survival", "format": "svg", "results": [...]}
 
-`make` is "plot" (README.md lists the kinds and what each needs), "report" or "board-report".
+`make` is "plot" (README.md lists the kinds and what each needs), "report", "board-report", or "nothing",
+which only finds out whether this host can draw.
 `format` is "svg", "pdf", "html", or null for the numbers alone, which need no matplotlib. Standard
 output is one line of JSON, {"numbers": ..., "bytes": N} and then N bytes of the file, or {"error":
 "a sentence", "whose": "caller" or "host"} and nothing else."""
@@ -12,12 +13,17 @@ import sys
 
 import phase_report
 import plots
+import style
 import submission_report
 from order import Missing, Refused
 
 
 def made(order):
     """(numbers, bytes of the file or b"")."""
+    if order["format"]:
+        style.matplotlib_module()
+    if order["make"] == "nothing":
+        return None, b""
     if order["make"] == "plot":
         return plots.made(order)
     if order["make"] == "report":

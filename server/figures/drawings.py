@@ -43,7 +43,9 @@ def draw_distributions(title, found):
         axis.set_ylim(0, max(base) * 1.22)
         axis.set_xlabel(heading(metric))
         axis.set_ylabel("episodes")
-        axis.locator_params(axis="x", nbins=6)
+        # Labels of values that lie close together are long: fewer of them, as differences from one number.
+        axis.locator_params(axis="x", nbins=4)
+        axis.ticklabel_format(axis="x", useOffset=True)
         axis.yaxis.get_major_locator().set_params(integer=True)
         axis.set_title(f"median {number(middle, metric['digits'])}"
                        + (f" {metric['unit']}" if metric["unit"] else ""), fontweight="normal")

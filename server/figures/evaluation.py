@@ -79,14 +79,16 @@ def missing(result):
     if result.get("withheld"):
         parts = ", ".join(result["withheld"])
         sentences.append(f"The phase withholds these parts until it is published: {parts}.")
+    if withholds_details(result):
+        return sentences
     rows = rows_of(result)
-    without = sum(not part_of(row, "details") for row in rows)
-    if rows and without and not withholds_details(result):
-        which = "No episode has" if without == len(rows) else (
-            f"{counted(without, 'episode')} of {len(rows):,} "
-            f"{'has' if without == 1 else 'have'} no")
-        sentences.append(f"{which} measured details, such as joint ranges: a grader from before "
-                         "they were measured played them.")
+    without = [row for row in rows if not part_of(row, "details")]
+    unplayed = sum(not row.get("steps") for row in without)
+    for count, why in ((unplayed, "ended before the first step"),
+                       (len(without) - unplayed, "were played by a grader from before details were measured")):
+        if count:
+            which = "All episodes" if count == len(rows) else f"{count:,} of {counted(len(rows), 'episode')}"
+            sentences.append(f"{which} {why}, so details such as joint ranges are missing.")
     return sentences
 
 

@@ -33,8 +33,8 @@ def joints_or_refuse(result):
         who = f"submission {result['submission']}"
         raise Refused(f"the phase of {who} withholds what was measured of joints until it is "
                       "published" if withholds_details(result) else
-                      f"no episode of {who} tells its joints' ranges: a grader from before they "
-                      "were measured played it, or its track has none")
+                      f"no episode of {who} tells its joints' ranges: none got to its first step, a "
+                      "grader from before they were measured played them, or its track has none")
     return found
 
 

@@ -24,6 +24,7 @@ WIDTH = 7.0  # inches: the text width of A4
 SETTINGS = {
     "axes.axisbelow": True,
     "axes.edgecolor": QUIET,
+    "axes.formatter.offset_threshold": 2,
     "axes.grid": True,
     "axes.grid.axis": "y",
     "axes.labelsize": 9,

@@ -182,8 +182,8 @@ absl::StatusOr<const LeaderboardRow*> FindRow(const Leaderboard& board, const st
 
 absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standings,
                                          const Marks& marks, const BoardRules& rules,
-                                         TeamRule team, const std::string& a,
-                                         const std::string& b) {
+                                         TeamRule team, std::span<const scoring::Metric> metrics,
+                                         const std::string& a, const std::string& b) {
   ASSIGN_OR_RETURN(Leaderboard board, MakeLeaderboard(standings, marks, rules, team));
   ASSIGN_OR_RETURN(const LeaderboardRow* first, FindRow(board, a, standings, marks, team));
   ASSIGN_OR_RETURN(const LeaderboardRow* second, FindRow(board, b, standings, marks, team));
@@ -209,9 +209,12 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
   const LeaderboardRow& below = in_order ? *second : *first;
   RankedEntry upper = *place(above);
   RankedEntry lower = *place(below);
-  upper.entry.team = above.source.team;  // a baseline's own name
+  // Of the board, where a baseline has no rank and its own name.
+  upper.rank = above.ranked.rank;
+  lower.rank = below.ranked.rank;
+  upper.entry.team = above.source.team;
   lower.entry.team = below.source.team;
-  return Explanation{above, below, scoring::Explain(upper, lower, rules)};
+  return Explanation{above, below, scoring::Explain(upper, lower, rules, metrics)};
 }
 
 std::string SimulatingBuild(std::string_view grader_json) {

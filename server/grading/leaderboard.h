@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -48,7 +49,7 @@ struct Leaderboard {
 absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const scoring::BoardRules& rules, scoring::TeamRule team);
 
-// Why one of two entries stands above the other, in a sentence with unrounded numbers. Each is
+// Why one of two entries stands above the other, in a sentence (scoring::Explain). Each is
 // identified by its submission's number, or else by its team. A NotFoundError says which one is not
 // on the board and why.
 struct Explanation {
@@ -58,8 +59,9 @@ struct Explanation {
 };
 absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standings,
                                          const Marks& marks, const scoring::BoardRules& rules,
-                                         scoring::TeamRule team, const std::string& a,
-                                         const std::string& b);
+                                         scoring::TeamRule team,
+                                         std::span<const scoring::Metric> metrics,
+                                         const std::string& a, const std::string& b);
 
 // The first 12 digits of the SHA-256 over what a build simulates with: the simulator, MuJoCo's
 // library and the models of an evaluation's grader_json, as canonical JSON. "": it is not JSON

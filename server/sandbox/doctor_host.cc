@@ -266,6 +266,21 @@ Check CheckPictures() {
       "apt-get install" + install);
 }
 
+Check CheckFigures() {
+  const absl::StatusOr<ProgramEnd> python =
+      RunProgram({.program = "/usr/bin/python3",
+                  .words = {"-I", "-c", "import matplotlib; print(matplotlib.__version__)"},
+                  .most_output = kMostPrinted,
+                  .deadline = kQuick,
+                  .environment = {"PATH=/usr/bin:/bin"}});
+  if (python.ok() && python->exit_status == 0) {
+    return Fine("figures", "matplotlib " + LastLineOf(python->output) + " draws figures and reports");
+  }
+  return Poorer("figures", WhyItFailed(python),
+                "plot and report draw nothing; their numbers can be had with --json",
+                "apt-get install python3-matplotlib");
+}
+
 }  // namespace
 
 Check CheckMujoco(const DoctorOptions& options) {
@@ -317,7 +332,7 @@ void CheckHost(const DoctorOptions& options, std::vector<Check>& checks) {
                                          2.0 * static_cast<double>(options.submission_bytes), true,
                                          static_cast<double>(options.disk_reserve)),
                                CheckDisk("disk_cache", options.cache_dir, kGiB, false, 0),
-                               CheckPrograms(options), CheckPictures()});
+                               CheckPrograms(options), CheckPictures(), CheckFigures()});
 }
 
 }  // namespace myograde::server

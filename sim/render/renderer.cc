@@ -41,7 +41,7 @@ void FlipRows(std::span<uint8_t> rgb, int height) {
 
 // MuJoCo's fonts are bitmaps of fixed sizes, and a line should be about a thirtieth of the picture.
 int FontScale(int height) {
-  if (height < 300) return mjFONTSCALE_50;
+  if (height < 480) return mjFONTSCALE_50;
   if (height < 700) return mjFONTSCALE_100;
   if (height < 1000) return mjFONTSCALE_150;
   if (height < 1600) return mjFONTSCALE_200;

@@ -156,6 +156,7 @@ CALENDAR_USERS = {
     "tests/server/api/board_moments_test.cc": "compares with stored times of day",
     "tests/server/admission/calendar_watch_test.cc": "sets it",
     "tests/server/daemon/phases_test.py": "phases open and close at a date",
+    "tests/server/web/home_browser_test.py": "its phases open and close at a date",
     "tests/server/daemon/secrets_test.py": "sets dates in a challenge file",
     "tests/server/engine/retention_test.cc": "compares with times of files",
     "tests/server/openapi/world.py": "sets dates in a challenge file",

@@ -12,6 +12,7 @@
 namespace myograde::scoring {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
@@ -47,11 +48,16 @@ std::vector<std::string> OrderOf(const std::vector<BoardEntry>& entries, const B
   return names;
 }
 
+// Three metrics that are shown without digits after the point.
+constexpr Metric kWhole[] = {{.name = "a", .title = "", .unit = "", .digits = 0, .ranked = true},
+                             {.name = "b", .title = "", .unit = "", .digits = 0, .ranked = true},
+                             {.name = "c", .title = "", .unit = "", .digits = 0, .ranked = true}};
+
 // Why the first of two stands above the second.
 std::string Why(const BoardEntry& above, const BoardEntry& below, const BoardRules& rules) {
   const auto board = *Rank({below, above}, rules, TeamRule::kBest);
   EXPECT_EQ(board.at(0).entry.submission, above.submission);
-  return Explain(board.at(0), board.at(1), rules);
+  return Explain(board.at(0), board.at(1), rules, kWhole);
 }
 
 TEST(MakeEntry, HasTheRankedMeansAndTheCounts) {
@@ -198,35 +204,34 @@ TEST(Board, ATeamStandsWithWhatItsRuleSays) {
 
 TEST(Explain, GivesTheWholeSentenceOfTieredBoards) {
   EXPECT_EQ(Why(With("a", 1, 95, {10, 2}), With("b", 2, 95, {16, 1}), kTieredBoard),
-            "a (team a) stands above b (team b): its mean time is 10 s against 16 s, which is more "
+            "team a (rank 1) stands above team b (rank 2): its mean time is 10 s against 16 s, which is more "
             "than 1.5 "
             "times the 10 s that opened its band (band 1 against 2).");
   EXPECT_EQ(Why(With("a", 1, 95, {12, 1}), With("b", 2, 95, {10, std::nullopt}), kTieredBoard),
-            "a (team a) stands above b (team b): both mean times, 12 s and 10 s, are at most 1.5 "
+            "team a (rank 1) stands above team b (rank 2): both mean times, 12 s and 10 s, are at most 1.5 "
             "times the "
             "10 s that opened band 1, and its effort is less, 1 against none.");
   EXPECT_EQ(Why(With("a", 1, 95, {10, 1}), With("b", 2, 95, {11, 1}), kTieredBoard),
-            "a (team a) stands above b (team b): both mean times, 10 s and 11 s, are at most 1.5 "
+            "team a (rank 1) stands above team b (rank 2): both mean times, 10 s and 11 s, are at most 1.5 "
             "times the "
-            "10 s that opened band 1, both efforts are 1, and it was accepted first, as number 1 "
+            "10 s that opened band 1, both efforts are 1, and it was accepted first, as submission 1 "
             "against 2.");
   EXPECT_EQ(Why(With("a", 1, 100, {1, 1}), With("b", 2, 79, {1, 0}), kRateBands),
-            "a (team a) stands above b (team b): it succeeded in 100 of 100 episodes against 79 of "
+            "team a (rank 1) stands above team b (rank 2): it succeeded in 100 of 100 episodes against 79 of "
             "100, whose "
-            "rate times 1.25 is less than the 1 that opened its band (band 1 against 2).");
+            "rate times 1.25 is less than the 100 % that opened its band (band 1 against 2).");
   EXPECT_EQ(Why(With("a", 1, 80, {1, 1}), With("b", 2, 100, {1, 2}), kRateBands),
-            "a (team a) stands above b (team b): both success rates, 80 of 100 and 100 of 100, "
+            "team a (rank 1) stands above team b (rank 2): both success rates, 80 of 100 and 100 of 100, "
             "times 1.25 are "
-            "at least the 1 that opened band 1, and its effort is less, 1 against 2.");
+            "at least the 100 % that opened band 1, and its effort is less, 1 against 2.");
   EXPECT_EQ(Why(With("a", 1, 90, {9, 9}), With("b", 2, 89, {1, 1}), kTieredBoard),
-            "a (team a) stands above b (team b): it succeeded in 90 of 100 episodes, which reaches "
-            "the line of "
-            "9 of 10, against 89 of 100, which does not.");
+            "team a (rank 1) stands above team b (rank 2): it succeeded in 90 of 100 episodes, which reaches "
+            "the line of 90 %, against 89 of 100, which does not.");
   EXPECT_EQ(
       Why(With("a", 1, 80, {9, 9}), With("b", 2, 79, {1, 1}), kTieredBoard),
-      "a (team a) stands above b (team b): it succeeded in 80 of 100 episodes against 79 of 100.");
+      "team a (rank 1) stands above team b (rank 2): it succeeded in 80 of 100 episodes against 79 of 100.");
   const std::string equal =
-      "a (team a) stands above b (team b): both succeeded at the same rate, 80 of 100 and "
+      "team a (rank 1) stands above team b (rank 2): both succeeded at the same rate, 80 of 100 and "
       "80 of 100 episodes";
   EXPECT_EQ(Why(With("a", 2, 80, {1, 9}), With("b", 1, 80, {2, 1}), kTieredBoard),
             equal + ", and its mean time is 1 s against 2 s.");
@@ -235,11 +240,11 @@ TEST(Explain, GivesTheWholeSentenceOfTieredBoards) {
   TieredBoard by_acceptance = kTieredBoard;
   by_acceptance.ties = Ties::kAcceptance;
   EXPECT_EQ(Why(With("a", 1, 80, {2, 2}), With("b", 2, 80, {1, 1}), by_acceptance),
-            equal + ", and it was accepted first, as number 1 against 2.");
+            equal + ", and it was accepted first, as submission 1 against 2.");
 }
 
 TEST(Explain, GivesTheWholeSentenceOfTheOtherBoards) {
-  const std::string above = "a (team a) stands above b (team b): ";
+  const std::string above = "team a (rank 1) stands above team b (rank 2): ";
   EXPECT_EQ(Why(With("a", 1, 0, {30, 2}), With("b", 2, 0, {29, 1}), kDistances),
             above + "its mean distance is 30 m against 29 m.");
   EXPECT_EQ(Why(With("a", 2, 0, {30, 1}), With("b", 1, 0, {30, 2}), kDistances),
@@ -247,13 +252,13 @@ TEST(Explain, GivesTheWholeSentenceOfTheOtherBoards) {
   EXPECT_EQ(Why(With("a", 1, 0, {30, 1}), With("b", 2, 0, {30, 1}), kDistances),
             above +
                 "both mean distances are 30 m, both mean times are 1 s, and it was accepted first, "
-                "as number 1 "
+                "as submission 1 "
                 "against 2.");
   EXPECT_EQ(Why(With("a", 1, 0, {19, 2}), With("b", 2, 0, {19, 1}), kDistances),
             above +
                 "both mean distances are 19 m, less than the 20 m from which time decides, and it "
                 "was accepted "
-                "first, as number 1 against 2.");
+                "first, as submission 1 against 2.");
   EXPECT_EQ(Why(With("a", 1, 0, {25, 2}), With("b", 2, 0, {19, 1}), kDistanceBands),
             above + "its mean distance is 25 m against 19 m.");
   EXPECT_EQ(Why(With("a", 1, 0, {100, 2}), With("b", 2, 0, {79, 1}), kDistanceBands),
@@ -281,8 +286,42 @@ TEST(Explain, GivesTheWholeSentenceOfTheOtherBoards) {
   EXPECT_EQ(
       Why(With("a", 1, 0, {30, 1, 1}), With("b", 2, 0, {30, 1, 1}), of_episodes),
       above +
-          "both mean pains are 1, both mean efforts are 1, and it was accepted first, as number 1 "
+          "both mean pains are 1, both mean efforts are 1, and it was accepted first, as submission 1 "
           "against 2.");
+}
+
+TEST(Explain, HasTheDigitsOfTheMetricAndMoreWhereNumbersWouldLookAlike) {
+  EXPECT_THAT(Why(With("a", 1, 95, {10.44, 2.0004}), With("b", 2, 95, {10.2, 2.0006}), kTieredBoard),
+              AllOf(HasSubstr("both mean times, 10.4 s and 10.2 s, are at most 1.5 times the 10.2 s"),
+                    HasSubstr("less, 2.000 against 2.001.")));
+  EXPECT_THAT(Why(With("a", 1, 95, {10.4, 2}), With("b", 2, 95, {10.4, 2}), kTieredBoard),
+              HasSubstr("both mean times, 10 s and 10 s, are"));
+  RankedEntry baseline{.entry = With("a", 1, 95, {1, 1})};
+  RankedEntry ranked{.entry = With("b", 2, 90, {1, 1}), .rank = 4};
+  EXPECT_THAT(Explain(baseline, ranked, kTieredBoard, kWhole),
+              HasSubstr("team a (baseline) stands above team b (rank 4)"));
+}
+
+TEST(DescribeBand, SaysWhatItsRowsHaveInCommonAndWhatDecides) {
+  const auto words = [](int64_t band, double opener, const BoardRules& rules) {
+    return DescribeBand({.entry = {}, .rank = 1, .band = band, .band_opener = opener}, rules, kWhole);
+  };
+  EXPECT_EQ(words(0, 10, kTieredBoard), "Band 1, within 50 % of the fastest, 10 s: effort decides");
+  EXPECT_EQ(words(1, 16, kTieredBoard), "Band 2, within 50 % of its fastest, 16 s: effort decides");
+  EXPECT_EQ(words(-1, 0, kTieredBoard), "Success rates below 90 %: successes decide");
+  EXPECT_EQ(words(0, 0.95, kRateBands),
+            "Band 1, success rates of at least 95 % / 1.25: effort decides");
+  EXPECT_EQ(words(1, 40, kDistanceBands),
+            "Band 2, distances of at least 40 m / 1.25: time decides");
+  EXPECT_EQ(words(-1, 0, kDistanceBands), "Below 20 m: distance decides");
+  EXPECT_EQ(words(0, 40, kDistances), "");
+  EXPECT_EQ(words(-1, 0, kBodies), "");
+  using Kind = Criterion::Kind;
+  EXPECT_EQ(CriterionWithin({.entry = {}, .band = 0}, kTieredBoard), (Criterion{Kind::kNumber, 1}));
+  EXPECT_EQ(CriterionWithin({.entry = {}}, kTieredBoard), Criterion{Kind::kSuccess});
+  EXPECT_EQ(CriterionWithin({.entry = {}, .band = 0}, kDistanceBands), (Criterion{Kind::kNumber, 1}));
+  EXPECT_EQ(CriterionWithin({.entry = {}, .band = 0}, kDistances), (Criterion{Kind::kNumber, 0}));
+  EXPECT_EQ(CriterionWithin({.entry = {}}, kBodies), (Criterion{Kind::kNumber, 1}));
 }
 
 TEST(Criteria, AreThoseOfTheBoard) {

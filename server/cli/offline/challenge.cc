@@ -120,6 +120,7 @@ void AddFile(const std::string& file, std::vector<ChallengeConfig>& challenges,
     return;
   }
   challenges.push_back(ReadChallenge(*json, name, file, mistakes));
+  ReadChallengeText(file, challenges.back(), mistakes);
 }
 
 // All challenges that a daemon would have with these files: those of its folder, of which a file of

@@ -340,6 +340,10 @@ absl::StatusOr<Drawn> DrawFigure(const Json& order) {
   return CantDraw(std::string(run.status().message()));
 }
 
+absl::Status CheckDrawing() {
+  return DrawFigure({{"make", "nothing"}, {"format", "svg"}}).status();
+}
+
 absl::Status RunRender(std::vector<std::string> words) {
   words.insert(words.begin(), {"episode", "render"});
   const absl::StatusOr<ProgramEnd> run = RunProgram({.program = "myograde",

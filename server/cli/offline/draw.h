@@ -30,6 +30,10 @@ absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& ord
 // board.
 absl::Status AddWholeBoard(const Client& client, const BoardChoice& choice, Json& order);
 
+// Whether this host can draw figures: InternalError says what it lacks. To be asked before gathering what
+// takes long.
+absl::Status CheckDrawing();
+
 struct Drawn {
   Json numbers;      // behind the figure
   std::string file;  // its bytes; "" if the order has no format

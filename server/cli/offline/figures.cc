@@ -201,6 +201,7 @@ absl::StatusOr<int> Plot(const PlotOptions& options) {
   Json order = {{"make", "plot"}, {"kind", options.kind}};
   ASSIGN_OR_RETURN(order["format"], ChooseFormat(options, {"svg", "pdf"}));
   CatchStopSignals();
+  if (!order["format"].is_null()) RETURN_IF_ERROR(CheckDrawing());
   const absl::Status gathered = Gather(options, order);
   return DrawInto(options.file, gathered, order,
                   {{"kind", options.kind}, {"format", order["format"]}}, options.json);
@@ -259,6 +260,7 @@ absl::StatusOr<int> WriteReport(const ReportOptions& options) {
   Json order = {{"make", submission ? "report" : "board-report"}, {"version", MYOGRADE_VERSION}};
   ASSIGN_OR_RETURN(order["format"], ChooseFormat(options, {"html"}));
   CatchStopSignals();
+  if (!order["format"].is_null()) RETURN_IF_ERROR(CheckDrawing());
   const absl::Status gathered =
       submission ? GatherSubmission(options, order)
                  : AddWholeBoard(options.client(), options.board, order);

@@ -1,14 +1,24 @@
-// The HTTP API, asked with the reader's own token, which is kept for this tab only.
+// The HTTP API, asked with the reader's own token, which is kept for this tab, or on this computer if the
+// reader wishes.
 
 const KEY = "myograde.token";
+const ENDED = "myograde.ended";  // that a token was dropped, until the reader is told
 
 export function token() {
-  return sessionStorage.getItem(KEY);
+  return sessionStorage.getItem(KEY) ?? localStorage.getItem(KEY);
 }
 
-export function keepToken(text) {
-  if (text) sessionStorage.setItem(KEY, text);
-  else sessionStorage.removeItem(KEY);
+export function keepToken(text, everywhere = false) {
+  sessionStorage.removeItem(KEY);
+  localStorage.removeItem(KEY);
+  if (text) (everywhere ? localStorage : sessionStorage).setItem(KEY, text);
+}
+
+// Whether a token was not valid any more since this was asked last.
+export function tokenEnded() {
+  const ended = sessionStorage.getItem(ENDED) !== null;
+  sessionStorage.removeItem(ENDED);
+  return ended;
 }
 
 // An answer that tells of an error, or that there was none (status 0).
@@ -20,7 +30,19 @@ export class ApiError extends Error {
   }
 }
 
-const LOST = "The server does not answer. Check the connection and try again.";
+const LOST = "The server does not answer.";
+const ANSWER_MS = 90000;
+
+// Whether asking again later may help.
+export function passes(error) {
+  return error instanceof ApiError && (error.status === 0 || error.status === 429 || error.status >= 500);
+}
+
+// A signal that also ends what takes too long.
+function deadline(signal, ms = ANSWER_MS) {
+  const late = AbortSignal.timeout(ms);
+  return signal ? AbortSignal.any([signal, late]) : late;
+}
 
 function headers(more = {}) {
   return token() ? {...more, Authorization: `Bearer ${token()}`} : more;
@@ -42,7 +64,7 @@ const jsonOf = (answer) => answer.text().then(parseJson).catch(() => null);
 async function ask(method, path, {body, more, signal} = {}) {
   let answer;
   try {
-    answer = await fetch(path, {method, headers: headers(more), signal, credentials: "omit",
+    answer = await fetch(path, {method, headers: headers(more), signal: deadline(signal), credentials: "omit",
       body: body === undefined ? undefined : JSON.stringify(body)});
   } catch (error) {
     if (error.name === "AbortError") throw error;
@@ -52,6 +74,7 @@ async function ask(method, path, {body, more, signal} = {}) {
   // A token that is not valid any more should not hide what is public.
   if (method === "GET" && json?.error?.code === "bad_token" && token()) {
     keepToken(null);
+    sessionStorage.setItem(ENDED, "yes");
     return ask(method, path, {more, signal});
   }
   if (!answer.ok || json === null) throw errorOf(answer.status, json);
@@ -83,7 +106,7 @@ function wait(seconds, signal) {
 }
 
 // The body of an answer, of at most so many bytes.
-async function bodyOf(answer, most) {
+async function bodyOf(answer, most, onProgress) {
   const parts = [];
   let received = 0;
   const reader = answer.body.getReader();
@@ -96,6 +119,7 @@ async function bodyOf(answer, most) {
       throw new ApiError(0, "too_large", `The server sent more than ${most} bytes.`);
     }
     parts.push(value);
+    onProgress(received);
   }
   return new Blob(parts).arrayBuffer();
 }
@@ -103,8 +127,8 @@ async function bodyOf(answer, most) {
 const MOST_WAIT_MS = 1800000;
 
 // A file, which the server may have to make first: until then onWait({state, place}) is told how that
-// stands. `received`: how many bytes came over the network, as far as the browser tells.
-export async function download(path, {signal, most, onWait = () => {}}) {
+// stands, and while it arrives onProgress(bytes). `received`: how many bytes came over the network, as far as the browser tells.
+export async function download(path, {signal, most, onWait = () => {}, onProgress = () => {}}) {
   const begin = performance.now();
   for (;;) {
     let data;
@@ -121,7 +145,7 @@ export async function download(path, {signal, most, onWait = () => {}}) {
         continue;
       }
       if (!answer.ok) throw errorOf(answer.status, await jsonOf(answer));
-      data = await bodyOf(answer, most);
+      data = await bodyOf(answer, most, onProgress);
     } catch (error) {
       if (error instanceof ApiError || error.name === "AbortError") throw error;
       throw new ApiError(0, "lost", LOST);
@@ -135,7 +159,10 @@ let me = null;
 
 // Who the server takes the reader for.
 export function whoami() {
-  me ??= get("/v1/whoami");
+  me ??= get("/v1/whoami").catch((error) => {
+    me = null;  // asked again
+    throw error;
+  });
   return me;
 }
 
@@ -169,15 +196,22 @@ export function upload(path, blob, progress, signal) {
   });
 }
 
-// Reads server-sent events until the stream ends. EventSource would do, but sends no token.
+const SILENT_MS = 30000;  // events come every 10 s
+
+// Reads server-sent events until the stream ends or is silent. EventSource would do, but sends no token.
 async function readEvents(path, onEvent) {
-  const answer = await fetch(path, {headers: headers(), credentials: "omit"});
+  const silence = new AbortController();
+  let timer = setTimeout(() => silence.abort(), SILENT_MS);
+  const {signal} = silence;
+  const answer = await fetch(path, {headers: headers(), credentials: "omit", signal});
   if (!answer.ok) throw errorOf(answer.status, await jsonOf(answer));
   const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
   let rest = "";
   for (;;) {
     const {value, done} = await reader.read();
+    clearTimeout(timer);
     if (done) return;
+    timer = setTimeout(() => silence.abort(), SILENT_MS);
     const events = (rest + value).split("\n\n");
     rest = events.pop();
     for (const event of events) {
@@ -190,26 +224,60 @@ async function readEvents(path, onEvent) {
 
 const RETRY_MS = 2000;
 const POLL_MS = 10000;
-const pause = (ms) => new Promise((resolve) => {
+const LONGEST_MS = 15000;
+const POLLS = 6;  // in a row, before a stream is tried again
+
+export const pause = (ms) => new Promise((resolve) => {
   setTimeout(resolve, ms * (0.8 + 0.4 * Math.random()));
 });
 
-// Follows `events`; where streams don't come through or end early, asks `address` now and then. Ends
-// with the page, or with an error that asking again won't mend.
-export async function follow(events, address, onState, onTrouble) {
-  let short = 0;
-  for (;;) {
-    const begin = performance.now();
-    let trouble = null;
+// How long to wait after so many failures in a row.
+const backOff = (failures) => Math.min(RETRY_MS * 2 ** Math.min(failures - 1, 10), LONGEST_MS);
+
+// What `make` gives, once it succeeds: after errors that may pass it is called again, later and later. Each is
+// told to onTrouble(error), and null at the end.
+export async function persist(make, onTrouble) {
+  for (let failures = 1; ; failures += 1) {
     try {
-      if (short < 3) await readEvents(events, onState);
-      else onState(await get(address));
+      const made = await make();
+      onTrouble(null);
+      return made;
     } catch (error) {
-      if (error.status >= 400 && error.status < 500 && error.status !== 429) throw error;
-      trouble = error;
+      if (!passes(error)) throw error;
+      onTrouble(error);
+      await pause(backOff(failures));
     }
-    onTrouble(trouble);
-    short = performance.now() - begin > 30000 ? 0 : short + 1;
-    await pause(short < 3 ? RETRY_MS : POLL_MS);
+  }
+}
+
+// Follows `events`: onState(state, streams). Where streams don't come through or end early, asks `address` now
+// and then, and tries a stream again later. onTrouble(error): nothing comes at present. Ends with the page, or
+// with an error that asking again won't mend.
+export async function follow(events, address, onState, onTrouble) {
+  let short = 0;     // streams in a row that ended early
+  let failures = 0;  // in a row
+  for (let polls = 0; ;) {
+    const begin = performance.now();
+    const streams = short < 3;
+    const take = (state) => {
+      failures = 0;
+      onState(state, streams);
+    };
+    try {
+      if (streams) {
+        await readEvents(events, take);
+        short = performance.now() - begin > SILENT_MS ? 0 : short + 1;
+      } else {
+        take(await get(address));
+        polls += 1;
+        if (polls % POLLS === 0) short = 0;
+      }
+    } catch (error) {
+      if (error instanceof ApiError && !passes(error)) throw error;
+      failures += 1;
+      onTrouble(error);
+    }
+    if (failures) await pause(backOff(failures));
+    else await pause(short < 3 ? RETRY_MS : POLL_MS);
   }
 }

@@ -1,10 +1,15 @@
-// One board: its columns, groups and baselines, and why one stands above another.
-import {get, whoami, isOrganiser} from "./api.js";
-import {boardTitle} from "./boards.js";
+// One board, which stays current while it is open.
+import {get, isOrganiser, passes, pause, whoami} from "./api.js";
+import {BoardTable} from "./board_table.js";
 import {h, href, replace, table} from "./dom.js";
-import {heading, name, number, percent, time, visible, whole} from "./format.js";
+import {boardTitle, dateTime, name, time, visible, whole} from "./format.js";
+import {liveBadge} from "./live.js";
+import {phaseWhen} from "./places.js";
+import {asCsv, asTsv, copyText, save, textsOf} from "./sheet.js";
 
 const ASKED = ["track", "phase", "profile", "board", "config", "at"];
+const REFRESH_MS = 30000;
+const PHASE_EVERY = 10;  // refreshes
 
 // The part of the address that says which board is meant, with `changes`.
 function boardQuery(query, changes = {}) {
@@ -15,127 +20,6 @@ function boardQuery(query, changes = {}) {
 
 function api(path, query, more = {}) {
   return `${path}?${new URLSearchParams({...boardQuery(query), ...more})}`;
-}
-
-function probability(value) {
-  return value < 0.001 ? "p < 0.001" : `p = ${number(value, 3)}`;
-}
-
-// What the paired test says of a row and the one above it.
-function testSentence(test, criteria) {
-  if (!test) return null;
-  if (test.metric === null || test.p === null) return null;
-  const title = criteria.find((one) => one.name === test.metric)?.title ?? test.metric;
-  const verdict = test.decided ? "The episodes decide this place"
-    : "The episodes do not decide this place";
-  return `${verdict}: paired test of ${title} over ${whole(test.pairs)} episodes, of which `
-    + `${whole(test.differing)} differ; ${probability(test.p)}, corrected for all tests `
-    + `${probability(test.p_adjusted)}.`
-    + (test.reversed ? " With the further episodes the lower one is better." : "");
-}
-
-async function explain(cell, query, above, row, test, criteria) {
-  replace(cell, h("p", {role: "status"}, "Loading…"));
-  try {
-    const answer = await get(api("/v1/leaderboard/explain", query,
-      {a: above.submission, b: row.submission}));
-    replace(cell, h("p", null, visible(answer.why)), h("p", {class: "quiet"},
-      testSentence(test, criteria)));
-  } catch (error) {
-    replace(cell, h("p", {class: "problem"}, visible(error.message)));
-  }
-}
-
-function whyButton(query, above, row, test, criteria, span) {
-  const cell = h("td", {colspan: span, class: "why"});
-  const more = h("tr", {hidden: true, id: `why-${row.submission}`}, cell);
-  const button = h("button", {type: "button", class: "small", "aria-expanded": "false",
-    "aria-controls": more.id, "aria-label": `Why ${visible(above.team)} stands above `
-    + visible(row.team),
-    onclick: () => {
-      more.hidden = !more.hidden;
-      button.setAttribute("aria-expanded", String(!more.hidden));
-      if (!more.hidden && !cell.childNodes.length) explain(cell, query, above, row, test, criteria);
-    }}, "Why?");
-  return [button, more];
-}
-
-function tags(row) {
-  return [
-    row.baseline && h("span", {class: "tag"}, "baseline"),
-    row.qualified && h("span", {class: "tag good", title: "At or above the board's line"},
-      "qualified"),
-    row.rejudge && h("span", {class: "tag", title: `Result of rejudge ${row.rejudge}`}, "rejudged"),
-    row.other_build && h("span", {class: "tag", title: `Graded by build ${row.build}`},
-      "other build"),
-  ];
-}
-
-function interval(known, metric) {
-  if (!known || known.low === null || known.low === undefined) return null;
-  const scale = metric ? 1 : 100;
-  const digits = metric ? metric.digits : 0;
-  return h("span", {class: "interval", title: `95 % interval (${known.method})`},
-    `${number(known.low * scale, digits)} to ${number(known.high * scale, digits)}`);
-}
-
-function successCell(row, intervals) {
-  const {successes, episodes} = row.aggregate ?? {};
-  if (successes === undefined || successes === null) return h("td", {class: "num"}, "–");
-  return h("td", {class: "num"},
-    h("span", {class: "value"}, percent(successes, episodes)),
-    h("meter", {min: 0, max: episodes, value: successes, "aria-label":
-      `${successes} of ${episodes} episodes`}),
-    interval(intervals?.success_rate, null));
-}
-
-
-// The rows of a board's table: each with the row that tells why it stands below the one above.
-function boardRows(board, statistics, query, mayRead) {
-  const known = new Map((statistics?.rows ?? []).map((row) => [row.submission, row]));
-  const criteria = statistics?.criteria ?? [];
-  const groups = (statistics?.groups ?? []).some((group) => group.rows > 1);
-  const span = board.columns.length + 4 + (groups ? 1 : 0);
-  let above = null;
-  let group = null;
-  const rows = [];
-  for (const row of board.rows) {
-    const more = known.get(row.submission);
-    const [button, why] = above ? whyButton(query, above, row, more?.above, criteria, span)
-      : [null, null];
-    const newGroup = groups && more?.group && more.group !== group;
-    if (more?.group) group = more.group;
-    const submission = row.name ? name(row.name) : `submission ${row.submission}`;
-    rows.push(h("tr", {class: [row.baseline ? "baseline" : "", newGroup ? "opens" : ""].join(" ")},
-      h("td", {class: "num place"}, row.rank === null ? "–" : row.rank),
-      groups && h("td", {class: `group ${(more?.group ?? 0) % 2 ? "odd" : "even"}`},
-        more?.group ?? "–"),
-      h("th", {scope: "row"}, h("a", {href: href("/team", {name: row.team})}, name(row.team)),
-        tags(row), h("span", {class: "policy"}, mayRead(row.team)
-          ? h("a", {href: href("/submission", {id: row.submission})}, submission) : submission)),
-      successCell(row, more?.intervals),
-      board.columns.map((column) => h("td", {class: "num"},
-        h("span", {class: "value"}, number(row.aggregate?.[column.name], column.digits)),
-        interval(more?.intervals?.[column.name], column))),
-      h("td", {class: "ask"}, button)));
-    if (why) rows.push(why);
-    if (!row.baseline || above === null) above = row;
-  }
-  return [rows, groups];
-}
-
-function boardTable(board, statistics, query, mayRead) {
-  const [rows, groups] = boardRows(board, statistics, query, mayRead);
-  const arrow = {less: " ↓", more: " ↑", neither: ""};
-  const heads = [h("th", {scope: "col", class: "num"}, "Rank"),
-    groups && h("th", {scope: "col", class: "group"}, "Group"),
-    "Team and policy", h("th", {scope: "col", class: "num"}, "Success ↑"),
-    ...board.columns.map((column) => h("th", {scope: "col", class: "num",
-      title: {less: "less is better", more: "more is better", neither: "not ranked"}[column.better]},
-    heading(column) + arrow[column.better])),
-    h("th", {scope: "col"}, h("span", {class: "hidden"}, "Why it stands here"))].filter((x) => x);
-  return table(`${boardTitle(board.board)} of ${board.phase ?? board.track}`, heads, rows,
-    {class: "board"});
 }
 
 function disqualified(board) {
@@ -155,8 +39,8 @@ function tabs(boards, board, query) {
 }
 
 function notices(board) {
-  const past = board.at ? ["As it was ", time(board.at), ". "] : null;
-  const frozen = board.frozen_at ? ["Frozen since ", time(board.frozen_at),
+  const past = board.at ? ["As it was ", time(board.at), ", ", dateTime(board.at), ". "] : null;
+  const frozen = board.frozen_at ? ["Frozen since ", dateTime(board.frozen_at),
     board.complete ? " for everybody but organisers: you see all of it. "
       : ": what ended later is shown once the phase is published. "] : null;
   const other = board.config !== board.config_in_force
@@ -184,33 +68,100 @@ function otherBoards(board, query) {
       time(other.to)))));
 }
 
+// What can be done with the table; `mine`: whether the reader's team is on it.
+function tools(rows, file, mine, asOf) {
+  const sheet = () => textsOf(rows.element.querySelector("table"));
+  const mark = h("input", {type: "checkbox", id: "mark"});
+  const said = h("span", {class: "quiet", role: "status"});
+  return h("div", {class: "row tools"},
+    h("input", {type: "search", class: "filter", placeholder: "Filter", "aria-label":
+      "Show only teams and policies with these letters", oninput: (event) => rows.filter(event.target.value)}),
+    mine && h("button", {type: "button", onclick: () => rows.find()}, "My team"),
+    h("button", {type: "button", onclick: () => copyText(asTsv(sheet())).then((done) => {
+      said.textContent = done ? "Copied: paste it into a spreadsheet." : "This browser does not let pages copy.";
+    })}, "Copy"),
+    h("button", {type: "button", onclick: () => save(asCsv(sheet(), mark.checked), `${file}.csv`,
+      "text/csv;charset=utf-8")}, "CSV"),
+    h("label", {class: "inline", for: "mark", title: "Some spreadsheets need it to read names rightly"}, mark,
+      " with UTF-8 mark"), said, asOf);
+}
+
+function undecided(statistics) {
+  if (!statistics?.undecided) return null;
+  return `These episodes don't tell the teams of one group apart: of the first ${statistics.statistics.places} `
+    + `places ${statistics.undecided} are undecided (level ${statistics.statistics.level}).`;
+}
+
+// The phase of a board as the API tells of it, with its challenge's title; null: of none that a file describes.
+async function phaseOf(board) {
+  if (!board.phase) return null;
+  const {challenges} = await get("/v1/challenges");
+  for (const challenge of challenges) {
+    const phase = challenge.phases.find((one) => one.phase === board.phase);
+    if (phase) return {...phase, challenge: challenge.title ?? challenge.challenge};
+  }
+  return null;
+}
+
+// Asks again and again, as long as somebody sees the page; redraw(board) is called with what has changed.
+async function keepCurrent(address, first, live, asOf, redraw) {
+  let text = JSON.stringify(first);
+  for (let count = 1; ; count += 1) {
+    await pause(REFRESH_MS);
+    if (document.hidden) continue;
+    try {
+      const board = await get(address);
+      const now = JSON.stringify(board);
+      if (now !== text || count % PHASE_EVERY === 0) await redraw(board, now !== text);
+      text = now;
+      live.on("live");
+      replace(asOf, "As of ", new Date().toLocaleTimeString("en-GB"));
+    } catch (error) {
+      if (!passes(error)) throw error;
+      live.lost(error);
+    }
+  }
+}
+
 export async function show(main, query) {
   const address = api("/v1/leaderboard", query);
   const [board, {tracks}, who] = await Promise.all([get(address), get("/v1/tracks"), whoami()]);
-  const title = board.phase ? `Phase ${board.phase}` : board.track;
-  document.title = `${title}: ${boardTitle(board.board)} – MyoGrade`;
+  const phase = await phaseOf(board);
+  const title = phase?.title ?? (board.phase ? `Phase ${board.phase}` : board.track);
+  document.title = `${visible(title)}: ${boardTitle(board.board)} – MyoGrade`;
   const boards = tracks.find((track) => track.track === board.track)?.boards ?? [board.board];
-  const mayRead = (team) => isOrganiser(who) || who.teams.includes(team);
+  const isMine = (team) => who.teams.includes(team);
+  const rows = new BoardTable({isMine, mayRead: (team) => isOrganiser(who) || isMine(team),
+    label: `${boardTitle(board.board)} of ${visible(title)}`,
+    explain: (above, below) => api("/v1/leaderboard/explain", query, {a: above.submission, b: below.submission})});
+  const live = liveBadge();
+  const asOf = h("span", {class: "quiet as-of"}, `As of ${new Date().toLocaleTimeString("en-GB")}`);
+  const [when, warnings, told, rest] = [0, 1, 2, 3].map(() => h("div"));
   const box = h("div");
-  const draw = (statistics) => replace(box, board.rows.length
-    ? boardTable(board, statistics, query, mayRead)
-    : h("p", {class: "empty"}, "Nobody is ranked on this board yet."));
-  draw(null);
-  replace(main, h("h1", null, title), tabs(boards, board, query),
+  let statistics = null;
+  const draw = async (answer, of, changed = true) => {
+    replace(when, of && phaseWhen(of));
+    if (!changed) return;
+    replace(warnings, notices(answer));
+    replace(rest, disqualified(answer), otherBoards(answer, query), answer.unreadable?.length > 0
+      && h("p", {class: "problem"}, `${answer.unreadable.length} results can't be read and are left out.`));
+    rows.show(answer, statistics);
+    replace(box, answer.rows.length ? [tools(rows, `${answer.phase ?? answer.track}-${answer.board}`,
+      answer.rows.some((row) => isMine(row.team)), asOf), rows.element]
+      : h("p", {class: "empty"}, "Nobody is ranked on this board yet."));
+    if (answer.rows.length < 2) return;
+    statistics = await get(api("/v1/leaderboard/statistics", query)).catch(() => null);
+    if (statistics) rows.show(answer, statistics);
+    replace(told, statistics && h("p", {class: "quiet"}, undecided(statistics)));
+  };
+  replace(main, phase && h("p", {class: "over-title"}, h("a", {href: "/"}, visible(phase.challenge))),
+    h("h1", null, visible(title), " ", live.element), when, tabs(boards, board, query),
     h("p", {class: "lead"}, `${whole(board.episodes)} episodes, rules `, h("b", null, board.profile),
-      ". ", board.order),
-    notices(board), box, disqualified(board), otherBoards(board, query),
-    board.unreadable?.length > 0 && h("p", {class: "problem"},
-      `${board.unreadable.length} results can't be read and are left out.`));
-  if (board.rows.length > 1) {
-    const statistics = await get(api("/v1/leaderboard/statistics", query)).catch(() => null);
-    if (statistics) {
-      draw(statistics);
-      if (statistics.undecided) {
-        box.append(h("p", {class: "quiet"}, `Of the first ${statistics.statistics.places} places the `
-          + `episodes leave ${statistics.undecided} undecided at the level `
-          + `${statistics.statistics.level}.`));
-      }
-    }
-  }
+      ". ", board.order), warnings, box, told, rest);
+  await draw(board, phase);
+  if (board.at) return;
+  live.on("live");
+  // The page is there; this goes on for as long as it is open, or ends with what asking again won't mend.
+  keepCurrent(address, board, live, asOf, async (answer, changed) => draw(answer, await phaseOf(answer), changed))
+    .catch(live.lost);
 }

@@ -25,8 +25,11 @@ export function ticks(low, high, count) {
   return all;
 }
 
-export function label(value) {
-  return Math.abs(value) >= 10000 ? value.toExponential(0) : String(Number(value.toPrecision(3)));
+// With as many digits as tell values apart that lie `step` from each other.
+export function label(value, step = 0) {
+  if (Math.abs(value) >= 10000) return value.toExponential(0);
+  const digits = step > 0 && value ? Math.ceil(Math.log10(Math.abs(value) / step) + 1) : 3;
+  return String(Number(value.toPrecision(Math.min(Math.max(digits, 3), 12))));
 }
 
 function quantile(sorted, part) {
@@ -35,10 +38,14 @@ function quantile(sorted, part) {
 
 // An axis at the height `base`.
 function axisAt(base, low, high, x, left = LEFT) {
+  const step = roundStep(high - low, 5);
+  // Long labels need room.
+  const shown = ticks(low, high, label(high, step).length > 6 ? 3 : 5);
   return [s("line", {class: "axis", x1: left, x2: WIDTH - 6, y1: base, y2: base}),
-    ticks(low, high, 5).map((value) => [
+    shown.map((value) => [
       s("line", {class: "axis", x1: x(value), x2: x(value), y1: base, y2: base + 4}),
-      s("text", {x: x(value), y: base + 15, "text-anchor": "middle"}, label(value))])];
+      s("text", {x: x(value), y: base + 15, "text-anchor": x(value) > WIDTH - 20 ? "end" : "middle"},
+        label(value, step))])];
 }
 
 function xAxis(low, high, x) {

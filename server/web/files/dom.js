@@ -1,6 +1,8 @@
 // Makes elements. Whatever comes from the server becomes text nodes and attributes' values, never
 // markup: nothing here or elsewhere in these files parses HTML.
 
+import {copyRows} from "./sheet.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 
 function fill(element, attributes, children) {
@@ -36,7 +38,7 @@ export function href(path, query = {}) {
 // is an element or a text; "#" at its end is not shown and means a column of numbers.
 export function table(label, heads, rows, attributes = {}) {
   return h("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": label},
-    h("table", attributes,
+    h("table", {...attributes, oncopy: copyRows},
       h("caption", {class: "hidden"}, label),
       h("thead", null, h("tr", null, heads.map((head) => (head instanceof Node ? head
         : h("th", {scope: "col", class: head.endsWith("#") ? "num" : null},

@@ -31,11 +31,18 @@ function figures(row, metrics) {
   ]);
 }
 
+// What was measured of a fault; of a program that ended, how.
+function valueWords({outcome, value}) {
+  if (value === null || value === undefined) return "";
+  if (outcome !== "crash" || !Number.isInteger(value)) return `, value ${value}`;
+  return value & 127 ? `, ended by signal ${value & 127}` : `, exit status ${value >> 8}`;
+}
+
 function faultBox(fault) {
   if (!fault) return null;
   return h("div", {class: "error"}, h("p", null, h("b", null, fault.outcome), ", fault of the ",
     fault.whose, fault.limit ? `, limit ${fault.limit} = ${fault.limit_value}` : "",
-    fault.value === null ? "" : `, value ${fault.value}`, fault.step === null ? ""
+    valueWords(fault), fault.step === null ? ""
       : `, at step ${fault.step}`, ". ", visible(fault.detail ?? "")),
   fault.stderr_tail && h("pre", {tabindex: 0, "aria-label": "The end of its standard error"},
     visible(fault.stderr_tail)));

@@ -44,6 +44,16 @@ export function heading(metric) {
   return metric.unit ? `${title} (${metric.unit})` : title;
 }
 
+const TITLES = {main: "Main board", physiological: "Physiological board"};
+
+export function boardTitle(board) {
+  return TITLES[board] ?? board;
+}
+
+export function episodesText(first, last) {
+  return first === last ? `Episode ${first}` : `Episodes ${first} to ${last}`;
+}
+
 export function duration(seconds) {
   if (seconds === null || seconds === undefined) return "–";
   const all = Math.max(Math.round(seconds), 0);
@@ -75,17 +85,26 @@ function relative(at) {
   return RELATIVE.format(Math.round(seconds), "second");
 }
 
+const exactly = (text) => `${text.slice(0, 19).replace("T", " ")} UTC`;
+
 // A time of the API, told from now, with the exact one as its title. It stays current.
 export function time(text) {
   if (!text) return "–";
   const at = new Date(text);
-  const exact = `${text.slice(0, 19).replace("T", " ")} UTC`;
-  return h("time", {datetime: text, title: exact}, relative(at));
+  return h("time", {datetime: text, title: exactly(text)}, relative(at));
+}
+
+const ABSOLUTE = new Intl.DateTimeFormat("en-GB", {day: "numeric", month: "short", year: "numeric",
+  hour: "2-digit", minute: "2-digit", timeZoneName: "short"});
+
+// A time of the API in the reader's own zone, with UTC as its title.
+export function dateTime(text) {
+  return h("time", {class: "absolute", datetime: text, title: exactly(text)}, ABSOLUTE.format(new Date(text)));
 }
 
 export function keepTimesCurrent() {
   setInterval(() => {
-    for (const element of document.querySelectorAll("time")) {
+    for (const element of document.querySelectorAll("time:not(.absolute)")) {
       const now = relative(new Date(element.dateTime));
       if (element.textContent !== now) element.textContent = now;
     }

@@ -1,5 +1,5 @@
 // Every page begins here: the bar at the top, and the part that the address asks for.
-import {ApiError, keepToken, token, whoami} from "./api.js";
+import {ApiError, get, keepToken, pause, persist, token, tokenEnded, whoami} from "./api.js";
 import {h, href, replace} from "./dom.js";
 import {keepTimesCurrent, name, visible} from "./format.js";
 
@@ -11,8 +11,10 @@ function showWho(who) {
   const box = document.getElementById("who");
   if (!token()) {
     const back = location.pathname === "/sign-in" ? "" : location.pathname + location.search;
-    replace(box, who.role === "public" ? null : h("span", null, `${who.caller}, ${who.role}`),
-      h("a", {href: href("/sign-in", {to: back})}, "Sign in"));
+    replace(box, tokenEnded() && h("span", {class: "ended", role: "status"},
+      "Your token has expired or was revoked."),
+    who.role === "public" ? null : h("span", null, `${who.caller}, ${who.role}`),
+    h("a", {href: href("/sign-in", {to: back})}, "Sign in"));
     return;
   }
   const teams = who.teams.length ? who.teams.map((team, place) => [place ? ", " : "", name(team)])
@@ -23,12 +25,16 @@ function showWho(who) {
   }}, "Sign out"));
 }
 
-export function errorBox(error) {
+// Below the title, where it is seen.
+function putError(main, error, more = null) {
+  main.querySelector(".loading")?.remove();
+  main.querySelector(".error.top-of-page")?.remove();
+  if (!main.querySelector("h1")) main.prepend(h("h1", null, "This can't be shown"));
   const signIn = error instanceof ApiError && (error.status === 401 || error.status === 403);
-  return h("div", {class: "error", role: "alert"},
-    h("p", null, visible(error.message)),
+  main.querySelector("h1").after(h("div", {class: "error top-of-page", role: "alert"},
+    h("p", null, error.code === "no_token" ? "Sign in to see this." : visible(error.message)), more,
     signIn && h("p", null, h("a", {href: href("/sign-in",
-      {to: location.pathname + location.search})}, "Sign in with a token")));
+      {to: location.pathname + location.search})}, "Sign in with a token"))));
 }
 
 function markPage() {
@@ -39,19 +45,33 @@ function markPage() {
   }
 }
 
+// The module of this page. What could not be loaded is not asked for again by every browser, so the page is.
+async function load() {
+  try {
+    return await import(PAGES[location.pathname] ?? "./missing.js");
+  } catch {
+    await pause(5000);
+    await get("/v1/live");
+    location.reload();
+    return new Promise(() => {});
+  }
+}
+
 async function show() {
   const main = document.getElementById("main");
   markPage();
   keepTimesCurrent();
-  const who = whoami().then(showWho);
+  const onTrouble = (error) => {
+    if (error) putError(main, error, h("p", null, "It is asked again by itself."));
+  };
   try {
-    const page = await import(PAGES[location.pathname]);
-    await page.show(main, new URLSearchParams(location.search));
-    await who;
+    await persist(async () => {
+      const who = whoami().then(showWho);
+      const [page] = await Promise.all([load(), who]);
+      await page.show(main, new URLSearchParams(location.search));
+    }, onTrouble);
   } catch (error) {
-    main.querySelector(".loading")?.remove();
-    if (!main.querySelector("h1")) main.prepend(h("h1", null, "This can't be shown"));
-    main.append(errorBox(error));
+    putError(main, error);
     if (!(error instanceof ApiError)) throw error;
   } finally {
     performance.mark("shown");

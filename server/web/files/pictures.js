@@ -13,7 +13,7 @@ async function fill(canvas, words) {
     signal: leave.signal, most: MOST_BYTES, onWait: ({state, place}) => {
       if (!canvas.isConnected) leave.abort();
       words.textContent = state === "playing" || !place ? "The picture is being made."
-        : `The picture is made after ${whole(place)} others.`;
+        : `The picture is made after ${whole(place)} ${place === 1 ? "other" : "others"}.`;
     }});
   const image = await createImageBitmap(new Blob([data], {type: "image/png"}));
   canvas.getContext("2d").drawImage(image, 0, 0, WIDTH, HEIGHT);

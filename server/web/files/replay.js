@@ -4,10 +4,12 @@ import {ApiError, download, get} from "./api.js";
 import {facts, h, href, replace} from "./dom.js";
 import {bytes, name, number, visible, whole} from "./format.js";
 import {Clock} from "./replay_clock.js";
+import {keepMoment, momentAsked} from "./replay_address.js";
 import {compare} from "./replay_compare.js";
 import {Controls, eventTable, keyList, seconds} from "./replay_controls.js";
 import {FileError, MOST_BYTES, readTrajectory} from "./replay_file.js";
 import {graphs} from "./replay_graphs.js";
+import {replayAddress} from "./replays.js";
 
 const MARKS = ["first", "second"];
 const TOLD_MS = 150;  // how often words that change are written anew
@@ -36,7 +38,8 @@ function waiting({state, place}) {
 async function load(one, tell, signal) {
   const status = one.of && get(`/v1/submissions/${one.of}`, signal).catch(() => null);
   const {data, received} = await download(`/v1/logs/${one.log}/trajectory`, {signal, most: MOST_BYTES,
-    onWait: (state) => tell(waiting(state))});
+    onWait: (state) => tell(waiting(state)),
+    onProgress: (count) => tell(`Loading the poses: ${bytes(count)}…`)});
   return {...one, trajectory: readTrajectory(data), received, status: await status};
 }
 
@@ -85,7 +88,8 @@ async function makeViews(episodes, hosts, tell, again, signal) {
       const {track} = one.trajectory;
       if (!models.has(track)) {
         models.set(track, (await download(`/v1/models/${encodeURIComponent(track)}.glb`,
-          {signal, most: MOST_BYTES, onWait: () => tell("The model's shapes are made…")})).data);
+          {signal, most: MOST_BYTES, onWait: () => tell("The model's shapes are made…"),
+            onProgress: (received) => tell(`Loading the model: ${bytes(received)}…`)})).data);
       }
       const onMove = (moved) => {
         views.forEach((view) => view !== moved && view.lookLike(moved));
@@ -104,7 +108,7 @@ async function makeViews(episodes, hosts, tell, again, signal) {
 
 function actions(views) {
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
-  return {look: each((view, from) => view.lookFrom(from)),
+  return {first: views[0]?.firstPoint, look: each((view, from) => view.lookFrom(from)),
     turn: each((view, ...by) => view.turn(...by)),
     canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;
@@ -126,8 +130,9 @@ class Meter {
     this.scripts += took;
     const now = performance.now();
     if (now - this.since < 1000) return;
+    const rate = 1000 * this.frames / (now - this.since);
     const sum = (of) => views.reduce((all, view) => all + view.stats[of], 0);
-    this.element.textContent = `${number(1000 * this.frames / (now - this.since), 0)} frames/s, scripts `
+    this.element.textContent = `${rate < 1 ? "at rest" : `${number(rate, 0)} frames/s`}, scripts `
       + `${number(this.scripts / this.frames, 2)} ms per frame, ${whole(sum("calls"))} draw calls, `
       + `${whole(sum("triangles"))} triangles`;
     Object.assign(this.element.dataset, {scripts: this.scripts / this.frames, calls: sum("calls"),
@@ -195,7 +200,21 @@ function legend(episodes) {
   const muscles = episodes.some((one) => one.trajectory.muscles.length > 0);
   return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
     h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
-  strong > 0 && `Arrows: contact forces; the longest stand for ${number(strong, 0)} N and more.`);
+  strong > 0 && `Arrows: contact forces; the longest stands for ${number(strong, 0)} N, one of half its length for a quarter.`);
+}
+
+// The episodes before and after this one, as far as the reader may see them.
+function neighbours(own) {
+  const {episode} = own.trajectory;
+  const box = h("nav", {class: "row neighbours", "aria-label": "Episodes"});
+  const link = (row, words) => row?.log && h("a", {class: "button", href: replayAddress({log: row.log.sha256,
+    of: own.of})}, words(row.index));
+  get(`/v1/submissions/${own.of}/result?episodes=1&first=${Math.max(episode - 1, 0)}&last=${episode + 1}&details=0`)
+    .then(({episode_rows: rows}) => replace(box,
+      link(rows.find((row) => row.index === episode - 1), (index) => `← Episode ${index}`),
+      h("a", {href: `${href("/submission", {id: own.of})}#episode-${episode}`}, "All episodes"),
+      link(rows.find((row) => row.index === episode + 1), (index) => `Episode ${index} →`)), () => {});
+  return box;
 }
 
 async function build(main, title, episodes, tell, signal) {
@@ -205,38 +224,46 @@ async function build(main, title, episodes, tell, signal) {
     "aria-label": `3D view, ${one.label}. Space plays, arrow keys step; the events below tell what `
       + "happens."}));
   let player = null;
+  let keep = null;
   const again = () => {
     if (player) player.changed = true;
+    keep?.();
   };
   const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, again, signal);
   const controls = new Controls(episodes, clock, viewpoints, actions(views), again);
+  const wanted = momentAsked();
+  if (wanted.camera) views.forEach((view) => view.placeCamera(wanted.camera));
+  clock.seek(wanted.time ?? 0);
+  keep = keepMoment(clock, views);
   const onSeek = (time) => controls.seek(time);
   const drawn = graphs(episodes, clock.duration, onSeek);
   const events = eventTable(episodes, onSeek);
   const meter = new Meter();
-  const box = h("section", {class: "replay", "aria-label": "Replay", onkeydown: (event) => {
+  document.addEventListener("keydown", (event) => {
     if (controls.key(event)) event.preventDefault();
-  }}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
+  });
+  const box = h("section", {class: "replay", "aria-label": "Replay"}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
   const own = episodes.length === 1 ? episodes[0] : null;
-  replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), box,
-    own?.status && Number.isInteger(own.trajectory.episode)
-      && compare(own.status, {log: own.log, index: own.trajectory.episode}),
-    drawn.element, h("h2", null, "Events"), events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
+  const numbered = own?.status && Number.isInteger(own.trajectory.episode);
+  replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), numbered && neighbours(own),
+    h("div", {class: "replay-and-graphs"}, box, drawn.element),
+    numbered && compare(own.status, {log: own.log, index: own.trajectory.episode}), h("h2", null, "Events"), events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `
         + `${bytes(one.received)} of poses, ${whole(one.trajectory.frames)} frames, `
         + `${whole(one.trajectory.steps)} steps`).join("; "))));
   player = new Player(clock, views, [drawn, events], controls, meter);
   hosts.forEach((host) => host.addEventListener("pointerdown", again));
-  if (views.length && !matchMedia("(prefers-reduced-motion: reduce)").matches) controls.toggle();
+  // A moment that somebody shared stands still.
+  if (wanted.time === null && views.length && !matchMedia("(prefers-reduced-motion: reduce)").matches) controls.toggle();
   return player;
 }
 
 export async function show(main, query) {
   const wanted = asked(query);
-  const words = h("p", {class: "loading", role: "status"}, "Loading the poses…");
+  const words = h("span", {role: "status"}, "Loading the poses…");
   const title = h("h1", null, wanted.length > 1 ? "Two replays" : "Replay");
   document.title = "Replay – MyoGrade";
-  replace(main, title, words);
+  replace(main, title, h("p", {class: "loading"}, h("progress", {"aria-label": "Loading"}), " ", words));
   const leaving = new AbortController();
   let player = null;
   addEventListener("pagehide", () => {
@@ -250,7 +277,8 @@ export async function show(main, query) {
   };
   const episodes = labelled(await Promise.all(wanted.map((one) => load(one, tell, leaving.signal))));
   const [first] = episodes;
-  title.textContent = `Replay: ${visible(first.trajectory.track)}`
+  const team = first.status ? `${first.status.team}, ` : "";
+  title.textContent = `Replay: ${visible(`${team}${first.trajectory.track}`)}`
     + (first.trajectory.episode === null ? "" : `, episode ${whole(first.trajectory.episode)}`);
   document.title = `${title.textContent} – MyoGrade`;
   tell("Loading the model…");

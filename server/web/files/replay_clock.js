@@ -10,6 +10,7 @@ export class Clock {
     this.time = 0;
     this.speed = 1;
     this.running = false;
+    this.loop = false;
   }
 
   get ended() {
@@ -50,6 +51,8 @@ export class Clock {
   pass(seconds) {
     if (!this.running) return;
     this.seek(this.time + Math.min(Math.max(seconds, 0), 0.25) * this.speed);
-    if (this.ended) this.running = false;
+    if (!this.ended) return;
+    if (this.loop) this.time = 0;
+    else this.running = false;
   }
 }

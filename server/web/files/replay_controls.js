@@ -78,14 +78,14 @@ const KEYS = [["Space", "play or pause"], ["← →", "a frame back or on"],
   ["Shift ← →", "half a second back or on"], ["Home, End", "to the start or the end"],
   ["< >", "slower or faster"], ["A D", "turn the view"], ["W S", "tilt the view"],
   ["+ −", "nearer or farther"], ["0", "the first view"], ["F", "follow or stand still"],
-  ["M", "muscles"], ["C", "contact forces"]];
+  ["M", "muscles"], ["C", "contact forces"],
+  ["L", "loop"], ["X", "full screen"]];
 
 export function keyList() {
   return h("details", {class: "more"}, h("summary", null, "Keys and mouse"),
     h("dl", {class: "keys"}, KEYS.map(([key, words]) => h("div", null, h("dt", null, h("kbd", null,
       key)), h("dd", null, words)))),
-    h("p", {class: "quiet"}, "Keys work while the view or one of its buttons has the focus. Drag to turn "
-      + "the view, drag with the right button or two fingers to shift it, turn the wheel or pinch to come "
+    h("p", {class: "quiet"}, "Keys work everywhere but in fields. Drag to turn the view, drag with the right button or two fingers to shift it, turn the wheel or pinch to come "
       + "nearer."));
 }
 
@@ -110,15 +110,26 @@ export class Controls {
     this.view = choice("View", {}, viewpoints.map((name) => [name, name]), changes(can.look));
     this.ticks = {follow: tick("Follow", true, changes(can.follow)),
       muscles: tick("Muscles", true, changes(can.muscles)),
-      forces: tick("Forces", true, changes(can.forces))};
+      forces: tick("Forces", true, changes(can.forces)),
+      loop: tick("Loop", false, (on) => {
+        clock.loop = on;
+      })};
+    if (can.first) this.view.element.value = can.first;
     this.element = h("div", {class: "controls"}, this.bar.element, h("div", {class: "row"},
       this.play,
       button("−1 frame", "One frame back (←)", () => this.step(-1)),
       button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
       viewpoints.length > 0 && [this.view.label, can.canFollow && this.ticks.follow.label,
-        this.ticks.muscles.label, this.ticks.forces.label]));
+        this.ticks.muscles.label, this.ticks.forces.label], this.ticks.loop.label,
+      document.fullscreenEnabled && button("Full screen", "Full screen (X)", () => this.fullScreen())));
     this.told = -Infinity;
     this.show(true);
+  }
+
+  fullScreen() {
+    const box = this.element.closest(".replay");
+    if (document.fullscreenElement) document.exitFullscreen();
+    else box.requestFullscreen();
   }
 
   toggle() {
@@ -169,6 +180,8 @@ export class Controls {
     if (event.target.matches?.("select, textarea, input:not([type=checkbox]):not([type=range])")) {
       return false;
     }
+    // What scrolls by keys goes on to do so.
+    if (event.key !== " " && event.target.closest?.(".scroll")) return false;
     if (event.key === " " && (inButton || event.target.matches?.("input"))) return false;
     const jump = (way) => (event.shiftKey ? this.seek(this.clock.time + way * JUMP_S)
       : this.step(way));
@@ -181,8 +194,9 @@ export class Controls {
       "<": () => faster(-1), ">": () => faster(1), a: () => this.can.turn(-10, 0, 1),
       d: () => this.can.turn(10, 0, 1), w: () => this.can.turn(0, 10, 1),
       s: () => this.can.turn(0, -10, 1), "+": () => this.can.turn(0, 0, 1.15),
-      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom("start"),
-      f: () => this.flip("follow"), m: () => this.flip("muscles"), c: () => this.flip("forces")};
+      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom(this.can.first ?? "start"),
+      f: () => this.flip("follow"), m: () => this.flip("muscles"), c: () => this.flip("forces"),
+      l: () => this.flip("loop"), x: () => this.fullScreen()};
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!act) return false;
     act();

@@ -223,15 +223,13 @@ function readGraphs(head, rest, series, frames) {
   });
 }
 
-// A length of contact forces, in N, that only one in twenty surpasses: single impacts are many times
-// as strong as all others.
+// The largest of the contact forces, in N.
 function strongForce(contacts) {
-  const all = [];
+  let most = 0;
   for (let at = 0; at < contacts.values.length; at += 6) {
-    all.push(Math.hypot(...contacts.values.subarray(at + 3, at + 6)));
+    most = Math.max(most, Math.hypot(...contacts.values.subarray(at + 3, at + 6)));
   }
-  all.sort((a, b) => a - b);
-  return all[Math.floor(0.95 * all.length)] ?? 0;
+  return most;
 }
 
 // The episode that a file holds; positions in m, times in s, forces in N. Throws FileError.

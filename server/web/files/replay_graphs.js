@@ -220,6 +220,6 @@ export function graphs(episodes, duration, onSeek) {
     .filter((one) => one.series), long, onSeek));
   all.push(...episodes.filter((one) => one.trajectory.muscles.length)
     .map((one) => muscleMap(one, episodes.length > 1, long, onSeek)));
-  return {element: h("div", {class: "charts"}, all.map((one) => one.element)),
+  return {element: h("div", {class: "charts", tabindex: 0, role: "group", "aria-label": "Graphs"}, all.map((one) => one.element)),
     show: (time, told) => all.forEach((one) => one.show(time, told))};
 }

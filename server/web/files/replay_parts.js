@@ -71,19 +71,21 @@ export class Arrows {
     this.heads = many(new three.ConeGeometry(1, 1, 14), material, most);
     this.group = new three.Group();
     this.group.add(this.shafts, this.heads);
-    this.thick = longest / 45;
+    this.thick = longest / 80;
     this.longest = longest;
-    this.scale = strong > 0 ? longest / strong : 0;
+    this.strong = strong;
     this.ends = new Float32Array(6);
   }
 
+  // Lengths grow with the square root of the force: the largest is many times as strong as most others, which would
+  // not be seen beside it.
   // Shows the contacts `first` to `last`, without it, of 6 numbers each: point, force.
   show(values, first, last) {
     let count = 0;
     for (let i = first; i < last; i += 1) {
       const [x, y, z, fx, fy, fz] = values.subarray(6 * i, 6 * i + 6);
       const force = Math.hypot(fx, fy, fz);
-      const length = Math.min(force * this.scale, this.longest);
+      const length = this.strong > 0 ? this.longest * Math.min(Math.sqrt(force / this.strong), 1) : 0;
       if (length < 0.4 * this.thick) continue;
       const whole = length / force;
       const part = Math.max(length - 4 * this.thick, 0.4 * length) / force;

@@ -70,6 +70,8 @@ function lookDirection(camera) {
 
 const POINTS = {side: [0, -10], front: [90, -10], back: [-90, -10], top: [0, -85]};
 export const VIEWPOINTS = ["start", ...Object.keys(POINTS)];
+// From where a track is seen best, if that is not its model's own camera.
+const FIRST = {elbow: "side"};
 
 export class View {
   // Draws into `host`, an element with a size. `model` of readModel, which belongs to the view from
@@ -154,7 +156,12 @@ export class View {
     });
     this.followed = body === null ? null : followedPath(this.trajectory, body, lookAt);
     this.target = new three.Vector3(...lookAt);
-    this.lookFrom("start");
+    this.lookFrom(this.firstPoint);
+  }
+
+  // The one of VIEWPOINTS that is first.
+  get firstPoint() {
+    return FIRST[this.trajectory.track] ?? "start";
   }
 
   // From one of VIEWPOINTS, at the distance of the first view.
@@ -164,6 +171,22 @@ export class View {
     this.follow(this.time ?? 0);
     this.controls.target.copy(this.target);
     this.camera.position.copy(this.target).addScaledVector(direction, -this.first.distance);
+    this.update();
+  }
+
+  // Where the camera is around what it looks at: azimuth and elevation in degrees, and the distance in m.
+  angles() {
+    const from = this.camera.position.clone().sub(this.controls.target);
+    const distance = from.length();
+    return [Math.atan2(from.y, from.x) * 180 / Math.PI, Math.asin(from.z / distance) * 180 / Math.PI, distance];
+  }
+
+  // Puts it there.
+  placeCamera([azimuth, elevation, distance]) {
+    const [a, e] = [azimuth, Math.min(Math.max(elevation, -89), 89)].map((angle) => angle * Math.PI / 180);
+    const far = Math.min(Math.max(distance, this.controls.minDistance), this.controls.maxDistance);
+    this.camera.position.copy(this.controls.target).add(new three.Vector3(far * Math.cos(e) * Math.cos(a),
+      far * Math.cos(e) * Math.sin(a), far * Math.sin(e)));
     this.update();
   }
 

@@ -2,7 +2,7 @@
 import {histogram, shares, strips} from "./charts.js";
 import {summaryCharts, times} from "./details.js";
 import {h, replace} from "./dom.js";
-import {bytes, heading, measure, number, percent, visible, whole} from "./format.js";
+import {bytes, episodesText, heading, measure, number, percent, visible, whole} from "./format.js";
 import {kindOf, verdict} from "./grid.js";
 import {picture} from "./pictures.js";
 import {replayAddress} from "./replays.js";
@@ -115,9 +115,10 @@ function stream(title, text, truncated) {
 
 function outputOf(lease) {
   return h("details", {class: "card", "data-lease": lease.lease}, h("summary", null,
-    `Episodes ${lease.first} to ${lease.last}: ${number(lease.policy_cpu_s, 1)} s of CPU time`
+    `${episodesText(lease.first, lease.last)}: ${number(lease.policy_cpu_s, 1)} s of CPU time`
     + `${lease.startup_cpu_s === undefined ? "" : `, ${number(lease.startup_cpu_s, 1)} s of it to start`}, `
-    + `${bytes(lease.peak_memory_bytes)} of memory`),
+    + `${bytes(lease.peak_memory_bytes)} of memory`,
+  lease.stderr_tail && [" ", h("span", {class: "tag"}, "standard error")]),
   stream("Standard output", lease.stdout_tail, lease.stdout_truncated),
   stream("Standard error", lease.stderr_tail, lease.stderr_truncated),
   !lease.stdout_tail && !lease.stderr_tail && h("p", {class: "quiet"}, "It printed nothing."));

@@ -30,6 +30,7 @@ export function show(main, query) {
   document.title = "Sign in – MyoGrade";
   const input = h("input", {id: "token", type: "password", autocomplete: "current-password",
     required: true, spellcheck: "false", "aria-describedby": "token-help"});
+  const keep = h("input", {type: "checkbox", id: "keep"});
   const problem = h("p", {class: "problem", role: "alert"});
   const form = h("form", {class: "card narrow", onsubmit: async (event) => {
     event.preventDefault();
@@ -38,7 +39,7 @@ export function show(main, query) {
     try {
       if (!/^[!-~]+$/.test(text)) throw new Error("This is no token: it has other characters.");
       await check(text);
-      keepToken(text);
+      keepToken(text, keep.checked);
       location.assign(target(query));
     } catch (error) {
       problem.textContent = visible(error.message);
@@ -47,8 +48,10 @@ export function show(main, query) {
   }},
   h("label", {for: "token"}, "Token"), input,
   h("p", {id: "token-help", class: "quiet"}, "Organisers make tokens, each for a team, with ",
-    h("code", null, "myograde token create"), ". Yours is kept in this tab until you close it or sign "
-    + "out, and is sent to this server only."),
+    h("code", null, "myograde token create"), ". Yours is sent to this server only, and kept in this "
+    + "tab until you close it or sign out."),
+  h("p", null, h("label", {class: "inline", for: "keep"}, keep, " Keep me signed in on this computer"),
+    h("span", {class: "quiet"}, "In all tabs, until you sign out. Not for a computer that you share.")),
   problem, h("button", {class: "main", type: "submit"}, token() ? "Use another token" : "Sign in"));
   replace(main, h("h1", null, "Sign in"), form);
   input.focus();

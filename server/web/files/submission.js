@@ -1,10 +1,12 @@
 // A submission: how it stands, and, once episodes have ended, how they did.
-import {get} from "./api.js";
+import {get, pause, persist} from "./api.js";
 import {TIMES} from "./details.js";
 import {facts, h, href, replace, table} from "./dom.js";
 import {showEpisode} from "./episode.js";
-import {duration, name, state, time, visible, whole} from "./format.js";
-import {makeGrid} from "./grid.js";
+import {duration, measure, name, state, time, visible, whole} from "./format.js";
+import {kindOf, makeGrid} from "./grid.js";
+import {liveBadge} from "./live.js";
+import {phaseTitles} from "./places.js";
 import {addOutput, drawCharts, drawFigures, drawSummary, highlights} from "./result.js";
 
 const FINAL = ["done", "failed", "cancelled", "grader_error"];
@@ -13,14 +15,13 @@ const REFRESH_MS = 3000;
 const FIELDS = ["outcome", "reason", "sim_time_s", "metrics", "facts.course", "facts.peak_force",
   ...Object.keys(TIMES).map((key) => `details.${key}`)];
 
-function statusFacts(status) {
+function statusFacts(status, titleOf) {
   const running = !FINAL.includes(status.state);
   return facts([
     ["State", state(status.state)],
     ["Team", h("a", {href: href("/team", {name: status.team})}, name(status.team))],
-    ["For", h("a", {href: status.phase ? href("/board", {phase: status.phase})
-      : href("/board", {track: status.track, profile: status.profile})},
-    visible(status.phase ?? `${status.track}, rules ${status.profile}`))],
+    ["For", h("a", {href: href("/board", board(status))}, status.phase ? titleOf(status)
+      : visible(`${status.track}, rules ${status.profile}`))],
     ["Kind", status.ranked ? "ranked" : "practice"],
     ["Handed in", time(status.accepted_at)],
     status.finished_at ? ["Ended", time(status.finished_at)] : null,
@@ -31,9 +32,9 @@ function statusFacts(status) {
   ]);
 }
 
-function drawStatus(box, status) {
+function drawStatus(box, status, titleOf) {
   const {done, total} = status.episodes;
-  replace(box, statusFacts(status),
+  replace(box, statusFacts(status, titleOf),
     status.waiting && h("p", {class: "notice"}, "It waits: ", visible(status.waiting)),
     status.reason && h("p", {class: "problem"}, visible(status.reason)),
     status.marks.filter((mark) => mark.set).map((mark) => h("p", {class: "notice"},
@@ -41,6 +42,59 @@ function drawStatus(box, status) {
     !FINAL.includes(status.state) && h("p", {class: "row"},
       h("progress", {max: total, value: done, "aria-label": `${done} of ${total} episodes`}),
       h("span", null, `${whole(done)} of ${whole(total)} episodes`)));
+}
+
+const board = (status) => (status.phase ? {phase: status.phase}
+  : {track: status.track, profile: status.profile});
+
+// How far a row is from the one above it, in the number that decides between them.
+function gapTo(row, above, columns) {
+  const metric = columns.find((column) => column.name === row.decided_by);
+  const bands = row.band !== above.band ? `; ${above.team} is a band above` : null;
+  if (bands) return visible(bands);
+  if (!metric) {
+    const missing = above.aggregate.successes - row.aggregate.successes;
+    return missing ? `; ${whole(missing)} more successes reach rank ${above.rank}`
+      : `; as many successes as rank ${above.rank}`;
+  }
+  const [own, theirs] = [row, above].map((one) => one.aggregate[metric.name]);
+  if (typeof own !== "number" || typeof theirs !== "number") return "";
+  return `; ${metric.title} ${measure(own, metric)}, rank ${above.rank} has ${measure(theirs, metric)}`;
+}
+
+// Where a ranked submission stands, as everybody may see it; null if nowhere.
+async function placeOf(status) {
+  if (!status.ranked || status.state !== "done") return null;
+  const answer = await get(`/v1/leaderboard?${new URLSearchParams(board(status))}`).catch(() => null);
+  const ranked = answer?.rows.filter((row) => !row.baseline) ?? [];
+  const at = ranked.findIndex((row) => row.submission === status.submission);
+  const link = (words) => h("a", {href: href("/board", board(status))}, words);
+  if (at < 0) {
+    const other = ranked.find((row) => row.team === status.team);
+    return other ? ["Its team stands with ", h("a", {href: href("/submission", {id: other.submission})},
+      name(other.name || `submission ${other.submission}`)), ", ", link(`rank ${other.rank}`), "."] : null;
+  }
+  const row = ranked[at];
+  const band = answer.bands.find((one) => one.band === row.band);
+  return [link([h("b", {class: "rank"}, `Rank ${row.rank}`), ` of ${whole(ranked.length)}`]),
+    at > 0 ? gapTo(row, ranked[at - 1], answer.columns) : "",
+    band && h("span", {class: "quiet"}, ` (${visible(band.words)})`)];
+}
+
+// What went wrong first, with a way to it.
+async function firstFault(status, rows, choose) {
+  const faults = rows.filter((row) => kindOf(row) === "fault");
+  if (!faults.length) return null;
+  const {index, outcome} = faults[0];
+  const answer = await get(`/v1/submissions/${status.submission}/result?episodes=1&first=${index}&last=${index}`
+    + "&details=0");
+  const fault = answer.episode_rows[0]?.fault;
+  const last = fault?.stderr_tail?.trim().split("\n").at(-1);
+  return h("div", {class: "problem fault-first"}, h("p", null, h("b", null, `${whole(faults.length)} of ${whole(rows.length)} `
+    + `episodes ended by a fault. `), `The first, episode ${index}: ${outcome}`,
+  fault?.detail ? `, ${visible(fault.detail)}` : "", "."),
+  last && h("pre", {class: "one-line"}, visible(last)),
+  h("p", null, h("button", {type: "button", class: "small", onclick: () => choose(index)}, `Show episode ${index}`)));
 }
 
 function record(status, result) {
@@ -76,7 +130,12 @@ function makeParts() {
   const panel = h("div", {class: "card details", "aria-live": "polite"},
     h("p", {class: "quiet"}, "Choose an episode to see all about it."));
   let now = null;  // {status, result}
-  const grid = makeGrid((row) => showEpisode(panel, now.status, now.result, row));
+  const grid = makeGrid((row) => {
+    // Kept, so that Back leads to it again.
+    history.replaceState(null, "", `${location.pathname}${location.search}#episode-${row.index}`);
+    showEpisode(panel, now.status, now.result, row);
+  });
+  const fault = h("div");
   const episodes = h("section", {hidden: true}, h("h2", null, "Episodes"),
     h("div", {class: "split"}, grid.element, panel));
   const charts = h("div", {class: "part"});
@@ -96,6 +155,8 @@ function makeParts() {
       replace(looks, highlights(result.highlights, result.metrics, status.submission));
       episodes.hidden = !rows.length;
       grid.update(rows);
+      if (panel.dataset.index === undefined) grid.choose(Number(location.hash.match(/^#episode-(\d+)$/)?.[1] ?? -1));
+      replace(fault, await firstFault(status, rows, grid.choose));
       drawCharts(charts, result, rows);
       drawSummary(sums, result.details_summary, result.episodes.done);
       addOutput(output, result);
@@ -104,42 +165,50 @@ function makeParts() {
     replace(end, record(status, result));
     end.firstChild.open = Boolean(open);
   };
-  return {elements: [figures, looks, episodes, h("div", {class: "charts"}, charts, sums), output, end],
+  return {elements: [fault, figures, looks, episodes, h("div", {class: "charts"}, charts, sums), output, end],
     draw};
 }
-
-const pause = (ms) => new Promise((resolve) => {
-  setTimeout(resolve, ms);
-});
 
 export async function show(main, query) {
   const id = query.get("id");
   if (!/^\d{1,18}$/.test(id ?? "")) {
     throw new Error("The address names no submission: it ends as in /submission?id=7.");
   }
+  const titleOf = await phaseTitles();
   let status = await get(`/v1/submissions/${id}`);
   const title = status.name || `Submission ${id}`;
   document.title = `${visible(title)} – MyoGrade`;
+  const live = liveBadge();
+  const onTrouble = (error) => {
+    if (error) live.lost(error);
+    else live.on(FINAL.includes(status.state) ? null : "live");
+  };
   const top = h("div", {class: "card"});
+  const place = h("p", {class: "standing", hidden: true});
   const parts = makeParts();
-  drawStatus(top, status);
-  replace(main, h("h1", null, name(title), " ", h("span", {class: "quiet"}, `submission ${id}`)),
-    top, ...parts.elements);
+  drawStatus(top, status, titleOf);
+  replace(main, h("h1", null, name(title), " ", h("span", {class: "quiet"}, `submission ${id}`), " ",
+    live.element), place, top, ...parts.elements);
   let shown = null;
   for (;;) {
     let took = 0;
     const news = `${status.episodes.done} ${status.state}`;
     if (news !== shown) {
-      shown = news;
       const begin = performance.now();
-      await parts.draw(status);
+      await persist(() => parts.draw(status), onTrouble);
+      placeOf(status).then((words) => {
+        place.hidden = !words;
+        replace(place, words ?? []);
+      }, reportError);
+      shown = news;
       took = performance.now() - begin;
     }
     main.dataset.ready = "yes";
     if (FINAL.includes(status.state)) return;
     // A long evaluation takes long to be asked for and drawn, and is so less often.
     await pause(Math.max(REFRESH_MS, 10 * took));
-    status = await get(`/v1/submissions/${id}`);
-    drawStatus(top, status);
+    status = await persist(() => get(`/v1/submissions/${id}`), onTrouble);
+    drawStatus(top, status, titleOf);
+    onTrouble(null);
   }
 }

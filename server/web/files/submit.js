@@ -1,7 +1,7 @@
-// Handing in a policy: an archive, or a folder that is packed here.
+// Handing in a policy: an archive, or a folder or a program that is packed here.
 import {ApiError, get, isOrganiser, post, upload, whoami} from "./api.js";
 import {facts, h, href, replace} from "./dom.js";
-import {bytes, name, visible, whole} from "./format.js";
+import {bytes, dateTime, name, time, visible, whole} from "./format.js";
 import {pack} from "./tar.js";
 
 // What can be submitted to: phases that are open, and every track.
@@ -11,7 +11,7 @@ async function targets() {
   const withPhases = new Set(phases.map((phase) => phase.track));
   return [
     ...phases.filter((phase) => phase.state === "open").map((phase) => ({
-      words: `${phase.title} (ranked, ${phase.episodes} episodes)`,
+      words: `${phase.title} (ranked, ${phase.episodes} episodes)`, closes: phase.closes_at,
       body: {phase: phase.phase, track: phase.track, profile: phase.profile}})),
     ...tracks.filter((track) => !withPhases.has(track.track)).map((track) => ({
       words: `${track.track}, ranked`, body: {track: track.track}})),
@@ -41,18 +41,29 @@ async function filesBelow(entry, prefix) {
   }
 }
 
-// The last endings of the archives that are taken, for a browser's dialogue.
-const ARCHIVES = ".tar,.gz,.tgz,.zst,.tzst,.xz,.txz,.bz2,.tbz2,.tbz,.zip";
+// Whether a file begins as a program does: ELF, or a script that names what runs it.
+async function isProgram(file) {
+  const [a, b, c, d] = new Uint8Array(await file.slice(0, 4).arrayBuffer());
+  return (a === 0x7f && b === 0x45 && c === 0x4c && d === 0x46) || (a === 0x23 && b === 0x21);
+}
+
+function manifestOf(program) {
+  return new Blob([JSON.stringify({name: program, command: [`./${program}`]})]);
+}
 
 // What was chosen, as {words, blob}. An error says why it can't be submitted.
-export function parcelOf(files) {
+export async function parcelOf(files) {
   const single = files.length === 1 ? files[0] : null;
   if (single && /\.(tar|tar\.(gz|zst|xz|bz2)|tgz|tzst|txz|tbz2?|zip)$/i.test(single.path)) {
     return {words: `${single.path}, ${bytes(single.file.size)}`, blob: single.file};
   }
+  if (single && await isProgram(single.file)) {
+    const blob = pack([single, {path: "policy.json", file: manifestOf(single.path)}]);
+    return {words: `the program ${single.path}, ${bytes(single.file.size)}`, blob};
+  }
   if (!files.some((one) => one.path === "policy.json")) {
     throw new Error("There is no policy.json at the top of what you chose. Choose the folder that has "
-      + "it, or an archive (.tar, .tar.gz, .tgz, .tar.zst, .tzst, .tar.xz, .txz, .tar.bz2, .tbz2, .tbz, "
+      + "it, a program (ELF, or a script that begins with #!), or an archive (.tar, .tar.gz, .tgz, .tar.zst, .tzst, .tar.xz, .txz, .tar.bz2, .tbz2, .tbz, "
       + ".zip) of that folder's content.");
   }
   const blob = pack(files);
@@ -72,15 +83,17 @@ async function ofDrop(transfer) {
   return found.flat();
 }
 
+const EMPTY = "Drop a folder, an archive or a program here";
+
 function dropZone(onParcel, onProblem) {
-  const chosen = h("p", {role: "status"}, "Drop a folder or an archive here");
+  const chosen = h("p", {role: "status"}, EMPTY);
   const take = async (files) => {
     try {
-      const parcel = parcelOf(await files);
+      const parcel = await parcelOf(await files);
       chosen.textContent = `Chosen: ${visible(parcel.words)}`;
       onParcel(parcel);
     } catch (error) {
-      chosen.textContent = "Drop a folder or an archive here";
+      chosen.textContent = EMPTY;
       onParcel(null);
       onProblem(error);
     }
@@ -101,7 +114,7 @@ function dropZone(onParcel, onProblem) {
       take(ofDrop(event.dataTransfer));
     }},
   chosen, h("p", {class: "row"}, input("folder", "Choose a folder", {webkitdirectory: true}),
-    input("archive", "Choose an archive", {accept: ARCHIVES})));
+    input("archive", "Choose an archive or a program")));
   return zone;
 }
 
@@ -136,7 +149,33 @@ function teamField(who) {
     return h("select", {id: "team"}, who.teams.map((team) => h("option", {value: team},
       visible(team))));
   }
-  return h("input", {id: "team", required: true, maxlength: 64, autocomplete: "off"});
+  const known = h("datalist", {id: "teams"});
+  get("/v1/teams?limit=1000").then(({teams}) => known.append(...teams.filter((team) => !team.merged_into)
+    .map((team) => h("option", {value: team.team}))), () => {});
+  return [h("input", {id: "team", required: true, maxlength: 64, autocomplete: "off", list: "teams"}), known];
+}
+
+const limitWords = (budget) => {
+  const left = Math.min(budget.per_day.left, budget.total.left);
+  const most = budget.per_day.limit + budget.per_day.granted;
+  return [h("b", null, whole(left)), ` of ${whole(most)} left today`, budget.total.left < most * 30
+    ? `, ${whole(budget.total.left)} in all` : ""];
+};
+
+// What a team may still hand in for a target, and until when.
+async function showLimits(box, team, wanted) {
+  const asked = `${team} ${JSON.stringify(wanted.body)} ${wanted.practice}`;
+  box.dataset.asked = asked;
+  const closes = wanted.closes ? h("p", null, "Closes ", time(wanted.closes), ", ", dateTime(wanted.closes), ".")
+    : null;
+  const quota = team ? await get(`/v1/quota?${new URLSearchParams({team, limit: 1})}`).catch(() => null) : null;
+  if (box.dataset.asked !== asked) return;  // something else was chosen meanwhile
+  const {phase, track} = wanted.body;
+  const entry = phase ? quota?.phases.find((one) => one.phase === phase)
+    : quota?.tracks.find((one) => one.track === track);
+  const budget = entry?.[wanted.practice ? "practice" : "official"];
+  replace(box, budget && h("p", null, limitWords(budget), ". The next day begins ", time(quota.next_day_at), "."),
+    closes);
 }
 
 export async function show(main) {
@@ -144,7 +183,8 @@ export async function show(main) {
   const who = await whoami();
   if (who.role === "public") throw new ApiError(401, "no_token", "Sign in to submit a policy.");
   const all = await targets();
-  const team = teamField(who);
+  const fields = [teamField(who)].flat();
+  const [team] = fields;
   const target = h("select", {id: "target"}, all.map((one, place) =>
     h("option", {value: place}, visible(one.words))));
   const count = h("input", {id: "count", type: "number", min: 1, max: 10000, value: 10});
@@ -153,10 +193,14 @@ export async function show(main) {
   const bar = h("progress", {max: 1, value: 0, hidden: true, "aria-label": "Upload"});
   const words = h("span", {role: "status"});
   const send = h("button", {class: "main", type: "submit", disabled: true}, "Submit");
+  const limits = h("div", {class: "limits-left", role: "status"});
   const showTarget = () => {
-    countBox.hidden = !all[target.value]?.practice;
+    const wanted = all[target.value];
+    countBox.hidden = !wanted?.practice;
+    if (wanted) showLimits(limits, team.value, wanted);
   };
   target.addEventListener("change", showTarget);
+  team.addEventListener("change", showTarget);
   showTarget();
   let parcel = null;
   const zone = dropZone((chosen) => {
@@ -189,11 +233,11 @@ export async function show(main) {
       send.disabled = false;
     }
   }},
-  h("div", {class: "fields"}, h("div", null, h("label", {for: "team"}, "Team"), team),
-    h("div", null, h("label", {for: "target"}, "For"), target), countBox),
+  h("div", {class: "fields"}, h("div", null, h("label", {for: "team"}, "Team"), fields),
+    h("div", null, h("label", {for: "target"}, "For"), target), countBox), limits,
   zone, problem, h("p", {class: "row"}, send, bar, words));
   replace(main, h("h1", null, "Submit a policy"), h("p", {class: "lead"},
-    "A policy is a folder with ", h("code", null, "policy.json"), " at its top. A folder is packed in "
-    + "this browser, with all of its files made executable; ", h("code", null, "myograde submit"),
+    "A policy is a folder with ", h("code", null, "policy.json"), " at its top, an archive of one, or "
+    + "a single program. A folder is packed in this browser, with all of its files made executable; ", h("code", null, "myograde submit"),
     " keeps their modes."), h("div", null, form));
 }

@@ -1,8 +1,11 @@
 // A team: what it may still submit, what it was charged, and its submissions.
 import {get, isOrganiser, whoami} from "./api.js";
 import {facts, h, href, replace, table} from "./dom.js";
-import {name, state, time, visible, whole} from "./format.js";
+import {boardTitle, name, state, time, visible, whole} from "./format.js";
+import {phaseTitles, placesOf, placesTable} from "./places.js";
+import {progress} from "./progress.js";
 
+const MOST_CHARTS = 6;
 const LIMITS = [["official", "per_day", "Ranked today"], ["official", "total", "Ranked in all"],
   ["practice", "per_day", "Practice today"], ["practice", "total", "Practice in all"],
   ["failed", "per_day", "Failed today"], ["failed", "total", "Failed in all"]];
@@ -23,12 +26,12 @@ function inUse(entry) {
 }
 
 // Those of tracks that the team has not used are folded away.
-function quotas(quota) {
+function quotas(quota, titleOf) {
   const cards = (tracks) => tracks.map((track) =>
     quotaCard(track.track, {track: track.track}, track));
   const idle = quota.tracks.filter((track) => !inUse(track));
   return [h("div", {class: "cards"}, quota.phases.map((phase) =>
-    quotaCard(`Phase ${phase.phase}`, {phase: phase.phase}, phase)),
+    quotaCard(titleOf(phase), {phase: phase.phase}, phase)),
   cards(quota.tracks.filter(inUse))),
   idle.length > 0 && h("details", {class: "more"},
     h("summary", null, `Quota of ${idle.map((track) => track.track).join(", ")}`),
@@ -44,27 +47,27 @@ function quotaCard(title, query, entry) {
 
 const ENTRIES = {charge: "charged", refund: "refunded", grant: "granted"};
 
-function ledgerRow(row) {
+const ledgerRow = (titleOf) => (row) => {
   return h("tr", null, h("td", null, time(row.at)),
     h("th", {scope: "row"}, ENTRIES[row.entry] ?? row.entry),
     h("td", {class: "num"}, whole(row.amount)), h("td", null, row.budget),
-    h("td", null, visible(row.phase ?? row.track)),
+    h("td", null, titleOf(row)),
     h("td", null, row.submission ? h("a", {href: href("/submission", {id: row.submission})},
       `${row.submission}`) : "–"),
     h("td", {class: "wide"}, visible(row.why ?? "")));
-}
+};
 
-function submissionRow(row) {
+const submissionRow = (titleOf) => (row) => {
   const {success, done, total} = row.episodes;
   return h("tr", null,
     h("td", {class: "num"}, row.submission),
     h("th", {scope: "row"}, h("a", {href: href("/submission", {id: row.submission})},
       name(row.name || `submission ${row.submission}`)),
     !row.ranked && h("span", {class: "tag"}, "practice")),
-    h("td", null, visible(row.phase ?? row.track)), h("td", null, state(row.state)),
+    h("td", null, titleOf(row)), h("td", null, state(row.state)),
     h("td", {class: "num"}, `${whole(done)} of ${whole(total)}`),
     h("td", {class: "num"}, whole(success)), h("td", null, time(row.accepted_at)));
-}
+};
 
 // A table whose further pages come by a button.
 function pages(label, heads, address, key, row) {
@@ -87,18 +90,37 @@ function pages(label, heads, address, key, row) {
   return [h("div", null, box, empty, more), load()];
 }
 
+// What everybody may see of a team: where it stands.
+async function showPlaces(main, team) {
+  document.title = `${visible(team)} – MyoGrade`;
+  const places = await placesOf(team);
+  const charts = h("div", {class: "charts"});
+  replace(main, h("h1", null, name(team)), h("h2", null, "Places"), places.length ? [placesTable(places), charts]
+    : h("p", {class: "empty"}, "No board that you may see has a team of this name."));
+  main.dataset.ready = "yes";
+  // What takes several requests for each board comes afterwards.
+  (async () => {
+    for (const place of places.slice(0, MOST_CHARTS)) {
+      const figure = await progress(team, place, `${visible(place.title)}${place.board === "main" ? ""
+        : `, ${boardTitle(place.board)}`}`);
+      if (figure) charts.append(figure);
+    }
+  })().catch((error) => charts.append(h("p", {class: "problem"}, visible(error.message))));
+}
+
+// What its members and organisers see besides.
 async function showTeam(main, team) {
   const at = encodeURIComponent(team);
-  document.title = `${team} – MyoGrade`;
-  const [info, quota] = await Promise.all([get(`/v1/teams/${at}`),
-    get(`/v1/quota?team=${at}&limit=1`)]);
+  const [info, quota, titleOf] = await Promise.all([get(`/v1/teams/${at}`),
+    get(`/v1/quota?team=${at}&limit=1`), phaseTitles()]);
+  await showPlaces(main, info.team);
   const [ledger, ledgerLoaded] = pages("Ledger of the quota",
     ["When", "Entry", "Amount#", "Budget", "For", "Submission", "Why"],
-    `/v1/quota?team=${at}&limit=20`, "ledger", ledgerRow);
+    `/v1/quota?team=${at}&limit=20`, "ledger", ledgerRow(titleOf));
   const [list, listLoaded] = pages("Submissions",
     ["Number#", "Policy", "For", "State", "Episodes#", "Successes#", "Handed in"],
-    `/v1/submissions?team=${at}&limit=50`, "submissions", submissionRow);
-  replace(main, h("h1", null, name(info.team)),
+    `/v1/submissions?team=${at}&limit=50`, "submissions", submissionRow(titleOf));
+  main.append(...[
     info.banned && h("p", {class: "problem"}, "The organisers have banned this team."),
     facts([["Members", info.members.length ? info.members.join(", ") : "–"],
       ["Submissions", whole(info.submissions)],
@@ -106,8 +128,8 @@ async function showTeam(main, team) {
         ? info.other_names.map((one, place) => [place ? ", " : "", name(one)]) : "–"],
       ["Next day begins", time(quota.next_day_at)]]),
     h("h2", null, "Submissions"), list,
-    h("h2", null, "Quota"), quotas(quota),
-    h("h2", null, "Ledger"), ledger);
+    h("h2", null, "Quota"), quotas(quota, titleOf),
+    h("h2", null, "Ledger"), ledger].flat(Infinity).filter((one) => one));
   await Promise.all([ledgerLoaded, listLoaded]);
 }
 
@@ -122,12 +144,12 @@ async function showTeams(main, who) {
       : "You are in no team yet."));
     return;
   }
-  const [list, loaded] = pages("Teams", ["Team", "Submissions#", "Members#", "Since"],
+  const [list, loaded] = pages("Teams", ["Team", "Submissions#", "Users of the host#", "Tokens#", "Since"],
     "/v1/teams?limit=100", "teams", (team) => h("tr", null,
       h("th", {scope: "row"}, h("a", {href: href("/team", {name: team.team})}, name(team.team)),
         team.banned && h("span", {class: "tag bad"}, "banned")),
       h("td", {class: "num"}, whole(team.submissions)),
-      h("td", {class: "num"}, whole(team.members.length)), h("td", null, time(team.created_at))));
+      h("td", {class: "num"}, whole(team.members.length)), h("td", {class: "num"}, whole(team.tokens)), h("td", null, time(team.created_at))));
   replace(main, h("h1", null, "Teams"), list);
   await loaded;
 }
@@ -135,7 +157,8 @@ async function showTeams(main, who) {
 export async function show(main, query) {
   const who = await whoami();
   const team = query.get("name");
-  if (team) await showTeam(main, team);
+  if (team && !isOrganiser(who) && !who.teams.includes(team)) await showPlaces(main, team);
+  else if (team) await showTeam(main, team);
   else if (!isOrganiser(who) && who.teams.length === 1) await showTeam(main, who.teams[0]);
   else await showTeams(main, who);
 }

@@ -210,7 +210,7 @@ class Boards(OrganiserCase):
             answer = self.ask("board", "explain", *pair, "--track", TRACK, schema="leaderboard")
             self.assertEqual((answer["above"]["submission"], answer["below"]["submission"]),
                              (first, second))
-            self.assertIn(f"{first} (alpha) stands above {second} (beta)", answer["why"])
+            self.assertIn("alpha (rank 1) stands above beta (rank 2)", answer["why"])
             self.assertIn("accepted first", answer["why"])
         self.assertIn("stands above", self.cli("board", "explain", first, second).stdout)
         for pair in ((first, 99), (first, first), ("alpha", "nobody")):

@@ -71,6 +71,9 @@ class Teams(PeopleCase):
         self.assertEqual(self.call("GET", "/v1/teams/nobody")[0], 404)
         listed = self.ask("team", "list", schema="teams")
         self.assertEqual([team["team"] for team in listed["teams"]], ["beta", "a/b c?\u6771"])
+        self.call("POST", "/v1/tokens", {"role": "participant", "team": "beta", "label": "x"})
+        listed = self.ask("team", "list", schema="teams")["teams"]
+        self.assertEqual([(team["submissions"], team["tokens"]) for team in listed], [(0, 1), (1, 0)])
 
     def test_members_are_users_of_the_host(self):
         self.team("create", "alpha")

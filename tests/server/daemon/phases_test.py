@@ -107,6 +107,29 @@ class Admission(PhasesCase):
         self.refused("bad_request", "played as a whole", phase="final", episodes=2, status=400)
         self.assertEqual(self.get("/v1/submissions")["submissions"], [])
 
+    def test_the_host_s_text_is_told_without_html(self):
+        self.stop(signal.SIGTERM)
+        text = self.configs / "challenges/cup.md"
+        text.write_text("Hello **all** <b>x</b>, see [rules](/docs).\n")
+        self.start()
+        [paragraph] = self.challenges()["challenges"][0]["text"]
+        self.assertEqual([node["type"] for node in paragraph["children"]],
+                         ["text", "strong", "text", "text", "text", "link", "text"])
+        self.assertNotIn("<b>", json.dumps(paragraph))
+        self.stop(signal.SIGTERM)
+        text.write_bytes(b"x" * (64 * 1024 + 1))
+        checked = self.daemon.run_verb("phase", "check", self.configs / "challenges/cup.json", text=True)
+        self.assertIn("cup.md", checked.stdout + checked.stderr)
+        self.assertEqual(checked.returncode, 2)
+        text.unlink()
+        self.start()
+
+    def test_phases_are_listed_in_the_order_of_their_file(self):
+        self.hold(walk={"opens_at": moment(hours=2), "seeds": seeds(3000)},
+                  final={"opens_at": moment(hours=1), "seeds": seeds(4000)}, arm={})
+        phases = self.challenges()["challenges"][0]["phases"]
+        self.assertEqual([phase["phase"] for phase in phases], ["walk", "final", "arm"])
+
     def test_the_only_open_one_is_taken(self):
         submission = self.submit("ok")
         self.ended(submission)

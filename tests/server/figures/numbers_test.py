@@ -80,9 +80,15 @@ class Evaluations(unittest.TestCase):
 
     def test_old_rows_say_in_words_what_they_lack(self):
         old = answers.result(7, detailed=False)
-        self.assertRegex(evaluation.missing(old)[0], "^No episode has measured details")
+        self.assertRegex(evaluation.missing(old)[0], "^All episodes were played by a grader from before")
         old["episode_rows"][0]["details"] = answers.details(0, 5)
-        self.assertRegex(evaluation.missing(old)[0], "^39 episodes of 40 have no measured details")
+        self.assertRegex(evaluation.missing(old)[0], "^39 of 40 episodes were played by a grader from before")
+        for row in old["episode_rows"][1:4]:
+            row.update(outcome="crash", steps=0)
+        self.assertEqual(evaluation.missing(old), [
+            "3 of 40 episodes ended before the first step, so details such as joint ranges are missing.",
+            "36 of 40 episodes were played by a grader from before details were measured, so details such as "
+            "joint ranges are missing."])
         self.assertEqual(evaluation.joints(answers.result(7, detailed=False)), [])
 
     def test_phantoms_count_in_the_official_rate_and_nowhere_else(self):

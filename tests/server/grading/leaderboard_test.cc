@@ -17,6 +17,9 @@ using ::testing::HasSubstr;
 using scoring::TeamRule;
 
 constexpr scoring::TieredBoard kTiered;
+constexpr scoring::Metric kMetrics[] = {
+    {.name = "time_s", .title = "time", .unit = "s", .ranked = true},
+    {.name = "effort", .title = "effort", .unit = "", .ranked = true}};
 
 StandingRow Row(int64_t submission, const std::string& team, int successes, double time,
                 double effort) {
@@ -95,19 +98,19 @@ TEST(Leaderboard, ExplainsByNumberAndByTeamAndSaysWhyNot) {
   Marks marks;
   Set(marks, 5, kHidden);
   const auto explain = [&](const std::string& a, const std::string& b) {
-    const auto found = ExplainOrder(rows, marks, kTiered, TeamRule::kBest, a, b);
+    const auto found = ExplainOrder(rows, marks, kTiered, TeamRule::kBest, kMetrics, a, b);
     return found.ok() ? found->sentence : std::string(found.status().message());
   };
-  EXPECT_THAT(explain("3", "1"), HasSubstr("1 (alpha) stands above 3 (beta)"));
+  EXPECT_THAT(explain("3", "1"), HasSubstr("alpha (rank 1) stands above beta (rank 2)"));
   EXPECT_THAT(explain("beta", "alpha"), HasSubstr("40 of 100 episodes against 35 of 100"));
-  EXPECT_THAT(explain("beta", "7"), HasSubstr("3 (beta) stands above 4 (7)"));
+  EXPECT_THAT(explain("beta", "7"), HasSubstr("beta (rank 2) stands above 7 (rank 3)"));
   EXPECT_THAT(explain("2", "3"), HasSubstr("its team's entry is submission 1"));
   EXPECT_THAT(explain("5", "3"), HasSubstr("it is hidden"));
   EXPECT_THAT(explain("99", "3"), HasSubstr("no finished ranked evaluation"));
   EXPECT_THAT(explain("nobody", "3"), HasSubstr("no team \"nobody\""));
   EXPECT_THAT(explain("1", "alpha"), HasSubstr("the same row"));
   Set(marks, 1, kBaseline);
-  EXPECT_THAT(explain("1", "3"), HasSubstr("1 (alpha) stands above 3 (beta)"));
+  EXPECT_THAT(explain("1", "3"), HasSubstr("alpha (baseline) stands above beta (rank 1)"));
 }
 
 RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {

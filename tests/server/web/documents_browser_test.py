@@ -59,6 +59,41 @@ class Documents(BrowserCase):
             self.assertTrue(page.evaluate("!!document.querySelector(location.hash)"))
             self.check_quiet(page)
 
+    def press(self, page, key):
+        for event in ("keyDown", "keyUp"):
+            page.call("Input.dispatchKeyEvent", type=event, key=key, code=key,
+                      **({"text": "\r"} if (key, event) == ("Enter", "keyDown") else {}))
+
+    def test_questions_and_slips_are_understood(self):
+        page = self.page()
+        self.open(page, self.address("index"), READY)
+        self.seek(page, "How do I submit")
+        page.wait(FOUND)
+        # Pages for participants come first.
+        self.assertNotIn("/server/store", page.evaluate("document.querySelector('.found a').pathname"))
+        self.seek(page, "muscel")
+        page.wait("document.querySelector('.found [role=status]').textContent.startsWith('Shown for “muscle')")
+        self.press(page, "ArrowDown")
+        self.press(page, "ArrowDown")
+        self.assertEqual(page.evaluate("[...document.querySelectorAll('.found a')].indexOf("
+                                       "document.activeElement)"), 1)
+        self.press(page, "ArrowUp")
+        self.press(page, "ArrowUp")
+        self.assertTrue(page.evaluate("document.activeElement.matches('.search input')"))
+        self.press(page, "Enter")
+        page.wait(f"!location.pathname.endsWith('{self.address('index')}')")
+        self.check_quiet(page)
+
+    def test_examples_are_copied(self):
+        page = self.page()
+        self.open(page, self.address("policies/GUIDE"), READY)
+        # The clipboard itself is not a page's to read here.
+        page.evaluate("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+        page.evaluate("document.querySelector('.snippet button').click()")
+        page.wait("document.querySelector('.snippet button').textContent === 'Copied'")
+        self.assertEqual(page.evaluate("window.copied"),
+                         page.evaluate("document.querySelector('.snippet pre').textContent.trimEnd()"))
+
     def test_what_is_typed_is_a_text(self):
         page = self.page()
         self.open(page, self.address("index"), READY)

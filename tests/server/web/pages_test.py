@@ -127,6 +127,15 @@ class Files(PagesCase):
             status, headers, body = self.ask("GET", path)
             self.assertIn(status, (400, 404), path)
             self.assertEqual(headers["Content-Type"], "application/json", body)
+        # A browser is shown a page that says so, but for addresses of the API.
+        for path in ("/boards", "/web/", "/docs/9.9/none.html"):
+            status, headers, body = self.ask("GET", path, Accept="text/html,*/*")
+            self.assertEqual((status, body), (404, (FILES / "index.html").read_bytes()), path)
+            self.check_headers(headers)
+        for path in ("/v1/", "/v1/nothing", "/metrics/x"):
+            kind = self.ask("GET", path, Accept="text/html")[1]["Content-Type"]
+            self.assertEqual(kind.startswith("text/html"), path == "/metrics/x", path)
+        self.assertEqual(self.ask("POST", "/boards", Accept="text/html")[0], 404)
         self.assertEqual(self.ask("POST", "/board")[0], 405)
         self.assertEqual(self.ask("OPTIONS", "/board")[1]["Allow"], "GET, HEAD, OPTIONS")
 

@@ -302,15 +302,26 @@ test("signing in leads to a page of this server only", () => {
   }
 });
 
-test("the form takes an archive of every ending that the server takes", () => {
+test("the form takes an archive of every ending that the server takes", async () => {
   const chosen = (path) => parcelOf([{path, file: new Blob(["archive"])}]);
   const endings = ["tar", "tar.gz", "tgz", "tar.zst", "tzst", "tar.xz", "txz", "tar.bz2", "tbz2", "tbz", "zip"];
   for (const ending of endings) {
     for (const path of [`walker.${ending}`, `WALKER.${ending.toUpperCase()}`]) {
-      assert.equal(chosen(path).blob.size, 7, path);
-      assert.ok(chosen(path).words.startsWith(path), path);
+      const parcel = await chosen(path);
+      assert.equal(parcel.blob.size, 7, path);
+      assert.ok(parcel.words.startsWith(path), path);
     }
-    assert.throws(() => chosen("walker.py"), (error) => error.message.includes(`.${ending}`));
+    await assert.rejects(chosen("walker.py"), (error) => error.message.includes(`.${ending}`));
   }
-  for (const path of ["walker", "tar", "a.tar.7z", "a.gz", "a.zip.txt"]) assert.throws(() => chosen(path), path);
+  for (const path of ["walker", "tar", "a.tar.7z", "a.gz", "a.zip.txt"]) await assert.rejects(chosen(path), path);
+});
+
+test("a single program is packed with a manifest that starts it", async () => {
+  for (const head of ["#!/bin/sh\n", "\x7fELF"]) {
+    const {blob, words} = await parcelOf([{path: "walker", file: new Blob([head, "rest"])}]);
+    const text = await blob.text();
+    assert.ok(words.startsWith("the program walker"), words);
+    assert.ok(text.includes('{"name":"walker","command":["./walker"]}'));
+    assert.ok(text.includes(`${head}rest`));
+  }
 });

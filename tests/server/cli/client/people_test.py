@@ -61,7 +61,7 @@ class PeopleTest(CliCase):
     def test_what_is_asked_and_answered(self):
         path = "/v1/teams/a%2Fb%20%C3%A4"
         socket = self.serve({
-            "POST /v1/teams": (201, TEAM), f"GET /v1/teams{PAGE}": (200, {"teams": [LISTED],
+            "POST /v1/teams": (201, TEAM), f"GET /v1/teams{PAGE}": (200, {"teams": [{**LISTED, "submissions": 3, "tokens": 1}],
                                                                    "unreadable": []}),
             f"GET {path}": (200, TEAM), f"POST {path}/rename": (200, TEAM),
             f"POST {path}/members": (200, TEAM), f"POST {path}/ban": (200, TEAM),

@@ -51,6 +51,13 @@ class DoctorTest(unittest.TestCase):
         self.assertEqual({checks[name]["state"] for name in NEEDED}, {"ok"})
         self.assertEqual(os.listdir(self.temp), [])
 
+    def test_figures_are_spoken_of(self):
+        check = self.checks(0)["figures"]
+        if check["state"] == "ok":
+            self.assertRegex(check["found"], r"^matplotlib [0-9.]+ draws figures and reports$")
+        else:
+            self.assertEqual((check["state"], check["todo"]), ("degraded", "apt-get install python3-matplotlib"))
+
     def test_pictures_and_films_are_spoken_of(self):
         check = self.checks(0)["pictures"]
         if check["state"] == "ok":

@@ -172,6 +172,10 @@ class PlotTest(CliCase):
         if not HAS_MATPLOTLIB:
             self.refused(4, "install Debian's package python3-matplotlib", *words)
             self.assertFalse(os.path.exists(file))
+            # Nothing is asked for what can't be drawn.
+            silent = self.serve({})
+            for words in (("plot", "board", "--track", "demo", "-o", file), ("report", "7", "-o", self.path("r.html"))):
+                self.refused(4, "install Debian's package python3-matplotlib", *words, "--socket", silent)
             return
         done = myograde(*words, "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
