@@ -12,15 +12,16 @@
 namespace myograde::server {
 namespace {
 
-StoredRow ReadAccessEvent(SQLite::Statement& select, AccessEventRow& event) {
-  StoredRow row(select, "access_event");
-  event.id = row.Id(0);
-  event.at = row.Time(1);
-  event.kind = row.OneOf(2, {"denied", "act"});
-  row.TextsInto(3, {&event.who, &event.role, &event.action, &event.subject, &event.detail});
-  event.count = row.Id(8);
-  return row;
-}
+constexpr StoredRows<AccessEventRow> kEvents = {
+    "access_event",
+    "SELECT id, at, kind, who, role, action, subject, detail, count FROM access_event ",
+    [](StoredRow& row, AccessEventRow& event) {
+      event.id = row.Id(0);
+      event.at = row.Time(1);
+      event.kind = row.OneOf(2, {"denied", "act"});
+      row.TextsInto(3, {&event.who, &event.role, &event.action, &event.subject, &event.detail});
+      event.count = row.Id(8);
+    }};
 
 constexpr int64_t kMsOfADay = 24 * 60 * 60 * 1000;
 
@@ -43,35 +44,29 @@ bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
 constexpr int64_t kMinuteMs = 60 * 1000;
 constexpr char kParticipant[] = "participant";
 
-constexpr char kTokenColumns[] =
+constexpr StoredRows<TokenRow> kTokens = {
+    "token",
     "SELECT k.id, k.role, t.name, k.label, k.created_at, k.created_by, k.expires_at, "
     "k.revoked_at, k.revoked_by, k.last_used_at, k.team_id FROM token AS k "
     "LEFT JOIN team AS o ON o.id = k.team_id "
-    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ";
-
-StoredRow ReadToken(SQLite::Statement& select, TokenRow& token) {
-  StoredRow row(select, "token");
-  token.id = row.Id(0);
-  token.role = row.OneOf(1, {kParticipant, "organiser", "operator"});
-  token.label = row.Text(3);
-  token.created_at = row.Time(4);
-  token.created_by = row.Text(5);
-  token.expires_at = row.TimeOr0(6);
-  token.revoked_at = row.TimeOr0(7);
-  token.revoked_by = row.TextOr(8);
-  token.last_used_at = row.TimeOr0(9);
-  if (select.isColumnNull(7) != select.isColumnNull(8)) {
-    row.Fail(7, "who revoked it says otherwise");
-  }
-  if (select.isColumnNull(10) == (token.role == kParticipant)) {
-    row.Fail(10, "its role says otherwise");
-  }
-  if (token.role == kParticipant) {
-    row.Joined("team", 10);
-    token.team = row.Text(2);
-  }
-  return row;
-}
+    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ",
+    [](StoredRow& row, TokenRow& token) {
+      token.id = row.Id(0);
+      token.role = row.OneOf(1, {kParticipant, "organiser", "operator"});
+      const bool participant = token.role == kParticipant;
+      token.label = row.Text(3);
+      token.created_at = row.Time(4);
+      token.created_by = row.Text(5);
+      token.expires_at = row.TimeOr0(6);
+      token.revoked_at = row.TimeOr0(7);
+      token.revoked_by = row.TextOr(8);
+      token.last_used_at = row.TimeOr0(9);
+      if (row.IsNull(7) != row.IsNull(8)) row.Fail(7, "who revoked it says otherwise");
+      if (row.IsNull(10) == participant) row.Fail(10, "its role says otherwise");
+      if (!participant) return;
+      row.Joined("team", 10);
+      token.team = row.Text(2);
+    }};
 
 }  // namespace
 
@@ -103,11 +98,8 @@ absl::Status Callers::AddEvent(const AccessEventRow& event) {
 
 Listed<AccessEventRow> Callers::Events(const std::string& kind, int64_t before,
                                        int64_t limit) const {
-  return ListOf<AccessEventRow>(
-      Statement(db_, R"(SELECT id, at, kind, who, role, action, subject, detail, count
-          FROM access_event WHERE id < ?1 AND (?2 = '' OR kind = ?2) ORDER BY id DESC LIMIT ?3)",
-                before, kind, limit),
-      ReadAccessEvent);
+  return kEvents.List(db_, "WHERE id < ?1 AND (?2 = '' OR kind = ?2) ORDER BY id DESC LIMIT ?3",
+                      before, kind, limit);
 }
 
 absl::StatusOr<int64_t> Callers::AddToken(const NewToken& token, const std::string& who) {
@@ -152,20 +144,17 @@ absl::Status Callers::TouchToken(int64_t id) {
 }
 
 absl::StatusOr<TokenRow> Callers::TokenByHash(const std::string& sha256) const {
-  return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.hash = ?"), sha256),
-                           ReadToken, absl::NotFoundError("there is no such token"));
+  return kTokens.First(db_, absl::NotFoundError("there is no such token"), "WHERE k.hash = ?",
+                       sha256);
 }
 
 absl::StatusOr<TokenRow> Callers::Token(int64_t id) const {
-  return FirstOf<TokenRow>(Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id = ?"), id),
-                           ReadToken, absl::NotFoundError(absl::StrCat("there is no token ", id)));
+  return kTokens.First(db_, absl::NotFoundError(absl::StrCat("there is no token ", id)),
+                       "WHERE k.id = ?", id);
 }
 
 Listed<TokenRow> Callers::Tokens(int64_t before, int64_t limit) const {
-  return ListOf<TokenRow>(
-      Statement(db_, absl::StrCat(kTokenColumns, "WHERE k.id < ? ORDER BY k.id DESC LIMIT ?"),
-                before, limit),
-      ReadToken);
+  return kTokens.List(db_, "WHERE k.id < ? ORDER BY k.id DESC LIMIT ?", before, limit);
 }
 
 }  // namespace myograde::server

@@ -295,22 +295,18 @@ std::set<std::string> Episodes::PhasesOfLog(const std::string& sha256) const {
 }
 
 absl::StatusOr<LoggedEpisode> Episodes::OfLog(const std::string& sha256) const {
-  Statement select(db_,
-                   absl::StrCat("SELECT evaluation, idx, lease, seed FROM episode WHERE (",
-                                kLogOfEpisode, ") = ? ORDER BY evaluation, idx LIMIT 1"),
-                   sha256);
-  const auto parse = [](SQLite::Statement& read, LoggedEpisode& episode) {
-    StoredRow row(read, "episode",
-                  absl::StrCat(Shown(read.getColumn(0)), "/", Shown(read.getColumn(1))));
-    episode.evaluation = row.Id(0);
-    episode.index = row.Number(1, 0, INT64_MAX);
-    episode.lease = row.Id(2);
-    episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
-    return row;
-  };
-  return FirstOf<LoggedEpisode>(
-      std::move(select), parse,
-      absl::NotFoundError(absl::StrCat("no episode has the log ", sha256)));
+  constexpr StoredRows<LoggedEpisode> kLogged = {
+      "episode", "SELECT evaluation, idx, lease, seed FROM episode ",
+      [](StoredRow& row, LoggedEpisode& episode) {
+        episode.evaluation = row.Id(0);
+        episode.index = row.Number(1, 0, INT64_MAX);
+        episode.lease = row.Id(2);
+        episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
+      },
+      /*key_columns=*/2};
+  return kLogged.First(
+      db_, absl::NotFoundError(absl::StrCat("no episode has the log ", sha256)),
+      absl::StrCat("WHERE (", kLogOfEpisode, ") = ? ORDER BY evaluation, idx LIMIT 1"), sha256);
 }
 
 absl::StatusOr<std::string> Content::ConfigJson(const std::string& hash) const {

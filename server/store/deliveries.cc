@@ -19,28 +19,25 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr size_t kEventIdBytes = 16;
-constexpr char kWaiting[] = "waiting";
 
 constexpr std::array<std::string_view, 9> kWebhookEvents = {
     kFinishedEvent,   kFailedEvent,      kCancelledEvent, kGraderErrorEvent,   kPauseEvent,
     kResumeEvent,     kHostPausedEvent,  kHostResumedEvent, kSelfTestFailedEvent};
 
-constexpr char kDeliveryColumns[] =
-    "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery ";
-
-StoredRow ReadDelivery(SQLite::Statement& select, DeliveryRow& delivery) {
-  StoredRow row(select, "delivery");
-  delivery.id = row.Id(0);
-  delivery.at = row.Time(1);
-  delivery.webhook = row.Text(2);
-  delivery.event = row.Text(3);
-  delivery.body_json = row.Object(4);
-  delivery.state = row.OneOf(5, {kWaiting, "delivered", "given_up"});
-  delivery.attempts = row.Number(6, 0, INT64_MAX);
-  delivery.due_at = row.Time(7);
-  delivery.detail = row.Text(8);
-  return row;
-}
+constexpr StoredRows<DeliveryRow> kDeliveries = {
+    "delivery",
+    "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery ",
+    [](StoredRow& row, DeliveryRow& delivery) {
+      delivery.id = row.Id(0);
+      delivery.at = row.Time(1);
+      delivery.webhook = row.Text(2);
+      delivery.event = row.Text(3);
+      delivery.body_json = row.Object(4);
+      delivery.state = row.OneOf(5, {"waiting", "delivered", "given_up"});
+      delivery.attempts = row.Number(6, 0, INT64_MAX);
+      delivery.due_at = row.Time(7);
+      delivery.detail = row.Text(8);
+    }};
 
 const char* EventOf(EvaluationState state) {
   switch (state) {
@@ -128,12 +125,8 @@ absl::Status Deliveries::Prune(int64_t before_ms) {
 }
 
 absl::StatusOr<DeliveryRow> Deliveries::Next(const std::string& webhook) const {
-  return FirstOf<DeliveryRow>(
-      Statement(db_,
-                absl::StrCat(kDeliveryColumns,
-                             "WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1"),
-                webhook),
-      ReadDelivery, absl::NotFoundError("nothing waits for this webhook"));
+  return kDeliveries.First(db_, absl::NotFoundError("nothing waits for this webhook"),
+                           "WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1", webhook);
 }
 
 int64_t Deliveries::NextId(const std::string& webhook) const {
@@ -144,12 +137,9 @@ int64_t Deliveries::NextId(const std::string& webhook) const {
 
 Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before,
                                      int64_t limit) const {
-  return ListOf<DeliveryRow>(Statement(db_,
-                                       absl::StrCat(kDeliveryColumns,
-                                                    "WHERE id < ?1 AND (?2 = '' OR "
-                                                    "webhook = ?2) ORDER BY id DESC LIMIT ?3"),
-                                       before, webhook, limit),
-                             ReadDelivery);
+  return kDeliveries.List(
+      db_, "WHERE id < ?1 AND (?2 = '' OR webhook = ?2) ORDER BY id DESC LIMIT ?3", before, webhook,
+      limit);
 }
 
 std::vector<DeliveryCounts> Deliveries::Counts() const {

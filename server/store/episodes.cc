@@ -23,23 +23,40 @@
 namespace myograde::server {
 namespace {
 
-StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
-  StoredRow row(select, "episode",
-                absl::StrCat(Shown(select.getColumn(8)), "/", Shown(select.getColumn(0))));
-  episode.evaluation = row.Id(8);
-  episode.index = row.Number(0, 0, kMaxEpisodes - 1);
-  episode.lease = row.Id(1);
-  episode.attempt = row.Number(2, 1, kMany);
-  episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
-  episode.outcome = row.Named(4, ParseOutcome);
-  episode.reason = row.Named(5, ParseFailureReason);
-  episode.facts_json = row.Object(6);
-  episode.metrics_json = row.Object(7);
-  if ((episode.outcome == Outcome::kFailure) != (episode.reason != FailureReason::kNone)) {
-    row.Fail(5, "its outcome says otherwise");
-  }
-  return row;
-}
+constexpr StoredRows<EpisodeRow> kEpisodes = {
+    "episode",
+    "SELECT evaluation, idx, lease, attempt, seed, outcome, reason, facts_json, metrics_json "
+    "FROM episode ",
+    [](StoredRow& row, EpisodeRow& episode) {
+      episode.evaluation = row.Id(0);
+      episode.index = row.Number(1, 0, kMaxEpisodes - 1);
+      episode.lease = row.Id(2);
+      episode.attempt = row.Number(3, 1, kMany);
+      episode.seed = static_cast<uint64_t>(row.Number(4, 0, INT64_MAX));
+      episode.outcome = row.Named(5, ParseOutcome);
+      episode.reason = row.Named(6, ParseFailureReason);
+      episode.facts_json = row.Object(7);
+      episode.metrics_json = row.Object(8);
+      if ((episode.outcome == Outcome::kFailure) != (episode.reason != FailureReason::kNone)) {
+        row.Fail(6, "its outcome says otherwise");
+      }
+    },
+    /*key_columns=*/2};
+
+constexpr StoredRows<RepeatRow> kRepeats = {
+    "replay", "SELECT id, idx, attempt, differs_json FROM replay ",
+    [](StoredRow& row, RepeatRow& replay) {
+      replay.index = row.Number(1, 0, kMaxEpisodes - 1);
+      replay.attempt = row.Number(2, 1, kMany);
+      replay.differs = row.Parsed<std::vector<std::string>>(3, "array of strings");
+    }};
+
+// By index.
+constexpr StoredRows<std::pair<int64_t, std::string>> kDetails = {
+    "episode_details", "SELECT id, idx, details_json FROM episode_details ",
+    [](StoredRow& row, std::pair<int64_t, std::string>& details) {
+      details = {row.Number(1, 0, INT64_MAX), row.Object(2)};
+    }};
 
 constexpr char kTimesDropped[] = "standings_dropped";
 
@@ -62,24 +79,11 @@ std::vector<double> NumbersIn(StoredRow& row, int column) {
 }  // namespace
 
 absl::StatusOr<std::vector<EpisodeRow>> Episodes::Of(int64_t evaluation) const {
-  return AllOf<EpisodeRow>(Statement(db_, R"(SELECT idx, lease, attempt, seed, outcome, reason,
-      facts_json, metrics_json, evaluation FROM episode WHERE evaluation = ? ORDER BY idx)",
-                                     evaluation),
-                           EpisodeOf);
+  return kEpisodes.All(db_, "WHERE evaluation = ? ORDER BY idx", evaluation);
 }
 
 absl::StatusOr<std::vector<RepeatRow>> Episodes::Repeats(int64_t evaluation) const {
-  const auto parse = [](SQLite::Statement& select, RepeatRow& replay) {
-    StoredRow row(select, "replay");
-    replay.index = row.Number(1, 0, kMaxEpisodes - 1);
-    replay.attempt = row.Number(2, 1, kMany);
-    replay.differs = row.Parsed<std::vector<std::string>>(3, "array of strings");
-    return row;
-  };
-  return AllOf<RepeatRow>(Statement(db_, R"(SELECT id, idx, attempt, differs_json
-      FROM replay WHERE evaluation = ? ORDER BY idx, attempt)",
-                                    evaluation),
-                          parse);
+  return kRepeats.All(db_, "WHERE evaluation = ? ORDER BY idx, attempt", evaluation);
 }
 
 EpisodeCounts Episodes::Counts(int64_t evaluation, bool ended_leases) const {
@@ -93,18 +97,9 @@ EpisodeCounts Episodes::Counts(int64_t evaluation, bool ended_leases) const {
 }
 
 absl::StatusOr<std::map<int64_t, std::string>> Episodes::Details(int64_t evaluation) const {
-  Statement select(
-      db_, "SELECT id, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx",
-      evaluation);
-  std::map<int64_t, std::string> details;
-  while (select.executeStep()) {
-    StoredRow row(select, "episode_details");
-    const int64_t index = row.Number(1, 0, INT64_MAX);
-    std::string text = row.Object(2);
-    if (!row.ok()) return row.status();
-    details.emplace_hint(details.end(), index, std::move(text));
-  }
-  return details;
+  ASSIGN_OR_RETURN(const auto details,
+                   kDetails.All(db_, "WHERE evaluation = ? ORDER BY idx", evaluation));
+  return std::map<int64_t, std::string>(details.begin(), details.end());
 }
 
 absl::StatusOr<Recorded> Episodes::Record(const EpisodeRow& row) {

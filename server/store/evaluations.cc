@@ -34,59 +34,59 @@ void MendTypes(SQLite::Database& db, const char* table, int64_t id) {
   Run(db, absl::StrCat("UPDATE ", table, " SET ", absl::StrJoin(set, ", "), " WHERE id = ?"), id);
 }
 
-constexpr char kEvaluationColumns[] =
+constexpr StoredRows<EvaluationRow> kEvaluations = {
+    "evaluation",
     "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
     "e.results_hash, e.created_at, e.started_at, e.finished_at, e.config, e.seeds, e.rejudge, "
     "e.repetition, e.source, e.method "
-    "FROM evaluation AS e ";
+    "FROM evaluation AS e ",
+    [](StoredRow& row, EvaluationRow& evaluation) {
+      evaluation.id = row.Id(0);
+      evaluation.submission = row.Id(1);
+      evaluation.kind = row.Named(2, ParseEvaluationKind);
+      evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
+      evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
+      evaluation.state = row.Named(5, ParseEvaluationState);
+      evaluation.reason = row.Text(6);
+      evaluation.grader_json = row.Object(7);
+      evaluation.results_hash = row.TextOr(8);
+      evaluation.created_at = row.Time(9);
+      evaluation.started_at = row.TimeOr0(10);
+      evaluation.finished_at = row.TimeOr0(11);
+      if (!row.IsNull(12)) evaluation.config = row.Hash(12);
+      if (!row.IsNull(13)) evaluation.seeds = row.Hash(13);
+      if (!row.IsNull(14)) {
+        evaluation.rejudge = row.Id(14);
+        evaluation.repetition = row.Number(15, 1, kMostRepeats);
+        evaluation.source = row.Id(16);
+        evaluation.method = row.Named(17, ParseRejudgeMethod);
+      }
+      const bool ended = IsFinal(evaluation.state);
+      if (ended == row.IsNull(11)) row.Fail(5, "its time of ending says otherwise");
+      // 0 stands for none wherever it is shown.
+      if (ended && evaluation.finished_at <= 0) row.Fail(11, "a time after 1970 belongs there");
+    }};
 
-StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
-  StoredRow row(select, "evaluation");
-  evaluation.id = row.Id(0);
-  evaluation.submission = row.Id(1);
-  evaluation.kind = row.Named(2, ParseEvaluationKind);
-  evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
-  evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
-  evaluation.state = row.Named(5, ParseEvaluationState);
-  evaluation.reason = row.Text(6);
-  evaluation.grader_json = row.Object(7);
-  evaluation.results_hash = row.TextOr(8);
-  evaluation.created_at = row.Time(9);
-  evaluation.started_at = row.TimeOr0(10);
-  evaluation.finished_at = row.TimeOr0(11);
-  if (!select.isColumnNull(12)) evaluation.config = row.Hash(12);
-  if (!select.isColumnNull(13)) evaluation.seeds = row.Hash(13);
-  if (!select.isColumnNull(14)) {
-    evaluation.rejudge = row.Id(14);
-    evaluation.repetition = row.Number(15, 1, kMostRepeats);
-    evaluation.source = row.Id(16);
-    evaluation.method = row.Named(17, ParseRejudgeMethod);
-  }
-  if (IsFinal(evaluation.state) == select.isColumnNull(11)) {
-    row.Fail(5, "its time of ending says otherwise");
-  }
-  // 0 stands for none wherever it is shown.
-  if (IsFinal(evaluation.state) && evaluation.finished_at <= 0) {
-    row.Fail(11, "a time after 1970 belongs there");
-  }
-  return row;
-}
+constexpr StoredRows<TransitionRow> kTransitions = {
+    "transition",
+    "SELECT id, at, entity_id, entity, from_state, to_state, who, why FROM transition ",
+    [](StoredRow& row, TransitionRow& transition) {
+      transition.at = row.Time(1);
+      transition.entity_id = row.Number(2, INT64_MIN, INT64_MAX);
+      row.TextsInto(3, {&transition.entity, &transition.from, &transition.to, &transition.who,
+                        &transition.why});
+    }};
 
 }  // namespace
 
 absl::StatusOr<EvaluationRow> Evaluations::Find(int64_t id) const {
-  return FirstOf<EvaluationRow>(
-      Statement(db_, absl::StrCat(kEvaluationColumns, "WHERE e.id = ?"), id), EvaluationOf,
-      absl::NotFoundError(absl::StrCat("there is no evaluation ", id)));
+  return kEvaluations.First(db_, absl::NotFoundError(absl::StrCat("there is no evaluation ", id)),
+                            "WHERE e.id = ?", id);
 }
 
 absl::StatusOr<std::vector<EvaluationRow>> Evaluations::Of(int64_t submission) const {
-  auto rows = AllOf<EvaluationRow>(
-      Statement(db_,
-                absl::StrCat(kEvaluationColumns,
-                             "WHERE e.submission = ? ORDER BY e.kind != 'original', e.id"),
-                submission),
-      EvaluationOf);
+  auto rows = kEvaluations.All(
+      db_, "WHERE e.submission = ? ORDER BY e.kind != 'original', e.id", submission);
   if (rows.ok() && (rows->empty() || rows->front().kind != EvaluationKind::kOriginal)) {
     return DamagedRow({"submission", absl::StrCat(submission),
                        "it has no evaluation, or none that is its original one"});
@@ -95,12 +95,7 @@ absl::StatusOr<std::vector<EvaluationRow>> Evaluations::Of(int64_t submission) c
 }
 
 absl::StatusOr<std::vector<EvaluationRow>> Evaluations::OfRejudge(int64_t rejudge) const {
-  return AllOf<EvaluationRow>(
-      Statement(db_,
-                absl::StrCat(kEvaluationColumns,
-                             "WHERE e.rejudge = ? ORDER BY e.submission, e.repetition"),
-                rejudge),
-      EvaluationOf);
+  return kEvaluations.All(db_, "WHERE e.rejudge = ? ORDER BY e.submission, e.repetition", rejudge);
 }
 
 absl::StatusOr<EvaluationRow> Evaluations::Original(int64_t submission) const {
@@ -110,14 +105,14 @@ absl::StatusOr<EvaluationRow> Evaluations::Original(int64_t submission) const {
 
 UnfinishedRows Evaluations::Unfinished() const {
   // Anything not in a final state has not ended, including rows with an invalid state.
-  Statement select(db_, absl::StrCat(kEvaluationColumns,
+  Statement select(db_, absl::StrCat(kEvaluations.select,
                                      "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
                                      "'failed', 'cancelled', 'grader_error')) IS NOT TRUE "
                                      "ORDER BY e.id"));
   UnfinishedRows found;
   while (select.executeStep()) {
     EvaluationRow row;
-    const StoredRow read = EvaluationOf(select, row);
+    const StoredRow read = kEvaluations.Read(select, row);
     if (read.ok()) {
       found.rows.push_back(std::move(row));
     } else {
@@ -129,19 +124,7 @@ UnfinishedRows Evaluations::Unfinished() const {
 
 absl::StatusOr<std::vector<TransitionRow>> Evaluations::Transitions(const std::string& entity,
                                                                     int64_t id) const {
-  const auto parse = [](SQLite::Statement& select, TransitionRow& transition) {
-    StoredRow row(select, "transition");
-    transition.at = row.Time(1);
-    transition.entity_id = row.Number(2, INT64_MIN, INT64_MAX);
-    row.TextsInto(3, {&transition.entity, &transition.from, &transition.to, &transition.who,
-                      &transition.why});
-    return row;
-  };
-  return AllOf<TransitionRow>(
-      Statement(db_, R"(SELECT id, at, entity_id, entity, from_state, to_state, who, why
-          FROM transition WHERE entity = ? AND entity_id = ? ORDER BY id)",
-                entity, id),
-      parse);
+  return kTransitions.All(db_, "WHERE entity = ? AND entity_id = ? ORDER BY id", entity, id);
 }
 
 absl::StatusOr<Accepted> Evaluations::AddRerun(const NewRerun& rerun, const std::string& who) {

@@ -17,15 +17,13 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int64_t kEntriesAtATime = 10'000;
-constexpr char kEntryColumns[] = "SELECT entry, entry_json, chain FROM journal ";
-
-StoredRow ReadRecordRow(SQLite::Statement& select, RecordRow& record) {
-  StoredRow row(select, "record");
-  record.index = row.Number(0, 0, kMany);
-  record.entry_json = row.Object(1);
-  record.chain = row.Hash(2);
-  return row;
-}
+constexpr StoredRows<RecordRow> kEntries = {
+    "record", "SELECT entry, entry_json, chain FROM journal ",
+    [](StoredRow& row, RecordRow& record) {
+      record.index = row.Number(0, 0, kMany);
+      record.entry_json = row.Object(1);
+      record.chain = row.Hash(2);
+    }};
 
 }  // namespace
 
@@ -120,18 +118,13 @@ int64_t Journal::RecordSize() const {
 }
 
 Listed<RecordRow> Journal::Record(int64_t from, int64_t limit) const {
-  return ListOf<RecordRow>(
-      Statement(db_, absl::StrCat(kEntryColumns, "WHERE entry >= ? ORDER BY entry LIMIT ?"), from,
-                limit),
-      ReadRecordRow);
+  return kEntries.List(db_, "WHERE entry >= ? ORDER BY entry LIMIT ?", from, limit);
 }
 
 absl::StatusOr<RecordRow> Journal::GradedEntry(int64_t evaluation) const {
-  return FirstOf<RecordRow>(
-      Statement(db_, absl::StrCat(kEntryColumns, "WHERE evaluation = ? AND entry IS NOT NULL"),
-                evaluation),
-      ReadRecordRow,
-      absl::NotFoundError(absl::StrCat("the record has no result of evaluation ", evaluation)));
+  return kEntries.First(
+      db_, absl::NotFoundError(absl::StrCat("the record has no result of evaluation ", evaluation)),
+      "WHERE evaluation = ? AND entry IS NOT NULL", evaluation);
 }
 
 absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most) {

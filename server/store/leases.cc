@@ -25,28 +25,30 @@ int64_t Thousandths(double value) {
   return std::llround(std::min(value, kMostUsed) * 1000);
 }
 
-StoredRow ReadLeaseRun(SQLite::Statement& select, LeaseRunRow& run) {
-  StoredRow row(select, "lease_run");
-  run.lease = row.Id(0);
-  run.attempt = row.Id(1);
-  run.node = row.Text(2);
-  run.job = row.Text(3);
-  run.began_at = row.TimeOr0(4);
-  run.ended_at = row.Time(5);
-  run.cpu_s = static_cast<double>(row.Number(6, 0, INT64_MAX)) / 1000;
-  const int64_t energy = row.NumberOr(7, 0, INT64_MAX, -1);
-  if (energy >= 0) run.energy_j = static_cast<double>(energy) / 1000;
-  run.how = row.Named(8, ParseRunEnd);
-  return row;
-}
+constexpr StoredRows<LeaseRunRow> kRuns = {
+    "lease_run",
+    "SELECT r.lease, r.attempt, r.node, r.job, r.began_at, r.ended_at, r.cpu_ms, r.energy_mj, "
+    "r.how FROM lease AS l JOIN lease_run AS r ON r.lease = l.id ",
+    [](StoredRow& row, LeaseRunRow& run) {
+      run.lease = row.Id(0);
+      run.attempt = row.Id(1);
+      run.node = row.Text(2);
+      run.job = row.Text(3);
+      run.began_at = row.TimeOr0(4);
+      run.ended_at = row.Time(5);
+      run.cpu_s = static_cast<double>(row.Number(6, 0, INT64_MAX)) / 1000;
+      const int64_t energy = row.NumberOr(7, 0, INT64_MAX, -1);
+      if (energy >= 0) run.energy_j = static_cast<double>(energy) / 1000;
+      run.how = row.Named(8, ParseRunEnd);
+    }};
 
-StoredRow ReadDrainedNode(SQLite::Statement& select, DrainedNodeRow& node) {
-  StoredRow row(select, "node_event");
-  node.id = row.Id(0);
-  node.at = row.Time(1);
-  row.TextsInto(2, {&node.node, &node.who, &node.why});
-  return row;
-}
+constexpr StoredRows<DrainedNodeRow> kNodes = {
+    "node_event", "SELECT id, at, node, who, why FROM node_event AS n ",
+    [](StoredRow& row, DrainedNodeRow& node) {
+      node.id = row.Id(0);
+      node.at = row.Time(1);
+      row.TextsInto(2, {&node.node, &node.who, &node.why});
+    }};
 
 // The newest event of a node and its reason; "" if there is none.
 std::pair<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
@@ -56,30 +58,26 @@ std::pair<std::string, std::string> LatestEvent(SQLite::Database& db, const std:
   return {select.getColumn(0).getString(), select.getColumn(1).getString()};
 }
 
-constexpr char kLeaseColumns[] =
+constexpr StoredRows<LeaseRow> kLeases = {
+    "lease",
     "SELECT id, first, last, state, attempt, faults, detail, slot, started_at, deadline_at, "
-    "finished_at, output_json, evaluation FROM lease ";
-
-StoredRow LeaseOf(SQLite::Statement& select, LeaseRow& lease) {
-  StoredRow row(select, "lease");
-  lease.id = row.Id(0);
-  lease.evaluation = row.Id(12);
-  lease.first = row.Number(1, 0, kMaxEpisodes - 1);
-  lease.last = row.Number(2, lease.first, kMaxEpisodes - 1);
-  lease.state = row.Named(3, ParseLeaseState);
-  lease.attempt = row.Number(4, 0, kMany);
-  lease.faults = row.Number(5, 0, lease.attempt);
-  lease.detail = row.Text(6);
-  lease.slot = row.NumberOr(7, 0, kMany, -1);
-  lease.started_at = row.TimeOr0(8);
-  lease.deadline_at = row.TimeOr0(9);
-  lease.finished_at = row.TimeOr0(10);
-  if (!select.isColumnNull(11)) lease.output_json = row.Object(11);
-  if (IsFinal(lease.state) == select.isColumnNull(10)) {
-    row.Fail(3, "its time of ending says otherwise");
-  }
-  return row;
-}
+    "finished_at, output_json, evaluation FROM lease ",
+    [](StoredRow& row, LeaseRow& lease) {
+      lease.id = row.Id(0);
+      lease.evaluation = row.Id(12);
+      lease.first = row.Number(1, 0, kMaxEpisodes - 1);
+      lease.last = row.Number(2, lease.first, kMaxEpisodes - 1);
+      lease.state = row.Named(3, ParseLeaseState);
+      lease.attempt = row.Number(4, 0, kMany);
+      lease.faults = row.Number(5, 0, lease.attempt);
+      lease.detail = row.Text(6);
+      lease.slot = row.NumberOr(7, 0, kMany, -1);
+      lease.started_at = row.TimeOr0(8);
+      lease.deadline_at = row.TimeOr0(9);
+      lease.finished_at = row.TimeOr0(10);
+      if (!row.IsNull(11)) lease.output_json = row.Object(11);
+      if (IsFinal(lease.state) == row.IsNull(10)) row.Fail(3, "its time of ending says otherwise");
+    }};
 
 }  // namespace
 
@@ -90,15 +88,12 @@ absl::Status Leases::Refused(const char* what, const LeaseRow& lease, std::strin
 }
 
 absl::StatusOr<std::vector<LeaseRow>> Leases::Of(int64_t evaluation) const {
-  return AllOf<LeaseRow>(
-      Statement(db_, absl::StrCat(kLeaseColumns, "WHERE evaluation = ? ORDER BY first"),
-                evaluation),
-      LeaseOf);
+  return kLeases.All(db_, "WHERE evaluation = ? ORDER BY first", evaluation);
 }
 
 absl::StatusOr<LeaseRow> Leases::Find(int64_t lease) {
-  return FirstOf<LeaseRow>(Statement(db_, absl::StrCat(kLeaseColumns, "WHERE id = ?"), lease),
-                           LeaseOf, absl::NotFoundError(absl::StrCat("there is no lease ", lease)));
+  return kLeases.First(db_, absl::NotFoundError(absl::StrCat("there is no lease ", lease)),
+                       "WHERE id = ?", lease);
 }
 
 absl::Status Leases::RunEvaluation(int64_t evaluation, const std::string& who) {
@@ -202,19 +197,12 @@ absl::Status Leases::AdmitNode(const std::string& node, const std::string& who) 
 }
 
 absl::StatusOr<std::vector<LeaseRunRow>> Leases::ListRuns(int64_t evaluation) const {
-  return AllOf<LeaseRunRow>(
-      Statement(db_, R"(SELECT r.lease, r.attempt, r.node, r.job, r.began_at, r.ended_at,
-          r.cpu_ms, r.energy_mj, r.how FROM lease AS l JOIN lease_run AS r ON r.lease = l.id
-          WHERE l.evaluation = ? ORDER BY r.lease, r.attempt)",
-                evaluation),
-      ReadLeaseRun);
+  return kRuns.All(db_, "WHERE l.evaluation = ? ORDER BY r.lease, r.attempt", evaluation);
 }
 
 Listed<DrainedNodeRow> Leases::DrainedNodes() const {
-  return ListOf<DrainedNodeRow>(
-      Statement(db_, R"(SELECT id, at, node, who, why FROM node_event AS n WHERE event = 'drained'
-          AND id = (SELECT max(id) FROM node_event WHERE node IS n.node) ORDER BY node)"),
-      ReadDrainedNode);
+  return kNodes.List(db_, R"(WHERE event = 'drained'
+      AND id = (SELECT max(id) FROM node_event WHERE node IS n.node) ORDER BY node)");
 }
 
 }  // namespace myograde::server

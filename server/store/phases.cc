@@ -200,19 +200,17 @@ absl::Status PhaseActs::CheckSecret(const std::string& phase, const std::string&
 }
 
 absl::StatusOr<std::vector<PhaseUse>> PhaseActs::InUse() const {
-  const auto parse = [](SQLite::Statement& select, PhaseUse& use) {
-    StoredRow row(select, "submission");
-    row.TextsInto(1, {&use.phase, &use.track, &use.profile});
-    use.config = row.Hash(4);
-    use.submissions = row.Number(5, 1, kMany);
-    use.waiting = row.Number(6, 0, kMany);
-    return row;
-  };
-  return AllOf<PhaseUse>(Statement(db_, R"(SELECT max(s.id), s.phase,
-      s.track, s.profile, s.config, count(*), sum(e.finished_at IS NULL AND e.id IS NOT NULL)
-      FROM submission AS s LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original'
-      WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase)"),
-                         parse);
+  constexpr StoredRows<PhaseUse> kUses = {
+      "submission", R"(SELECT max(s.id), s.phase, s.track, s.profile, s.config, count(*),
+      sum(e.finished_at IS NULL AND e.id IS NOT NULL) FROM submission AS s
+      LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' )",
+      [](StoredRow& row, PhaseUse& use) {
+        row.TextsInto(1, {&use.phase, &use.track, &use.profile});
+        use.config = row.Hash(4);
+        use.submissions = row.Number(5, 1, kMany);
+        use.waiting = row.Number(6, 0, kMany);
+      }};
+  return kUses.All(db_, "WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase");
 }
 
 }  // namespace myograde::server

@@ -139,19 +139,20 @@ absl::Status AddUnits(SQLite::Database& db, int64_t now_ms, const char* entry,
   return absl::OkStatus();
 }
 
-StoredRow ReadLedgerRow(SQLite::Statement& select, LedgerRow& entry) {
-  StoredRow row(select, "ledger");
-  entry.id = row.Id(0);
-  entry.at = row.Time(1);
-  entry.day = row.Number(2, 0, kLastDay);
-  entry.track = row.Text(3);
-  entry.budget = BudgetName(row.Named(4, ParseBudget));
-  entry.entry = row.OneOf(5, {"charge", "refund", "grant"});
-  entry.amount = row.Number(6, 1, kMostUnits);
-  entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
-  row.TextsInto(8, {&entry.who, &entry.why, &entry.phase, &entry.team});
-  return row;
-}
+constexpr StoredRows<LedgerRow> kLedger = {
+    "ledger",
+    "SELECT id, at, day, track, budget, entry, amount, submission, who, why, phase FROM ledger ",
+    [](StoredRow& row, LedgerRow& entry) {
+      entry.id = row.Id(0);
+      entry.at = row.Time(1);
+      entry.day = row.Number(2, 0, kLastDay);
+      entry.track = row.Text(3);
+      entry.budget = BudgetName(row.Named(4, ParseBudget));
+      entry.entry = row.OneOf(5, {"charge", "refund", "grant"});
+      entry.amount = row.Number(6, 1, kMostUnits);
+      entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
+      row.TextsInto(8, {&entry.who, &entry.why, &entry.phase});
+    }};
 
 }  // namespace
 
@@ -278,16 +279,11 @@ int64_t Quotas::DayAt(int64_t now_ms) const { return QuotaDay(db_, now_ms); }
 
 Listed<LedgerRow> Quotas::Ledger(const std::string& team, const std::string& track, int64_t before,
                                  int64_t limit) const {
-  return ListOf<LedgerRow>(
-      Statement(db_,
-                absl::StrCat("SELECT l.id, l.at, l.day, l.track, l.budget, l.entry, l.amount, "
-                             "l.submission, l.who, l.why, l.phase, ?5 FROM ledger AS l "
-                             "WHERE l.team_id IN ",
-                             RowsOfTeam(1),
-                             " AND (?2 = '' OR l.track = ?2) AND l.id < ?3 "
-                             "ORDER BY l.id DESC LIMIT ?4"),
-                KnownTeamId(db_, team), track, before, limit, team),
-      ReadLedgerRow);
+  return kLedger.List(db_,
+                      absl::StrCat("WHERE team_id IN ", RowsOfTeam(1),
+                                   " AND (?2 = '' OR track = ?2) AND id < ?3 "
+                                   "ORDER BY id DESC LIMIT ?4"),
+                      KnownTeamId(db_, team), track, before, limit);
 }
 
 }  // namespace myograde::server

@@ -3,7 +3,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/base/enum_names.h"
-#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {

@@ -235,7 +235,6 @@ struct LedgerRow {
   int64_t id = 0;
   int64_t at = 0;
   int64_t day = 0;  // since 1970-01-01 UTC: the day that it counts for
-  std::string team;
   std::string track;
   std::string phase;  // "": the track itself
   std::string budget;

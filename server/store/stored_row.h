@@ -1,10 +1,13 @@
 // Reads one row: each column has the type and range that the schema gives it, or the row is
 // damaged. Only the daemon writes the store, but disks fail and people edit. Internal to the store.
 //
-//   StoredRow row(select, "lease", key);
-//   lease.first = row.Number(1, 0, kMaxEpisodes);
-//   lease.state = row.Named(3, ParseLeaseState);
-//   if (!row.ok()) return row.status();
+//   constexpr StoredRows<LeaseRow> kLeases = {
+//       "lease", "SELECT id, first, state FROM lease ", [](StoredRow& row, LeaseRow& lease) {
+//         lease.id = row.Id(0);
+//         lease.first = row.Number(1, 0, kMaxEpisodes);
+//         lease.state = row.Named(2, ParseLeaseState);
+//       }};
+//   return kLeases.All(db_, "WHERE evaluation = ? ORDER BY first", evaluation);
 #pragma once
 
 #include <cstdint>
@@ -28,6 +31,9 @@ namespace myograde::server {
 // More than any count can be.
 inline constexpr int64_t kMany = int64_t{1} << 40;
 
+// A column's value for people, for keys and errors.
+std::string Shown(const SQLite::Column& column);
+
 class StoredRow {
  public:
   // `select` is positioned on the row and outlives this object. Table and key appear in errors.
@@ -38,6 +44,7 @@ class StoredRow {
   // The following columns belong to another, joined row. NULL in `key_column`: it is missing.
   void Joined(std::string table, int key_column);
 
+  bool IsNull(int column) const { return select_.isColumnNull(column); }
   // Values; after the first error, harmless values of the same type.
   int64_t Number(int column, int64_t min, int64_t max);
   int64_t NumberOr(int column, int64_t min, int64_t max, int64_t if_null);
@@ -92,48 +99,68 @@ class StoredRow {
   std::optional<Damage> damage_;
 };
 
-// All rows, or the damage of the first unreadable one. `parse` fills in a row, and returns the
-// StoredRow that it was read with.
-template <typename Row, typename Parse>
-absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement select, Parse parse) {
-  std::vector<Row> rows;
-  while (select.executeStep()) {
-    Row row;
-    if (const StoredRow read = parse(select, row); !read.ok()) return read.status();
-    rows.push_back(std::move(row));
-  }
-  return rows;
-}
+// The rows of a table as structs. The other queries get the end of the SELECT, from its WHERE or
+// JOIN on, and the values of its parameters.
+template <typename Row>
+struct StoredRows {
+  const char* table;
+  const char* select;  // the key comes first
+  void (*read)(StoredRow& from, Row& row);
+  int key_columns = 1;
 
-// The rows without those that can't be read; the first column is their id.
-template <typename Row, typename Parse>
-Listed<Row> ListOf(SQLite::Statement select, Parse parse) {
-  Listed<Row> listed;
-  while (select.executeStep()) {
-    listed.last_id = select.getColumn(0).getInt64();
-    ++listed.found;
-    Row row;
-    const StoredRow read = parse(select, row);
-    if (read.ok()) {
-      listed.rows.push_back(std::move(row));
-    } else {
-      ReportLeftOut(*read.damage());
-      if (!listed.left_out) listed.left_out = read.damage();
+  // The row that `query` is positioned on.
+  StoredRow Read(SQLite::Statement& query, Row& row) const {
+    std::string key = Shown(query.getColumn(0));
+    for (int i = 1; i < key_columns; ++i) absl::StrAppend(&key, "/", Shown(query.getColumn(i)));
+    StoredRow from(query, table, std::move(key));
+    read(from, row);
+    return from;
+  }
+
+  // All rows, or the damage of the first unreadable one.
+  template <typename... Values>
+  absl::StatusOr<std::vector<Row>> All(SQLite::Database& db, const std::string& end,
+                                       const Values&... values) const {
+    Statement query(db, absl::StrCat(select, end), values...);
+    std::vector<Row> rows;
+    while (query.executeStep()) {
+      const StoredRow from = Read(query, rows.emplace_back());
+      if (!from.ok()) return from.status();
     }
+    return rows;
   }
-  return listed;
-}
 
-// The first row, or its damage; `missing` if there is none.
-template <typename Row, typename Parse>
-absl::StatusOr<Row> FirstOf(SQLite::Statement select, Parse parse, const absl::Status& missing) {
-  Row row;
-  if (!select.executeStep()) return missing;
-  if (const StoredRow read = parse(select, row); !read.ok()) return read.status();
-  return row;
-}
+  // The rows without those that can't be read.
+  template <typename... Values>
+  Listed<Row> List(SQLite::Database& db, const std::string& end, const Values&... values) const {
+    Statement query(db, absl::StrCat(select, end), values...);
+    Listed<Row> listed;
+    while (query.executeStep()) {
+      listed.last_id = query.getColumn(0).getInt64();
+      ++listed.found;
+      Row row;
+      const StoredRow from = Read(query, row);
+      if (from.ok()) {
+        listed.rows.push_back(std::move(row));
+      } else {
+        ReportLeftOut(*from.damage());
+        if (!listed.left_out) listed.left_out = from.damage();
+      }
+    }
+    return listed;
+  }
 
-// A column's value for people, for keys and errors.
-std::string Shown(const SQLite::Column& column);
+  // The first row, or its damage; `missing` if there is none.
+  template <typename... Values>
+  absl::StatusOr<Row> First(SQLite::Database& db, const absl::Status& missing, const std::string& end,
+                            const Values&... values) const {
+    Statement query(db, absl::StrCat(select, end), values...);
+    if (!query.executeStep()) return missing;
+    Row row;
+    const StoredRow from = Read(query, row);
+    if (!from.ok()) return from.status();
+    return row;
+  }
+};
 
 }  // namespace myograde::server

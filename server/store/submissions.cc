@@ -55,32 +55,30 @@ absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
                                    "that ends differently readmits it"));
 }
 
-constexpr char kSubmissionColumns[] =
+constexpr StoredRows<SubmissionRow> kSubmissions = {
+    "submission",
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
     "s.accepted_at, s.team_id, s.accepted_by, s.phase, s.extra_observations FROM submission AS s "
     "LEFT JOIN team AS o ON o.id = s.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
-    "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
-
-StoredRow FindSubmission(SQLite::Statement& select, SubmissionRow& submission) {
-  StoredRow row(select, "submission");
-  submission.id = row.Id(0);
-  submission.artefact = row.Hash(2);
-  submission.track = row.Text(4);
-  submission.profile = row.Text(5);
-  submission.config = row.Hash(6);
-  submission.seeds = row.Hash(7);
-  submission.ranked = row.Flag(8);
-  submission.accepted_at = row.Time(9);
-  submission.accepted_by = row.Text(11);
-  submission.phase = row.Text(12);
-  submission.extra_observations = row.Flag(13);
-  row.Joined("team", 10);
-  submission.team = row.Text(1);
-  row.Joined("artefact", 2);
-  submission.artefact_name = row.Text(3);
-  return row;
-}
+    "LEFT JOIN artefact AS a ON a.hash = s.artefact ",
+    [](StoredRow& row, SubmissionRow& submission) {
+      submission.id = row.Id(0);
+      submission.artefact = row.Hash(2);
+      submission.track = row.Text(4);
+      submission.profile = row.Text(5);
+      submission.config = row.Hash(6);
+      submission.seeds = row.Hash(7);
+      submission.ranked = row.Flag(8);
+      submission.accepted_at = row.Time(9);
+      submission.accepted_by = row.Text(11);
+      submission.phase = row.Text(12);
+      submission.extra_observations = row.Flag(13);
+      row.Joined("team", 10);
+      submission.team = row.Text(1);
+      row.Joined("artefact", 2);
+      submission.artefact_name = row.Text(3);
+    }};
 
 // Makes room for one more key of a caller.
 void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
@@ -93,26 +91,20 @@ void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
 }  // namespace
 
 absl::StatusOr<SubmissionRow> Submissions::Find(int64_t id) const {
-  return FirstOf<SubmissionRow>(
-      Statement(db_, absl::StrCat(kSubmissionColumns, "WHERE s.id = ?"), id), FindSubmission,
-      absl::NotFoundError(absl::StrCat("there is no submission ", id)));
+  return kSubmissions.First(db_, absl::NotFoundError(absl::StrCat("there is no submission ", id)),
+                            "WHERE s.id = ?", id);
 }
 
 Listed<SubmissionRow> Submissions::List(const SubmissionFilter& filter) const {
-  return ListOf<SubmissionRow>(
-      Statement(
-          db_,
-          absl::StrCat(kSubmissionColumns,
-                       "WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3)"
-                       " AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM "
-                       "evaluation AS e WHERE e.submission = s.id AND e.kind = 'original' AND "
-                       "e.state = ?5)) AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))"
-                       " AND (?8 = '' OR s.phase = ?8) ORDER BY s.id DESC LIMIT ?6"),
-          filter.before, filter.team, filter.track, filter.profile,
-          filter.state ? EvaluationStateName(*filter.state) : std::string(), filter.limit,
-          filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : std::string(),
-          filter.phase),
-      FindSubmission);
+  return kSubmissions.List(
+      db_, R"(WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3)
+      AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM evaluation AS e
+      WHERE e.submission = s.id AND e.kind = 'original' AND e.state = ?5))
+      AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))
+      AND (?8 = '' OR s.phase = ?8) ORDER BY s.id DESC LIMIT ?6)",
+      filter.before, filter.team, filter.track, filter.profile,
+      filter.state ? EvaluationStateName(*filter.state) : "", filter.limit,
+      filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : "", filter.phase);
 }
 
 std::vector<std::string> Submissions::HeldBack() const {

@@ -102,22 +102,26 @@ std::vector<std::string> ListMembers(SQLite::Database& db, int64_t team) {
       team);
 }
 
-constexpr char kTeamColumns[] =
+constexpr StoredRows<TeamRow> kTeams = {
+    "team",
     "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name FROM team AS t "
-    "LEFT JOIN team AS g ON g.id = t.merged_into ";
+    "LEFT JOIN team AS g ON g.id = t.merged_into ",
+    [](StoredRow& row, TeamRow& team) {
+      team.id = row.Id(0);
+      team.name = row.Text(1);
+      team.created_at = row.Time(2);
+      team.banned = row.Flag(3);
+      if (row.IsNull(4)) return;
+      row.Joined("team", 4);
+      team.merged_into = row.Text(5);
+    }};
 
-StoredRow ReadTeamRow(SQLite::Statement& select, TeamRow& team) {
-  StoredRow row(select, "team");
-  team.id = row.Id(0);
-  team.name = row.Text(1);
-  team.created_at = row.Time(2);
-  team.banned = row.Flag(3);
-  if (!select.isColumnNull(4)) {
-    row.Joined("team", 4);
-    team.merged_into = row.Text(5);
-  }
-  return row;
-}
+constexpr StoredRows<MemberRow> kMembers = {
+    "member", "SELECT m.id, m.person, m.at, m.who ", [](StoredRow& row, MemberRow& member) {
+      member.person = row.Text(1);
+      member.since = row.Time(2);
+      member.who = row.Text(3);
+    }};
 
 // By a team's id, the texts that the two columns of a query give; unreadable ones are left out.
 std::map<int64_t, std::vector<std::string>> TextsByTeam(SQLite::Database& db,
@@ -236,10 +240,8 @@ std::set<std::string> Teams::OfPerson(const std::string& person) const {
 }
 
 Listed<TeamRow> Teams::List(int64_t before, int64_t limit) const {
-  Listed<TeamRow> listed = ListOf<TeamRow>(
-      Statement(db_, absl::StrCat(kTeamColumns, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?"),
-                before, limit),
-      ReadTeamRow);
+  Listed<TeamRow> listed =
+      kTeams.List(db_, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?", before, limit);
   auto names = TextsByTeam(
       db_,
       "SELECT ifnull(t.merged_into, t.id), f.name FROM former_name AS f JOIN team AS t ON "
@@ -256,10 +258,8 @@ Listed<TeamRow> Teams::List(int64_t before, int64_t limit) const {
 
 absl::StatusOr<TeamRow> Teams::Find(const std::string& name) const {
   ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, name));
-  ASSIGN_OR_RETURN(
-      TeamRow team,
-      FirstOf<TeamRow>(Statement(db_, absl::StrCat(kTeamColumns, "WHERE t.id = ?"), found.id),
-                       ReadTeamRow, absl::NotFoundError(name)));
+  ASSIGN_OR_RETURN(TeamRow team,
+                   kTeams.First(db_, absl::NotFoundError(name), "WHERE t.id = ?", found.id));
   team.other_names =
       AllTexts(db_,
                absl::StrCat("SELECT name FROM former_name WHERE team_id IN ", RowsOfTeam(1),
@@ -270,18 +270,10 @@ absl::StatusOr<TeamRow> Teams::Find(const std::string& name) const {
 }
 
 Listed<MemberRow> Teams::Members(const std::string& team) const {
-  return ListOf<MemberRow>(
-      Statement(db_,
-                absl::StrCat("SELECT m.id, m.person, m.at, m.who ", kMemberships,
-                             "AND m.team_id IN ", RowsOfTeam(1), " ORDER BY m.person, m.id"),
-                KnownTeamId(db_, team)),
-      [](SQLite::Statement& read, MemberRow& member) {
-        StoredRow row(read, "member");
-        member.person = row.Text(1);
-        member.since = row.Time(2);
-        member.who = row.Text(3);
-        return row;
-      });
+  return kMembers.List(db_,
+                       absl::StrCat(kMemberships, "AND m.team_id IN ", RowsOfTeam(1),
+                                    " ORDER BY m.person, m.id"),
+                       KnownTeamId(db_, team));
 }
 
 std::vector<TeamEventRow> Teams::Events(const std::string& team) const {
