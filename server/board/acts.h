@@ -5,29 +5,25 @@
 //   {"at": "2026-11-22T19:20:38.000Z", "kind": "accepted", ...}
 //
 //   accepted   a ranked submission: "submission", "evaluation", "team", "team_id", "track",
-//   "profile",
-//              "phase", "config", and "artefact", which commits to the artefact's hash without
-//              telling it (ArtefactCommitment)
+//              "profile", "phase", "config", and "artefact", which commits to the artefact's hash
+//              without telling it (ArtefactCommitment)
 //   graded     how a ranked evaluation ended: "submission", "evaluation", "rejudge" and
-//   "repetition"
-//              (null: it is the original), "state", "results", "config", "seeds" and "grader". The
-//              state is "graded" for done and for failed ones, as that is a result, which boards
-//              may withhold; else "cancelled" or "grader_error", and "results" is null. "results"
-//              is the hash of all episodes' results, "grader" that of the build
+//              "repetition" (null: it is the original), "state", "results", "config", "seeds" and
+//              "grader". The state is "graded" for done and for failed ones, as that is a result,
+//              which boards may withhold; else "cancelled" or "grader_error", and "results" is null.
+//              "results" is the hash of all episodes' results, "grader" that of the build
 //   marked     "submission", "mark", "set", and "reason", if the board tells it
 //   chosen     "submission"
 //   team       "event", "team_id", "team" (its name afterwards), "into" (the id of the team that it
 //              was merged into)
 //   commitment "phase" and "commitment": to the secret that its seeds and their salt follow from;
-//   with
-//              "further": true, only the seeds of its further episodes do
+//              with "further": true, only the seeds of its further episodes do
 //   phase      "event" ("paused", "resumed", "published", "revealed"), "phase" (null: all
 //              submissions), and "secret" when it is revealed
 //   config     the config that a board has from now on: "phase", "track", "profile", "config",
 //              "rejudge"
 //   rejudge    "event", "rejudge", "document_sha256", "signature", and the document itself once it
-//   is
-//              applied
+//              is applied
 //   key        the key that signs receipts and heads from now on: "key" (PEM)
 //
 // No entry has a score, a seed, or anything of an artefact. Private keys: "failed" of graded; "why"

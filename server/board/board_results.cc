@@ -8,10 +8,11 @@
 namespace myograde::server {
 namespace {
 
-// The newest event of a rejudge before a moment; nullptr: none.
-const RejudgeEventRow* LastBefore(const RejudgeRow& rejudge, int64_t before_ms) {
-  for (auto event = rejudge.events.rbegin(); event != rejudge.events.rend(); ++event) {
-    if (event->at < before_ms) return &*event;
+// The newest of some rows before a moment; nullptr: none.
+template <typename Row>
+const Row* NewestBefore(const std::vector<Row>& rows, int64_t before_ms) {
+  for (auto row = rows.rbegin(); row != rows.rend(); ++row) {
+    if (row->at < before_ms) return &*row;
   }
   return nullptr;
 }
@@ -28,10 +29,10 @@ std::vector<int64_t> BoardState::AppliedTo(const std::string& config,
         id == moment.assumed_rejudge || id == moment.ignored_rejudge) {
       continue;
     }
-    const RejudgeEventRow* last = LastBefore(rejudge, moment.results_before_ms());
+    const RejudgeEventRow* last = NewestBefore(rejudge.events, moment.results_before_ms());
     if (last != nullptr && last->event == RejudgeEvent::kApplied) found.emplace_back(last->id, id);
   }
-  std::sort(found.begin(), found.end());
+  std::ranges::sort(found);
   std::vector<int64_t> rejudges;
   for (const auto& [act, rejudge] : found) rejudges.push_back(rejudge);
   const RejudgeRow* assumed = Rejudge(moment.assumed_rejudge);
@@ -82,11 +83,8 @@ bool BoardState::Withholds(const std::string& config, const BoardMoment& moment)
 
 std::set<int64_t> BoardState::Rejudged(const std::string& config, const BoardMoment& moment) const {
   std::set<int64_t> submissions;
-  for (const int64_t rejudge : AppliedTo(config, moment)) {
-    for (const BoardResult* result :
-         Ended(FindOrNone(rejudged_, rejudge), moment.results_before_ms())) {
-      submissions.insert(result->submission);
-    }
+  for (const BoardResult* result : Deciding(config, moment, moment.results_before_ms())) {
+    if (result->rejudge != 0) submissions.insert(result->submission);
   }
   return submissions;
 }
@@ -197,10 +195,7 @@ int64_t BoardState::ChangedAt(const std::string& config, const std::string& phas
 // --- configs ---
 
 std::string BoardState::ConfigAt(const BoardName& board, int64_t before_ms) const {
-  const std::vector<BoardConfigRow>& rows = ConfigsOf(board);
-  for (auto row = rows.rbegin(); row != rows.rend(); ++row) {
-    if (row->at < before_ms) return row->config;
-  }
+  if (const BoardConfigRow* row = NewestBefore(ConfigsOf(board), before_ms)) return row->config;
   const AcceptedSubmission* found = nullptr;
   for (const auto& [id, submission] : submissions_) {
     if (submission.board != board) continue;
@@ -252,8 +247,8 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const 
     other.teams = std::ssize(teams);
     if (other.submissions > 0) others.push_back(std::move(other));
   }
-  std::sort(others.begin(), others.end(), [](const OtherConfig& a, const OtherConfig& b) {
-    return std::tie(a.first_at, a.config) < std::tie(b.first_at, b.config);
+  std::ranges::sort(others, {}, [](const OtherConfig& other) {
+    return std::tie(other.first_at, other.config);
   });
   return others;
 }

@@ -49,8 +49,7 @@ bool TouchesBoards(const Act& act) {
 }  // namespace
 
 bool PhaseHistory::Has(const char* event) const {
-  return std::any_of(events.begin(), events.end(),
-                     [&](const PhaseEventRow& row) { return row.event == event; });
+  return std::ranges::find(events, event, &PhaseEventRow::event) != events.end();
 }
 
 const PhaseEventRow* PhaseHistory::Newest(const std::string& one, const std::string& other) const {
@@ -262,8 +261,7 @@ std::vector<TeamEventRow> BoardState::TeamEvents(int64_t team) const {
       events.push_back(std::move(event));
     }
   }
-  std::sort(events.begin(), events.end(),
-            [](const TeamEventRow& a, const TeamEventRow& b) { return a.id < b.id; });
+  std::ranges::sort(events, {}, &TeamEventRow::id);
   return events;
 }
 
@@ -277,15 +275,13 @@ std::vector<PhaseEventRow> BoardState::PhaseEvents(const std::optional<std::stri
     if (phase.has_value() && !name.empty() && name != *phase) continue;
     events.insert(events.end(), history.events.begin(), history.events.end());
   }
-  std::sort(events.begin(), events.end(),
-            [](const PhaseEventRow& a, const PhaseEventRow& b) { return a.id < b.id; });
+  std::ranges::sort(events, {}, &PhaseEventRow::id);
   return events;
 }
 
 bool BoardState::HasCommitted(const std::string& phase) const {
   const std::vector<PhaseCommitment>& all = Phase(phase).commitments;
-  return std::any_of(all.begin(), all.end(),
-                     [](const PhaseCommitment& commitment) { return !commitment.further; });
+  return std::ranges::find(all, false, &PhaseCommitment::further) != all.end();
 }
 
 const RejudgeRow* BoardState::Rejudge(int64_t id) const {
@@ -295,9 +291,7 @@ const RejudgeRow* BoardState::Rejudge(int64_t id) const {
 
 bool BoardState::WasApplied(int64_t rejudge) const {
   const std::vector<RejudgeEventRow>& events = FindOrNone(rejudges_, rejudge).events;
-  return std::any_of(events.begin(), events.end(), [](const RejudgeEventRow& event) {
-    return event.event == RejudgeEvent::kApplied;
-  });
+  return std::ranges::find(events, RejudgeEvent::kApplied, &RejudgeEventRow::event) != events.end();
 }
 
 RejudgeVisibility BoardState::ComputeVisibility(int64_t id) const {
