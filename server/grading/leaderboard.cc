@@ -23,14 +23,12 @@ using Json = nlohmann::json;
 
 constexpr size_t kBuildDigits = 12;
 
-// Everything that may stand on a board, sorted by its marks. Points into the standings that it was
-// built from.
+// Everything that may have a row on a board, sorted by its marks. Points into the standings that it
+// was built from.
 struct Sorted {
   std::vector<BoardEntry> ranked;
   std::vector<BoardEntry> baselines;  // each as a team of its own
   std::map<int64_t, const StandingRow*> sources;
-  std::vector<DisqualifiedRow> disqualified;
-  std::vector<Damage> damaged;
 };
 
 BoardEntry EntryOf(const StandingRow& row) {
@@ -57,7 +55,8 @@ std::optional<Json> AggregateOf(const StandingRow& row, std::vector<Damage>& dam
   return std::nullopt;
 }
 
-Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
+// What is disqualified goes to the board itself.
+Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks, Leaderboard& board) {
   Sorted sorted;
   static const std::map<std::string, MarkRow> kNone;
   for (const StandingRow& row : standings) {
@@ -65,8 +64,8 @@ Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
     const auto& own = found == marks.end() ? kNone : found->second;
     if (own.contains(kHidden)) continue;
     if (const auto mark = own.find(kDisqualified); mark != own.end()) {
-      std::optional<Json> aggregate = AggregateOf(row, sorted.damaged);
-      if (aggregate) sorted.disqualified.push_back({row, *std::move(aggregate), mark->second});
+      std::optional<Json> aggregate = AggregateOf(row, board.damaged);
+      if (aggregate) board.disqualified.push_back({row, *std::move(aggregate), mark->second});
       continue;
     }
     BoardEntry entry = EntryOf(row);
@@ -110,7 +109,8 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
 
 absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const BoardRules& rules, TeamRule team) {
-  Sorted sorted = Sort(standings, marks);
+  Leaderboard board;
+  const Sorted sorted = Sort(standings, marks, board);
   ASSIGN_OR_RETURN(const std::vector<RankedEntry> ranked,
                    scoring::Rank(sorted.ranked, rules, team));
   // By place, then by acceptance, so that baselines at the same place have a fixed order.
@@ -122,8 +122,6 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
   std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
     return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
   });
-  Leaderboard board{.rows = {}, .disqualified = std::move(sorted.disqualified),
-              .damaged = std::move(sorted.damaged)};
   auto next = baselines.begin();
   for (size_t i = 0; i <= ranked.size(); ++i) {
     for (; next != baselines.end() && next->first == i; ++next) {
@@ -165,11 +163,10 @@ absl::StatusOr<const LeaderboardRow*> FindRow(const Leaderboard& board, const st
   for (const LeaderboardRow& row : board.rows) {
     if (is_number && row.source.submission == id) return &row;
   }
-  for (const LeaderboardRow& row : board.rows) {  // a baseline's team may have a ranked row as well
-    if (row.source.team == name && row.ranked.rank != 0) return &row;
-  }
-  for (const LeaderboardRow& row : board.rows) {
-    if (row.source.team == name) return &row;
+  for (const bool ranked : {true, false}) {  // a baseline's team may have a ranked row as well
+    for (const LeaderboardRow& row : board.rows) {
+      if (row.source.team == name && (row.ranked.rank != 0) == ranked) return &row;
+    }
   }
   if (is_number) {
     return absl::NotFoundError(absl::StrCat("submission ", id, " is not on this board: ",

@@ -11,6 +11,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 #include "protocol/tracks/registry.h"
+#include "server/base/json_value.h"
 #include "server/proof/merkle_tree.h"
 #include "server/store/damage.h"
 #include "server/store/differences.h"
@@ -27,9 +28,8 @@ constexpr std::string_view kTimeMetric = "time_s";
 Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
 
 std::optional<double> Optional(const Json& json, std::string_view key) {
-  const auto it = json.find(key);
-  if (it == json.end() || !it->is_number()) return std::nullopt;
-  return it->get<double>();
+  const Json& value = At(json, key);
+  return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
 }
 
 Json MeanOrNull(const scoring::Mean& mean) { return mean.count == 0 ? Json() : Json(mean.value); }
@@ -79,47 +79,30 @@ absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& fac
   return row;
 }
 
-namespace {
-
-// A judgement, as far as the row's metrics text gives it.
-absl::StatusOr<scoring::Judgement> KeptJudgement(const scoring::ScoredTrack& track,
-                                                 const EpisodeRow& row) {
-  const Json json = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
-  scoring::Judgement judgement;
-  judgement.outcome = row.outcome;
-  judgement.reason = row.reason;
-  bool readable = json.is_object();
-  for (const scoring::Metric& metric : track.metrics) {
-    const bool kept = readable && metric.source == Source::kJudged;
-    judgement.metrics.push_back(kept ? Optional(json, metric.name) : std::nullopt);
-    // Every episode has a time.
-    if (kept && metric.name == kTimeMetric) readable = judgement.metrics.back().has_value();
-  }
-  if (readable) return judgement;
-  return DamagedRow({"episode", absl::StrCat(row.evaluation, "/", row.index),
-                     "its \"metrics_json\" has no time"});
-}
-
-}  // namespace
-
 absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track,
                                                const EpisodeRow& row) {
-  absl::StatusOr<scoring::Judgement> judgement = KeptJudgement(track, row);
-  if (!judgement.ok()) return judgement;
-  // The part that is always recomputed from the facts: metrics are part of what results are
-  // compared by, so they stay as first written.
+  // Metrics are part of what results are compared by, so they stay as first written; others are
+  // always computed from the facts.
+  const Json kept = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
+  if (!Optional(kept, kTimeMetric).has_value()) {
+    return DamagedRow({"episode", absl::StrCat(row.evaluation, "/", row.index),
+                       "its \"metrics_json\" has no time"});
+  }
   const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-  const std::optional<double> steps = facts.is_object() ? Optional(facts, "steps") : std::nullopt;
+  const std::optional<double> steps = Optional(facts, "steps");
   if (!steps.has_value()) {
     return absl::DataLossError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
                                             row.evaluation, " can't be read"));
   }
-  judgement->steps = static_cast<int64_t>(*steps);
-  const auto part = facts.find(track.name);
-  for (size_t i = 0; i < track.metrics.size(); ++i) {
-    if (track.metrics[i].source != Source::kFacts) continue;
-    if (part == facts.end() || !part->is_object()) continue;
-    judgement->metrics[i] = Optional(*part, track.metrics[i].of);
+  scoring::Judgement judgement;
+  judgement.outcome = row.outcome;
+  judgement.reason = row.reason;
+  judgement.steps = static_cast<int64_t>(*steps);
+  for (const scoring::Metric& metric : track.metrics) {
+    judgement.metrics.push_back(
+        metric.source == Source::kJudged  ? Optional(kept, metric.name)
+        : metric.source == Source::kFacts ? Optional(At(facts, track.name), metric.of)
+                                          : std::nullopt);
   }
   return judgement;
 }
@@ -224,25 +207,20 @@ std::string ComputeMerkleRoot(const std::vector<EpisodeRow>& rows, const std::st
 nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt) {
   Json entry = Json::parse(CanonicalResult(row, seed_salt));
   const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-  const bool object = facts.is_object();
-  entry["actions_digest"] = object ? facts.value("actions_digest", Json()) : Json();
-  entry["log"] = object && facts.contains("log") ? facts["log"].value("sha256", Json()) : Json();
+  entry["actions_digest"] = At(facts, "actions_digest");
+  entry["log"] = At(At(facts, "log"), "sha256");
   return entry;
 }
 
 void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last, Json& use) {
   std::map<std::string, double> rest;
   for (const char* key : {"policy_cpu_s", "wall_s"}) {
-    if (const Json total = use.value(key, Json()); total.is_number())
-      rest[key] = total.get<double>();
+    if (const std::optional<double> total = Optional(use, key)) rest[key] = *total;
   }
   for (const EpisodeRow& row : rows) {
     if (row.index < first || row.index > last) continue;
     const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-    if (!facts.is_object()) continue;
-    for (auto& [key, left] : rest) {
-      if (const Json part = facts.value(key, Json()); part.is_number()) left -= part.get<double>();
-    }
+    for (auto& [key, left] : rest) left -= Optional(facts, key).value_or(0);
   }
   for (const auto& [key, left] : rest) {
     use[key == "wall_s" ? "startup_wall_s" : "startup_cpu_s"] = std::max(left, 0.0);
