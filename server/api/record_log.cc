@@ -1,6 +1,5 @@
 #include "server/api/record_log.h"
 
-#include <algorithm>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -10,7 +9,6 @@
 namespace myograde::server {
 namespace {
 
-constexpr int64_t kRowsAtOnce = 10'000;
 constexpr size_t kMostDamage = 10;
 
 absl::Status OutOfRange(const char* name, int64_t value, int64_t least, int64_t most) {
@@ -32,16 +30,7 @@ void RecordLog::Add(const RecordRow* row) {
 }
 
 void RecordLog::Follow(const Transaction& reader) {
-  const int64_t size = reader.journal.RecordSize();
-  while (tree_.size() < size) {
-    const int64_t end = std::min(size, tree_.size() + kRowsAtOnce);
-    const Listed<RecordRow> listed = reader.journal.Record(tree_.size(), end - tree_.size());
-    for (const RecordRow& row : listed.rows) {
-      while (tree_.size() < row.index && tree_.size() < size) Add(nullptr);
-      Add(&row);
-    }
-    while (tree_.size() < end) Add(nullptr);
-  }
+  reader.journal.ForEachEntry(tree_.size(), [&](const RecordRow* row) { Add(row); });
 }
 
 std::vector<Damage> RecordLog::Damaged(const Transaction& reader) {
@@ -58,7 +47,7 @@ absl::StatusOr<RecordHead> RecordLog::Head(const Transaction& reader) {
   head.root = tree_.Root(head.size);
   if (head.size == 0) return head;
   const Listed<RecordRow> last = reader.journal.Record(head.size - 1, 1);
-  if (last.left_out) return DamagedRow(*last.left_out);
+  if (!last.damaged.empty()) return DamagedRow(last.damaged.front());
   if (!last.rows.empty()) head.chain = last.rows.front().chain;
   return head;
 }
@@ -70,7 +59,7 @@ absl::StatusOr<EntryProof> RecordLog::Prove(const Transaction& reader, int64_t e
   if (entry < 0 || entry >= whole) return OutOfRange("entry", entry, 0, whole - 1);
   if (size <= entry || size > whole) return OutOfRange("size", size, entry + 1, whole);
   const Listed<RecordRow> row = reader.journal.Record(entry, 1);
-  if (row.left_out) return DamagedRow(*row.left_out);
+  if (!row.damaged.empty()) return DamagedRow(row.damaged.front());
   if (row.rows.empty() || row.rows.front().index != entry) {
     return DamagedRow({"record", absl::StrCat(entry), "it is gone"});
   }

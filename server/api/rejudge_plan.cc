@@ -1,6 +1,5 @@
 #include "server/api/rejudge_plan.h"
 
-#include <algorithm>
 #include <memory>
 #include <set>
 #include <utility>
@@ -121,24 +120,20 @@ absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
   return request;
 }
 
-absl::StatusOr<ApplyRequest> ParseApply(const Json& body) {
+absl::StatusOr<RejudgeAct> ParseApply(const Json& body) {
   ConfigReader reader(body, "request");
-  ApplyRequest request;
-  request.reason = ReadReason(reader);
+  RejudgeAct act{.why = ReadReason(reader)};
   if (reader.Has("without")) {
     for (const Json& id : reader.Array("without")) {
       if (id.is_number_integer() && id >= 1 && id <= kMostId) {
-        request.without.push_back(id.get<int64_t>());
+        act.without.push_back(id.get<int64_t>());
       } else {
         reader.Fail("without", "must list numbers of submissions");
       }
     }
   }
   RETURN_IF_ERROR(reader.Finish());
-  std::sort(request.without.begin(), request.without.end());
-  const auto twice = std::unique(request.without.begin(), request.without.end());
-  request.without.erase(twice, request.without.end());
-  return request;
+  return act;
 }
 
 absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,

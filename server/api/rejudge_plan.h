@@ -28,12 +28,8 @@ struct RejudgeRequest {
 // InvalidArgumentError names the key and says what is allowed.
 absl::StatusOr<RejudgeRequest> ParseRejudge(const nlohmann::json& body);
 
-// The body of POST /v1/rejudges/ID/apply.
-struct ApplyRequest {
-  std::string reason;
-  std::vector<int64_t> without;
-};
-absl::StatusOr<ApplyRequest> ParseApply(const nlohmann::json& body);
+// The reason and the submissions without result of the body of POST /v1/rejudges/ID/apply.
+absl::StatusOr<RejudgeAct> ParseApply(const nlohmann::json& body);
 
 // What a board is played and judged by now.
 absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,

@@ -22,6 +22,10 @@
 #include "server/grading/results.h"
 
 namespace myograde::server {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RejudgePlan, submissions, facts, play, without_files)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DifferentEpisode, index, repetition, differs)
+
 namespace {
 
 Json SummaryOf(const RejudgeRow& rejudge, const RejudgeProgress& progress) {
@@ -110,19 +114,10 @@ Json CompareBoards(const Leaderboard& before, const Leaderboard& after, int64_t&
 }
 
 // Before and after the moment of its application, or of now.
-struct RejudgeMoments {
-  BoardMoment before;
-  BoardMoment after;
-};
-
-RejudgeMoments MomentsOf(const RejudgeRow& rejudge) {
-  RejudgeMoments moments;
-  moments.after.assumed_rejudge = rejudge.id;
-  if (rejudge.last() == RejudgeEvent::kApplied) {
-    moments.before.before_ms = rejudge.events.back().at;
-    moments.after.before_ms = rejudge.events.back().at + 1;
-  }
-  return moments;
+std::pair<BoardMoment, BoardMoment> MomentsOf(const RejudgeRow& rejudge) {
+  if (rejudge.last() != RejudgeEvent::kApplied) return {{}, {.assumed_rejudge = rejudge.id}};
+  const int64_t at = rejudge.events.back().at;
+  return {{.before_ms = at}, {.before_ms = at + 1, .assumed_rejudge = rejudge.id}};
 }
 
 absl::StatusOr<Leaderboard> BoardOrEmpty(const Transaction& reader, const Track& track,
@@ -132,10 +127,11 @@ absl::StatusOr<Leaderboard> BoardOrEmpty(const Transaction& reader, const Track&
 }
 
 absl::StatusOr<Json> BoardChanges(const Transaction& reader, const Track& from, const Track& to,
-                                  const std::string& name, const RejudgeMoments& moments,
+                                  const std::string& name,
+                                  const std::pair<BoardMoment, BoardMoment>& moments,
                                   std::vector<Damage>& damaged) {
-  ASSIGN_OR_RETURN(const Leaderboard before, BoardOrEmpty(reader, from, name, moments.before));
-  ASSIGN_OR_RETURN(const Leaderboard after, BoardOrEmpty(reader, to, name, moments.after));
+  ASSIGN_OR_RETURN(const Leaderboard before, BoardOrEmpty(reader, from, name, moments.first));
+  ASSIGN_OR_RETURN(const Leaderboard after, BoardOrEmpty(reader, to, name, moments.second));
   damaged.insert(damaged.end(), after.damaged.begin(), after.damaged.end());
   int64_t moved = 0;
   Json rows = CompareBoards(before, after, moved);
@@ -153,15 +149,9 @@ absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t reju
   ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.rejudges.ListUnrepeatable(rejudge));
   Json list = Json::array();
   for (const Unrepeatable& one : found) {
-    Json episodes = Json::array();
-    for (const Unrepeatable::Episode& episode : one.episodes) {
-      episodes.push_back({{"index", episode.index},
-                          {"repetition", episode.repetition},
-                          {"differs", episode.differs}});
-    }
     list.push_back({{"submission", one.submission},
                     {"team", TeamToJson(reader, one.submission)},
-                    {"episodes", std::move(episodes)}});
+                    {"episodes", one.episodes}});
   }
   return list;
 }
@@ -187,7 +177,7 @@ absl::Status AddRejudgeChanges(const Transaction& reader, const RejudgeRow& reju
   if (rejudge.purpose == RejudgePurpose::kRules) {
     ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
     ASSIGN_OR_RETURN(const TrackPtr to, StoredTrack(reader, rejudge.to_config));
-    const RejudgeMoments moments = MomentsOf(rejudge);
+    const auto moments = MomentsOf(rejudge);
     auto names = from->scoring.boards;
     names.insert(to->scoring.boards.begin(), to->scoring.boards.end());
     for (const auto& [name, board] : names) {
@@ -200,13 +190,6 @@ absl::Status AddRejudgeChanges(const Transaction& reader, const RejudgeRow& reju
 }
 
 std::string RejudgeName(int64_t id) { return absl::StrCat("rejudge ", id); }
-
-Json PlanToJson(const RejudgePlan& plan) {
-  return {{"submissions", plan.submissions},
-          {"facts", plan.facts},
-          {"play", plan.play},
-          {"without_files", plan.without_files}};
-}
 
 ApiResult ListRejudges(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
@@ -239,39 +222,37 @@ ApiResult GetRejudge(const ApiContext&, const Transaction& reader, const Request
 
 // The rejudge as it is now, with `more` keys.
 ApiResult ShowRejudge(const ApiContext& context, int64_t id, int http, Json more) {
-  ASSIGN_OR_RETURN(
-      Json body, context.readers.Read<Json>([&](const Transaction& reader) -> absl::StatusOr<Json> {
-        ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
-        return WholeRejudgeToJson(reader, row);
-      }));
+  ASSIGN_OR_RETURN(Json body,
+                   ReadStore(context, [&](const Transaction& reader) -> absl::StatusOr<Json> {
+                     ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
+                     return WholeRejudgeToJson(reader, row);
+                   }));
   body.update(more);
   return ApiAnswer{http, std::move(body)};
 }
 
 ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& body) {
   ASSIGN_OR_RETURN(const RejudgeRequest asked, ParseRejudge(body));
-  ASSIGN_OR_RETURN(const NewRejudge rejudge,
-                   context.readers.Read<NewRejudge>([&](const Transaction& reader) {
-                     return MakeRejudge(reader, context, asked);
-                   }));
+  ASSIGN_OR_RETURN(const NewRejudge rejudge, ReadStore(context, [&](const Transaction& reader) {
+    return MakeRejudge(reader, context, asked);
+  }));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   ASSIGN_OR_RETURN(
       const CreatedRejudge created,
       context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
   const int64_t id = created.rejudge.id;
   NoteAct(RejudgeName(id), "created");
-  return ShowRejudge(context, id, 201, {{"plan", PlanToJson(created.plan)}});
+  return ShowRejudge(context, id, 201, {{"plan", created.plan}});
 }
 
 // The hash of the config in force on its board.
 absl::StatusOr<std::string> ConfigInForce(const ApiContext& context, int64_t id) {
-  return context.readers.Read<std::string>(
-      [&](const Transaction& reader) -> absl::StatusOr<std::string> {
-        ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
-        ASSIGN_OR_RETURN(const TrackPtr live,
-                         TrackInForce(reader, context, row.phase, row.track, row.profile));
-        return live->config.hash;
-      });
+  return ReadStore(context, [&](const Transaction& reader) -> absl::StatusOr<std::string> {
+    ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
+    ASSIGN_OR_RETURN(const TrackPtr live,
+                     TrackInForce(reader, context, row.phase, row.track, row.profile));
+    return live->config.hash;
+  });
 }
 
 // Has the daemon play and show the board's new config once an act is written.
@@ -291,27 +272,28 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
 }
 
 // Applies or drops a rejudge.
-ApiResult ActOnRejudge(const ApiContext& context, int64_t id, ApplyRequest asked, bool apply) {
-  ASSIGN_OR_RETURN(std::string in_force, ConfigInForce(context, id));
+ApiResult ActOnRejudge(const ApiContext& context, RejudgeAct act, bool apply) {
+  ASSIGN_OR_RETURN(act.in_force, ConfigInForce(context, act.rejudge));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
-  const RejudgeAct what{id, std::move(asked.reason), std::move(asked.without), std::move(in_force)};
   ASSIGN_OR_RETURN(const RejudgeDone done,
-                   context.engine.EndRejudge(apply, what, sign, CallerKey(),
+                   context.engine.EndRejudge(apply, act, sign, CallerKey(),
                                              context.config.http.request, PlayFromNowOn(context)));
-  NoteAct(RejudgeName(id), apply ? "applied" : "dropped");
+  NoteAct(RejudgeName(act.rejudge), apply ? "applied" : "dropped");
   Json more = {{"config_before", done.config_before}, {"config_after", done.config_after}};
   if (!apply) more["accepted_under_to_config"] = done.stay;
-  return ShowRejudge(context, id, 200, std::move(more));
+  return ShowRejudge(context, act.rejudge, 200, std::move(more));
 }
 
 ApiResult ApplyRejudge(const ApiContext& context, const Request& request, const Json& body) {
-  ASSIGN_OR_RETURN(ApplyRequest asked, ParseApply(body));
-  return ActOnRejudge(context, ReadId(request), std::move(asked), /*apply=*/true);
+  ASSIGN_OR_RETURN(RejudgeAct act, ParseApply(body));
+  act.rejudge = ReadId(request);
+  return ActOnRejudge(context, std::move(act), /*apply=*/true);
 }
 
 ApiResult DropRejudge(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(std::string reason, ParseReason(body));
-  return ActOnRejudge(context, ReadId(request), {std::move(reason), {}}, /*apply=*/false);
+  return ActOnRejudge(context, {.rejudge = ReadId(request), .why = std::move(reason)},
+                      /*apply=*/false);
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ std::string AbsolutePath(ConfigReader& reader, const char* key) {
 }
 
 void ReadEvents(ConfigReader& reader, WebhookConfig& webhook) {
-  const std::vector<std::string> known(WebhookEvents().begin(), WebhookEvents().end());
+  const std::vector<std::string> known(std::begin(kWebhookEvents), std::end(kWebhookEvents));
   for (const nlohmann::json& entry : reader.Array("events")) {
     const std::string event = entry.is_string() ? entry.get<std::string>() : "";
     if (std::find(known.begin(), known.end(), event) == known.end()) {

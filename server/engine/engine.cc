@@ -43,10 +43,10 @@ absl::StatusOr<std::vector<NewRejudgeItem>> ListItems(const Transaction& reader,
   ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(rejudge.to_config_json, "the new config"));
   ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(json, "the new config"));
   for (const RejudgeCandidate& candidate : reader.rejudges.CandidatesFor(rejudge)) {
-    ASSIGN_OR_RETURN(NewRejudgeItem item,
-                     ItemToPlay(reader, candidate, rejudge.grader_json, rejudge.seed_count,
-                                config.episodes_per_lease, data_dir));
-    items.push_back(std::move(item));
+    ASSIGN_OR_RETURN(std::string impossible, WhyNotPlayed(reader, candidate.submission, data_dir));
+    items.push_back({candidate, RejudgeMethod::kPlay, rejudge.grader_json,
+                     SplitIntoBlocks(rejudge.seed_count, config.episodes_per_lease),
+                     std::move(impossible)});
   }
   return items;
 }
@@ -57,7 +57,7 @@ using EvaluationIds = std::vector<int64_t>;
 absl::Status AddItem(Transaction& writer, const NewRejudgeItem& item, const std::string& who,
                      EvaluationIds& to_queue) {
   ASSIGN_OR_RETURN(const Accepted added, writer.rejudges.AddItem(item, who));
-  if (added.is_new() && item.impossible.empty()) to_queue.push_back(added.evaluation);
+  if (!added.leases.empty()) to_queue.push_back(added.evaluation);
   return absl::OkStatus();
 }
 
@@ -243,7 +243,11 @@ absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string&
         return writer.submissions.Once(who, rerun.request_key, [&]() -> absl::StatusOr<Accepted> {
           RETURN_IF_ERROR(HasArtefactFiles(core_.options().data_dir, rerun.artefact));
           RETURN_IF_ERROR(writer.submissions.CheckReruns(rerun.submission, who, organiser, limits));
-          return writer.evaluations.AddRerun(rerun, who);
+          return writer.evaluations.Add({.submission = rerun.submission,
+                                         .kind = EvaluationKind::kRerun,
+                                         .grader_json = rerun.grader_json,
+                                         .blocks = rerun.blocks},
+                                        who);
         });
       },
       timeout);
@@ -317,28 +321,20 @@ absl::StatusOr<RejudgeDone> Engine::EndRejudge(bool apply, const RejudgeAct& act
 }
 
 absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
-    std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play, absl::Duration timeout) {
+    std::vector<NewRejudgeItem> items, absl::Duration timeout) {
   using Statuses = std::vector<absl::Status>;
   const auto to_queue = std::make_shared<EvaluationIds>();
   return Change<Statuses>(
-      [=, judged = std::move(judged), to_play = std::move(to_play)](
-          Transaction& writer) -> absl::StatusOr<Statuses> {
+      [=, items = std::move(items)](Transaction& writer) -> absl::StatusOr<Statuses> {
         Statuses statuses;
         to_queue->clear();
         absl::Status passing;
-        const auto part = [&](const StoreChange& change) {
-          statuses.push_back(writer.Part(change));
+        for (const NewRejudgeItem& item : items) {
+          statuses.push_back(writer.Part(
+              [&](Transaction& part) { return AddItem(part, item, kRejudger, *to_queue); }));
           if (MayPass(statuses.back()) || IsBrokenStore(statuses.back())) {
             passing.Update(statuses.back());
           }
-        };
-        for (const JudgedItem& item : judged) {
-          part([&](Transaction& one) {
-            return one.rejudges.AddJudgedItem(item, kRejudger).status();
-          });
-        }
-        for (const NewRejudgeItem& item : to_play) {
-          part([&](Transaction& one) { return AddItem(one, item, kRejudger, *to_queue); });
         }
         RETURN_IF_ERROR(passing);
         return statuses;

@@ -121,10 +121,9 @@ class Engine {
                                          const SignDocument& sign, const std::string& who,
                                          absl::Duration timeout, AfterRejudge after = nullptr);
   // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
-  // each became, the judged ones first.
-  absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(
-      std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play,
-      absl::Duration timeout);
+  // each became.
+  absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(std::vector<NewRejudgeItem> items,
+                                                            absl::Duration timeout);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook EstimateOutlook(int64_t evaluation) const { return core_.EstimateOutlook(evaluation); }

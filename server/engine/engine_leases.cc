@@ -164,8 +164,8 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
                          /*participant_fault=*/!played);
   AddToJournal(run.context->evaluation.id,
                [row = *std::move(row)](Transaction& writer) -> absl::Status {
-                 ASSIGN_OR_RETURN(Recorded recorded, writer.episodes.Record(row));
-                 if (!recorded.differs.empty()) {
+                 ASSIGN_OR_RETURN(const auto differs, writer.episodes.Record(row));
+                 if (!differs.empty()) {
                    const LogScope about(
                        {.evaluation = row.evaluation, .lease = row.lease, .attempt = row.attempt});
                    spdlog::warn(

@@ -106,7 +106,7 @@ absl::Status EngineCore::EnqueueDeferred() {
 absl::Status EngineCore::Recover() {
   CloseSlots(0, options_.config.scheduler.slots);
   RETURN_IF_ERROR(RecallDrained());
-  UnfinishedRows unfinished;
+  Listed<EvaluationRow> unfinished;
   std::map<int64_t, absl::Status> interrupted;  // evaluations with leases that are returned
   RETURN_IF_ERROR(disk_.Write([&](Transaction& writer) {
     unfinished = writer.evaluations.Unfinished();

@@ -132,29 +132,22 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
     }
     ++plan.play;
     if (candidate.repetition != 1) continue;
-    const absl::StatusOr<SubmissionRow> submission = reader.submissions.Find(candidate.submission);
-    if (ExtractDamage(submission.status()).has_value()) continue;
-    if (!submission.ok()) return submission.status();
-    if (!HasArtefactFiles(data_dir, submission->artefact).ok()) {
-      without_files.insert(candidate.submission);
-    }
+    const absl::StatusOr<std::string> why = WhyNotPlayed(reader, candidate.submission, data_dir);
+    if (ExtractDamage(why.status()).has_value()) continue;
+    if (!why.ok()) return why.status();
+    if (!why->empty()) without_files.insert(candidate.submission);
   }
   plan.submissions = std::ssize(submissions);
   plan.without_files.assign(without_files.begin(), without_files.end());
   return plan;
 }
 
-absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader,
-                                          const RejudgeCandidate& candidate,
-                                          const std::string& grader_json, int64_t count,
-                                          int64_t per_lease, const std::string& data_dir) {
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(candidate.submission));
-  NewRejudgeItem item = {candidate, RejudgeMethod::kPlay, grader_json, SplitIntoBlocks(count, per_lease)};
-  if (!HasArtefactFiles(data_dir, submission.artefact).ok()) {
-    item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
-                                   submission.artefact, " are no longer on this host");
-  }
-  return item;
+absl::StatusOr<std::string> WhyNotPlayed(const Transaction& reader, int64_t submission,
+                                         const std::string& data_dir) {
+  ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(submission));
+  if (HasArtefactFiles(data_dir, row.artefact).ok()) return "";
+  return absl::StrCat("it can't be played again: the files of artefact ", row.artefact,
+                      " are no longer on this host");
 }
 
 }  // namespace myograde::server

@@ -49,11 +49,8 @@ RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts
 absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir);
 
-// The item of a submission to play, of `count` episodes in leases of `per_lease`; impossible if the
-// files of its artefact are not in `data_dir`.
-absl::StatusOr<NewRejudgeItem> ItemToPlay(const Transaction& reader,
-                                          const RejudgeCandidate& candidate,
-                                          const std::string& grader_json, int64_t count,
-                                          int64_t per_lease, const std::string& data_dir);
+// Why a submission can't be played, as the files of its artefact are not in `data_dir`; "": it can.
+absl::StatusOr<std::string> WhyNotPlayed(const Transaction& reader, int64_t submission,
+                                         const std::string& data_dir);
 
 }  // namespace myograde::server

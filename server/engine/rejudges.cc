@@ -26,8 +26,9 @@ absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
 
 // Computes an item from the facts of its source: pure but for reading. InternalError if the facts
 // can't be judged; a damaged row (store/damage.h).
-absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeCandidate& candidate,
-                                     const Track& track, const std::vector<uint64_t>& seeds) {
+absl::StatusOr<NewRejudgeItem> JudgeAnew(const Transaction& reader,
+                                         const RejudgeCandidate& candidate, const Track& track,
+                                         const std::vector<uint64_t>& seeds) {
   ASSIGN_OR_RETURN(const EvaluationRow source, reader.evaluations.Find(candidate.source));
   if (source.last >= std::ssize(seeds)) {
     return absl::InternalError(absl::StrCat("evaluation ", source.id,
@@ -48,7 +49,10 @@ absl::StatusOr<JudgedItem> JudgeAnew(const Transaction& reader, const RejudgeCan
     row.metrics_json = std::move(judged->metrics_json);
   }
   ASSIGN_OR_RETURN(EvaluationResult result, ComputeResult(track, rows));
-  return JudgedItem{candidate, std::move(result), std::move(rows)};
+  NewRejudgeItem item{candidate, RejudgeMethod::kFacts};
+  item.judged = std::move(result);
+  item.episodes = std::move(rows);
+  return item;
 }
 
 }  // namespace
@@ -115,58 +119,51 @@ absl::StatusOr<Rejudger::Work> Rejudger::FindWork(const Transaction& reader, Rej
 
 absl::Status Rejudger::Carry(const Work& work) {
   const Json today = options_.grader();
-  Batch batch;
+  Items items;
+  int64_t rows = 0;  // that adding them writes
   for (const RejudgeCandidate& candidate : work.missing) {
     if (stop_.stop_requested()) return absl::OkStatus();
-    RETURN_IF_ERROR(readers_.Read(
-        [&](const Transaction& reader) { return Add(reader, work, candidate, today, batch); }));
-    if (batch.rows >= kRowsAtOnce) RETURN_IF_ERROR(Write(std::exchange(batch, {})));
+    ASSIGN_OR_RETURN(NewRejudgeItem item,
+                     readers_.Read<NewRejudgeItem>([&](const Transaction& reader) {
+                       return ItemOf(reader, work, candidate, today);
+                     }));
+    rows += std::ssize(item.episodes) + 2 * std::ssize(item.blocks);
+    items.push_back(std::move(item));
+    if (rows < kRowsAtOnce) continue;
+    RETURN_IF_ERROR(Write(std::exchange(items, {})));
+    rows = 0;
   }
-  return Write(std::move(batch));
+  return items.empty() ? absl::OkStatus() : Write(std::move(items));
 }
 
-absl::Status Rejudger::Add(const Transaction& reader, const Work& work,
-                           const RejudgeCandidate& candidate, const Json& today, Batch& batch) {
+absl::StatusOr<NewRejudgeItem> Rejudger::ItemOf(const Transaction& reader, const Work& work,
+                                                const RejudgeCandidate& candidate,
+                                                const Json& today) {
+  NewRejudgeItem item{candidate, RejudgeMethod::kPlay, CanonicalJson(today),
+                      SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease)};
   const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
   absl::Status why_not = source.status();
-  RejudgeMethod method = RejudgeMethod::kPlay;
   if (source.ok()) {
-    method = ChooseMethod(work.rejudge.method, work.rejudge.repeats, work.same_facts,
-                      ParsedText(source->grader_json), today);
+    item.method = ChooseMethod(work.rejudge.method, work.rejudge.repeats, work.same_facts,
+                           ParsedText(source->grader_json), today);
   }
-  if (source.ok() && method == RejudgeMethod::kFacts) {
-    absl::StatusOr<JudgedItem> judged =
-        JudgeAnew(reader, candidate, *work.track, *work.seeds);
-    if (judged.ok()) {
-      batch.rows += std::ssize(judged->episodes);
-      batch.judged.push_back(*std::move(judged));
-      return absl::OkStatus();
-    }
+  if (source.ok() && item.method == RejudgeMethod::kFacts) {
+    absl::StatusOr<NewRejudgeItem> judged = JudgeAnew(reader, candidate, *work.track, *work.seeds);
+    if (judged.ok()) return judged;
     why_not = judged.status();
   }
-  const int64_t per_lease = work.track->config.episodes_per_lease;
-  absl::StatusOr<NewRejudgeItem> item =
-      ItemToPlay(reader, candidate, CanonicalJson(today), std::ssize(*work.seeds), per_lease,
-                 options_.data_dir);
-  why_not.Update(item.status());
+  const absl::StatusOr<std::string> impossible =
+      WhyNotPlayed(reader, candidate.submission, options_.data_dir);
+  why_not.Update(impossible.status());
   if (MayPass(why_not) || IsBrokenStore(why_not)) return why_not;
-  if (!item.ok()) {
-    item = NewRejudgeItem{candidate, RejudgeMethod::kPlay, CanonicalJson(today),
-                          SplitIntoBlocks(std::ssize(*work.seeds), per_lease)};
-  }
-  item->method = method;
   // One that can't be read is without a result, and holds up no other.
-  if (!why_not.ok()) item->impossible = std::string(why_not.message());
-  batch.rows += 2 * std::ssize(item->blocks);
-  batch.to_play.push_back(*std::move(item));
-  return absl::OkStatus();
+  item.impossible = why_not.ok() ? *impossible : std::string(why_not.message());
+  return item;
 }
 
-absl::Status Rejudger::Write(Batch batch) {
-  if (batch.judged.empty() && batch.to_play.empty()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(
-      const std::vector<absl::Status> statuses,
-      engine_.AddRejudgeItems(std::move(batch.judged), std::move(batch.to_play), kWrite));
+absl::Status Rejudger::Write(Items items) {
+  ASSIGN_OR_RETURN(const std::vector<absl::Status> statuses,
+                   engine_.AddRejudgeItems(std::move(items), kWrite));
   for (const absl::Status& status : statuses) {
     // One that was dropped meanwhile takes no more items.
     if (!status.ok()) spdlog::warn("can't add an item: {}", std::string(status.message()));

@@ -39,12 +39,7 @@ class Rejudger {
     SeedsPtr seeds;
     bool same_facts = false;
   };
-  // Items to add together.
-  struct Batch {
-    std::vector<JudgedItem> judged;
-    std::vector<NewRejudgeItem> to_play;
-    int64_t rows = 0;  // that adding them writes
-  };
+  using Items = std::vector<NewRejudgeItem>;
 
   void Loop();
   // An error: something has to be tried again.
@@ -52,10 +47,10 @@ class Rejudger {
   absl::StatusOr<std::vector<Work>> OpenWork();
   absl::StatusOr<Work> FindWork(const Transaction& reader, RejudgeRow rejudge);
   absl::Status Carry(const Work& work);
-  // Adds the candidate's item to the batch.
-  absl::Status Add(const Transaction& reader, const Work& work, const RejudgeCandidate& candidate,
-                   const nlohmann::json& today, Batch& batch);
-  absl::Status Write(Batch batch);
+  absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const Work& work,
+                                        const RejudgeCandidate& candidate,
+                                        const nlohmann::json& today);
+  absl::Status Write(Items items);
 
   const RejudgerOptions options_;
   Engine& engine_;

@@ -32,7 +32,7 @@ absl::StatusOr<SubmissionRow> FindSubmission(const Transaction& reader,
 // Whether a list left nothing out.
 template <typename Row>
 absl::Status StatusOfList(const Listed<Row>& list) {
-  return list.left_out ? DamagedRow(*list.left_out) : absl::OkStatus();
+  return list.damaged.empty() ? absl::OkStatus() : DamagedRow(list.damaged.front());
 }
 
 // An evaluation with all that belongs to it.

@@ -3,11 +3,10 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/status_macros.h"
+#include "server/store/callers.h"
 #include "server/store/quota.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
-#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -35,10 +34,10 @@ bool CountDenial(SQLite::Database& db, const AccessEventRow& event, int64_t now_
 }
 
 bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
-  return FirstNumber(db, R"(SELECT count(*) FROM (SELECT 1
+  return FirstValue<int64_t>(db, R"(SELECT count(*) FROM (SELECT 1
       FROM access_event WHERE kind = 'denied' AND at BETWEEN ?1 AND ?1 + ?2 - 1 LIMIT ?3))",
-                     now_ms / kMsOfADay * kMsOfADay, kMsOfADay,
-                     kMostDenialsOfADay) == kMostDenialsOfADay;
+                             now_ms / kMsOfADay * kMsOfADay, kMsOfADay,
+                             kMostDenialsOfADay) == kMostDenialsOfADay;
 }
 
 constexpr int64_t kMinuteMs = 60 * 1000;
@@ -149,8 +148,7 @@ absl::StatusOr<TokenRow> Callers::TokenByHash(const std::string& sha256) const {
 }
 
 absl::StatusOr<TokenRow> Callers::Token(int64_t id) const {
-  return kTokens.First(db_, absl::NotFoundError(absl::StrCat("there is no token ", id)),
-                       "WHERE k.id = ?", id);
+  return kTokens.First(db_, NoSuch("token", id), "WHERE k.id = ?", id);
 }
 
 Listed<TokenRow> Callers::Tokens(int64_t before, int64_t limit) const {

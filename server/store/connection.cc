@@ -7,6 +7,7 @@
 #include <SQLiteCpp/Backup.h>
 #include <absl/cleanup/cleanup.h>
 #include <absl/strings/match.h>
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
@@ -49,20 +50,23 @@ bool IsAboutARow(const std::string& finding) {
          absl::StartsWith(finding, "CHECK constraint failed in ");
 }
 
-constexpr char kQuickCheck[] = "PRAGMA quick_check(1000)";
+// What is wrong with the file itself; "": nothing. What is wrong with rows is passed to `damaged`.
+std::string QuickCheck(SQLite::Database& db,
+                       const std::function<void(const std::string& what)>& damaged) {
+  for (const std::string& found : AllValues<std::string>(db, "PRAGMA quick_check(1000)")) {
+    if (found == "ok") continue;
+    if (!IsAboutARow(found)) return found;
+    damaged(found);
+  }
+  return "";
+}
 
 // What an earlier start, a disk or a person left in the rows of a store that is opened: each row
 // that its table would refuse, or that names one which is not there, is passed to `damaged`.
 absl::Status CheckRows(SQLite::Database& db, const std::string& path,
                        const std::function<void(const std::string& what)>& damaged) {
-  SQLite::Statement check(db, kQuickCheck);
-  while (check.executeStep()) {
-    const std::string found = check.getColumn(0).getString();
-    if (found != "ok" && !IsAboutARow(found)) {
-      return CorruptStore(
-          absl::StrCat(path, ": is damaged (", found, "); restore it from a backup"));
-    }
-    if (found != "ok") damaged(found);
+  if (const std::string found = QuickCheck(db, damaged); !found.empty()) {
+    return CorruptStore(absl::StrCat(path, ": is damaged (", found, "); restore it from a backup"));
   }
   SQLite::Statement keys(
       db, "SELECT \"table\", rowid, parent FROM pragma_foreign_key_check LIMIT 1000");
@@ -177,7 +181,12 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::stri
 }
 
 std::string Meta(SQLite::Database& db, const std::string& key) {
-  return FirstText(db, "SELECT CAST(value AS TEXT) FROM meta WHERE key = ?", key);
+  return FirstValue<std::string>(db, "SELECT CAST(value AS TEXT) FROM meta WHERE key = ?", key);
+}
+
+int64_t MetaNumber(SQLite::Database& db, const std::string& key) {
+  int64_t number = 0;
+  return absl::SimpleAtoi(Meta(db, key), &number) ? number : 0;
 }
 
 void SetMeta(SQLite::Database& db, const std::string& key, const std::string& value) {
@@ -206,17 +215,10 @@ absl::Status CopyDatabase(SQLite::Database& source, const std::string& name,
   // The copy is a single file: it needs no write-ahead log.
   copy.exec("PRAGMA journal_mode = DELETE");
   // An unreadable row is copied as it is.
-  SQLite::Statement check(copy, kQuickCheck);
-  while (check.executeStep()) {
-    const std::string found = check.getColumn(0).getString();
-    if (found == "ok") continue;
-    if (!IsAboutARow(found)) {
-      return absl::DataLossError(
-          absl::StrCat(name, ": is damaged (", found, "); the backup was not kept"));
-    }
-    damaged(found);
-  }
-  return absl::OkStatus();
+  const std::string found = QuickCheck(copy, damaged);
+  if (found.empty()) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat(name, ": is damaged (", found, "); the backup was not kept"));
 }
 
 }  // namespace myograde::server

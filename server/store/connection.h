@@ -42,6 +42,7 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::stri
 
 // A value of the table meta, as text; "" if it is missing. These throw SQLite's exceptions.
 std::string Meta(SQLite::Database& db, const std::string& key);
+int64_t MetaNumber(SQLite::Database& db, const std::string& key);  // 0 if it is none
 void SetMeta(SQLite::Database& db, const std::string& key, const std::string& value);
 
 // Copies the database that `source` (of the file `name`) has open to the file `path`, in one read

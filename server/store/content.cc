@@ -100,6 +100,10 @@ absl::Status CheckText(SQLite::Database& db, const char* table, const char* colu
 
 }  // namespace
 
+absl::Status UnknownArtefact(const std::string& hash) {
+  return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
+}
+
 absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
   return Run(db_, "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
              artefact.hash, artefact.name, CanonicalJson(artefact.command),
@@ -217,7 +221,8 @@ std::set<std::string> Episodes::PracticeLogs() const {
 }
 
 std::vector<std::string> Content::Hashes(const std::string& table) const {
-  return AllTexts(db_, absl::StrCat("SELECT hash FROM \"", table, "\" ORDER BY hash"));
+  return AllValues<std::string>(
+      db_, absl::StrCat("SELECT hash FROM \"", table, "\" ORDER BY hash"));
 }
 
 absl::StatusOr<bool> Content::Remove(const std::string& kind, const std::string& name,
@@ -267,7 +272,7 @@ bool Content::TeamHoldsArtefact(const std::string& hash, const std::string& team
     return true;
   }
   // By name, as a new team has no row before its first submission.
-  const std::vector<std::string> names = AllTexts(
+  const std::vector<std::string> names = AllValues<std::string>(
       db_, "SELECT DISTINCT team FROM artefact_holder WHERE artefact = ? AND team != ''", hash);
   return std::any_of(names.begin(), names.end(), [&](const std::string& name) {
     return Teams(context_).NameOf(name) == Teams(context_).NameOf(team);
@@ -276,19 +281,18 @@ bool Content::TeamHoldsArtefact(const std::string& hash, const std::string& team
 
 std::set<std::string> Episodes::TeamsOfLog(const std::string& sha256) const {
   std::set<std::string> teams;
-  for (const std::string& name : AllTexts(db_,
-                                          absl::StrCat("SELECT DISTINCT t.name ", kEpisodesOf,
-                                                       "JOIN team AS t ON t.id = s.team_id "
-                                                       "AND typeof(t.name) = 'text' WHERE (",
-                                                       kLogOfEpisode, ") = ?"),
-                                          sha256)) {
+  const std::string sql = absl::StrCat("SELECT DISTINCT t.name ", kEpisodesOf,
+                                       "JOIN team AS t ON t.id = s.team_id "
+                                       "AND typeof(t.name) = 'text' WHERE (",
+                                       kLogOfEpisode, ") = ?");
+  for (const std::string& name : AllValues<std::string>(db_, sql, sha256)) {
     teams.insert(Teams(context_).NameOf(name));
   }
   return teams;
 }
 
 std::set<std::string> Episodes::PhasesOfLog(const std::string& sha256) const {
-  const std::vector<std::string> phases = AllTexts(
+  const std::vector<std::string> phases = AllValues<std::string>(
       db_, absl::StrCat("SELECT DISTINCT s.phase ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?"),
       sha256);
   return {phases.begin(), phases.end()};

@@ -18,6 +18,9 @@ namespace myograde::server {
 inline constexpr char kUploadKind[] = "upload";
 inline constexpr char kPracticeLogKind[] = "practice log";
 
+// NotFoundError: the store has no artefact of this hash, as far as whoever asks is to know.
+absl::Status UnknownArtefact(const std::string& hash);
+
 // What is found by its hash: artefacts, configs and seed lists, and who uploaded what.
 class Content : StorePart {
  public:

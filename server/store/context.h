@@ -1,4 +1,5 @@
-// What all parts of a transaction share, and the journal that they write. Internal to the store.
+// What all parts of a transaction share, and the journal that they write (journal.cc). Internal to
+// the store.
 #pragma once
 
 #include <cstdint>
@@ -21,6 +22,9 @@ class Database;
 namespace myograde::server {
 
 struct Subscription;
+
+// NotFoundError: "there is no evaluation 7".
+absl::Status NoSuch(const char* what, int64_t id);
 
 struct NewAct {
   std::string kind;

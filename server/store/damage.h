@@ -48,7 +48,7 @@ struct Listed {
   std::vector<Row> rows;
   int64_t found = 0;    // with those that can't be read
   int64_t last_id = 0;  // of all these, if they have one
-  std::optional<Damage> left_out = {};  // the first of those that can't be read
+  std::vector<Damage> damaged = {};  // those that can't be read
 };
 
 }  // namespace myograde::server

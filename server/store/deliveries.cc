@@ -1,7 +1,5 @@
 #include "server/store/deliveries.h"
 
-#include <array>
-
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -9,9 +7,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
-#include "server/store/connection.h"
 #include "server/store/stored_row.h"
-#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -19,10 +15,6 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr size_t kEventIdBytes = 16;
-
-constexpr std::array<std::string_view, 9> kWebhookEvents = {
-    kFinishedEvent,   kFailedEvent,      kCancelledEvent, kGraderErrorEvent,   kPauseEvent,
-    kResumeEvent,     kHostPausedEvent,  kHostResumedEvent, kSelfTestFailedEvent};
 
 constexpr StoredRows<DeliveryRow> kDeliveries = {
     "delivery",
@@ -39,17 +31,9 @@ constexpr StoredRows<DeliveryRow> kDeliveries = {
       delivery.detail = row.Text(8);
     }};
 
-const char* EventOf(EvaluationState state) {
-  switch (state) {
-    case EvaluationState::kDone: return kFinishedEvent;
-    case EvaluationState::kFailed: return kFailedEvent;
-    case EvaluationState::kCancelled: return kCancelledEvent;
-    case EvaluationState::kGraderError: return kGraderErrorEvent;
-    case EvaluationState::kQueued:
-    case EvaluationState::kRunning: break;
-  }
-  return "";
-}
+// Of evaluations that ended, by their state.
+constexpr const char* kEndEvents[] = {"",           "",              kFinishedEvent,
+                                      kFailedEvent, kCancelledEvent, kGraderErrorEvent};
 
 // What the owner of the submission knows anyway, and neither a number nor a word of its result: a
 // phase may withhold those.
@@ -72,8 +56,6 @@ Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationSt
 }
 
 }  // namespace
-
-std::span<const std::string_view> WebhookEvents() { return kWebhookEvents; }
 
 absl::Status Deliveries::Tell(const std::string& event, const std::string& about_json) {
   if (context_.subscriptions == nullptr) return absl::OkStatus();
@@ -101,7 +83,8 @@ void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
         ON t.id = ifnull(o.merged_into, o.id) WHERE e.id = ? AND e.kind = 'original')",
                      evaluation);
     if (!select.executeStep()) return absl::OkStatus();
-    return Tell(EventOf(state), CanonicalJson(AboutSubmission(select, evaluation, state)));
+    return Tell(kEndEvents[static_cast<size_t>(state)],
+                CanonicalJson(AboutSubmission(select, evaluation, state)));
   });
 }
 
@@ -130,9 +113,9 @@ absl::StatusOr<DeliveryRow> Deliveries::Next(const std::string& webhook) const {
 }
 
 int64_t Deliveries::NextId(const std::string& webhook) const {
-  return FirstNumber(db_, R"(SELECT id
+  return FirstValue<int64_t>(db_, R"(SELECT id
       FROM delivery WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1)",
-                     webhook);
+                             webhook);
 }
 
 Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before,

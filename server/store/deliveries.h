@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <set>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,8 +29,9 @@ inline constexpr char kSelfTestFailedEvent[] = "self_test.failed";
 // Only "myograde webhook test" sends it.
 inline constexpr char kTestEvent[] = "test";
 
-// All but the last.
-std::span<const std::string_view> WebhookEvents();
+inline constexpr std::string_view kWebhookEvents[] = {  // all but the last
+    kFinishedEvent, kFailedEvent,     kCancelledEvent,   kGraderErrorEvent,   kPauseEvent,
+    kResumeEvent,   kHostPausedEvent, kHostResumedEvent, kSelfTestFailedEvent};
 
 // A webhook, and what it wants to be told.
 struct Subscription {

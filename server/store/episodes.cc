@@ -6,7 +6,6 @@
 #include <cstring>
 #include <utility>
 
-#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <nlohmann/json.hpp>
@@ -71,10 +70,24 @@ std::vector<double> NumbersIn(StoredRow& row, int column) {
   std::vector<double> numbers(bytes.size() / 8);
   if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
   const bool any_infinite =
-      std::any_of(numbers.begin(), numbers.end(), [](double number) { return std::isinf(number); });
+      std::ranges::any_of(numbers, [](double number) { return std::isinf(number); });
   if (bytes.size() % 8 != 0 || any_infinite) row.Fail(column, "numbers belong there");
   return numbers;
 }
+
+// By evaluation.
+constexpr StoredRows<std::pair<int64_t, Standing>> kStandings = {
+    "standing",
+    "SELECT evaluation, aggregate_json, successes, episodes, names, numbers FROM standing ",
+    [](StoredRow& row, std::pair<int64_t, Standing>& standing) {
+      auto& [evaluation, read] = standing;
+      evaluation = row.Id(0);
+      read.aggregate_json = row.Text(1);
+      read.ranked.successes = row.Number(2, 0, kMany);
+      read.ranked.episodes = row.Number(3, 0, kMany);
+      read.ranked.names = row.Text(4);
+      read.ranked.numbers = NumbersIn(row, 5);
+    }};
 
 }  // namespace
 
@@ -102,7 +115,7 @@ absl::StatusOr<std::map<int64_t, std::string>> Episodes::Details(int64_t evaluat
   return std::map<int64_t, std::string>(details.begin(), details.end());
 }
 
-absl::StatusOr<Recorded> Episodes::Record(const EpisodeRow& row) {
+absl::StatusOr<std::vector<std::string>> Episodes::Record(const EpisodeRow& row) {
   ASSIGN_OR_RETURN(const LeaseRow lease, Leases(context_).Find(row.lease));
   if (lease.state != LeaseState::kRunning || lease.attempt != row.attempt) {
     return Leases::Refused("given an episode", lease,
@@ -120,7 +133,7 @@ absl::StatusOr<Recorded> Episodes::Record(const EpisodeRow& row) {
     Quotas(context_).ChargeFirstEpisode(
         row.evaluation,
         absl::StrCat("episode ", row.index, " ended as ", std::string(OutcomeName(row.outcome))));
-    return Recorded{.counted = true, .differs = {}};
+    return std::vector<std::string>();
   }
 
   Statement select(db_, R"(SELECT outcome, reason, facts_json, metrics_json
@@ -134,13 +147,13 @@ absl::StatusOr<Recorded> Episodes::Record(const EpisodeRow& row) {
   kept.facts_json = there.Object(2);
   kept.metrics_json = there.Object(3);
   if (!there.ok()) return there.status();
-  Recorded recorded{.counted = false, .differs = DifferencesBetween(kept, row)};
-  if (recorded.differs.empty()) return recorded;
+  const std::vector<std::string> differs = DifferencesBetween(kept, row);
+  if (differs.empty()) return differs;
   Run(db_, R"(INSERT INTO replay (evaluation, idx, attempt, differs_json, facts_json, recorded_at)
       VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx, attempt) DO NOTHING)",
-      row.evaluation, row.index, row.attempt, CanonicalJson(nlohmann::json(recorded.differs)),
+      row.evaluation, row.index, row.attempt, CanonicalJson(nlohmann::json(differs)),
       row.facts_json, now_ms_);
-  return recorded;
+  return differs;
 }
 
 absl::Status Episodes::SetStanding(int64_t evaluation, const Standing& standing) {
@@ -159,27 +172,13 @@ absl::Status Episodes::DropStandings() {
   return absl::OkStatus();
 }
 
-int64_t Episodes::TimesDropped() const {
-  int64_t times = 0;
-  return absl::SimpleAtoi(Meta(db_, kTimesDropped), &times) ? times : 0;
-}
+int64_t Episodes::TimesDropped() const { return MetaNumber(db_, kTimesDropped); }
 
 std::map<int64_t, Standing> Episodes::Standings(const std::vector<int64_t>& evaluations) const {
-  Statement select(db_, R"(SELECT evaluation, aggregate_json, successes, episodes, names, numbers
-      FROM standing WHERE evaluation IN (SELECT value FROM json_each(?)))",
-                   absl::StrCat("[", absl::StrJoin(evaluations, ","), "]"));
-  std::map<int64_t, Standing> standings;
-  while (select.executeStep()) {
-    StoredRow row(select, "standing");
-    Standing read;
-    read.aggregate_json = row.Text(1);
-    read.ranked.successes = row.Number(2, 0, kMany);
-    read.ranked.episodes = row.Number(3, 0, kMany);
-    read.ranked.names = row.Text(4);
-    read.ranked.numbers = NumbersIn(row, 5);
-    if (row.ok()) standings.emplace(row.Id(0), std::move(read));
-  }
-  return standings;
+  const auto rows =
+      kStandings.List(db_, "WHERE evaluation IN (SELECT value FROM json_each(?))",
+                      absl::StrCat("[", absl::StrJoin(evaluations, ","), "]")).rows;
+  return {rows.begin(), rows.end()};
 }
 
 }  // namespace myograde::server

@@ -23,12 +23,6 @@ struct LoggedEpisode {
   uint64_t seed = 0;
 };
 
-// The result of recording an episode.
-struct Recorded {
-  bool counted = false;              // false: a row was already there, and stays
-  std::vector<std::string> differs;  // if not counted: in what the new row differs
-};
-
 // Episodes, their logs, and what evaluations are ranked by.
 class Episodes : StorePart {
  public:
@@ -53,8 +47,8 @@ class Episodes : StorePart {
   std::map<int64_t, Standing> Standings(const std::vector<int64_t>& evaluations) const;
   // The text of the JSON object with an episode's details, by index, of those that have some.
   absl::StatusOr<std::map<int64_t, std::string>> Details(int64_t evaluation) const;
-  // Keeps an existing row; if the new one differs, records in what.
-  absl::StatusOr<Recorded> Record(const EpisodeRow& row);
+  // Keeps an existing row; if the new one differs, records and returns in what.
+  absl::StatusOr<std::vector<std::string>> Record(const EpisodeRow& row);
   // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();

@@ -80,8 +80,7 @@ constexpr StoredRows<TransitionRow> kTransitions = {
 }  // namespace
 
 absl::StatusOr<EvaluationRow> Evaluations::Find(int64_t id) const {
-  return kEvaluations.First(db_, absl::NotFoundError(absl::StrCat("there is no evaluation ", id)),
-                            "WHERE e.id = ?", id);
+  return kEvaluations.First(db_, NoSuch("evaluation", id), "WHERE e.id = ?", id);
 }
 
 absl::StatusOr<std::vector<EvaluationRow>> Evaluations::Of(int64_t submission) const {
@@ -103,36 +102,15 @@ absl::StatusOr<EvaluationRow> Evaluations::Original(int64_t submission) const {
   return std::move(rows.front());
 }
 
-UnfinishedRows Evaluations::Unfinished() const {
+Listed<EvaluationRow> Evaluations::Unfinished() const {
   // Anything not in a final state has not ended, including rows with an invalid state.
-  Statement select(db_, absl::StrCat(kEvaluations.select,
-                                     "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
-                                     "'failed', 'cancelled', 'grader_error')) IS NOT TRUE "
-                                     "ORDER BY e.id"));
-  UnfinishedRows found;
-  while (select.executeStep()) {
-    EvaluationRow row;
-    const StoredRow read = kEvaluations.Read(select, row);
-    if (read.ok()) {
-      found.rows.push_back(std::move(row));
-    } else {
-      found.damaged.push_back(*read.damage());
-    }
-  }
-  return found;
+  return kEvaluations.List(db_, R"(WHERE e.finished_at IS NULL
+      OR (e.state IN ('done', 'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY e.id)");
 }
 
 absl::StatusOr<std::vector<TransitionRow>> Evaluations::Transitions(const std::string& entity,
                                                                     int64_t id) const {
   return kTransitions.All(db_, "WHERE entity = ? AND entity_id = ? ORDER BY id", entity, id);
-}
-
-absl::StatusOr<Accepted> Evaluations::AddRerun(const NewRerun& rerun, const std::string& who) {
-  return Add({.submission = rerun.submission,
-              .kind = EvaluationKind::kRerun,
-              .grader_json = rerun.grader_json,
-              .blocks = rerun.blocks},
-             who);
 }
 
 absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std::string& who) {
@@ -162,9 +140,7 @@ absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std:
 
 absl::Status Evaluations::Note(int64_t evaluation, const std::string& who, const std::string& why) {
   Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no evaluation ", evaluation));
-  }
+  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
   const std::string state = select.getColumn(0).getString();
   return Audit("evaluation", evaluation, state, state, who, why);
 }
@@ -174,9 +150,7 @@ absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const s
   Statement select(db_, R"(SELECT state, (SELECT count(*) FROM lease
       WHERE evaluation = e.id AND finished_at IS NULL) FROM evaluation AS e WHERE id = ?)",
                    evaluation);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no evaluation ", evaluation));
-  }
+  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
   StoredRow row(select, "evaluation", absl::StrCat(evaluation));
   const EvaluationState before = row.Named(0, ParseEvaluationState);
   if (!row.ok()) return row.status();
@@ -228,15 +202,16 @@ void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
 
 std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {
   const char* kinds = reruns ? "('original', 'rerun')" : "('original')";
-  return AllNumbers(db_,
-                    absl::StrCat("SELECT id FROM evaluation WHERE submission = ?1 AND kind IN ",
-                                 kinds, " AND finished_at IS NULL ORDER BY id"),
-                    submission);
+  return AllValues<int64_t>(
+      db_,
+      absl::StrCat("SELECT id FROM evaluation WHERE submission = ?1 AND kind IN ", kinds,
+                   " AND finished_at IS NULL ORDER BY id"),
+      submission);
 }
 
 absl::Status Evaluations::EndWithLeases(int64_t evaluation, EvaluationState state,
                                         const std::string& why, const std::string& who) {
-  for (const int64_t lease : AllNumbers(db_, kOpenLeases, evaluation)) {
+  for (const int64_t lease : AllValues<int64_t>(db_, kOpenLeases, evaluation)) {
     RETURN_IF_ERROR(Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why));
   }
   return End(evaluation, state, why, "", who);
@@ -248,9 +223,7 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
       Part([&] { return EndWithLeases(evaluation, EvaluationState::kGraderError, why, who); });
   if (whole.ok()) return whole;
   Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no evaluation ", evaluation));
-  }
+  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
   StoredRow row(select, "evaluation", absl::StrCat(evaluation));
   const std::string before(EvaluationStateName(row.Named(0, ParseEvaluationState)));
   select.reset();
@@ -261,7 +234,7 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
       return absl::OkStatus();
     });
   };
-  for (const int64_t lease : AllNumbers(db_, kOpenLeases, evaluation)) {
+  for (const int64_t lease : AllValues<int64_t>(db_, kOpenLeases, evaluation)) {
     const absl::Status ended = Part([&] {
       return Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why);
     });
@@ -287,26 +260,26 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
 }
 
 std::vector<int64_t> Evaluations::Done(bool without_standing) const {
-  return AllNumbers(db_, R"(SELECT e.id
+  return AllValues<int64_t>(db_, R"(SELECT e.id
       FROM evaluation AS e LEFT JOIN standing AS v ON v.evaluation = e.id WHERE e.state = 'done'
       AND e.kind != 'rerun' AND (NOT ?1 OR v.evaluation IS NULL) ORDER BY e.id)",
-                    without_standing);
+                            without_standing);
 }
 
 std::vector<std::string> Evaluations::ListGraders(const std::vector<int64_t>& evaluations) const {
   std::vector<std::string> graders;
   for (const int64_t evaluation : evaluations) {
     graders.push_back(
-        FirstText(db_, "SELECT grader_json FROM evaluation WHERE id = ?", evaluation));
+        FirstValue<std::string>(db_, "SELECT grader_json FROM evaluation WHERE id = ?", evaluation));
   }
   return graders;
 }
 
 absl::StatusOr<std::string> Evaluations::TeamOf(int64_t id) const {
   const int64_t submission =
-      FirstNumber(db_, "SELECT submission FROM evaluation WHERE id = ?", id);
+      FirstValue<int64_t>(db_, "SELECT submission FROM evaluation WHERE id = ?", id);
   if (submission != 0) return Submissions(context_).TeamOf(submission);
-  return absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
+  return NoSuch("evaluation", id);
 }
 
 std::vector<EndedEvaluation> Evaluations::DoneSince(int64_t after_ms, int64_t limit) const {
@@ -319,7 +292,7 @@ std::vector<EndedEvaluation> Evaluations::DoneSince(int64_t after_ms, int64_t li
 }
 
 int64_t Evaluations::LastEnd() const {
-  return FirstNumber(db_, "SELECT max(finished_at) FROM evaluation");
+  return FirstValue<int64_t>(db_, "SELECT max(finished_at) FROM evaluation");
 }
 
 }  // namespace myograde::server

@@ -16,11 +16,6 @@
 
 namespace myograde::server {
 
-struct UnfinishedRows {
-  std::vector<EvaluationRow> rows;
-  std::vector<Damage> damaged;  // keyed by id
-};
-
 struct EndedEvaluation {
   int64_t evaluation = 0;
   int64_t finished_at = 0;
@@ -50,7 +45,7 @@ class Evaluations : StorePart {
   absl::StatusOr<std::vector<EvaluationRow>> Of(int64_t submission) const;
   absl::StatusOr<EvaluationRow> Original(int64_t submission) const;
   // Every evaluation that has not ended, oldest first.
-  UnfinishedRows Unfinished() const;
+  Listed<EvaluationRow> Unfinished() const;
   absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity,
                                                          int64_t id) const;
   absl::StatusOr<std::string> TeamOf(int64_t id) const;
@@ -64,7 +59,6 @@ class Evaluations : StorePart {
   absl::StatusOr<std::vector<EvaluationRow>> OfRejudge(int64_t rejudge) const;
   // The builds that evaluations are of, as stored; "" for one that is missing.
   std::vector<std::string> ListGraders(const std::vector<int64_t>& evaluations) const;
-  absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
   // Adds an audit row for an evaluation without changing its state.
   absl::Status Note(int64_t evaluation, const std::string& who, const std::string& why);
   // queued or running -> a final state. FailedPreconditionError while any of its leases has not

@@ -25,6 +25,20 @@ constexpr StoredRows<RecordRow> kEntries = {
       record.chain = row.Hash(2);
     }};
 
+Act ActOf(SQLite::Statement& row) {
+  Act act;
+  act.id = row.getColumn(0).getInt64();
+  act.at = row.getColumn(1).getInt64();
+  act.kind = row.getColumn(2).getString();
+  act.who = row.getColumn(3).getString();
+  act.content = Json::parse(row.getColumn(4).getString(), nullptr, /*allow_exceptions=*/false);
+  if (row.isColumnNull(5)) return act;
+  act.entry = row.getColumn(5).getInt64();
+  const Json entry = Json::parse(row.getColumn(6).getString(), nullptr, /*allow_exceptions=*/false);
+  if (act.content.is_object() && entry.is_object()) act.content.update(entry);
+  return act;
+}
+
 }  // namespace
 
 std::string ExtendChain(std::string_view before, std::string_view entry_json) {
@@ -42,12 +56,57 @@ std::string ChainMistake(const std::string& before, const RecordRow* entry) {
          "the daemon's back";
 }
 
+void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act) {
+  if (!act.is_public) {
+    Json beside = act.content;
+    beside.update(act.beside);
+    Run(db, R"(INSERT INTO journal (at, kind, who, evaluation, private_json)
+        VALUES (?, ?, ?, nullif(?, 0), ?))",
+        now_ms, act.kind, act.who, act.evaluation, CanonicalJson(beside));
+    return;
+  }
+  Statement last(db, R"(SELECT entry + 1, chain
+      FROM journal WHERE entry BETWEEN 0 AND 1 << 40 ORDER BY entry DESC LIMIT 1)");
+  const bool any = last.executeStep();
+  Json entry = act.content;
+  entry["kind"] = act.kind;
+  entry["at"] = TimeText(now_ms);
+  const std::string text = CanonicalJson(entry);
+  const std::string chain = ExtendChain(any ? last.getColumn(1).getString() : "", text);
+  Run(db, R"(INSERT INTO journal (at, kind, who, evaluation, private_json, entry, entry_json, chain)
+      VALUES (?, ?, ?, nullif(?, 0), ?, ?, ?, ?))",
+      now_ms, act.kind, act.who, act.evaluation, CanonicalJson(act.beside),
+      any ? last.getColumn(0).getInt64() : 0, text, chain);
+}
+
+void CatchUp(SQLite::Database& db, BoardState& state) {
+  Statement select(db, R"(SELECT id, at, kind, who, private_json, entry, entry_json
+      FROM journal WHERE id > ? ORDER BY id)",
+                   state.last());
+  while (select.executeStep()) (void)state.Add(ActOf(select));
+}
+
+std::shared_ptr<const BoardState> BoardFold::Follow(SQLite::Database& db) {
+  const int64_t last = FirstValue<int64_t>(db, "SELECT max(id) FROM journal");
+  const MutexLock lock(mutex_);
+  if (state_ != nullptr && state_->last() == last) return state_;
+  // Another connection may have seen more.
+  const bool behind = state_ != nullptr && state_->last() > last;
+  auto state = behind || state_ == nullptr ? std::make_shared<BoardState>()
+                                           : std::make_shared<BoardState>(*state_);
+  CatchUp(db, *state);
+  if (!behind) state_ = state;
+  return state;
+}
+
+void ForgetRolledBack(SQLite::Database& db, BoardState& board) {
+  if (board.last() > FirstValue<int64_t>(db, "SELECT max(id) FROM journal")) board = BoardState();
+}
+
 absl::StatusOr<bool> Journal::Mark(int64_t submission, const std::string& mark, bool set,
                                    const std::string& who, const std::string& why) {
   Statement select(db_, "SELECT ranked FROM submission WHERE id = ?", submission);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
-  }
+  if (!select.executeStep()) return NoSuch("submission", submission);
   const std::vector<MarkRow>& history = Board().MarkHistory(submission);
   const auto last = std::find_if(history.rbegin(), history.rend(),
                                  [&](const MarkRow& row) { return row.mark == mark; });
@@ -70,9 +129,7 @@ absl::StatusOr<bool> Journal::Choose(int64_t submission, const std::string& who)
   Statement select(db_, R"(SELECT s.ranked = 1 AND e.state = 'done' FROM submission AS s
       LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' WHERE s.id = ?)",
                    submission);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
-  }
+  if (!select.executeStep()) return NoSuch("submission", submission);
   const auto& submissions = Board().submissions();
   const auto found = submissions.find(submission);
   if (select.getColumn(0).getInt() != 1 || found == submissions.end()) {
@@ -114,7 +171,8 @@ absl::Status Journal::AppendKey(const std::string& public_pem) {
 }
 
 int64_t Journal::RecordSize() const {
-  return FirstNumber(db_, "SELECT max(entry) + 1 FROM journal WHERE entry BETWEEN 0 AND 1 << 40");
+  return FirstValue<int64_t>(
+      db_, "SELECT max(entry) + 1 FROM journal WHERE entry BETWEEN 0 AND 1 << 40");
 }
 
 Listed<RecordRow> Journal::Record(int64_t from, int64_t limit) const {
@@ -127,28 +185,33 @@ absl::StatusOr<RecordRow> Journal::GradedEntry(int64_t evaluation) const {
       "WHERE evaluation = ? AND entry IS NOT NULL", evaluation);
 }
 
+void Journal::ForEachEntry(int64_t from,
+                           const std::function<void(const RecordRow*)>& on_entry) const {
+  const int64_t size = RecordSize();
+  for (int64_t next = from; next < size;) {
+    const int64_t end = std::min(size, next + kEntriesAtATime);
+    for (const RecordRow& row : Record(next, end - next).rows) {
+      for (; next < row.index && next < size; ++next) on_entry(nullptr);
+      on_entry(&row);
+      ++next;
+    }
+    for (; next < end; ++next) on_entry(nullptr);
+  }
+}
+
 absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most) {
   std::vector<Damage> damaged;
   RETURN_IF_ERROR(readers.Read([&](const Transaction& reader) {
-    const int64_t size = reader.journal.RecordSize();
     std::string chain;
-    int64_t next = 0;
-    const auto add = [&](const RecordRow* entry) {
+    int64_t index = 0;
+    reader.journal.ForEachEntry(0, [&](const RecordRow* entry) {
       std::string mistake = ChainMistake(chain, entry);
       if (!mistake.empty() && damaged.size() < most) {
-        damaged.push_back({"record", absl::StrCat(next), std::move(mistake)});
+        damaged.push_back({"record", absl::StrCat(index), std::move(mistake)});
       }
       chain = entry == nullptr ? "" : entry->chain;
-      ++next;
-    };
-    while (next < size && damaged.size() < most) {
-      const int64_t end = std::min(size, next + kEntriesAtATime);
-      for (const RecordRow& row : reader.journal.Record(next, end - next).rows) {
-        while (next < row.index && next < size) add(nullptr);
-        add(&row);
-      }
-      while (next < end) add(nullptr);
-    }
+      ++index;
+    });
     return absl::OkStatus();
   }));
   return damaged;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,10 +14,6 @@
 
 #include "server/store/context.h"
 #include "server/store/damage.h"
-
-namespace SQLite {
-class Database;
-}
 
 namespace myograde::server {
 
@@ -57,6 +54,8 @@ class Journal : StorePart {
   // with an evaluation's result (NotFoundError: there is none).
   int64_t RecordSize() const;
   Listed<RecordRow> Record(int64_t from, int64_t limit) const;
+  // Passes on each entry from an index on; nullptr: it can't be read, or is gone.
+  void ForEachEntry(int64_t from, const std::function<void(const RecordRow*)>& on_entry) const;
   absl::StatusOr<RecordRow> GradedEntry(int64_t evaluation) const;
   // Sets or clears a mark; true if that changed anything (setting it again for the same reason does
   // not). NotFoundError if there is no such submission.

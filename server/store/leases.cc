@@ -7,14 +7,11 @@
 
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
-#include "server/base/enum_names.h"
+#include "server/store/leases.h"
 #include "server/store/stored_row.h"
-#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
-
-constexpr std::string_view kRunEnds[] = {"done", "fault", "returned", "cancelled"};
 
 // More than any attempt can use; in thousandths it is exact in a double.
 constexpr double kMostUsed = 1e12;
@@ -92,8 +89,7 @@ absl::StatusOr<std::vector<LeaseRow>> Leases::Of(int64_t evaluation) const {
 }
 
 absl::StatusOr<LeaseRow> Leases::Find(int64_t lease) {
-  return kLeases.First(db_, absl::NotFoundError(absl::StrCat("there is no lease ", lease)),
-                       "WHERE id = ?", lease);
+  return kLeases.First(db_, NoSuch("lease", lease), "WHERE id = ?", lease);
 }
 
 absl::Status Leases::RunEvaluation(int64_t evaluation, const std::string& who) {
@@ -126,9 +122,9 @@ absl::Status Leases::Finish(int64_t lease, int64_t attempt, const std::string& o
   if (row.state != LeaseState::kRunning || row.attempt != attempt) {
     return Refused("finished", row, absl::StrCat(", not ", attempt));
   }
-  const int64_t episodes = FirstNumber(db_, R"(SELECT count(*)
+  const int64_t episodes = FirstValue<int64_t>(db_, R"(SELECT count(*)
       FROM episode WHERE lease = ? AND evaluation = ? AND idx BETWEEN ? AND ?)",
-                                       lease, row.evaluation, row.first, row.last);
+                                               lease, row.evaluation, row.first, row.last);
   if (episodes != row.last - row.first + 1) {
     return Refused("finished", row, ", and episodes are missing");
   }
@@ -163,10 +159,6 @@ absl::Status Leases::End(int64_t lease, LeaseState state, bool fault, const std:
       LeaseStateName(state), now_ms_, fault, why, lease);
   return Audit("lease", lease, LeaseStateName(row.state), LeaseStateName(state), who, why);
 }
-
-std::string_view RunEndName(RunEnd end) { return NameIn(kRunEnds, end); }
-
-std::optional<RunEnd> ParseRunEnd(std::string_view name) { return ParseIn<RunEnd>(kRunEnds, name); }
 
 absl::Status Leases::RecordRun(const LeaseRunRow& run) {
   Run(db_, R"(INSERT INTO lease_run (lease, attempt, node, job, began_at, ended_at, cpu_ms,

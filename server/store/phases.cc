@@ -7,7 +7,6 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
-#include "server/store/connection.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
@@ -11,7 +10,6 @@
 #include "server/base/enum_names.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
-#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -20,8 +18,6 @@ constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
 constexpr char kCodeKey[] = "myograde/error-code";
 
 constexpr std::string_view kBudgetNames[] = {"official", "practice", "failed"};
-
-size_t Index(Budget budget) { return static_cast<size_t>(budget); }
 
 // "1 ranked evaluation".
 std::string CountedUnits(int64_t count, Budget budget) {
@@ -33,48 +29,41 @@ std::string CountedUnits(int64_t count, Budget budget) {
   return Counted(count, "failed try", "failed tries");
 }
 
-void AddLedger(SQLite::Database& db, int64_t team, const std::string& track,
-               const std::string& phase, QuotaUse& use) {
+// What a team's rows of a place come to: those of its ledger, and what it was accepted and has
+// neither ended nor been charged.
+void AddUse(SQLite::Database& db, int64_t team, const std::string& track, const std::string& phase,
+            QuotaUse& use) {
+  const std::string admissions = absl::StrCat(
+      "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
+      "AND e.kind = 'original' WHERE a.team_id IN ",
+      RowsOfTeam(2), " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL ");
+  use.waiting = FirstValue<int64_t>(
+      db, absl::StrCat("SELECT count(*) ", admissions, "AND e.state = 'queued'"), use.day, team,
+      track, phase);
   // Unreadable entries count for nothing; the ledger reports them.
   Statement select(
       db,
-      absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ledger "
-                   "WHERE team_id IN ",
+      absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ("
+                   "SELECT budget, entry, amount, day FROM ledger WHERE team_id IN ",
                    RowsOfTeam(2),
-                   " AND track = ?3 AND phase = ?5 AND "
-                   "typeof(amount) = 'integer' AND amount BETWEEN 1 AND ?4 "
-                   "GROUP BY budget, entry"),
-      use.day, team, track, kMostUnits, phase);
+                   " AND track = ?3 AND phase = ?4 AND typeof(amount) = 'integer' "
+                   "AND amount BETWEEN 1 AND ?5 UNION ALL SELECT a.budget, 'open', 1, a.day ",
+                   admissions,
+                   "AND NOT EXISTS (SELECT 1 FROM ledger AS l WHERE l.submission = a.submission "
+                   "AND l.entry = 'charge')) GROUP BY budget, entry"),
+      use.day, team, track, phase, kMostUnits);
   while (select.executeStep()) {
     const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
     if (!budget) continue;
     const std::string entry = select.getColumn(1).getString();
     for (const auto& [sums, column] : {std::pair{&use.total, 2}, std::pair{&use.today, 3}}) {
-      BudgetUse& sum = (*sums)[Index(*budget)];
+      BudgetUse& sum = (*sums)[static_cast<size_t>(*budget)];
       const int64_t amount = select.getColumn(column).getInt64();
       if (entry == "grant") sum.granted += amount;
       if (entry == "charge") sum.charged += amount;
       if (entry == "refund") sum.charged -= amount;
+      if (entry == "open") sum.open += amount;
     }
-  }
-}
-
-void AddOpen(SQLite::Database& db, int64_t team, const std::string& track,
-             const std::string& phase, QuotaUse& use) {
-  Statement select(
-      db,
-      absl::StrCat("SELECT a.budget, a.day = ?1, e.state = 'queued', EXISTS (SELECT 1 FROM "
-                   "ledger AS l WHERE l.submission = a.submission AND l.entry = 'charge') "
-                   "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
-                   "AND e.kind = 'original' WHERE a.team_id IN ",
-                   RowsOfTeam(2), " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL"),
-      use.day, team, track, phase);
-  while (select.executeStep()) {
-    use.waiting += select.getColumn(2).getInt64();
-    const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
-    if (!budget || select.getColumn(3).getInt() != 0) continue;
-    use.total[Index(*budget)].open += 1;
-    use.today[Index(*budget)].open += select.getColumn(1).getInt64();
   }
 }
 
@@ -128,6 +117,16 @@ void Charge(SQLite::Database& db, int64_t now_ms, int64_t evaluation, const char
       now_ms, who, why, evaluation);
 }
 
+int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
+  // Rows of a clock that was far ahead must not hold the day there until the calendar arrives.
+  const int64_t today = now_ms / kDayMs;
+  const int64_t newest = FirstValue<int64_t>(db, R"(
+      SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), 0),
+      ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0)))",
+                                             std::min(today + 1, kLastDay));
+  return std::max(newest, today);
+}
+
 // Adds an entry of no submission, as of the store's current day.
 absl::Status AddUnits(SQLite::Database& db, int64_t now_ms, const char* entry,
                       const NewGrant& units, const std::string& who) {
@@ -165,27 +164,6 @@ std::optional<Budget> ParseBudget(std::string_view name) {
 const Allowance& QuotaLimits::of(Budget budget) const {
   if (budget == Budget::kRanked) return ranked;
   return budget == Budget::kPractice ? practice : failed;
-}
-
-int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
-  // Rows of a clock that was far ahead must not hold the day there until the calendar arrives.
-  const int64_t today = now_ms / kDayMs;
-  Statement select(db,
-                   "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), 0), "
-                   "ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))",
-                   std::min(today + 1, kLastDay));
-  select.executeStep();
-  return std::max(select.getColumn(0).getInt64(), today);
-}
-
-QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
-                      const std::string& phase, int64_t now_ms) {
-  QuotaUse use;
-  use.day = QuotaDay(db, now_ms);
-  const int64_t id = KnownTeamId(db, team);
-  AddLedger(db, id, track, phase, use);
-  AddOpen(db, id, track, phase, use);
-  return use;
 }
 
 std::string DayName(int64_t day) {
@@ -265,14 +243,17 @@ absl::Status Quotas::Grant(const NewGrant& grant, const std::string& who) {
 
 QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track, int64_t now_ms,
                        const std::string& phase) const {
-  return ReadQuotaUse(db_, team, track, phase, now_ms);
+  QuotaUse use;
+  use.day = QuotaDay(db_, now_ms);
+  AddUse(db_, KnownTeamId(db_, team), track, phase, use);
+  return use;
 }
 
 std::string Quotas::ChargedBudget(int64_t submission) const {
-  return FirstText(db_, R"(SELECT budget FROM ledger WHERE submission = ? GROUP BY budget
-      HAVING sum(CASE entry WHEN 'charge' THEN amount WHEN 'refund' THEN -amount ELSE 0 END) > 0
-      ORDER BY budget LIMIT 1)",
-                   submission);
+  return FirstValue<std::string>(db_, R"(SELECT budget
+      FROM ledger WHERE submission = ? GROUP BY budget HAVING sum(CASE entry WHEN 'charge' THEN amount WHEN 'refund' THEN
+      -amount ELSE 0 END) > 0 ORDER BY budget LIMIT 1)",
+                                 submission);
 }
 
 int64_t Quotas::DayAt(int64_t now_ms) const { return QuotaDay(db_, now_ms); }

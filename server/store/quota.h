@@ -14,10 +14,6 @@
 #include "server/store/damage.h"
 #include "server/store/rows.h"
 
-namespace SQLite {
-class Database;
-}
-
 namespace myograde::server {
 
 enum class Budget { kRanked, kPractice, kFailed };
@@ -65,12 +61,6 @@ struct QuotaUse {
 inline constexpr int64_t kLastDay = 2'932'896;
 inline constexpr int64_t kMostUnits = 1'000'000'000;
 
-// The store's current day: today, or tomorrow if there are rows of it. These throw
-// SQLite::Exception.
-int64_t QuotaDay(SQLite::Database& db, int64_t now_ms);
-QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
-                      const std::string& phase, int64_t now_ms);
-
 // "2024-12-01" for 20058.
 std::string DayName(int64_t day);
 
@@ -113,6 +103,7 @@ class Quotas : StorePart {
   // `phase` "": of the track itself.
   QuotaUse CountQuotaUse(const std::string& team, const std::string& track, int64_t now_ms,
                  const std::string& phase = "") const;
+  // The store's current day: today, or tomorrow if there are rows of it.
   int64_t DayAt(int64_t now_ms) const;
   // The budget that a submission is charged to; "" if none, or if it was refunded.
   std::string ChargedBudget(int64_t submission) const;

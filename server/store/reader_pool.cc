@@ -1,10 +1,8 @@
 #include "server/store/reader_pool.h"
 
 #include "protocol/base/clock.h"
-#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/damage.h"
-#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {

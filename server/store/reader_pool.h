@@ -16,10 +16,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/store/transaction.h"
 
-namespace SQLite {
-class Database;
-}
-
 namespace myograde::server {
 
 // Connections for readers; safe to use from any thread.

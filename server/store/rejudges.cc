@@ -5,15 +5,19 @@
 #include <set>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/enum_names.h"
 #include "server/store/differences.h"
-#include "server/store/reader_pool.h"
-#include "server/store/stored_row.h"
+#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
+
+using State = RejudgeProgress::State;
 
 constexpr std::string_view kStates[] = {"computing", "ready", "applied", "dropped"};
 
@@ -40,14 +44,89 @@ std::vector<RejudgeCandidate> Candidates(SQLite::Database& db, const BoardState&
   return candidates;
 }
 
+absl::Status Refused(const RejudgeRow& rejudge, const std::string& what) {
+  return absl::FailedPreconditionError(absl::StrCat("rejudge ", rejudge.id, " ", what));
+}
+
+// A later one of the same board that is applied, or 0.
+int64_t LaterApplied(const BoardState& board, const RejudgeRow& rejudge) {
+  int64_t later = 0;
+  int64_t latest = rejudge.events.back().id;
+  for (const auto& [id, other] : board.rejudges()) {
+    if (other.purpose != RejudgePurpose::kRules || other.board() != rejudge.board() ||
+        other.last() != RejudgeEvent::kApplied || other.events.back().id <= latest) {
+      continue;
+    }
+    later = id;
+    latest = other.events.back().id;
+  }
+  return later;
+}
+
+std::string Listing(const std::vector<int64_t>& submissions) {
+  return submissions.empty() ? "none" : absl::StrJoin(submissions, ", ");
+}
+
+// "" if a rejudge may be applied, else why not.
+std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& progress,
+                          std::vector<int64_t> without, const std::string& in_force) {
+  if (rejudge.purpose == RejudgePurpose::kSeeds) {
+    return "can't be applied: it plays further episodes for the statistics, and no rank follows from "
+           "them";
+  }
+  if (progress.state == State::kApplied) return "is applied already";
+  if (!progress.complete) {
+    const int64_t open = progress.missing + progress.items - progress.ended;
+    return progress.state == State::kDropped
+               ? absl::StrCat("can't be applied again: it was dropped, and ",
+                              open + progress.cancelled, " of its ",
+                              progress.missing + progress.items,
+                              " results are missing; create a new one")
+               : absl::StrCat("can't be applied yet: ", open, " of its ",
+                              progress.missing + progress.items, " results are not computed; wait "
+                              "until its state is \"ready\"");
+  }
+  if (in_force != rejudge.from_config) {
+    return absl::StrCat("can't be applied: it starts from config ", rejudge.from_config.substr(0, 12),
+                        ", and the board's config is now ", in_force.substr(0, 12),
+                        "; create a new one");
+  }
+  std::sort(without.begin(), without.end());
+  without.erase(std::unique(without.begin(), without.end()), without.end());
+  if (without == progress.without_result) return "";
+  return absl::StrCat("has no result of these submissions: ", Listing(progress.without_result),
+                      "; to apply it without them, name exactly these (they are off the board "
+                      "then), and ", Listing(without), " named");
+}
+
+// The results that an application makes those of the board: of each submission the first
+// repetition.
+nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
+  nlohmann::json results = nlohmann::json::array();
+  for (const EvaluationRow& row : evaluations) {
+    if (row.repetition != 1) continue;
+    results.push_back({{"submission", row.submission},
+                       {"evaluation", row.id},
+                       {"state", EvaluationStateName(row.state)},
+                       {"results", TextOrNull(row.results_hash)}});
+  }
+  return results;
+}
+
+// The config in force on a board; `fallback`: of one that was never given any.
+std::string ConfigInForce(const BoardState& board, const BoardName& name,
+                          const std::string& fallback) {
+  const std::vector<BoardConfigRow>& rows = board.ConfigsOf(name);
+  return rows.empty() ? fallback : rows.back().config;
+}
+
 }  // namespace
 
-std::string_view RejudgeStateName(RejudgeProgress::State state) { return NameIn(kStates, state); }
+std::string_view RejudgeStateName(State state) { return NameIn(kStates, state); }
 
 absl::StatusOr<RejudgeRow> Rejudges::Find(int64_t id) const {
   const RejudgeRow* rejudge = Board().Rejudge(id);
-  if (rejudge != nullptr) return *rejudge;
-  return absl::NotFoundError(absl::StrCat("there is no rejudge ", id));
+  return rejudge == nullptr ? absl::StatusOr<RejudgeRow>(NoSuch("rejudge", id)) : *rejudge;
 }
 
 absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudge) const {
@@ -80,7 +159,6 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
   const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
   progress.complete = progress.missing == 0 && progress.ended == progress.items &&
                       !(dropped && progress.cancelled > 0);
-  using State = RejudgeProgress::State;
   progress.state = rejudge.last() == RejudgeEvent::kApplied ? State::kApplied
                    : dropped                                ? State::kDropped
                    : progress.complete                      ? State::kReady
@@ -113,7 +191,7 @@ std::vector<RejudgeCandidate> Rejudges::CandidatesFor(const NewRejudge& rejudge)
 absl::StatusOr<std::vector<Unrepeatable>> Rejudges::ListUnrepeatable(int64_t rejudge) const {
   ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, Evaluations(context_).OfRejudge(rejudge));
   std::map<int64_t, Unrepeatable> found;
-  const auto add = [&](int64_t submission, Unrepeatable::Episode episode) {
+  const auto add = [&](int64_t submission, DifferentEpisode episode) {
     found[submission].submission = submission;
     found[submission].episodes.push_back(std::move(episode));
   };
@@ -144,6 +222,194 @@ absl::StatusOr<std::vector<Unrepeatable>> Rejudges::ListUnrepeatable(int64_t rej
   std::vector<Unrepeatable> listed;
   for (auto& [submission, entry] : found) listed.push_back(std::move(entry));
   return listed;
+}
+
+absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
+                                                   const std::string& why, const SignDocument& sign,
+                                                   const std::string& who) {
+  const bool applied = event == RejudgeEvent::kApplied;
+  nlohmann::json document = RejudgeKeys(rejudge);
+  document.update({{"format", 1},
+                   {"document", "rejudge"},
+                   {"event", RejudgeEventName(event)},
+                   {"at", TimeText(now_ms_)},
+                   {"who", who},
+                   {"reason", why},
+                   {"seeds", rejudge.seeds}});
+  if (applied) {
+    ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations,
+                     Evaluations(context_).OfRejudge(rejudge.id));
+    document["results"] = ResultsOf(evaluations);
+  }
+  const std::string text = CanonicalJson(document);
+  ASSIGN_OR_RETURN(const std::string signature, sign(text));
+  NewAct act{.kind = kRejudgeAct,
+             .who = who,
+             .content = {{"event", RejudgeEventName(event)},
+                         {"rejudge", rejudge.id},
+                         {"document_sha256", Sha256Hex(text)},
+                         {"signature", signature}}};
+  // Until a rejudge is applied, participants see nothing of it: its document is committed to, and
+  // told when it is applied.
+  if (applied) {
+    for (const char* key : {"purpose", "from_config", "to_config", "phase", "track", "profile"}) {
+      act.content[key] = document[key];
+    }
+  }
+  (applied ? act.content : act.beside)["document"] = std::move(document);
+  Append(act);
+  return Board().Rejudge(rejudge.id)->events.back();
+}
+
+absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDocument& sign,
+                                         const std::string& who) {
+  RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.from_config, rejudge.track, rejudge.profile,
+                                              rejudge.from_config_json));
+  RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.to_config, rejudge.track, rejudge.profile,
+                                              rejudge.to_config_json));
+  RETURN_IF_ERROR(
+      Content(context_).AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
+  const auto& earlier = Board().rejudges();
+  RejudgeRow row = rejudge;
+  row.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1;
+  RETURN_IF_ERROR(AddEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
+  return *Board().Rejudge(row.id);
+}
+
+absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std::string& who) {
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(item.rejudge));
+  if (AnyRow(db_, R"(SELECT 1
+      FROM evaluation WHERE rejudge = ? AND submission = ? AND repetition = ?)",
+             item.rejudge, item.submission, item.repetition)) {
+    return Accepted{.submission = item.submission, .repeated = true};
+  }
+  if (rejudge.last() == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
+  if (item.judged.has_value()) return AddJudged(item, rejudge, who);
+  ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add({.submission = item.submission,
+                                                              .kind = EvaluationKind::kRejudge,
+                                                              .config = rejudge.to_config,
+                                                              .seeds = rejudge.seeds,
+                                                              .grader_json = item.grader_json,
+                                                              .blocks = item.blocks,
+                                                              .rejudge = item.rejudge,
+                                                              .repetition = item.repetition,
+                                                              .source = item.source,
+                                                              .method = item.method},
+                                                             who));
+  if (item.impossible.empty()) return added;
+  RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(
+      added.evaluation, EvaluationState::kGraderError, item.impossible, who));
+  added.leases.clear();
+  return added;
+}
+
+absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const RejudgeRow& rejudge,
+                                             const std::string& who) {
+  const EvaluationResult& result = *item.judged;
+  const std::string state(EvaluationStateName(result.state));
+  if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json,
+      results_hash, created_at, started_at, finished_at, config, seeds, rejudge, repetition, source,
+      method) SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6,
+      ?10, ?11, id, 'facts'
+      FROM evaluation WHERE id = ?7 AND submission = ?8 AND last - first + 1 = ?9)",
+          state, result.reason, result.results_hash, now_ms_, rejudge.to_config, rejudge.seeds,
+          item.source, item.submission, std::ssize(item.episodes), item.rejudge,
+          item.repetition) != 1) {
+    return absl::InternalError(absl::StrCat("evaluation ", item.source, " is not of submission ",
+                                            item.submission, ", or has other episodes"));
+  }
+  const int64_t evaluation = db_.getLastInsertRowid();
+  const std::string why = absl::StrCat("judged anew from the facts of evaluation ", item.source);
+  RETURN_IF_ERROR(Audit("evaluation", evaluation, "", state, who, why));
+  Run(db_, R"(INSERT INTO lease (evaluation, first, last, state, attempt, finished_at, output_json)
+      SELECT ?, first, last, 'done', 1, ?, output_json
+      FROM lease WHERE evaluation = ? ORDER BY first)",
+      evaluation, now_ms_, item.source);
+  Run(db_, R"(INSERT INTO transition (at, entity, entity_id, from_state, to_state, who, why)
+      SELECT ?, 'lease', id, '', 'done', ?, ? FROM lease WHERE evaluation = ? ORDER BY id)",
+      now_ms_, who, why, evaluation);
+  Statement episode(db_, R"(INSERT INTO episode SELECT ?1, p.idx, l.id,
+      1, p.seed, ?2, ?3, p.facts_json, ?4, ?5 FROM episode AS p JOIN lease AS l ON l.evaluation = ?1
+      AND p.idx BETWEEN l.first AND l.last WHERE p.evaluation = ?6 AND p.idx = ?7)");
+  for (const EpisodeRow& judged : item.episodes) {
+    SQLite::bind(episode, evaluation, std::string(OutcomeName(judged.outcome)),
+                 std::string(judged.reason.name()), judged.metrics_json, now_ms_, item.source,
+                 judged.index);
+    if (episode.exec() != 1) {
+      return DamagedRow({"episode", absl::StrCat(item.source, "/", judged.index),
+                         "it is missing, or no lease holds it"});
+    }
+    episode.reset();
+  }
+  Run(db_, R"(INSERT INTO episode_details (evaluation, idx, details_json)
+      SELECT ?, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx)",
+      evaluation, item.source);
+  if (result.state == EvaluationState::kDone) {
+    RETURN_IF_ERROR(Episodes(context_).SetStanding(evaluation, result.standing));
+  }
+  Evaluations(context_).AppendGraded(evaluation, who);
+  return Accepted{.submission = item.submission, .evaluation = evaluation};
+}
+
+// Gives the board the config that it has after the act.
+absl::StatusOr<RejudgeDone> Rejudges::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
+                                                const std::string& who) {
+  if (done.config_after == done.config_before) return done;
+  RETURN_IF_ERROR(
+      Journal(context_)
+          .SetBoardConfig(
+              {.board = rejudge.board(), .config = done.config_after, .rejudge = rejudge.id}, who)
+          .status());
+  return done;
+}
+
+absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDocument& sign,
+                                            const std::string& who) {
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
+  ASSIGN_OR_RETURN(const RejudgeProgress progress, CountProgress(rejudge));
+  RejudgeDone done;
+  done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
+  if (const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);
+      !why.empty()) {
+    return Refused(rejudge, why);
+  }
+  ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, RejudgeEvent::kApplied, act.why, sign, who));
+  done.config_after = rejudge.to_config;
+  return MoveBoard(rejudge, std::move(done), who);
+}
+
+absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocument& sign,
+                                           const std::string& who) {
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
+  const RejudgeEventRow& last = rejudge.events.back();
+  if (last.event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped already");
+  const bool applied = last.event == RejudgeEvent::kApplied;
+  if (const int64_t later = applied ? LaterApplied(Board(), rejudge) : 0; later != 0) {
+    return Refused(rejudge, absl::StrCat("can't be dropped before rejudge ", later,
+                                         ", which was applied after it to the same board"));
+  }
+  RejudgeDone done;
+  done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
+  // If the config files have changed the board's config since, it stays.
+  const bool back = applied && done.config_before == rejudge.to_config;
+  done.config_after = back ? rejudge.from_config : done.config_before;
+  if (applied && rejudge.from_config != rejudge.to_config) {
+    const auto& submissions = Board().submissions();
+    done.stay = std::count_if(submissions.begin(), submissions.end(), [&](const auto& one) {
+      return one.second.config == rejudge.to_config && one.second.board.phase == rejudge.phase &&
+             one.second.at >= last.at;
+    });
+  }
+  done.cancelled = AllValues<int64_t>(db_, R"(SELECT id FROM evaluation
+      WHERE rejudge = ? AND finished_at IS NULL ORDER BY id)",
+                                      rejudge.id);
+  for (const int64_t evaluation : done.cancelled) {
+    RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(
+        evaluation, EvaluationState::kCancelled,
+        absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
+  }
+  ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, RejudgeEvent::kDropped, act.why, sign, who));
+  return MoveBoard(rejudge, std::move(done), who);
 }
 
 }  // namespace myograde::server

@@ -8,11 +8,11 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "server/board/acts.h"
@@ -67,21 +67,18 @@ struct NewRejudge : RejudgeRow {
 // are known only there; an error undoes the change.
 using SignDocument = std::function<absl::StatusOr<std::string>(const std::string& document_json)>;
 
-// An item to play: its evaluation is queued.
+// An item to add. Its evaluation is queued, unless it was computed or is impossible.
 struct NewRejudgeItem : RejudgeCandidate {
   RejudgeMethod method = RejudgeMethod::kPlay;
-  std::string grader_json;                               // of the build that plays it
+  std::string grader_json = "";                          // of the build that plays it
   std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each lease
   // Not "": it can't be played, or computed, for this reason: its evaluation ends as grader_error
   // at once.
   std::string impossible = "";
-};
-
-// An item that was computed from facts: its evaluation is added as one that has ended. The facts,
-// leases and their outputs are copied from the source.
-struct JudgedItem : RejudgeCandidate {
-  EvaluationResult result = {};
-  // By index, one for each of the source; only index, outcome, reason and metrics_json are used.
+  // Computed from facts: its evaluation is added as one that has ended, with the facts, leases and
+  // outputs of the source. Of `episodes`, by index, one for each of the source, only index, outcome,
+  // reason and metrics_json are used.
+  std::optional<EvaluationResult> judged = {};
   std::vector<EpisodeRow> episodes = {};
 };
 
@@ -108,14 +105,14 @@ struct RejudgeDone {
 };
 
 // A submission whose repetitions came out differently.
+struct DifferentEpisode {
+  int64_t index = 0;
+  int64_t repetition = 0;  // that differs from the first one, or from itself if played twice
+  std::vector<std::string> differs;  // as of RepeatRow
+};
 struct Unrepeatable {
   int64_t submission = 0;
-  struct Episode {
-    int64_t index = 0;
-    int64_t repetition = 0;  // that differs from the first one, or from itself if played twice
-    std::vector<std::string> differs;  // as of RepeatRow
-  };
-  std::vector<Episode> episodes;
+  std::vector<DifferentEpisode> episodes;
 };
 
 // What organisers ask for, and the evaluations that follow.
@@ -135,12 +132,9 @@ class Rejudges : StorePart {
   // Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
                                  const std::string& who);
-  // An item to play. The answer's `evaluation` is to be queued unless the item is impossible.
-  // Adding an item that is there changes nothing, and `repeated` is true. FailedPreconditionError
-  // if the rejudge was dropped.
+  // The answer has leases if its `evaluation` is to be queued. Adding an item that is there changes
+  // nothing, and `repeated` is true. FailedPreconditionError if the rejudge was dropped.
   absl::StatusOr<Accepted> AddItem(const NewRejudgeItem& item, const std::string& who);
-  // An item that was computed. True if it is new; otherwise as AddRejudgeItem.
-  absl::StatusOr<bool> AddJudgedItem(const JudgedItem& item, const std::string& who);
   // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds,
   // is applied already, is not complete, has other submissions without result than `without` says,
   // or the board's config in force is not from_config.
@@ -152,8 +146,8 @@ class Rejudges : StorePart {
                                    const std::string& who);
 
  private:
-  // The rejudge that an item is to be added to; nullopt if the item is there.
-  absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(const RejudgeCandidate& item);
+  absl::StatusOr<Accepted> AddJudged(const NewRejudgeItem& item, const RejudgeRow& rejudge,
+                                     const std::string& who);
   absl::StatusOr<RejudgeEventRow> AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                            const std::string& why, const SignDocument& sign,
                                            const std::string& who);

@@ -8,24 +8,33 @@
 #include <string_view>
 #include <vector>
 
-#include <absl/status/status.h>
-
 #include "protocol/base/outcome.h"
 #include "protocol/lease/policy_image.h"
+#include "server/base/enum_names.h"
 #include "server/board/acts.h"
 
 namespace myograde::server {
 
 // Stored by name (schema.sql draws the transitions).
 enum class LeaseState { kPending, kRunning, kDone, kFailed, kCancelled };
-enum class EvaluationState { kQueued, kRunning, kDone, kFailed, kCancelled, kGraderError };
+inline constexpr std::string_view kLeaseStates[] = {"pending", "running", "done", "failed",
+                                                    "cancelled"};
+inline std::string_view LeaseStateName(LeaseState state) { return NameIn(kLeaseStates, state); }
+inline std::optional<LeaseState> ParseLeaseState(std::string_view name) {
+  return ParseIn<LeaseState>(kLeaseStates, name);
+}
+inline bool IsFinal(LeaseState state) { return state >= LeaseState::kDone; }
 
-std::string_view LeaseStateName(LeaseState state);
-std::optional<LeaseState> ParseLeaseState(std::string_view name);
-std::string_view EvaluationStateName(EvaluationState state);
-std::optional<EvaluationState> ParseEvaluationState(std::string_view name);
-bool IsFinal(LeaseState state);
-bool IsFinal(EvaluationState state);
+enum class EvaluationState { kQueued, kRunning, kDone, kFailed, kCancelled, kGraderError };
+inline constexpr std::string_view kEvaluationStates[] = {"queued", "running",   "done",
+                                                         "failed", "cancelled", "grader_error"};
+inline std::string_view EvaluationStateName(EvaluationState state) {
+  return NameIn(kEvaluationStates, state);
+}
+inline std::optional<EvaluationState> ParseEvaluationState(std::string_view name) {
+  return ParseIn<EvaluationState>(kEvaluationStates, name);
+}
+inline bool IsFinal(EvaluationState state) { return state >= EvaluationState::kDone; }
 
 struct ArtefactRow {
   std::string hash;
@@ -39,9 +48,6 @@ struct ArtefactRow {
   bool extra_observations = false;  // its policy.json asks for them
   std::optional<PolicyImage> image = {};
 };
-
-// NotFoundError: the store has no artefact of this hash, as far as whoever asks is to know.
-absl::Status UnknownArtefact(const std::string& hash);
 
 struct SubmissionRow {
   int64_t id = 0;  // the acceptance number
@@ -64,8 +70,13 @@ enum class EvaluationKind {
   kRerun,    // of some episodes of the original, to compare
   kRejudge,  // the submission's result under another config
 };
-std::string_view EvaluationKindName(EvaluationKind kind);
-std::optional<EvaluationKind> ParseEvaluationKind(std::string_view name);
+inline constexpr std::string_view kEvaluationKinds[] = {"original", "rerun", "rejudge"};
+inline std::string_view EvaluationKindName(EvaluationKind kind) {
+  return NameIn(kEvaluationKinds, kind);
+}
+inline std::optional<EvaluationKind> ParseEvaluationKind(std::string_view name) {
+  return ParseIn<EvaluationKind>(kEvaluationKinds, name);
+}
 
 struct EvaluationRow {
   int64_t id = 0;
@@ -91,8 +102,14 @@ struct EvaluationRow {
 };
 
 // Hashes of the config and the seeds of an evaluation of `submission`.
-const std::string& ConfigOf(const EvaluationRow& evaluation, const SubmissionRow& submission);
-const std::string& SeedsOf(const EvaluationRow& evaluation, const SubmissionRow& submission);
+inline const std::string& ConfigOf(const EvaluationRow& evaluation,
+                                   const SubmissionRow& submission) {
+  return evaluation.config.empty() ? submission.config : evaluation.config;
+}
+inline const std::string& SeedsOf(const EvaluationRow& evaluation,
+                                  const SubmissionRow& submission) {
+  return evaluation.seeds.empty() ? submission.seeds : evaluation.seeds;
+}
 
 struct LeaseRow {
   int64_t id = 0;
@@ -117,8 +134,11 @@ enum class RunEnd {
   kReturned,  // nobody's fault: it is played again
   kCancelled,
 };
-std::string_view RunEndName(RunEnd end);
-std::optional<RunEnd> ParseRunEnd(std::string_view name);
+inline constexpr std::string_view kRunEnds[] = {"done", "fault", "returned", "cancelled"};
+inline std::string_view RunEndName(RunEnd end) { return NameIn(kRunEnds, end); }
+inline std::optional<RunEnd> ParseRunEnd(std::string_view name) {
+  return ParseIn<RunEnd>(kRunEnds, name);
+}
 
 // An attempt that has ended. Times are milliseconds since 1970-01-01 UTC, by the daemon's clock.
 struct LeaseRunRow {

@@ -41,34 +41,22 @@ bool AnyRow(SQLite::Database& db, const std::string& sql, const Values&... value
   return Statement(db, sql, values...).executeStep();
 }
 
-// The first row's first column; 0 or "" if there is no row.
-template <typename... Values>
-int64_t FirstNumber(SQLite::Database& db, const std::string& sql, const Values&... values) {
+// The first column of the first row, a whole number or text; 0 or "" if there is no row.
+template <typename Value, typename... Values>
+Value FirstValue(SQLite::Database& db, const std::string& sql, const Values&... values) {
   Statement select(db, sql, values...);
-  return select.executeStep() ? select.getColumn(0).getInt64() : 0;
-}
-template <typename... Values>
-std::string FirstText(SQLite::Database& db, const std::string& sql, const Values&... values) {
-  Statement select(db, sql, values...);
-  return select.executeStep() ? select.getColumn(0).getString() : "";
+  if (select.executeStep()) return select.getColumn(0);
+  return {};
 }
 
 // The first column of every row.
-template <typename... Values>
-std::vector<int64_t> AllNumbers(SQLite::Database& db, const std::string& sql,
-                                const Values&... values) {
+template <typename Value, typename... Values>
+std::vector<Value> AllValues(SQLite::Database& db, const std::string& sql,
+                             const Values&... values) {
   Statement select(db, sql, values...);
-  std::vector<int64_t> numbers;
-  while (select.executeStep()) numbers.push_back(select.getColumn(0).getInt64());
-  return numbers;
-}
-template <typename... Values>
-std::vector<std::string> AllTexts(SQLite::Database& db, const std::string& sql,
-                                  const Values&... values) {
-  Statement select(db, sql, values...);
-  std::vector<std::string> texts;
-  while (select.executeStep()) texts.push_back(select.getColumn(0).getString());
-  return texts;
+  std::vector<Value> all;
+  while (select.executeStep()) all.push_back(select.getColumn(0));
+  return all;
 }
 
 // Every row as a struct of whole numbers and texts, whose members are the columns.

@@ -3,12 +3,10 @@
 #include <sys/stat.h>
 
 #include <absl/cleanup/cleanup.h>
-#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
-#include "server/store/stored_row.h"
 #include "server/store/team_names.h"
 
 namespace myograde::server {
@@ -27,8 +25,8 @@ std::optional<int64_t> NewestRow(SQLite::Database& db) {
 // What SetTrustedTime wrote, else the time of the newest row. A row that was written while the clock was
 // wrong says nothing about it.
 std::optional<int64_t> TrustedTimeOf(SQLite::Database& db) {
-  int64_t ms = 0;
-  return absl::SimpleAtoi(Meta(db, "trusted_time"), &ms) && ms > 0 ? ms : NewestRow(db);
+  const int64_t ms = MetaNumber(db, "trusted_time");
+  return ms > 0 ? ms : NewestRow(db);
 }
 
 // How many rows were ever added to the tables that number their rows so. It never goes back.

@@ -25,10 +25,6 @@
 #include "server/store/migration.h"
 #include "server/store/transaction.h"
 
-namespace SQLite {
-class Database;
-}
-
 namespace myograde::server {
 
 class Store {

@@ -144,7 +144,7 @@ struct StoredRows {
         listed.rows.push_back(std::move(row));
       } else {
         ReportLeftOut(*from.damage());
-        if (!listed.left_out) listed.left_out = from.damage();
+        listed.damaged.push_back(*from.damage());
       }
     }
     return listed;

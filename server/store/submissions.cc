@@ -38,11 +38,12 @@ constexpr int64_t kFaultsToHold = 3;
 
 bool EndedByFaults(SQLite::Database& db, const std::string& artefact,
                    const std::string& grader_json, int64_t last) {
-  return FirstNumber(db, R"(SELECT count(*) FROM (SELECT e.state AS state, e.grader_json AS grader
+  return FirstValue<int64_t>(db, R"(SELECT count(*)
+      FROM (SELECT e.state AS state, e.grader_json AS grader
       FROM submission AS s JOIN evaluation AS e ON e.submission = s.id WHERE s.artefact = ?1
       AND e.kind != 'rejudge' AND e.finished_at IS NOT NULL AND e.state != 'cancelled' ORDER BY
       e.finished_at DESC, e.id DESC LIMIT ?2) WHERE state = 'grader_error' AND grader = ?3)",
-                     artefact, last, grader_json) == last;
+                             artefact, last, grader_json) == last;
 }
 
 absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
@@ -91,8 +92,7 @@ void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
 }  // namespace
 
 absl::StatusOr<SubmissionRow> Submissions::Find(int64_t id) const {
-  return kSubmissions.First(db_, absl::NotFoundError(absl::StrCat("there is no submission ", id)),
-                            "WHERE s.id = ?", id);
+  return kSubmissions.First(db_, NoSuch("submission", id), "WHERE s.id = ?", id);
 }
 
 Listed<SubmissionRow> Submissions::List(const SubmissionFilter& filter) const {
@@ -137,10 +137,10 @@ std::string Submissions::WithHold(int64_t evaluation, const std::string& why) {
 absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                       const RerunLimits& limits) {
   if (!organiser) {
-    RETURN_IF_ERROR(CheckNotBanned(db_, Board(),
-                                   FirstText(db_, R"(SELECT t.name
+    const std::string team = FirstValue<std::string>(db_, R"(SELECT t.name
         FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
-                                             submission)));
+                                                     submission);
+    RETURN_IF_ERROR(CheckNotBanned(db_, Board(), team));
     Statement last(db_, R"(SELECT s.artefact, e.grader_json FROM submission AS s
         JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ? ORDER BY e.id DESC LIMIT 1)",
                    submission);
@@ -217,7 +217,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   RETURN_IF_ERROR(CheckNotHeldBack(db_, submission.artefact, submission.grader_json));
   const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
   const QuotaUse use =
-      ReadQuotaUse(db_, submission.team, submission.track, submission.phase, now_ms_);
+      Quotas(context_).CountQuotaUse(submission.team, submission.track, now_ms_, submission.phase);
   RETURN_IF_ERROR(
       CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
   const int64_t team_id = AddTeam(db_, submission.team, now_ms_, who);
@@ -259,11 +259,11 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
 }
 
 absl::StatusOr<std::string> Submissions::TeamOf(int64_t id) const {
-  const std::string name = FirstText(db_, R"(SELECT t.name FROM submission AS s
+  const std::string name = FirstValue<std::string>(db_, R"(SELECT t.name FROM submission AS s
       JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE s.id = ?)",
-                                     id);
+                                                   id);
   if (!name.empty()) return Teams(context_).NameOf(name);
-  return absl::NotFoundError(absl::StrCat("there is no submission ", id));
+  return NoSuch("submission", id);
 }
 
 std::map<std::string, int64_t> Submissions::CountByState() const {
@@ -280,7 +280,7 @@ std::map<std::string, int64_t> Submissions::CountByState() const {
 }
 
 int64_t Submissions::CountOf(const std::string& team) const {
-  return FirstNumber(
+  return FirstValue<int64_t>(
       db_, absl::StrCat("SELECT count(*) FROM submission WHERE team_id IN ", RowsOfTeam(1)),
       KnownTeamId(db_, team));
 }

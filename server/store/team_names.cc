@@ -8,9 +8,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/names.h"
-#include "server/store/journal.h"
 #include "server/store/quota.h"
-#include "server/store/reader_pool.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -19,9 +17,9 @@ namespace {
 constexpr char kResembledKey[] = "myograde/resembled-team";
 
 int64_t RowNamedExactly(SQLite::Database& db, const std::string& name) {
-  return FirstNumber(db, R"(SELECT id FROM team
+  return FirstValue<int64_t>(db, R"(SELECT id FROM team
       WHERE name = ?1 UNION ALL SELECT team_id FROM former_name WHERE name = ?1 LIMIT 1)",
-                     name);
+                             name);
 }
 
 // The oldest other team that the name resembles, now or by a former name of its own; "": none.
@@ -31,7 +29,7 @@ std::string Resembled(SQLite::Database& db, const std::string& name, int64_t tea
       "WHERE l.skeleton = ?1 AND t.id NOT IN ",
       RowsOfTeam(2), " ORDER BY t.id LIMIT 1");
   for (const std::string& look : ConfusableSkeletons(name)) {
-    std::string other = FirstText(db, sql, look, team);
+    std::string other = FirstValue<std::string>(db, sql, look, team);
     if (!other.empty()) return other;
   }
   return "";

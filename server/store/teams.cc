@@ -11,7 +11,7 @@
 #include "server/store/quota.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
-#include "server/store/transaction.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -75,13 +75,9 @@ absl::StatusOr<TeamInForce> Unmerged(SQLite::Database& db, const std::string& na
 }
 
 // The two teams of a merge.
-struct MergePair {
-  TeamInForce from;
-  TeamInForce to;
-};
-
-absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& team,
-                                    const std::string& into) {
+absl::StatusOr<std::pair<TeamInForce, TeamInForce>> Mergeable(SQLite::Database& db,
+                                                              const std::string& team,
+                                                              const std::string& into) {
   ASSIGN_OR_RETURN(const TeamInForce from, Unmerged(db, team));
   ASSIGN_OR_RETURN(const TeamInForce to, Unmerged(db, into));
   if (from.id == to.id) {
@@ -93,11 +89,11 @@ absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& tea
                                  "\" is banned, and a merge would hide that; "
                                  "unban it first"));
   }
-  return MergePair{from, to};
+  return std::pair(from, to);
 }
 
 std::vector<std::string> ListMembers(SQLite::Database& db, int64_t team) {
-  return AllTexts(
+  return AllValues<std::string>(
       db, absl::StrCat("SELECT m.person ", kMemberships, "AND m.team_id = ? ORDER BY m.person"),
       team);
 }
@@ -201,7 +197,7 @@ absl::StatusOr<bool> Teams::SetMember(const std::string& team, const std::string
 
 absl::Status Teams::Merge(const std::string& team, const std::string& into, const std::string& who,
                           const std::string& why) {
-  ASSIGN_OR_RETURN(const MergePair pair, Mergeable(db_, team, into));
+  ASSIGN_OR_RETURN(const auto pair, Mergeable(db_, team, into));
   const auto& [from, to] = pair;
   // Teams that were merged into the first follow it, so that no row leads to another merged one.
   Run(db_, "UPDATE team SET merged_into = ?1 WHERE id = ?2 OR merged_into = ?2", to.id, from.id);
@@ -261,10 +257,11 @@ absl::StatusOr<TeamRow> Teams::Find(const std::string& name) const {
   ASSIGN_OR_RETURN(TeamRow team,
                    kTeams.First(db_, absl::NotFoundError(name), "WHERE t.id = ?", found.id));
   team.other_names =
-      AllTexts(db_,
-               absl::StrCat("SELECT name FROM former_name WHERE team_id IN ", RowsOfTeam(1),
-                            " UNION SELECT name FROM team WHERE merged_into = ?1 ORDER BY 1"),
-               found.id);
+      AllValues<std::string>(
+          db_,
+          absl::StrCat("SELECT name FROM former_name WHERE team_id IN ", RowsOfTeam(1),
+                       " UNION SELECT name FROM team WHERE merged_into = ?1 ORDER BY 1"),
+          found.id);
   for (const MemberRow& member : Members(found.name).rows) team.members.push_back(member.person);
   return team;
 }

@@ -14,8 +14,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 #include "server/store/migration.h"
-#include "server/store/stored_row.h"
-#include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
@@ -45,10 +43,12 @@ struct Table {
 
 std::vector<Table> BuildTables(SQLite::Database& db) {
   std::vector<Table> tables;
-  for (const std::string& name : AllTexts(db, kExportedTables)) {
-    tables.push_back(
-        {name, AllTexts(db, "SELECT name FROM pragma_table_info(?) ORDER BY name", name),
-         AllTexts(db, "SELECT name FROM pragma_table_info(?) WHERE pk > 0 ORDER BY pk", name)});
+  for (const std::string& name : AllValues<std::string>(db, kExportedTables)) {
+    const auto columns = [&](const char* which) {
+      return AllValues<std::string>(
+          db, absl::StrCat("SELECT name FROM pragma_table_info(?) ", which), name);
+    };
+    tables.push_back({name, columns("ORDER BY name"), columns("WHERE pk > 0 ORDER BY pk")});
   }
   return tables;
 }
@@ -103,39 +103,6 @@ absl::Status ForEachLine(
   }
   return file.eof() ? absl::OkStatus() : Broken(path, number, "is too long");
 }
-
-// Parses the lines between the first and the last, and passes on the rows.
-class Parser {
- public:
-  using OnRow =
-      std::function<absl::Status(const std::string& table, std::string_view row, int64_t number)>;
-  Parser(std::string path, OnRow on_row) : path_(std::move(path)), on_row_(std::move(on_row)) {}
-
-  absl::Status Line(std::string_view line, int64_t number) {
-    if (line.ends_with(',')) line.remove_suffix(1);
-    if (in_table_ && line == "]") {
-      in_table_ = false;
-      return absl::OkStatus();
-    }
-    if (in_table_ && line.starts_with('{')) return on_row_(table_, line, number);
-    if (!in_table_ && line.starts_with('"') && line.ends_with("\":[") && line.size() > 4) {
-      table_ = std::string(line.substr(1, line.size() - 4));
-      in_table_ = true;
-      return absl::OkStatus();
-    }
-    return Broken(path_, number, "is not what an export has there");
-  }
-  const std::string& table() const { return table_; }
-  bool in_table() const { return in_table_; }
-
- private:
-  const std::string path_;
-  const OnRow on_row_;
-  std::string table_;
-  bool in_table_ = false;
-};
-
-bool IsLast(std::string_view line) { return line.starts_with("},\"format\":"); }
 
 // Larger numbers would be stored as negative ones.
 bool FitsInt64(const Json& number) {
@@ -262,6 +229,66 @@ absl::Status CheckReferences(SQLite::Database& db) {
   return RefusedRow(table, row, absl::StrCat("names a row of the table ", parent, " that is not there"));
 }
 
+// Reads a whole document, and passes on the text of each row and the number of its line.
+absl::StatusOr<ExportInfo> ReadExport(
+    const std::string& path,
+    const std::function<absl::Status(const std::string& table, std::string_view row,
+                                     int64_t number)>& on_row) {
+  ExportInfo info;
+  Sha256 hash;
+  std::string table;  // whose rows are being read; "": none
+  std::string last;
+  int64_t lines = 0;
+  RETURN_IF_ERROR(ForEachLine(path, [&](std::string_view line, int64_t number) {
+    lines = number;
+    if (!last.empty()) return Broken(path, number, "comes after the end");
+    info.bytes += std::ssize(line) + 1;
+    if (line.starts_with("},\"format\":")) {
+      last = std::string(line);
+      return absl::OkStatus();
+    }
+    hash.Update(line);
+    hash.Update("\n");
+    if (number == 1) {
+      return line == kHead ? absl::OkStatus()
+                           : Broken(path, 1, "is not the beginning of an export");
+    }
+    if (line.ends_with(',')) line.remove_suffix(1);
+    if (!table.empty() && line.starts_with('{')) {
+      ++info.rows[table];
+      return on_row(table, line, number);
+    }
+    if (!table.empty() && line == "]") {
+      table.clear();
+      return absl::OkStatus();
+    }
+    if (!table.empty() || !line.starts_with('"') || !line.ends_with("\":[") || line.size() <= 4) {
+      return Broken(path, number, "is not what stands there in an export");
+    }
+    table = std::string(line.substr(1, line.size() - 4));
+    info.rows.try_emplace(table, 0);
+    return info.rows.size() <= kMaxTables ? absl::OkStatus()
+                                          : Broken(path, number, "is one table too many");
+  }));
+  const size_t digest = last.find(",\"sha256\":");
+  const Json trailer =
+      last.empty() ? Json() : ParseJson("{" + last.substr(2), path).value_or(Json());
+  if (digest == std::string::npos || !table.empty() || !trailer.is_object() ||
+      trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
+      !trailer.value("schema", Json()).is_number_unsigned()) {
+    return Broken(path, lines, "is the last, and an export has its checksum there");
+  }
+  hash.Update(std::string_view(last).substr(0, digest));
+  info.schema = trailer["schema"].get<int64_t>();
+  info.sha256 = trailer["sha256"].get<std::string>();
+  if (const std::string found = hash.FinishHex(); found != info.sha256) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has the checksum ", found, " and says ", info.sha256,
+                     ": it was changed after it was written; export again"));
+  }
+  return info;
+}
+
 }  // namespace
 
 absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
@@ -290,56 +317,14 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
 }
 
 absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
-  ExportInfo info;
-  Sha256 hash;
-  std::string last;
-  int64_t lines = 0;
-  Parser parser(path, [&](const std::string& table, std::string_view, int64_t) {
-    ++info.rows[table];
-    return absl::OkStatus();
-  });
-  RETURN_IF_ERROR(ForEachLine(path, [&](std::string_view line, int64_t number) {
-    lines = number;
-    if (!last.empty()) return Broken(path, number, "comes after the end");
-    info.bytes += std::ssize(line) + 1;
-    if (IsLast(line)) {
-      last = std::string(line);
-      return absl::OkStatus();
-    }
-    hash.Update(line);
-    hash.Update("\n");
-    if (number == 1) {
-      return line == kHead ? absl::OkStatus()
-                           : Broken(path, 1, "is not the beginning of an export");
-    }
-    RETURN_IF_ERROR(parser.Line(line, number));
-    if (parser.in_table()) info.rows.try_emplace(parser.table(), 0);
-    return info.rows.size() <= kMaxTables ? absl::OkStatus()
-                                          : Broken(path, number, "is one table too many");
-  }));
-  const size_t digest = last.find(",\"sha256\":");
-  const Json trailer =
-      last.empty() ? Json() : ParseJson("{" + last.substr(2), path).value_or(Json());
-  if (digest == std::string::npos || parser.in_table() || !trailer.is_object() ||
-      trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
-      !trailer.value("schema", Json()).is_number_unsigned()) {
-    return Broken(path, lines, "is the last, and an export has its checksum there");
-  }
-  hash.Update(std::string_view(last).substr(0, digest));
-  info.schema = trailer["schema"].get<int64_t>();
-  info.sha256 = trailer["sha256"].get<std::string>();
-  if (const std::string found = hash.FinishHex(); found != info.sha256) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": has the checksum ", found, " and says ", info.sha256,
-                     ": it was changed after it was written; export again"));
-  }
-  return info;
+  return ReadExport(
+      path, [](const std::string&, std::string_view, int64_t) { return absl::OkStatus(); });
 }
 
 absl::Status ForEachRow(
     const std::string& path,
     const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
-  Parser parser(path, [&](const std::string& table, std::string_view text, int64_t number) {
+  const auto parse = [&](const std::string& table, std::string_view text, int64_t number) {
     const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
     if (!row.is_object()) return Broken(path, number, "is not a JSON object");
     for (const Json& value : row) {
@@ -350,10 +335,8 @@ absl::Status ForEachRow(
       }
     }
     return on_row(table, row);
-  });
-  return ForEachLine(path, [&](std::string_view line, int64_t number) {
-    return number == 1 || IsLast(line) ? absl::OkStatus() : parser.Line(line, number);
-  });
+  };
+  return ReadExport(path, parse).status();
 }
 
 absl::Status ImportRows(SQLite::Database& db, const std::string& path, const ExportInfo& info) {

@@ -51,7 +51,7 @@ struct ExportInfo {
 // wrong digest.
 absl::StatusOr<ExportInfo> CheckExport(const std::string& path);
 
-// Calls `row` for each row, in file order. REQUIRES: CheckExport succeeded.
+// Calls `row` for each row, in file order; errors also of CheckExport.
 absl::Status ForEachRow(
     const std::string& path,
     const std::function<absl::Status(const std::string& table, const nlohmann::json& row)>& row);

@@ -163,13 +163,10 @@ class Board {
           if (added.ok()) open_.push_back(*added);
           return added.status();
         }
-        return writer
-            .rejudges
-            .AddJudgedItem({item,
-                            {.results_hash = "y", .standing = StandingWith(number)},
-                            {judged}},
-                           "daemon")
-            .status();
+        NewRejudgeItem computed{item, RejudgeMethod::kFacts};
+        computed.judged = {.results_hash = "y", .standing = StandingWith(number)};
+        computed.episodes = {judged};
+        return writer.rejudges.AddItem(computed, "daemon").status();
       });
     }
   }

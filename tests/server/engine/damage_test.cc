@@ -83,7 +83,7 @@ class DamageTest : public testing::Test {
       EXPECT_THAT(reader.teams.OfPerson("uid 1001"), Not(Contains("other")));
       EXPECT_GE(reader.teams.List().found, 2);
       EXPECT_TRUE(reader.teams.Find("other").ok());
-      EXPECT_FALSE(reader.teams.Members("other").left_out.has_value());
+      EXPECT_THAT(reader.teams.Members("other").damaged, testing::IsEmpty());
       (void)reader.teams.Find("victim");
       (void)reader.teams.Events("victim");
       EXPECT_TRUE(reader.callers.TokenByHash(std::string(64, 'b')).ok());

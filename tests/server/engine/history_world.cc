@@ -343,7 +343,7 @@ void World::Cancel(int64_t submission) {
 bool World::AllEnded() {
   bool all = true;
   (void)readers->Read([&](const Transaction& reader) {
-    const UnfinishedRows open = reader.evaluations.Unfinished();
+    const Listed<EvaluationRow> open = reader.evaluations.Unfinished();
     all = open.rows.empty() && open.damaged.empty();
     return absl::OkStatus();
   });

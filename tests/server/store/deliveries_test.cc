@@ -16,7 +16,7 @@ class DeliveriesTest : public StoreTest {
  protected:
   void SetUp() override {
     StoreTest::SetUp();
-    store_->SetSubscriptions({{"all", {WebhookEvents().begin(), WebhookEvents().end()}},
+    store_->SetSubscriptions({{"all", {std::begin(kWebhookEvents), std::end(kWebhookEvents)}},
                               {"pauses", {kPauseEvent}}});
   }
 
@@ -85,8 +85,9 @@ TEST_F(DeliveriesTest, ARerunIsToldToNobody) {
   Accepted rerun;
   ASSERT_TRUE(store_
                   ->Write([&](Transaction& writer) {
-                    auto added = writer.evaluations.AddRerun(
-                        {accepted.submission, std::string(64, 'a'), "{}", {{0, 1}}}, "uid 0");
+                    auto added = writer.evaluations.Add(
+                        {.submission = accepted.submission, .kind = EvaluationKind::kRerun,
+                         .grader_json = "{}", .blocks = {{0, 1}}}, "uid 0");
                     if (added.ok()) rerun = *added;
                     return added.status();
                   })

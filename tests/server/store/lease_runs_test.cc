@@ -38,7 +38,7 @@ class LeaseRunsTest : public StoreTest {
     std::vector<std::string> nodes;
     Read([&](const Transaction& reader) {
       const Listed<DrainedNodeRow> drained = reader.leases.DrainedNodes();
-      EXPECT_FALSE(drained.left_out.has_value());
+      EXPECT_THAT(drained.damaged, testing::IsEmpty());
       for (const DrainedNodeRow& node : drained.rows) {
         nodes.push_back(absl::StrCat(node.node, ": ", node.why, " (", node.who, ")"));
       }

@@ -139,8 +139,9 @@ TEST_F(QuotaTest, AnArtefactWhoseEveryTryIsTheGradersFaultIsHeldBack) {
     const absl::Status own = writer.submissions.CheckReruns(1, "uid 7", /*organiser=*/false, {});
     EXPECT_EQ(ErrorCodeOf(own), "held_back") << own;
     EXPECT_TRUE(writer.submissions.CheckReruns(1, "uid 0", /*organiser=*/true, {}).ok());
-    auto added = writer.evaluations.AddRerun({.submission = 1, .artefact = std::string(64, 'a'),
-                                  .grader_json = "{}", .blocks = {{0, 1}, {2, 3}}}, "uid 0");
+    auto added = writer.evaluations.Add(
+        {.submission = 1, .kind = EvaluationKind::kRerun, .grader_json = "{}",
+         .blocks = {{0, 1}, {2, 3}}}, "uid 0");
     if (added.ok()) rerun = *added;
     return added.status();
   }).ok());
@@ -294,9 +295,9 @@ TEST_F(QuotaTest, ADamagedAccountIsNamedAndStopsNoDay) {
   Read([&](const Transaction& reader) {
     const Listed<LedgerRow> ledger = reader.quotas.Ledger("alpha", "", INT64_MAX, 10);
     EXPECT_THAT(ledger.rows, IsEmpty());
-    ASSERT_TRUE(ledger.left_out.has_value());
-    EXPECT_EQ(ledger.left_out->table, "ledger");
-    EXPECT_EQ(ledger.left_out->key, "1");
+    ASSERT_EQ(ledger.damaged.size(), 1u);
+    EXPECT_EQ(ledger.damaged[0].table, "ledger");
+    EXPECT_EQ(ledger.damaged[0].key, "1");
   });
 }
 

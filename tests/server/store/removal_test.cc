@@ -128,8 +128,9 @@ TEST_F(RemovalTest, ALaterEvaluationNeedsTheFilesOfAnEarlierOne) {
   EXPECT_TRUE(LogMayGo(kLogHash));
   Accepted rerun;
   ASSERT_TRUE(Write([&](Transaction& writer) -> absl::Status {
-                auto added = writer.evaluations.AddRerun(
-                    {practice->submission, std::string(64, 'b'), "{}", {{0, 1}}}, "d");
+                auto added = writer.evaluations.Add(
+                    {.submission = practice->submission, .kind = EvaluationKind::kRerun,
+                     .grader_json = "{}", .blocks = {{0, 1}}}, "d");
                 if (added.ok()) rerun = *added;
                 return added.status();
               }).ok());

@@ -79,20 +79,22 @@ class StoreTest : public ::testing::Test {
         [&](Transaction& writer) { return writer.leases.Start(lease, attempt, 0, 99, "daemon"); });
   }
 
-  absl::StatusOr<Recorded> Record(const Accepted& accepted, int64_t index, int64_t attempt,
-                                  const std::string& facts = kFacts,
-                                  const std::string& details = "") {
-    Recorded recorded;
+  // In what it differs from the row that is there.
+  absl::StatusOr<std::vector<std::string>> Record(const Accepted& accepted, int64_t index,
+                                                  int64_t attempt,
+                                                  const std::string& facts = kFacts,
+                                                  const std::string& details = "") {
+    std::vector<std::string> differs;
     const int64_t lease = accepted.leases[static_cast<size_t>(index / 2)];
     const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
       auto result = writer.episodes.Record({accepted.evaluation, index, lease, attempt,
                                           static_cast<uint64_t>(index + 1), Outcome::kFailure,
                                           FailureReason::kTime, facts, R"({"time_s":10.0})", details});
-      if (result.ok()) recorded = *result;
+      if (result.ok()) differs = *result;
       return result.status();
     });
     if (!status.ok()) return status;
-    return recorded;
+    return differs;
   }
 
   std::string SqlError(const std::string& sql) {

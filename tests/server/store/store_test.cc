@@ -151,7 +151,7 @@ TEST_F(StoreTest, AnUnknownArtefactLeavesNothingBehind) {
 TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   const Accepted accepted = Submit();
   ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
-  EXPECT_TRUE(Record(accepted, 0, 1)->counted);
+  EXPECT_THAT(*Record(accepted, 0, 1), testing::IsEmpty());
   ASSERT_TRUE(store_->Write([&](Transaction& writer) {
     return writer.leases.Return(accepted.leases[0], 1, true, "daemon", "the runner died");
   }).ok());
@@ -161,11 +161,10 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   std::string slower = kFacts;
   slower.replace(slower.find("1.5"), 3, "9.5");
   const auto same = Record(accepted, 0, 2, slower);
-  EXPECT_FALSE(same->counted);
-  EXPECT_TRUE(same->differs.empty()) << "the clock is no part of a result";
+  EXPECT_THAT(*same, testing::IsEmpty()) << "the clock is no part of a result";
   std::string other = kFacts;
   other.replace(other.find("aa"), 2, "bb");
-  EXPECT_THAT(Record(accepted, 0, 2, other)->differs, ElementsAre("digest"));
+  EXPECT_THAT(*Record(accepted, 0, 2, other), ElementsAre("digest"));
   Read([&](const Transaction& reader) {
     const std::vector<EpisodeRow> rows = *reader.episodes.Of(accepted.evaluation);
     ASSERT_EQ(rows.size(), 1u);
@@ -179,11 +178,10 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
 TEST_F(StoreTest, DetailsAreKeptBesideTheResultAndComparedWithNothing) {
   const Accepted accepted = Submit();
   ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
-  EXPECT_TRUE(Record(accepted, 0, 1, kFacts, R"({"fall_time":1.5})")->counted);
-  EXPECT_TRUE(Record(accepted, 1, 1)->counted);
+  EXPECT_THAT(*Record(accepted, 0, 1, kFacts, R"({"fall_time":1.5})"), testing::IsEmpty());
+  EXPECT_THAT(*Record(accepted, 1, 1), testing::IsEmpty());
   const auto again = Record(accepted, 0, 1, kFacts, R"({"fall_time":2.5})");
-  EXPECT_FALSE(again->counted);
-  EXPECT_TRUE(again->differs.empty()) << "no part of a result";
+  EXPECT_THAT(*again, testing::IsEmpty()) << "no part of a result";
   Read([&](const Transaction& reader) {
     EXPECT_THAT(*reader.episodes.Details(accepted.evaluation),
                 ElementsAre(testing::Pair(0, R"({"fall_time":1.5})")));
@@ -289,7 +287,7 @@ TEST_F(StoreTest, AFullDiskIsToldAndLosesNothing) {
   setrlimit(RLIMIT_FSIZE, &before);
   EXPECT_FALSE(status.ok());
   EXPECT_THAT(std::string(status.message()), HasSubstr(path_));
-  EXPECT_TRUE(Record(accepted, 0, 1)->counted);
+  EXPECT_THAT(*Record(accepted, 0, 1), testing::IsEmpty());
   Open();
   Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.episodes.Counts(accepted.evaluation).done, 1);

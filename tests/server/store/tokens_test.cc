@@ -151,8 +151,8 @@ TEST_F(TokensTest, ADamagedTokenIsNone) {
     Read([&](const Transaction& reader) {
       const Listed<TokenRow> listed = reader.callers.Tokens();
       EXPECT_EQ(listed.rows.size(), 1u);
-      ASSERT_TRUE(listed.left_out.has_value());
-      EXPECT_THAT(listed.left_out->key, HasSubstr(std::string(change) == "team_id = 99" ? "99"
+      ASSERT_FALSE(listed.damaged.empty());
+      EXPECT_THAT(listed.damaged[0].key, HasSubstr(std::string(change) == "team_id = 99" ? "99"
                                                                                          : "1"));
     });
   }

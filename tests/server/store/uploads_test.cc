@@ -119,7 +119,9 @@ class RerunsTest : public StoreTest {
           !status.ok()) {
         return status;
       }
-      auto added = writer.evaluations.AddRerun({submission, "", "{}", {{0, 1}}}, who);
+      auto added = writer.evaluations.Add(
+          {.submission = submission, .kind = EvaluationKind::kRerun, .grader_json = "{}",
+           .blocks = {{0, 1}}}, who);
       if (added.ok()) last_ = *added;
       return added.status();
     });
