@@ -95,11 +95,10 @@ absl::Status Deliveries::Set(int64_t id, const DeliveryOutcome& outcome) {
 }
 
 absl::StatusOr<int64_t> Deliveries::AbandonAllBut(const std::set<std::string>& webhooks) {
-  Statement update(db_, R"(UPDATE delivery
+  return Run(db_, R"(UPDATE delivery
       SET state = 'given_up', detail = 'server.json no longer has this webhook'
       WHERE state = 'waiting' AND webhook NOT IN (SELECT value FROM json_each(?)))",
-                   CanonicalJson(Json(webhooks)));
-  return update.exec();
+             CanonicalJson(Json(webhooks)));
 }
 
 absl::Status Deliveries::Prune(int64_t before_ms) {

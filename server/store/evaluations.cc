@@ -1,6 +1,5 @@
 #include "server/store/evaluations.h"
 
-#include <algorithm>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -283,12 +282,10 @@ absl::StatusOr<std::string> Evaluations::TeamOf(int64_t id) const {
 }
 
 std::vector<EndedEvaluation> Evaluations::DoneSince(int64_t after_ms, int64_t limit) const {
-  std::vector<EndedEvaluation> ended =
-      AllRows<EndedEvaluation, 2>(Statement(db_, R"(SELECT id, finished_at FROM evaluation
-          WHERE state = 'done' AND finished_at > ? ORDER BY finished_at DESC, id DESC LIMIT ?)",
-                                            after_ms, limit));
-  std::reverse(ended.begin(), ended.end());
-  return ended;
+  return AllRows<EndedEvaluation, 2>(Statement(db_, R"(SELECT id, finished_at FROM (
+      SELECT id, finished_at FROM evaluation WHERE state = 'done' AND finished_at > ?
+      ORDER BY finished_at DESC, id DESC LIMIT ?) ORDER BY finished_at, id)",
+                                               after_ms, limit));
 }
 
 int64_t Evaluations::LastEnd() const {
