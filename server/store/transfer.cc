@@ -263,7 +263,7 @@ absl::StatusOr<ExportInfo> ReadExport(
       return absl::OkStatus();
     }
     if (!table.empty() || !line.starts_with('"') || !line.ends_with("\":[") || line.size() <= 4) {
-      return Broken(path, number, "is not what stands there in an export");
+      return Broken(path, number, "is not what an export has there");
     }
     table = std::string(line.substr(1, line.size() - 4));
     info.rows.try_emplace(table, 0);
