@@ -515,7 +515,7 @@ CREATE TABLE journal (
   evaluation   INTEGER REFERENCES evaluation (id),  -- that it is the end of; NULL: none
   private_json TEXT NOT NULL CHECK (json_valid(private_json)),
   entry        INTEGER UNIQUE CHECK (entry >= 0),   -- in the public record; NULL: it is not public
-  entry_json   TEXT CHECK (json_valid(entry_json)), -- canonical
+  entry_json   TEXT CHECK (entry_json IS NULL OR json_valid(entry_json)), -- canonical
   chain        TEXT CHECK (length(chain) = 64),
   CHECK ((entry IS NULL) = (entry_json IS NULL) AND (entry IS NULL) = (chain IS NULL)),
   CHECK ((kind = 'graded') = (evaluation IS NOT NULL))

@@ -103,6 +103,17 @@ TEST_F(RecordTest, EachChangeAddsItsEntryInItsTransaction) {
   EXPECT_THAT(all, HasSubstr("reads the seeds"));
 }
 
+TEST_F(RecordTest, AMarkOfPracticeIsKeptButNotPublic) {
+  const absl::StatusOr<Accepted> practice = TrySubmit("alpha", 'a', /*ranked=*/false);
+  ASSERT_TRUE(practice.ok()) << practice.status();
+  const size_t before = Rows().size();
+  Mark(practice->submission, "hidden", true, "wrong file");
+  EXPECT_EQ(Rows().size(), before);
+  Read([&](const Transaction& reader) {
+    EXPECT_EQ(reader.Board().MarkHistory(practice->submission).size(), 1u);
+  });
+}
+
 TEST_F(RecordTest, AFailedChangeLeavesNoEntry) {
   const size_t before = Rows().size();
   EXPECT_FALSE(store_->Write([&](Transaction& writer) -> absl::Status {
