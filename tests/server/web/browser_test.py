@@ -262,7 +262,8 @@ class HostileTexts(BrowserCase):
     # What pages are made of: no text may add to it.
     TAGS = set("a b bdi button canvas caption code dd details div dl dt figcaption figure form g h1 h2 h3 "
                "h4 input label li main meter ol option p path pre progress rect section select span "
-               "summary svg table tbody td text th thead time tr ul line circle nav".split())
+               "summary svg table tbody td text th thead time tr ul line circle nav "
+               "polyline datalist".split())
 
     def check_texts(self, page, path, *texts):
         """The page has these texts, and no element that it does not have without them."""
