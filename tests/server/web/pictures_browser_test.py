@@ -100,7 +100,7 @@ class Pictures(BrowserCase):
         page.evaluate("document.querySelector('.cell[data-index]').click()")
         page.wait("!!document.querySelector('.details .button.main')")
         page.wait("performance.getEntriesByType('resource').filter((one) => "
-                  "one.name.includes('/v1/leaderboard')).length === 1")
+                  "one.name.includes('/v1/leaderboard')).length === 2")
         time.sleep(1)  # in which nothing more comes
         return page.evaluate("[...document.querySelectorAll('.details .button')].map((one) => "
                              "[one.textContent, one.getAttribute('href')])")
