@@ -29,8 +29,8 @@ std::string CountedUnits(int64_t count, Budget budget) {
   return Counted(count, "failed try", "failed tries");
 }
 
-// What a team's rows of a place come to: those of its ledger, and what it was accepted and has
-// neither ended nor been charged.
+// A team's use of a place: what its ledger has, and what was accepted and has neither ended nor been
+// charged.
 void AddUse(SQLite::Database& db, int64_t team, const std::string& track, const std::string& phase,
             QuotaUse& use) {
   const std::string admissions = absl::StrCat(

@@ -76,8 +76,8 @@ struct NewRejudgeItem : RejudgeCandidate {
   // at once.
   std::string impossible = "";
   // Computed from facts: its evaluation is added as one that has ended, with the facts, leases and
-  // outputs of the source. Of `episodes`, by index, one for each of the source, only index, outcome,
-  // reason and metrics_json are used.
+  // outputs of the source. Of `episodes`, by index and one for each of the source, only index,
+  // outcome, reason and metrics_json are used.
   std::optional<EvaluationResult> judged = {};
   std::vector<EpisodeRow> episodes = {};
 };

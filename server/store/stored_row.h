@@ -99,8 +99,8 @@ class StoredRow {
   std::optional<Damage> damage_;
 };
 
-// The rows of a table as structs. The other queries get the end of the SELECT, from its WHERE or
-// JOIN on, and the values of its parameters.
+// The rows of a table as structs. Each query takes the end of the SELECT, from its WHERE or JOIN on,
+// and the values of its parameters.
 template <typename Row>
 struct StoredRows {
   const char* table;
@@ -152,8 +152,8 @@ struct StoredRows {
 
   // The first row, or its damage; `missing` if there is none.
   template <typename... Values>
-  absl::StatusOr<Row> First(SQLite::Database& db, const absl::Status& missing, const std::string& end,
-                            const Values&... values) const {
+  absl::StatusOr<Row> First(SQLite::Database& db, const absl::Status& missing,
+                            const std::string& end, const Values&... values) const {
     Statement query(db, absl::StrCat(select, end), values...);
     if (!query.executeStep()) return missing;
     Row row;
