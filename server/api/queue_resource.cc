@@ -77,7 +77,7 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();
-  return Json{{"status", StatusOf(health)},
+  return Json{{"status", StatusText(health)},
               {"slots", context.config.scheduler.slots},
               {"running", health.running},
               {"pending_leases", health.pending},

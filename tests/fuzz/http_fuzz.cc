@@ -42,7 +42,7 @@ void Install(Router& router, const std::string& file) {
     response.SetContent(std::string(filter.status().message()), "text/plain");
   });
   Add(router, "GET", R"(/v1/submissions/(\d{1,18}))", [](const Request& request, Response& response) {
-    response.SetContent(std::to_string(IdOf(request)), "text/plain");
+    response.SetContent(std::to_string(ReadId(request)), "text/plain");
   });
   Add(router, "GET", "/v1/export", [file](const Request&, Response& response) {
     Require(response.SetFile(file, "application/json").ok(), "a file is sent");
