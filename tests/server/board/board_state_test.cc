@@ -163,7 +163,7 @@ TEST_F(BoardStateTest, AnActThatSaysTooLittleIsToldAndStopsNoOther) {
   Team(1);
   EXPECT_THAT(TryAct(kAcceptedAct, {{"submission", 1}}).message(), HasSubstr("entry 1 lacks"));
   EXPECT_THAT(TryAct(kGradedAct, Json()).message(), HasSubstr("lacks"));
-  EXPECT_THAT(TryAct("a vote", {{"submission", 1}}).message(), HasSubstr("not known here"));
+  EXPECT_THAT(TryAct("a vote", {{"submission", 1}}).message(), HasSubstr("not known to this program"));
   EXPECT_THAT(TryAct(kTeamAct, {{"event", "merged"}, {"team_id", 1}, {"team", "x"}}).message(),
               HasSubstr("lacks"));
   Accept(1, 1);

@@ -301,7 +301,7 @@ TEST_F(RejudgesTest, RefusesWhatMakesNoSense) {
   EXPECT_THAT(message(rejudge), HasSubstr("differ in more than \"scoring\""));
   rejudge = To(base_);
   rejudge.repeats = 21;
-  EXPECT_THAT(message(rejudge), HasSubstr("1 to 20 repetitions"));
+  EXPECT_THAT(message(rejudge), HasSubstr("1 to 20 repeats"));
   rejudge = To(base_);
   rejudge.why = "";
   EXPECT_THAT(message(rejudge), HasSubstr("needs a reason"));
