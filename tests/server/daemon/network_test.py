@@ -335,7 +335,7 @@ class PlainHttpTest(NetworkCase):
         with contextlib.ExitStack() as stack:
             last = self.uploads(stack, ("POST /v1/artefacts?team=alpha",),
                                 *(f"Authorization: Bearer {token}" for token in tokens))
-            self.assertIn(b"too many uploads of your team", last.recv(65536))
+            self.assertIn(b"your team has too many uploads", last.recv(65536))
             for _ in range(3):
                 begun = time.monotonic()
                 self.assertEqual(self.exchange("/v1/health")[0], 200)

@@ -232,7 +232,7 @@ class Log(DaemonCase):
             self.assertLessEqual({"time", "level", "message"}, set(entry))
             self.assertRegex(entry["time"], r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")
             self.assertIn(entry["level"], ("debug", "info", "warning", "error", "critical"))
-        done = [entry for entry in entries if "successes" in entry["message"]][0]
+        done = [entry for entry in entries if "episodes succeeded" in entry["message"]][0]
         self.assertEqual((done["submission"], done["evaluation"], done["team"]),
                          (submission, 1, "Team \"x\" \\ ä"))
         fault = [entry for entry in entries if "attempt 1: fault of the grader" in entry["message"]][0]
