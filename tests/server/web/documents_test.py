@@ -24,7 +24,7 @@ MAKE = SOURCE / "server/docs/make_site.py"
 VERSION = (SOURCE / "CMakeLists.txt").read_text().split("(myograde VERSION ")[1].split(" ")[0].rsplit(".", 1)[0]
 AUDIENCES = {"Participants", "Organisers", "Operators", "Developers"}
 # Addresses of the daemon that every page names.
-DAEMONS = {"/", "/v1/openapi.json", "/web/icon.svg"}
+DAEMONS = {"/", "/queue", "/team", "/submit", "/v1/openapi.json", "/web/icon.svg"}
 
 
 class Page(html.parser.HTMLParser):
