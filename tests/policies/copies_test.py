@@ -257,9 +257,9 @@ class Mistakes(InFolder):
         env.reset(seed=0)
         envs.reset(seed=0)
         for action in (np.zeros(7), np.zeros((1, 6)), 0.5, np.zeros(0)):
-            with self.assertRaisesRegex(ValueError, r"must have the shape \(6,\), and has \("):
+            with self.assertRaisesRegex(ValueError, r"must have the shape \(6,\), but has \("):
                 env.step(action)
-            with self.assertRaisesRegex(ValueError, r"must have the shape \(2, 6\), and has \("):
+            with self.assertRaisesRegex(ValueError, r"must have the shape \(2, 6\), but has \("):
                 envs.step(action)
         for action in ("up", {"muscles": 1}, [[1], [1, 2]]):
             with self.assertRaisesRegex(ValueError, "must be an array of numbers"):

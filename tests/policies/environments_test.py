@@ -123,7 +123,7 @@ class Gymnasium(InFolder):
             env.step(np.zeros(6))
         env.reset(seed=0)
         for error, words, wrong in (
-                (ValueError, r"must have the shape \(6,\), and has \(7,\)", lambda: env.step(np.zeros(7))),
+                (ValueError, r"must have the shape \(6,\), but has \(7,\)", lambda: env.step(np.zeros(7))),
                 (ValueError, "entry 2 of the action is nan",
                  lambda: env.step([0, 0, float("nan"), 0, 0, 0])),
                 (errors.WrongUse, "out of range", lambda: env.reset(seed=2**63)),

@@ -120,7 +120,7 @@ class SideBySide(InFolder):
         wrong[1, 4] = np.inf
         for error, words, mistake in (
                 (ValueError, "environment 1: entry 4 .* inf", lambda: envs.step(wrong)),
-                (ValueError, r"must have the shape \(2, 6\), and has \(2, 5\)",
+                (ValueError, r"must have the shape \(2, 6\), but has \(2, 5\)",
                  lambda: envs.step(np.zeros((2, 5)))),
                 (ValueError, "1 seeds were given for 2", lambda: envs.reset(seed=[1])),
                 (ValueError, "reset_mask", lambda: envs.reset(options={"reset_mask": [1]})),
