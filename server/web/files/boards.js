@@ -3,7 +3,7 @@ import {get, isOrganiser, token, whoami} from "./api.js";
 import {h, href, replace} from "./dom.js";
 import {boardTitle, dateTime, name, time, visible, whole} from "./format.js";
 import {hostText} from "./host_text.js";
-import {deciding, phaseWhen, successes} from "./places.js";
+import {boardAddress, deciding, phaseWhen, rankedRows, successes} from "./places.js";
 
 const SHOWN = 3;
 
@@ -20,18 +20,19 @@ function leader(row, columns) {
 // Fills a box with the leaders of a board; the teams that are on it.
 async function fillLeaders(box, query) {
   try {
-    const board = await get(`/v1/leaderboard?${new URLSearchParams(query)}`);
+    const board = await get(boardAddress({query}));
     if (!board.rows.length) {
       replace(box, h("p", {class: "quiet"}, "Nobody is ranked yet."));
       return [];
     }
-    const decides = deciding(board.rows.find((row) => !row.baseline) ?? {}, board.columns);
+    const ranked = rankedRows(board);
+    const decides = deciding(ranked[0] ?? {}, board.columns);
     replace(box,
       h("p", {class: "quiet"}, `${board.rows.length} ${board.rows.length === 1 ? "entry" : "entries"}, with `
         + `success${decides ? ` and ${decides.title.toLowerCase()}, which decides` : ""}`),
       h("ol", {class: "leaders"}, board.rows.slice(0, SHOWN).map((row) =>
         leader(row, board.columns))));
-    return board.rows.filter((row) => !row.baseline).map((row) => row.team);
+    return ranked.map((row) => row.team);
   } catch (error) {
     replace(box, h("p", {class: "problem"}, visible(error.message)));
     return [];

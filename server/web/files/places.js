@@ -31,12 +31,10 @@ export async function phaseTitles() {
   return ({phase, track}) => visible(phase ? known.get(phase) ?? phase : track);
 }
 
-const STATES = {upcoming: "upcoming", open: "open", paused: "paused", closed: "closed", frozen: "frozen"};
-
 // Whether a phase takes submissions and whether its board moves, with the dates that matter.
 export function phaseWhen(phase) {
   const frozen = phase.frozen && !phase.published;
-  const state = h("span", {class: `state ${phase.state}`}, STATES[phase.state] ?? phase.state);
+  const state = h("span", {class: `state ${phase.state}`}, phase.state);
   const dates = [
     phase.state === "upcoming" && ["opens ", phase.opens_at],
     phase.closes_at && [phase.state === "closed" ? "closed " : "closes ", phase.closes_at],
@@ -47,8 +45,11 @@ export function phaseWhen(phase) {
     phase.paused && h("span", {class: "problem"}, "Paused: ", visible(phase.paused.reason)));
 }
 
-export const boardAddress = ({query, board}, more = {}) =>
+export const boardAddress = ({query, board = "main"}, more = {}) =>
   `/v1/leaderboard?${new URLSearchParams({...query, board, ...more})}`;
+
+// The rows of a board that have a rank.
+export const rankedRows = (board) => board.rows.filter((row) => !row.baseline);
 
 // What decides among the rows around a row: its value as a text, with the unit; null where that is successes.
 export function deciding(row, columns) {
@@ -72,11 +73,11 @@ export function placesTable(places) {
   return table("Places", ["Board", "Rank#", "Policy", "Success#", "What decides"],
     places.flatMap(({title, query, board, answer, rows}) => rows.map((row) => {
       const decides = deciding(row, answer.columns);
-      const ranked = answer.rows.filter((one) => !one.baseline).length;
       return h("tr", null,
         h("th", {scope: "row"}, h("a", {href: href("/board", {...query, board})}, title),
           board !== "main" && [", ", boardTitle(board)]),
-        h("td", {class: "num"}, row.baseline ? "baseline" : [h("b", null, row.rank), ` of ${whole(ranked)}`]),
+        h("td", {class: "num"}, row.baseline ? "baseline"
+          : [h("b", null, row.rank), ` of ${whole(rankedRows(answer).length)}`]),
         h("td", null, name(row.name || `submission ${row.submission}`)),
         h("td", {class: "num"}, successes(row)),
         h("td", null, decides ? `${decides.title} ${decides.text}` : "successes"));

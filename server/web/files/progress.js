@@ -2,7 +2,7 @@
 import {get} from "./api.js";
 import {h, s} from "./dom.js";
 import {dateTime, time, whole} from "./format.js";
-import {boardAddress} from "./places.js";
+import {boardAddress, rankedRows} from "./places.js";
 
 const MOST_MOMENTS = 12;
 const MOST_ENTRIES = 20000;  // of the record
@@ -47,7 +47,7 @@ async function ranksOf(team, {query, board, answer}) {
   const boards = await Promise.all(moments.map((at) => get(boardAddress({query, board}, {at})).catch(() => null)));
   const now = new Date().toISOString();
   return [...moments.map((at, place) => [at, boards[place]]), [now, answer]].flatMap(([at, then]) => {
-    const ranked = then?.rows.filter((row) => !row.baseline) ?? [];
+    const ranked = then ? rankedRows(then) : [];
     const row = ranked.find((one) => one.team === team);
     return row ? [{at, rank: row.rank, of: ranked.length}] : [];
   });

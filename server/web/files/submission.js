@@ -6,7 +6,7 @@ import {showEpisode} from "./episode.js";
 import {duration, measure, name, state, time, visible, whole} from "./format.js";
 import {kindOf, makeGrid} from "./grid.js";
 import {liveBadge} from "./live.js";
-import {phaseTitles} from "./places.js";
+import {boardAddress, phaseTitles, rankedRows} from "./places.js";
 import {addOutput, drawCharts, drawFigures, drawSummary, highlights} from "./result.js";
 
 const FINAL = ["done", "failed", "cancelled", "grader_error"];
@@ -49,9 +49,8 @@ const board = (status) => (status.phase ? {phase: status.phase}
 
 // How far a row is from the one above it, in the number that decides between them.
 function gapTo(row, above, columns) {
+  if (row.band !== above.band) return visible(`; ${above.team} is a band above`);
   const metric = columns.find((column) => column.name === row.decided_by);
-  const bands = row.band !== above.band ? `; ${above.team} is a band above` : null;
-  if (bands) return visible(bands);
   if (!metric) {
     const missing = above.aggregate.successes - row.aggregate.successes;
     return missing ? `; ${whole(missing)} more successes reach rank ${above.rank}`
@@ -65,8 +64,8 @@ function gapTo(row, above, columns) {
 // Where a ranked submission stands, as everybody may see it; null if nowhere.
 async function placeOf(status) {
   if (!status.ranked || status.state !== "done") return null;
-  const answer = await get(`/v1/leaderboard?${new URLSearchParams(board(status))}`).catch(() => null);
-  const ranked = answer?.rows.filter((row) => !row.baseline) ?? [];
+  const answer = await get(boardAddress({query: board(status)})).catch(() => null);
+  const ranked = answer ? rankedRows(answer) : [];
   const at = ranked.findIndex((row) => row.submission === status.submission);
   const link = (words) => h("a", {href: href("/board", board(status))}, words);
   if (at < 0) {
