@@ -267,6 +267,10 @@ absl::Status Check(const BoardEntry& entry, const BoardRules& rules) {
 
 }  // namespace
 
+bool EqualRates(const BoardEntry& a, const BoardEntry& b) {
+  return a.successes * b.episodes == b.successes * a.episodes;
+}
+
 BoardEntry MakeEntry(std::span<const Metric> metrics, const Aggregate& aggregate) {
   BoardEntry entry;
   entry.failed = aggregate.failed;

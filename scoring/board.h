@@ -27,6 +27,9 @@ struct BoardEntry {
   std::vector<std::optional<double>> numbers = {};
 };
 
+// Whether both succeeded at the same rate, without rounding.
+bool EqualRates(const BoardEntry& a, const BoardEntry& b);
+
 // The entry of an evaluation; the caller names submission, team, acceptance and choice.
 BoardEntry MakeEntry(std::span<const Metric> metrics, const Aggregate& aggregate);
 

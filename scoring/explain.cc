@@ -78,10 +78,6 @@ std::string LineOf(const TieredBoard& rules) {
                  static_cast<double>(rules.line_episodes));
 }
 
-bool SameRate(const BoardEntry& a, const BoardEntry& b) {
-  return a.successes * b.episodes == b.successes * a.episodes;
-}
-
 std::string AcceptedFirst(const std::string& equal, const TwoRows& pair) {
   return absl::StrCat(equal, ", and it was accepted first, as submission ", pair.a().acceptance,
                       " against ", pair.b().acceptance);
@@ -146,7 +142,7 @@ std::string Why(const TwoRows& pair, const TieredBoard& rules) {
                         LineOf(rules), ", against ",
                         Successes(b), ", which does not");
   }
-  if (!SameRate(a, b)) {
+  if (!EqualRates(a, b)) {
     return absl::StrCat("it succeeded in ", Successes(a), " episodes against ", Successes(b));
   }
   const std::string equal = absl::StrCat("both succeeded at the same rate, ", Successes(a),

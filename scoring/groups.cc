@@ -10,16 +10,14 @@ namespace {
 
 using Kind = Criterion::Kind;
 
+Criterion ByNumber(size_t place) { return {Kind::kNumber, place}; }
+
 // The first of `places` whose numbers differ.
 Criterion FirstOf(const BoardEntry& a, const BoardEntry& b, std::initializer_list<size_t> places) {
   for (const size_t place : places) {
-    if (a.numbers.at(place) != b.numbers.at(place)) return {Kind::kNumber, place};
+    if (a.numbers.at(place) != b.numbers.at(place)) return ByNumber(place);
   }
   return {Kind::kAcceptance};
-}
-
-bool EqualRates(const BoardEntry& a, const BoardEntry& b) {
-  return a.successes * b.episodes == b.successes * a.episodes;
 }
 
 Criterion Deciding(const RankedEntry& above, const RankedEntry& below, const TieredBoard& rules) {
@@ -27,8 +25,7 @@ Criterion Deciding(const RankedEntry& above, const RankedEntry& below, const Tie
   const BoardEntry& b = below.entry;
   if (above.band >= 0 && below.band >= 0) {
     if (above.band == below.band) return FirstOf(a, b, {rules.effort});
-    return rules.bands == BandsOver::kTime ? Criterion{Kind::kNumber, rules.time}
-                                           : Criterion{Kind::kSuccess};
+    return rules.bands == BandsOver::kTime ? ByNumber(rules.time) : Criterion{Kind::kSuccess};
   }
   if (above.band != below.band || !EqualRates(a, b)) return {Kind::kSuccess};
   if (rules.ties == Ties::kAcceptance) return {Kind::kAcceptance};
@@ -92,7 +89,7 @@ bool Counts(const JudgedEpisode& episode) {
 
 // Both by index.
 std::vector<Pair> MakePairs(const Sampler& sampler, const std::vector<JudgedEpisode>& above,
-                          const std::vector<JudgedEpisode>& below) {
+                            const std::vector<JudgedEpisode>& below) {
   std::vector<Pair> pairs;
   auto b = below.begin();
   for (const JudgedEpisode& a : above) {
@@ -142,8 +139,8 @@ class PairTests {
         PlaceTest own;
         own.criterion = CriterionOf(rows[above].ranked, rows[below].ranked, rules);
         const Sampler sampler(metrics, own.criterion);
-        own.test = TestPairs(MakePairs(sampler, episodes[above], episodes[below]),
-                             group_rules.samples);
+        own.test =
+            TestPairs(MakePairs(sampler, episodes[above], episodes[below]), group_rules.samples);
         own.looks = LooksAt(rows[above].further, rows[below].further);
         own.p_adjusted = own.test.p;
         if (group_rules.further_looks) {
@@ -202,15 +199,14 @@ Criterion CriterionOf(const RankedEntry& above, const RankedEntry& below,
 }
 
 Criterion CriterionWithin(const RankedEntry& ranked, const BoardRules& rules) {
-  const auto number = [](size_t place) { return Criterion{Kind::kNumber, place}; };
   if (const auto* tiered = std::get_if<TieredBoard>(&rules)) {
-    return ranked.band >= 0 ? number(tiered->effort) : Criterion{Kind::kSuccess};
+    return ranked.band >= 0 ? ByNumber(tiered->effort) : Criterion{Kind::kSuccess};
   }
   if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
     const bool in_band = ranked.band >= 0 && distance->band > 0;
-    return number(in_band ? distance->time : distance->distance);
+    return ByNumber(in_band ? distance->time : distance->distance);
   }
-  return number(std::get<PhysiologicalBoard>(rules).pain);
+  return ByNumber(std::get<PhysiologicalBoard>(rules).pain);
 }
 
 Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> rows,
@@ -240,15 +236,14 @@ Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> ro
 }
 
 std::vector<Criterion> ListCriteria(const BoardRules& rules) {
-  const auto number = [](size_t place) { return Criterion{Kind::kNumber, place}; };
   if (const auto* tiered = std::get_if<TieredBoard>(&rules)) {
-    return {{Kind::kSuccess}, number(tiered->time), number(tiered->effort)};
+    return {{Kind::kSuccess}, ByNumber(tiered->time), ByNumber(tiered->effort)};
   }
   if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
-    return {number(distance->distance), number(distance->time)};
+    return {ByNumber(distance->distance), ByNumber(distance->time)};
   }
   const auto& body = std::get<PhysiologicalBoard>(rules);
-  return {number(body.pain), number(body.effort)};
+  return {ByNumber(body.pain), ByNumber(body.effort)};
 }
 
 const Metric& MetricOf(std::span<const Metric> metrics, size_t number) {
@@ -263,7 +258,7 @@ std::optional<Spread> SpreadOverSteps(std::span<const Metric> metrics, size_t nu
   constexpr double kHalfWidthOfRatio = 1.959963984540054;  // of a 95 % interval, in errors
   const Metric& metric = MetricOf(metrics, number);
   if (metric.source != Metric::Source::kOverSteps) return std::nullopt;
-  const Sampler sampler(metrics, {Kind::kNumber, number});
+  const Sampler sampler(metrics, ByNumber(number));
   std::vector<Sample> samples;
   Sample sum{.amount = 0, .weight = 0};
   for (const JudgedEpisode& episode : episodes) {
