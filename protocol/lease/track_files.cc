@@ -95,7 +95,8 @@ absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
 }
 
 // The merged file's profiles, checked to be an object of objects with valid names.
-absl::StatusOr<nlohmann::json> ReadProfiles(const nlohmann::json& merged, const std::string& where) {
+absl::StatusOr<nlohmann::json> ReadProfiles(const nlohmann::json& merged,
+                                            const std::string& where) {
   const auto it = merged.find("profiles");
   if (it == merged.end() || !it->is_object() || it->empty()) {
     return absl::InvalidArgumentError(

@@ -103,8 +103,8 @@ absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request
 absl::Status Admission::CheckTries(const std::string& team, const std::string& track) {
   return readers_.Read([&](const Transaction& reader) {
     RETURN_IF_ERROR(reader.teams.Check(team));
-    const QuotaUse use =
-        reader.quotas.CountQuotaUse(reader.teams.NameOf(team), track, absl::ToUnixMillis(clock_.Now()));
+    const QuotaUse use = reader.quotas.CountQuotaUse(reader.teams.NameOf(team), track,
+                                                     absl::ToUnixMillis(clock_.Now()));
     return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
   });
 }

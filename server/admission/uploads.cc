@@ -32,7 +32,7 @@ constexpr char kStopsNow[] = "the daemon is stopping; nothing was changed";
 constexpr size_t kReadAtOnce = 256 << 10;
 
 absl::StatusOr<std::string> HashArchive(const IncomingArchive& archive,
-                                   const std::function<bool()>& stopping) {
+                                        const std::function<bool()>& stopping) {
   Sha256 hash;
   std::string piece(std::min(kReadAtOnce, static_cast<size_t>(archive.size())), '\0');
   for (int64_t done = 0; done < archive.size();) {

@@ -36,7 +36,7 @@ std::string PlaceOf(const Json& row) {
 
 // `ended`: "" if that can't be read.
 std::string WriteEntry(const Json& board, const Json& row, const std::string& changed,
-                    const std::string& ended) {
+                       const std::string& ended) {
   const Json& aggregate = row["aggregate"];
   const std::string results =
       absl::StrCat(aggregate.value("successes", int64_t{0}), " of ",
@@ -102,7 +102,7 @@ absl::StatusOr<std::string> DrawBadge(const nlohmann::json& board, const std::st
 }
 
 std::string WriteFeed(const nlohmann::json& board, const std::string& changed,
-                   const std::map<int64_t, std::string>& ended) {
+                      const std::map<int64_t, std::string>& ended) {
   std::string entries;
   for (const Json& row : board["rows"]) {
     const auto at = ended.find(row["evaluation"].get<int64_t>());

@@ -23,6 +23,6 @@ absl::StatusOr<std::string> DrawBadge(const nlohmann::json& board, const std::st
 // the board last changed, which may have moved any rank. `ended`: when each row's evaluation did;
 // those that can't be read are left out.
 std::string WriteFeed(const nlohmann::json& board, const std::string& changed,
-                   const std::map<int64_t, std::string>& ended);
+                      const std::map<int64_t, std::string>& ended);
 
 }  // namespace myograde::server

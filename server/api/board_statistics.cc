@@ -25,9 +25,9 @@ constexpr absl::Duration kLongestWaitForStatistics = absl::Hours(1);  // outside
 using scoring::JudgedEpisode;
 using scoring::TestedRow;
 
-std::vector<std::optional<scoring::Spread>> ComputeSpreads(const Track& track,
-                                                      const scoring::BoardRules& rules,
-                                                      const std::vector<JudgedEpisode>& episodes) {
+std::vector<std::optional<scoring::Spread>> ComputeSpreads(
+    const Track& track, const scoring::BoardRules& rules,
+    const std::vector<JudgedEpisode>& episodes) {
   std::vector<std::optional<scoring::Spread>> spreads;
   for (const scoring::Criterion& criterion : scoring::ListCriteria(rules)) {
     const bool number = criterion.kind == scoring::Criterion::Kind::kNumber;
@@ -102,7 +102,8 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
   return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
 }
 
-absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader, const std::string& config) {
+absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader,
+                                              const std::string& config) {
   FurtherItems all;
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.from_config != config) continue;
@@ -118,7 +119,8 @@ absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader, const s
   return all;
 }
 
-scoring::StatisticsConfig FindStatisticsConfig(const ApiContext& context, const std::string& phase) {
+scoring::StatisticsConfig FindStatisticsConfig(const ApiContext& context,
+                                               const std::string& phase) {
   const scoring::StatisticsConfig& fallback = context.config.statistics;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
   if (config == nullptr) return fallback;
@@ -129,10 +131,10 @@ scoring::StatisticsConfig FindStatisticsConfig(const ApiContext& context, const 
 }
 
 absl::StatusOr<BoardStatistics> ComputeStatistics(const Transaction& reader, const Track& track,
-                                             const scoring::BoardRules& rules,
-                                             const Leaderboard& board,
-                                             const scoring::GroupRules& group_rules,
-                                             int64_t before_ms) {
+                                                  const scoring::BoardRules& rules,
+                                                  const Leaderboard& board,
+                                                  const scoring::GroupRules& group_rules,
+                                                  int64_t before_ms) {
   ASSIGN_OR_RETURN(FurtherItems further, ListFurtherItems(reader, track.config.hash));
   FurtherIndices indices;
   BoardStatistics statistics;
@@ -209,7 +211,7 @@ absl::StatusOr<std::shared_ptr<const BoardStatistics>> KeptStatistics::Of(
   if (Made made = Find(key); made != nullptr) return made;
   ASSIGN_OR_RETURN(BoardStatistics computed,
                    ComputeStatistics(reader, *asked.track, asked.rules->rules, board, rules,
-                                moment.results_before_ms()));
+                                     moment.results_before_ms()));
   auto made = std::make_shared<const BoardStatistics>(std::move(computed));
   const MutexLock lock(mutex_);
   return made_.FindOr(key, made);

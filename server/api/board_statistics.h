@@ -65,10 +65,10 @@ struct BoardStatistics {
 // out. Reads the episodes of the first places only. DeadlineExceededError: the request was over
 // (HttpServer::IsOver) before all tests were made.
 absl::StatusOr<BoardStatistics> ComputeStatistics(const Transaction& reader, const Track& track,
-                                             const scoring::BoardRules& rules,
-                                             const Leaderboard& board,
-                                             const scoring::GroupRules& group_rules,
-                                             int64_t before_ms);
+                                                  const scoring::BoardRules& rules,
+                                                  const Leaderboard& board,
+                                                  const scoring::GroupRules& group_rules,
+                                                  int64_t before_ms);
 
 // Where ranks are those of groups: the published rank of each row of the board, 0 for a baseline.
 std::vector<int64_t> PublishedRanks(const Leaderboard& board, const BoardStatistics& statistics);

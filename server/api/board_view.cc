@@ -165,7 +165,7 @@ Json IntervalToJson(const Json& aggregate, const std::string& name,
 }
 
 Json ListIntervals(const Track& track, const scoring::BoardRules& rules, const Json& aggregate,
-                 const TestedPlace* tested) {
+                   const TestedPlace* tested) {
   Json intervals = Json::object();
   const std::vector<Criterion> criteria = scoring::ListCriteria(rules);
   for (size_t i = 0; i < criteria.size(); ++i) {

@@ -153,10 +153,10 @@ void AddBoards(Routes& routes, const ApiContext& context) {
   const auto kept = std::make_shared<KeptStatistics>();
   // The answers that BoardView or StatisticsView makes.
   const auto answers = [&](auto view) {
-    return std::make_shared<BoardAnswers>(
-        context, [&context, kept, view](const Transaction& reader, const BoardQuery& asked) {
-          return view(reader, asked, FindStatisticsConfig(context, asked.track->config.phase), *kept);
-        });
+    return std::make_shared<BoardAnswers>(context, [&context, kept, view](const Transaction& reader,
+                                                                          const BoardQuery& asked) {
+      return view(reader, asked, FindStatisticsConfig(context, asked.track->config.phase), *kept);
+    });
   };
   const Answers boards = answers(BoardView);
   const Answers tests = answers(StatisticsView);

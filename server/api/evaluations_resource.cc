@@ -73,8 +73,8 @@ void DropUnended(const std::vector<LeaseRow>& leases, std::vector<EpisodeRow>& r
 
 // A rerun against its original; null for an original.
 absl::StatusOr<Json> CompareEvaluations(const Transaction& reader, const EvaluationRow& evaluation,
-                                  const std::vector<EpisodeRow>& rows,
-                                  const std::string& seed_salt) {
+                                        const std::vector<EpisodeRow>& rows,
+                                        const std::string& seed_salt) {
   if (evaluation.kind != EvaluationKind::kRerun) return Json();
   ASSIGN_OR_RETURN(const EvaluationRow original,
                    reader.evaluations.Original(evaluation.submission));
@@ -127,7 +127,8 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   for (const RepeatRow& repeat : repeats) {
     json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});
   }
-  ASSIGN_OR_RETURN(json["comparison"], CompareEvaluations(reader, evaluation, rows, config.seed_salt));
+  ASSIGN_OR_RETURN(json["comparison"],
+                   CompareEvaluations(reader, evaluation, rows, config.seed_salt));
   if (selection.rows || selection.summary) {
     RETURN_IF_ERROR(AddEpisodes(reader, *track, id, rows, judged, selection, json));
   }

@@ -39,7 +39,9 @@ std::map<std::string, double> CodingWeights(const Request& request) {
 
 }  // namespace
 
-std::string ComputeEntityTag(std::string_view body) { return absl::StrCat("\"", Sha256Hex(body), "\""); }
+std::string ComputeEntityTag(std::string_view body) {
+  return absl::StrCat("\"", Sha256Hex(body), "\"");
+}
 
 bool NamesEntityTag(std::string_view if_none_match, std::string_view tag) {
   std::string_view rest = if_none_match;

@@ -77,7 +77,8 @@ absl::Status AddRecord(const Transaction& reader, RecordLog& record,
 // been revealed. `record` proves where the public record has it. FailedPreconditionError before it
 // is done or failed.
 absl::StatusOr<Json> BuildReceipt(const Transaction& reader, RecordLog& record,
-                               const SubmissionRow& submission, const EvaluationRow& evaluation) {
+                                  const SubmissionRow& submission,
+                                  const EvaluationRow& evaluation) {
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::FailedPreconditionError(absl::StrCat(
         "submission ", submission.id, " is ", std::string(EvaluationStateName(evaluation.state)),

@@ -146,7 +146,8 @@ absl::StatusOr<Json> BoardChanges(const Transaction& reader, const Track& from, 
 }
 
 absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t rejudge) {
-  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found, reader.rejudges.ListUnrepeatable(rejudge));
+  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found,
+                   reader.rejudges.ListUnrepeatable(rejudge));
   Json list = Json::array();
   for (const Unrepeatable& one : found) {
     list.push_back({{"submission", one.submission},

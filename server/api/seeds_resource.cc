@@ -175,9 +175,10 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(const Transaction& reader,
                                                    " rows at the places ", first, " to ", last,
                                                    "; a comparison needs two"));
   }
-  ASSIGN_OR_RETURN(const BoardStatistics statistics,
-                   ComputeStatistics(reader, track, track.scoring.boards.at(request.board).rules, board,
-                                FindStatisticsConfig(context, request.phase).groups, INT64_MAX));
+  ASSIGN_OR_RETURN(
+      const BoardStatistics statistics,
+      ComputeStatistics(reader, track, track.scoring.boards.at(request.board).rules, board,
+                        FindStatisticsConfig(context, request.phase).groups, INT64_MAX));
   chosen = UndecidedOf(board, statistics);
   if (!chosen.empty()) return chosen;
   return absl::FailedPreconditionError(

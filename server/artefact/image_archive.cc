@@ -83,7 +83,7 @@ absl::StatusOr<Json> ReadJson(const ImageArchive& archive, const std::string& na
 }
 
 absl::StatusOr<Json> ReadBlob(const ImageArchive& archive, const Described& described,
-                            const std::string& what) {
+                              const std::string& what) {
   ASSIGN_OR_RETURN(const std::string text, ReadText(archive, BlobName(described.sha256)));
   if (std::ssize(text) != described.size) {
     return BadImage(absl::StrCat("has a ", what, " of ", text.size(), " bytes where its archive "

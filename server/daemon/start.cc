@@ -204,7 +204,7 @@ void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
 
 absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
   const std::string store = data + "/store.db";
-  ASSIGN_OR_RETURN(DataHome here, HomeDir(data));
+  ASSIGN_OR_RETURN(DataHome here, ReadDataHome(data));
   ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
   HomeFound found = {std::move(here), ""};
   const bool copied = recorded.has_value() && recorded->key != found.home.key;

@@ -36,8 +36,8 @@ absl::Status Found(Transaction& writer, const NewSubmission& submission) {
 
 // The items of a rejudge with further episodes, complete but for its id.
 absl::StatusOr<std::vector<NewRejudgeItem>> ListItems(const Transaction& reader,
-                                                    const NewRejudge& rejudge,
-                                                    const std::string& data_dir) {
+                                                      const NewRejudge& rejudge,
+                                                      const std::string& data_dir) {
   std::vector<NewRejudgeItem> items;
   if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
   ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(rejudge.to_config_json, "the new config"));

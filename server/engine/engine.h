@@ -126,7 +126,9 @@ class Engine {
                                                             absl::Duration timeout);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
-  QueueOutlook EstimateOutlook(int64_t evaluation) const { return core_.EstimateOutlook(evaluation); }
+  QueueOutlook EstimateOutlook(int64_t evaluation) const {
+    return core_.EstimateOutlook(evaluation);
+  }
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const {
     return core_.QueueOf(teams);
   }

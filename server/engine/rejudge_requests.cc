@@ -99,7 +99,7 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
 }
 
 RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts,
-                       const Json& source_grader, const Json& today) {
+                           const Json& source_grader, const Json& today) {
   if (asked != RejudgeMethod::kAuto) return asked;
   const bool facts = repeats == 1 && same_facts && SameSimulation(source_grader, today);
   return facts ? RejudgeMethod::kFacts : RejudgeMethod::kPlay;
@@ -124,7 +124,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
     const auto [method, is_new] = methods.try_emplace(source->grader_json);
     if (is_new) {
       method->second = ChooseMethod(rejudge.method, rejudge.repeats, same_facts,
-                                ParsedText(source->grader_json), today);
+                                    ParsedText(source->grader_json), today);
     }
     if (method->second == RejudgeMethod::kFacts) {
       ++plan.facts;

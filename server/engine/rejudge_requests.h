@@ -42,7 +42,7 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge);
 // How an item of it is made whose source was played by `source_grader`; `today` is this host's build.
 // kFacts or kPlay.
 RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts,
-                       const nlohmann::json& source_grader, const nlohmann::json& today);
+                           const nlohmann::json& source_grader, const nlohmann::json& today);
 
 // What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError: a listed
 // submission has no result that further episodes could be added to.

@@ -139,13 +139,14 @@ absl::Status Rejudger::Carry(const Work& work) {
 absl::StatusOr<NewRejudgeItem> Rejudger::ItemOf(const Transaction& reader, const Work& work,
                                                 const RejudgeCandidate& candidate,
                                                 const Json& today) {
-  NewRejudgeItem item{candidate, RejudgeMethod::kPlay, CanonicalJson(today),
-                      SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease)};
+  NewRejudgeItem item{
+      candidate, RejudgeMethod::kPlay, CanonicalJson(today),
+      SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease)};
   const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
   absl::Status why_not = source.status();
   if (source.ok()) {
     item.method = ChooseMethod(work.rejudge.method, work.rejudge.repeats, work.same_facts,
-                           ParsedText(source->grader_json), today);
+                               ParsedText(source->grader_json), today);
   }
   if (source.ok() && item.method == RejudgeMethod::kFacts) {
     absl::StatusOr<NewRejudgeItem> judged = JudgeAnew(reader, candidate, *work.track, *work.seeds);

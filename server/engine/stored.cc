@@ -21,7 +21,7 @@ absl::Status Unreadable(const char* table, const std::string& key, const absl::S
 
 // The submission of an evaluation. If its row is missing, then the evaluation's is damaged.
 absl::StatusOr<SubmissionRow> FindSubmission(const Transaction& reader,
-                                           const EvaluationRow& evaluation) {
+                                             const EvaluationRow& evaluation) {
   absl::StatusOr<SubmissionRow> submission = reader.submissions.Find(evaluation.submission);
   if (absl::IsNotFound(submission.status())) {
     return Unreadable("evaluation", absl::StrCat(evaluation.id), submission.status());

@@ -156,7 +156,7 @@ Standing ToStanding(const scoring::ScoredTrack& track, const scoring::Aggregate&
 }
 
 absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
-                                          const std::vector<EpisodeRow>& rows) {
+                                               const std::vector<EpisodeRow>& rows) {
   const scoring::ScoredTrack& scored = *track.scoring.track;
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(scored, rows));
   EvaluationResult result;

@@ -38,7 +38,8 @@ Standing ToStanding(const scoring::ScoredTrack& track, const scoring::Aggregate&
 
 // What an evaluation with these episodes ends as, once all of them are there. Errors of
 // AggregateRows.
-absl::StatusOr<EvaluationResult> ComputeResult(const Track& track, const std::vector<EpisodeRow>& rows);
+absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
+                                               const std::vector<EpisodeRow>& rows);
 
 // A metric's description, for those who print its values: name, title, unit, better, digits.
 nlohmann::json MetricToJson(const scoring::Metric& metric);

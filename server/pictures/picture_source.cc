@@ -147,8 +147,8 @@ absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptio
   return ReadMade(file);
 }
 
-// "" if it has none, or can't be read.
-std::string FetchEpisodeLog(const EpisodeRow& row) {
+// Of the log of an episode; "" if it has none, or can't be read.
+std::string LogSha256(const EpisodeRow& row) {
   const nlohmann::json facts = nlohmann::json::parse(row.facts_json, nullptr, false);
   if (!facts.is_object() || !facts.contains("log") || !facts["log"].is_object()) return "";
   return facts["log"].value("sha256", "");
@@ -179,7 +179,7 @@ absl::StatusOr<PicturedEpisode> EpisodeOf(const Transaction& reader, const std::
     ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(found.evaluation));
     for (const EpisodeRow& row : rows) {
       if (row.lease != found.lease || row.index >= found.index) continue;
-      ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, FetchEpisodeLog(row)));
+      ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, LogSha256(row)));
       shown.episodes.push_back({row.index, row.seed, 0});
       shown.logs.push_back(path);
     }
@@ -199,7 +199,7 @@ absl::StatusOr<std::vector<PictureKey>> PicturesOf(const Transaction& reader, in
   ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, rows));
   ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(scoring, judged));
   std::map<int64_t, std::string> logs;
-  for (const EpisodeRow& row : rows) logs[row.index] = FetchEpisodeLog(row);
+  for (const EpisodeRow& row : rows) logs[row.index] = LogSha256(row);
   std::vector<PictureKey> keys;
   for (const PickedEpisode& picked : BestMedianWorst(order)) {
     if (!logs[picked.index].empty()) keys.push_back({PictureKind::kPicture, logs[picked.index]});

@@ -240,7 +240,7 @@ class ProgramCheck {
     const std::optional<Found> config = view_.Find(venv + "/pyvenv.cfg", missing);
     if (!config || !S_ISREG(config->mode)) return absl::OkStatus();
     const std::string place = venv == kPolicy ? "." : venv.substr(sizeof(kPolicy));
-    const std::string home = HomeDir(config->path);
+    const std::string home = ReadVenvHome(config->path);
     if (!home.empty() && !view_.Find(home, missing)) {
       return Refused(absl::StrCat("belongs to the virtual environment ", Quoted(place),
                                   ", whose Python is in ", Quoted(home), ", which the sandbox "
@@ -257,7 +257,7 @@ class ProgramCheck {
   }
 
   // The value of "home" in a pyvenv.cfg, "" if there is none.
-  std::string HomeDir(const std::string& path) const {
+  std::string ReadVenvHome(const std::string& path) const {
     const Fd file = view_.Open(path);
     const std::string text = ReadAll(file.get(), path, kMaxVenvConfig).value_or("");
     for (const absl::string_view line : absl::StrSplit(text, '\n')) {

@@ -61,7 +61,8 @@ std::optional<int> Scheduler::TakeSlot() {
   return free_slots_.extract(free_slots_.begin()).value();
 }
 
-Scheduler::Precedence Scheduler::ComputePrecedence(const Team& team, const Evaluation& evaluation) const {
+Scheduler::Precedence Scheduler::ComputePrecedence(const Team& team,
+                                                   const Evaluation& evaluation) const {
   const bool goes_on = team.turn.left > 0 && team.turn.of == evaluation.spec.id;
   Precedence turn = {team.running, goes_on ? team.turn.began : INT64_MAX, team.last_start,
                      team.joined};

@@ -69,7 +69,7 @@ absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
 }
 
 // Device numbers and the host's name are left out, as a restart may change them.
-absl::StatusOr<DataHome> HomeDir(const std::string& dir) {
+absl::StatusOr<DataHome> ReadDataHome(const std::string& dir) {
   struct statx info = {};
   if (statx(AT_FDCWD, dir.c_str(), 0, STATX_INO | STATX_BTIME, &info) != 0) {
     return absl::UnavailableError(absl::StrCat(dir, ": can't be examined"));

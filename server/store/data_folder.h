@@ -35,7 +35,7 @@ struct DataHome {
 };
 
 // Of the folder `dir`. UnavailableError if it can't be examined.
-absl::StatusOr<DataHome> HomeDir(const std::string& dir);
+absl::StatusOr<DataHome> ReadDataHome(const std::string& dir);
 
 // What the store at the path `store` has recorded; nullopt: nothing yet. REQUIRES, also of the
 // next: the store was opened (store.h) by this program. Errors as in connection.h.

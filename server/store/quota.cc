@@ -242,7 +242,7 @@ absl::Status Quotas::Grant(const NewGrant& grant, const std::string& who) {
 }
 
 QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track, int64_t now_ms,
-                       const std::string& phase) const {
+                               const std::string& phase) const {
   QuotaUse use;
   use.day = QuotaDay(db_, now_ms);
   AddUse(db_, KnownTeamId(db_, team), track, phase, use);
@@ -250,9 +250,10 @@ QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track
 }
 
 std::string Quotas::ChargedBudget(int64_t submission) const {
-  return FirstValue<std::string>(db_, R"(SELECT budget
-      FROM ledger WHERE submission = ? GROUP BY budget HAVING sum(CASE entry WHEN 'charge' THEN amount WHEN 'refund' THEN
-      -amount ELSE 0 END) > 0 ORDER BY budget LIMIT 1)",
+  return FirstValue<std::string>(db_, R"(SELECT budget FROM ledger WHERE submission = ?
+      GROUP BY budget
+      HAVING sum(CASE entry WHEN 'charge' THEN amount WHEN 'refund' THEN -amount ELSE 0 END) > 0
+      ORDER BY budget LIMIT 1)",
                                  submission);
 }
 

@@ -102,7 +102,7 @@ class Quotas : StorePart {
 
   // `phase` "": of the track itself.
   QuotaUse CountQuotaUse(const std::string& team, const std::string& track, int64_t now_ms,
-                 const std::string& phase = "") const;
+                         const std::string& phase = "") const;
   // The store's current day: today, or tomorrow if there are rows of it.
   int64_t DayAt(int64_t now_ms) const;
   // The budget that a submission is charged to; "" if none, or if it was refunded.

@@ -23,7 +23,7 @@ namespace {
 
 constexpr int kRounds = 2000;
 
-double ToSeconds(const std::function<void()>& call) {
+double SecondsOf(const std::function<void()>& call) {
   const auto start = std::chrono::steady_clock::now();
   call();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -34,7 +34,7 @@ nlohmann::json Timed(const std::function<bool(int64_t number)>& call) {
   std::vector<double> seconds;
   for (int64_t round = 0; round < kRounds; ++round) {
     bool good = false;
-    seconds.push_back(ToSeconds([&] { good = call(round * 7919); }));
+    seconds.push_back(SecondsOf([&] { good = call(round * 7919); }));
     if (good) continue;
     std::fprintf(stderr, "error: a proof does not hold\n");
     std::exit(2);
@@ -45,7 +45,7 @@ nlohmann::json Timed(const std::function<bool(int64_t number)>& call) {
 
 nlohmann::json Measure(int64_t entries) {
   MerkleTree tree;
-  const double build = ToSeconds([&] {
+  const double build = SecondsOf([&] {
     for (int64_t i = 0; i < entries; ++i) {
       tree.Append(absl::StrCat(R"({"at":"2026-11-22T19:20:38.000Z","evaluation":)", i,
                                R"(,"kind":"graded","results":")", std::string(64, 'a'), R"("})"));

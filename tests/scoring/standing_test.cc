@@ -21,7 +21,7 @@ struct Handed {
 };
 
 // The acceptance numbers of those that stand, in the order of bands.
-std::vector<int64_t> ToStanding(const std::vector<Handed>& handed) {
+std::vector<int64_t> StandingOf(const std::vector<Handed>& handed) {
   std::vector<BandCandidate> candidates;
   for (const Handed& one : handed) {
     candidates.push_back({one.team, std::ssize(candidates) + 1, one.value, one.inside});
@@ -40,12 +40,13 @@ std::vector<int64_t> ToStanding(const std::vector<Handed>& handed) {
 
 TEST(StandingEntries, AnOlderSubmissionAnswersTheEntryOfAnother) {
   // 1 outranks 4, and 2 does not; as long as 3 stood, 1 and 2 were alike.
-  EXPECT_THAT(ToStanding({{0, 9.36, 1}, {0, 8.00, 9}, {1, 8.96, 5}, {1, 8.64, 7}}), ElementsAre(4, 1));
+  EXPECT_THAT(StandingOf({{0, 9.36, 1}, {0, 8.00, 9}, {1, 8.96, 5}, {1, 8.64, 7}}),
+              ElementsAre(4, 1));
 }
 
 TEST(StandingEntries, WhereEachAnswerHasAnAnswerTheOthersKeepTheirs) {
   // 4 answers 1, 2 answers 4, 3 answers 2, and 1 answers 3.
-  EXPECT_THAT(ToStanding({{0, 109, 4}, {0, 116, 2}, {1, 126, 1}, {1, 109, 3}}), ElementsAre(1, 4));
+  EXPECT_THAT(StandingOf({{0, 109, 4}, {0, 116, 2}, {1, 126, 1}, {1, 109, 3}}), ElementsAre(1, 4));
 }
 
 }  // namespace

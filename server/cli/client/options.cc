@@ -311,11 +311,11 @@ void AddPlaces(CLI::App& verb, DaemonOptions& options) {
 
 std::string BoardChoice::Query() const {
   return BuildQuery({{"track", track},
-                  {"board", board},
-                  {"phase", phase},
-                  {"profile", profile},
-                  {"config", config},
-                  {"at", at}});
+                     {"board", board},
+                     {"phase", phase},
+                     {"profile", profile},
+                     {"config", config},
+                     {"at", at}});
 }
 
 void AddBoardChoice(CLI::App& verb, BoardChoice& choice, const std::string& track_help,

@@ -309,8 +309,8 @@ Command AddQuota(CLI::App& verb) {
   AddDaemonOptions(verb, "quota", *options);
   return [options] {
     return options->GetAndPrint("/v1/quota" + BuildQuery({{"team", options->team},
-                                                       {"limit", absl::StrCat(options->limit)},
-                                                       {"track", options->track}}),
+                                                          {"limit", absl::StrCat(options->limit)},
+                                                          {"track", options->track}}),
                                 PrintQuota);
   };
 }

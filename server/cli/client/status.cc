@@ -215,8 +215,8 @@ void PrintEvents(const Json& answer) {
 absl::StatusOr<int> Events(const EventsOptions& options) {
   const std::string before = options.before == 0 ? "" : absl::StrCat(options.before);
   return options.GetAndPrint("/v1/events" + BuildQuery({{"limit", absl::StrCat(options.limit)},
-                                                     {"before", before},
-                                                     {"kind", options.kind}}),
+                                                        {"before", before},
+                                                        {"kind", options.kind}}),
                              PrintEvents);
 }
 

@@ -65,10 +65,10 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
     return absl::InvalidArgumentError(*missing + "; nothing was sent");
   }
   Progress progress("sending", Progress::Unit::kBytes);
-  ASSIGN_OR_RETURN(
-      const Json answer,
-      client.Upload("/v1/artefacts" + BuildQuery({{"team", options.team}, {"track", options.track}}),
-                    archive, progress.Listener("the daemon is checking it")));
+  ASSIGN_OR_RETURN(const Json answer,
+                   client.Upload("/v1/artefacts" +
+                                     BuildQuery({{"team", options.team}, {"track", options.track}}),
+                                 archive, progress.Listener("the daemon is checking it")));
   const std::string artefact = answer.value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon's answer has no artefact id");
   return artefact;
@@ -324,11 +324,10 @@ void AddQuotaFinding(const Client& client, const SubmissionPlan& plan, const std
 void AddTwinFinding(const Client& client, const SubmissionPlan& plan, const std::string& phase,
                     std::vector<Finding>& findings) {
   if (plan.practice() || plan.artefact.empty()) return;
-  const absl::StatusOr<Json> answer =
-      client.Get("/v1/submissions" + BuildQuery({{"team", plan.team},
-                                              {"track", plan.track},
-                                              {"limit", "1000"},
-                                              {"phase", phase}}));
+  const absl::StatusOr<Json> answer = client.Get(
+      "/v1/submissions" +
+      BuildQuery(
+          {{"team", plan.team}, {"track", plan.track}, {"limit", "1000"}, {"phase", phase}}));
   if (!answer.ok()) return;  // the team's finding says why
   for (const Json& submission : answer->value("submissions", Json::array())) {
     const bool same_rules = plan.profile.empty() || TextAt(submission, "profile") == plan.profile;

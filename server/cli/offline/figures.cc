@@ -137,7 +137,7 @@ struct FigureOptions : SubmissionOptions {
 
 // The format that the file's name asks for, "svg" of FIGURE.svg; null without a file.
 absl::StatusOr<Json> ChooseFormat(const FigureOptions& options,
-                              const std::vector<std::string>& formats) {
+                                  const std::vector<std::string>& formats) {
   RETURN_IF_ERROR(
       RefuseIf({{options.file.empty() && !options.json,
                  "give -o with the file to write, or --json for the numbers"}}));

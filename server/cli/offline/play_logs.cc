@@ -29,7 +29,7 @@ constexpr int kMostSimulators = 64;
 
 // Blocks are leases; where nothing carries over, cut once more so that all slots have work.
 std::vector<ReplayBlock> SplitIntoBlocks(const std::map<int64_t, ReplayLogFile>& files,
-                                  const TrackConfig& track, int slots) {
+                                         const TrackConfig& track, int slots) {
   std::vector<ReplayBlock> blocks;
   const bool carries = CarriesOver(track);
   const int64_t per_slot = (std::ssize(files) + slots - 1) / slots;
@@ -47,7 +47,7 @@ std::vector<ReplayBlock> SplitIntoBlocks(const std::map<int64_t, ReplayLogFile>&
 
 // The file beside `path` that should be the log of `episode`.
 absl::StatusOr<std::string> FindSibling(const std::string& path, const LogHeader& header,
-                                      int64_t episode) {
+                                        int64_t episode) {
   const std::filesystem::path file(path);
   const std::string name = file.filename();
   // The last number before the ending that is the episode's.

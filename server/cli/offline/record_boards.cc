@@ -77,8 +77,8 @@ Json DisqualifiedJson(const DisqualifiedRow& row) {
 }
 
 std::vector<StandingRow> ListStandings(const BoardState& record,
-                                     const std::map<int64_t, ReceivedResult>& results,
-                                     const std::string& config) {
+                                       const std::map<int64_t, ReceivedResult>& results,
+                                       const std::string& config) {
   const std::set<int64_t> chosen = record.Chosen(config);
   std::vector<StandingRow> standings;
   for (const auto& [submission, ended] : record.InForce(config)) {

@@ -147,7 +147,7 @@ std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
 }
 
 absl::StatusOr<std::vector<int64_t>> ChooseEpisodes(const std::vector<Json>& rows,
-                                             const TrackConfig& config) {
+                                                    const TrackConfig& config) {
   ASSIGN_OR_RETURN(const TrackPtr track, MakeTrack(config));
   std::vector<EpisodeRow> stored;
   for (const Json& row : rows) {

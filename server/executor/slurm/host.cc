@@ -43,7 +43,7 @@ constexpr absl::Duration kLeave = absl::Minutes(1);
 constexpr absl::Duration kVerdict = absl::Seconds(20);
 constexpr absl::Duration kCommand = absl::Seconds(10);
 
-std::string ToSeconds(absl::Duration time) {
+std::string SecondsText(absl::Duration time) {
   return absl::StrCat(absl::ToInt64Seconds(time), " s");
 }
 
@@ -162,7 +162,7 @@ class FollowedLease {
       if (begun_.has_value() && !played_ && begun_->over()) {
         return absl::DeadlineExceededError(absl::StrCat(
             "job ", here_.job, " on ", here_.node, " has not begun to play after ",
-            ToSeconds(kPrepare)));
+            SecondsText(kPrepare)));
       }
     }
     return absl::OkStatus();
@@ -173,7 +173,7 @@ class FollowedLease {
     const bool told = job.ok() && !job->reason.empty() && job->reason != "None";
     return absl::DeadlineExceededError(absl::StrCat(
         job.ok() ? absl::StrCat("job ", job->id) : "its job", " had not begun after ",
-        ToSeconds(order_.queue_wait), told ? absl::StrCat(" (", job->reason, ")") : ""));
+        SecondsText(order_.queue_wait), told ? absl::StrCat(" (", job->reason, ")") : ""));
   }
 
   absl::Status Take(const LeaseMessage& message, LeaseStream& stream) {

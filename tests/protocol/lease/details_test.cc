@@ -46,7 +46,7 @@ nlohmann::json RecordOf(const EpisodeFacts& facts) {
   return nlohmann::json::parse(LeaseRecordToLine(facts));
 }
 
-std::string ToApiError(const nlohmann::json& record) {
+std::string ErrorOf(const nlohmann::json& record) {
   return std::string(LeaseRecordFromLine(record.dump()).status().message());
 }
 
@@ -112,23 +112,23 @@ TEST(Details, EachMissingWrongOrUnknownKeyIsAnErrorThatNamesIt) {
     for (const auto& place : Places(good)) {
       nlohmann::json broken = good;
       broken.at(place.parent_pointer()).erase(place.back());
-      EXPECT_THAT(ToApiError(broken), HasSubstr(place.back())) << place;
+      EXPECT_THAT(ErrorOf(broken), HasSubstr(place.back())) << place;
       for (const nlohmann::json& wrong :
            {nlohmann::json("text"), nlohmann::json(true), nlohmann::json({1, 2, 3}),
             nlohmann::json({1, 2, 3, 4, 5}), nlohmann::json({1, 2, 3, "4"})}) {
         broken = good;
         broken[place] = wrong;
-        EXPECT_NE(ToApiError(broken), "") << place << " " << wrong;
+        EXPECT_NE(ErrorOf(broken), "") << place << " " << wrong;
       }
       broken = good;
       broken.at(place.parent_pointer())["surprise"] = 1;
-      EXPECT_THAT(ToApiError(broken), HasSubstr("surprise")) << place;
+      EXPECT_THAT(ErrorOf(broken), HasSubstr("surprise")) << place;
     }
     for (const nlohmann::json& wrong :
          {nlohmann::json(), nlohmann::json::array(), nlohmann::json("x"), nlohmann::json(1)}) {
       nlohmann::json broken = good;
       broken["details"] = wrong;
-      EXPECT_NE(ToApiError(broken), "") << wrong;
+      EXPECT_NE(ErrorOf(broken), "") << wrong;
     }
   }
 }
@@ -136,13 +136,13 @@ TEST(Details, EachMissingWrongOrUnknownKeyIsAnErrorThatNamesIt) {
 TEST(Details, OfAnotherTrackAreAnError) {
   nlohmann::json record = RecordOf(Measured(*FindTrack("locomotion"), Walk()));
   record["details"] = DetailsToJson(ElbowDetails());
-  EXPECT_NE(ToApiError(record), "");
+  EXPECT_NE(ErrorOf(record), "");
 }
 
 TEST(Details, NumbersThatAreNoneAreAnError) {
   LocomotionDetails walk = Walk();
   walk.speed_mean = std::numeric_limits<double>::infinity();
-  EXPECT_NE(ToApiError(RecordOf(Measured(*FindTrack("locomotion"), walk))), "");
+  EXPECT_NE(ErrorOf(RecordOf(Measured(*FindTrack("locomotion"), walk))), "");
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ class TrackFiles : public testing::Test {
   void Write(const std::string& name, const std::string& text) {
     std::ofstream(dir_ + "/" + name + ".json") << text;
   }
-  std::string ToApiError(const std::string& track, const std::string& profile = "") {
+  std::string ErrorOf(const std::string& track, const std::string& profile = "") {
     return std::string(LoadTrackConfig(dir_, track, profile).status().message());
   }
 
@@ -74,7 +74,7 @@ TEST_F(TrackFiles, ExtraObservationsAreAllowedBesideTheConfigsHash) {
   EXPECT_EQ(without.hash, official.hash);
   file["profiles"]["myosuite"]["extra_observations"] = "yes";
   Write("manipulation", file.dump());
-  EXPECT_THAT(ToApiError("manipulation", "myosuite"),
+  EXPECT_THAT(ErrorOf("manipulation", "myosuite"),
               HasSubstr("(profile myosuite): \"extra_observations\" must be true or false"));
 
   EXPECT_TRUE(CheckExtraObservations(false, paper).ok());
@@ -119,13 +119,13 @@ TEST_F(TrackFiles, AChainThatNeverEndsIsRefused) {
   Write("a", R"({"extends": "b"})");
   Write("b", R"({"extends": "a"})");
   Write("self", R"({"extends": "self"})");
-  EXPECT_THAT(ToApiError("a"), HasSubstr("b.json: \"extends\" leads back to \"a\""));
-  EXPECT_THAT(ToApiError("self"), HasSubstr("\"extends\" leads back to \"self\""));
+  EXPECT_THAT(ErrorOf("a"), HasSubstr("b.json: \"extends\" leads back to \"a\""));
+  EXPECT_THAT(ErrorOf("self"), HasSubstr("\"extends\" leads back to \"self\""));
 }
 
 TEST_F(TrackFiles, AMissingBaseIsNamedWithWhoWantsIt) {
   Write("orphan", R"({"extends": "nobody"})");
-  EXPECT_THAT(ToApiError("orphan"),
+  EXPECT_THAT(ErrorOf("orphan"),
               testing::AllOf(HasSubstr("no track config \"nobody\""),
                              HasSubstr("orphan.json extends"),
                              HasSubstr("there are: manipulation")));
@@ -133,23 +133,23 @@ TEST_F(TrackFiles, AMissingBaseIsNamedWithWhoWantsIt) {
 
 TEST_F(TrackFiles, BadFilesAreToldWithTheirPlace) {
   Write("outside", R"({"extends": "../manipulation"})");
-  EXPECT_THAT(ToApiError("outside"), HasSubstr("is not a name of a track config"));
+  EXPECT_THAT(ErrorOf("outside"), HasSubstr("is not a name of a track config"));
   Write("number", R"({"extends": 3})");
-  EXPECT_THAT(ToApiError("number"), HasSubstr("number.json: \"extends\" must be the name"));
+  EXPECT_THAT(ErrorOf("number"), HasSubstr("number.json: \"extends\" must be the name"));
   Write("list", "[]");
-  EXPECT_THAT(ToApiError("list"), HasSubstr("list.json: must hold a JSON object"));
+  EXPECT_THAT(ErrorOf("list"), HasSubstr("list.json: must hold a JSON object"));
   Write("empty", "{}");
-  EXPECT_THAT(ToApiError("empty"), HasSubstr("\"profiles\" must be an object"));
+  EXPECT_THAT(ErrorOf("empty"), HasSubstr("\"profiles\" must be an object"));
   Write("twice", R"({"extends": "manipulation", "extends": "manipulation"})");
-  EXPECT_THAT(ToApiError("twice"), HasSubstr("twice.json: the key \"extends\" appears twice"));
+  EXPECT_THAT(ErrorOf("twice"), HasSubstr("twice.json: the key \"extends\" appears twice"));
   Write("named", R"({"extends": "manipulation", "id": "other"})");
-  EXPECT_THAT(ToApiError("named"), HasSubstr("\"id\" is given by the file's name"));
+  EXPECT_THAT(ErrorOf("named"), HasSubstr("\"id\" is given by the file's name"));
   Write("key", R"({"extends": "manipulation", "profiles": {"paper": {"track": "locomotion"}}})");
-  EXPECT_THAT(ToApiError("key"), HasSubstr("profile \"paper\": \"track\" can't be changed"));
+  EXPECT_THAT(ErrorOf("key"), HasSubstr("profile \"paper\": \"track\" can't be changed"));
   Write("default", R"({"extends": "manipulation", "default_profile": "none"})");
-  EXPECT_THAT(ToApiError("default"), HasSubstr("\"default_profile\" must be one of: as-graded"));
+  EXPECT_THAT(ErrorOf("default"), HasSubstr("\"default_profile\" must be one of: as-graded"));
   Write("limit", R"({"extends": "manipulation", "budgets": {"tasks": null}})");
-  EXPECT_THAT(ToApiError("limit"), HasSubstr("budgets: \"tasks\" is missing"));
+  EXPECT_THAT(ErrorOf("limit"), HasSubstr("budgets: \"tasks\" is missing"));
 }
 
 const json& Schema() {

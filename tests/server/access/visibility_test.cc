@@ -31,8 +31,10 @@ TEST(SightOf, OutsideOfPhasesNothingIsWithheld) {
 TEST(SightOf, ParticipantsSeeWhatThePhaseShowsUntilItIsPublished) {
   const PhaseVisibility open = {.shown = kNothing};
   EXPECT_EQ(ComputeVisibility(Role::kParticipant, open), kNothing);
-  EXPECT_TRUE(SeesAll(ComputeVisibility(Role::kParticipant, {.shown = kNothing, .published = true})));
-  EXPECT_TRUE(SeesAll(ComputeVisibility(Role::kParticipant, {.shown = kNothing, .revealed = true})));
+  EXPECT_TRUE(
+      SeesAll(ComputeVisibility(Role::kParticipant, {.shown = kNothing, .published = true})));
+  EXPECT_TRUE(
+      SeesAll(ComputeVisibility(Role::kParticipant, {.shown = kNothing, .revealed = true})));
 }
 
 TEST(SightOf, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
@@ -49,11 +51,13 @@ TEST(SightOf, NothingOfARunningLeaseIsShownWhileAnythingIsWithheldAndUnpublished
   EXPECT_TRUE(ComputeVisibility(Role::kParticipant, {}).progress);
   EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.shown = {.metrics = false}}).progress);
   EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.committed = true}).progress);
-  EXPECT_TRUE(ComputeVisibility(Role::kParticipant, {.published = true, .committed = true}).progress);
+  EXPECT_TRUE(
+      ComputeVisibility(Role::kParticipant, {.published = true, .committed = true}).progress);
 }
 
 TEST(SightOf, AFileCanNotShowCommittedSeeds) {
-  EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
+  EXPECT_FALSE(
+      ComputeVisibility(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
 }
 
 TEST(WithheldParts, AreNamedInOrder) {

@@ -37,8 +37,9 @@ TEST(BoardFeeds, ABadgeCountsTheRankedTeams) {
 }
 
 TEST(BoardFeeds, AFeedChangesWithTheBoardAndShowsRowsWhoseEndIsUnknown) {
-  const std::string feed = WriteFeed(SomeBoard(), "2024-12-02T00:00:00.000Z",
-                                  {{2, "2024-12-01T00:00:00.000Z"}, {3, "2024-11-30T00:00:00.000Z"}});
+  const std::string feed =
+      WriteFeed(SomeBoard(), "2024-12-02T00:00:00.000Z",
+                {{2, "2024-12-01T00:00:00.000Z"}, {3, "2024-11-30T00:00:00.000Z"}});
   EXPECT_THAT(feed, HasSubstr("</title><updated>2024-12-02T00:00:00.000Z"));
   EXPECT_THAT(feed, HasSubstr("<title>beta: rank 1</title><published>2024-12-01T00:00:00.000Z"
                               "</published><updated>2024-12-02T00:00:00.000Z</updated>"));

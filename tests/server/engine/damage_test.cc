@@ -77,7 +77,8 @@ class DamageTest : public testing::Test {
           EXPECT_TRUE(read.ok() || ExtractDamage(read)) << read;
         }
         (void)reader.quotas.Ledger(row.team, "", INT64_MAX, 100);
-        EXPECT_LT(reader.quotas.CountQuotaUse(row.team, row.track, 0).day, 30'000) << "of year 2052";
+        EXPECT_LT(reader.quotas.CountQuotaUse(row.team, row.track, 0).day, 30'000)
+            << "of year 2052";
       }
       EXPECT_THAT(reader.teams.OfPerson("uid 1002"), ElementsAre("other"));
       EXPECT_THAT(reader.teams.OfPerson("uid 1001"), Not(Contains("other")));

@@ -163,7 +163,7 @@ TrackPtr RejudgeWorld::Changed(const std::function<void(Json&)>& change) const {
 
 namespace {
 
-NewSubmission FindSubmission(const TrackConfig& config, const std::string& team,
+NewSubmission SubmissionOf(const TrackConfig& config, const std::string& team,
                            const std::string& artefact, const Json& grader) {
   NewSubmission submission;
   submission.team = team;
@@ -194,7 +194,7 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
       return added.status();
     }
     absl::StatusOr<Accepted> added = writer.submissions.Accept(
-        FindSubmission(config, team, artefact, grader), kOpenRules, "uid 1");
+        SubmissionOf(config, team, artefact, grader), kOpenRules, "uid 1");
     if (!added.ok()) return added.status();
     accepted = *added;
     std::vector<EpisodeRow> rows;
@@ -237,15 +237,15 @@ Accepted RejudgeWorld::Submit(const std::string& team) {
   const auto known = engine_->AddArtefact({artefact, team, {"./policy"}, {}, 1, 1}, {"uid 1", team},
                                           {}, kPatience);
   EXPECT_TRUE(known.ok()) << known.status();
-  const auto accepted = engine_->Submit(FindSubmission(base_->config, team, artefact, today_),
+  const auto accepted = engine_->Submit(SubmissionOf(base_->config, team, artefact, today_),
                                         kOpenRules, "uid 1", kPatience);
   EXPECT_TRUE(accepted.ok()) << accepted.status();
   return accepted.value_or(Accepted());
 }
 
 NewRejudge RejudgeWorld::To(const TrackPtr& track) const {
-  const NewSubmission from = FindSubmission(base_->config, "", "", today_);
-  const NewSubmission to = FindSubmission(track->config, "", "", today_);
+  const NewSubmission from = SubmissionOf(base_->config, "", "", today_);
+  const NewSubmission to = SubmissionOf(track->config, "", "", today_);
   NewRejudge rejudge;
   rejudge.track = from.track;
   rejudge.profile = from.profile;

@@ -134,7 +134,7 @@ class RetentionFolder : public testing::Test {
     return path;
   }
 
-  static NewSubmission FindSubmission(char artefact) {
+  static NewSubmission SubmissionOf(char artefact) {
     static const TrackConfig config =
         LoadTrackConfig(MYOGRADE_SOURCE_DIR "/configs/tracks", "demo-manipulation", "").value();
     return {.team = "alpha", .artefact = std::string(64, artefact), .track = config.id,
@@ -145,7 +145,7 @@ class RetentionFolder : public testing::Test {
   }
   // Plays the only episode of a submission, whose evaluation has not ended yet.
   void PlayWithLog(char artefact, bool ranked, const std::string& log) {
-    NewSubmission submission = FindSubmission(artefact);
+    NewSubmission submission = SubmissionOf(artefact);
     submission.ranked = ranked;
     ASSERT_TRUE(store_->Write([&](Transaction& writer) -> absl::Status {
       const auto accepted = writer.submissions.Accept(submission, Rules(), "uid 0");
@@ -163,7 +163,7 @@ class RetentionFolder : public testing::Test {
   }
   void Accept(char artefact) {
     ASSERT_TRUE((*Store::Open(dir_ + "/store.db", clock_))->Write([&](Transaction& writer) {
-      return writer.submissions.Accept(FindSubmission(artefact), Rules(), "uid 0").status();
+      return writer.submissions.Accept(SubmissionOf(artefact), Rules(), "uid 0").status();
     }).ok());
   }
 
@@ -383,7 +383,7 @@ TEST_F(RetentionFolder, NothingIsAcceptedWhoseFilesAreGone) {
   fs::remove(FolderOf('a'));
   fs::remove(FolderOf('b'));
   RunEngine();
-  const auto refused = engine_->Submit(FindSubmission('a'), Rules(), "uid 0", absl::Minutes(5));
+  const auto refused = engine_->Submit(SubmissionOf('a'), Rules(), "uid 0", absl::Minutes(5));
   EXPECT_TRUE(absl::IsNotFound(refused.status())) << refused.status();
   // Of an existing submission, so that only its files are missing.
   const auto rerun = engine_->Rerun({1, std::string(64, 'b'), "{}", {{0, 0}}}, "uid 0", true, {},
@@ -405,7 +405,7 @@ TEST_F(RetentionFolder, ARemovalAndASubmissionAtOnceLeaveNoEvaluationWithoutFile
     const auto submit = [&] {
       askers.emplace_back([&] {
         accepted =
-            engine_->Submit(FindSubmission(letter), Rules(), "uid 0", absl::Minutes(5)).status();
+            engine_->Submit(SubmissionOf(letter), Rules(), "uid 0", absl::Minutes(5)).status();
       });
       absl::SleepFor(absl::Milliseconds(300));  // it waits in the queue
     };

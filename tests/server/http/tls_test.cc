@@ -24,7 +24,7 @@ class TlsTest : public ::testing::Test {
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
   std::string path(const char* name) const { return folder_ + "/" + name; }
-  std::string ToApiError(const char* certificate, const char* key) const {
+  std::string ErrorOf(const char* certificate, const char* key) const {
     return std::string(TlsContext::Load(path(certificate), path(key)).status().message());
   }
   std::string WarningAbout(absl::Duration from, absl::Duration until) const {
@@ -43,15 +43,15 @@ TEST_F(TlsTest, MistakesOfFilesAreNamed) {
   MakeCertificate(path("locked-cert"), path("locked-key"), -absl::Hours(1), absl::Hours(9999),
                   "secret");
   std::ofstream(path("text")) << "no PEM\n";
-  EXPECT_THAT(ToApiError("none", "key"),
+  EXPECT_THAT(ErrorOf("none", "key"),
               HasSubstr("none: the certificate can't be read (No such file"));
-  EXPECT_THAT(ToApiError("cert", "none"), HasSubstr("none: the key can't be read (No such file"));
-  EXPECT_THAT(ToApiError("text", "key"), HasSubstr("text: holds no certificate in PEM"));
-  EXPECT_THAT(ToApiError("cert", "text"), HasSubstr("text: holds no private key in PEM"));
-  EXPECT_THAT(ToApiError("cert", "cert"), HasSubstr("cert: holds no private key in PEM"));
-  EXPECT_THAT(ToApiError("cert", "other-key"), HasSubstr("is not the key of the certificate"));
-  EXPECT_THAT(ToApiError("locked-cert", "locked-key"), HasSubstr("the key has a passphrase"));
-  EXPECT_EQ(ToApiError("cert", "key"), "");
+  EXPECT_THAT(ErrorOf("cert", "none"), HasSubstr("none: the key can't be read (No such file"));
+  EXPECT_THAT(ErrorOf("text", "key"), HasSubstr("text: holds no certificate in PEM"));
+  EXPECT_THAT(ErrorOf("cert", "text"), HasSubstr("text: holds no private key in PEM"));
+  EXPECT_THAT(ErrorOf("cert", "cert"), HasSubstr("cert: holds no private key in PEM"));
+  EXPECT_THAT(ErrorOf("cert", "other-key"), HasSubstr("is not the key of the certificate"));
+  EXPECT_THAT(ErrorOf("locked-cert", "locked-key"), HasSubstr("the key has a passphrase"));
+  EXPECT_EQ(ErrorOf("cert", "key"), "");
 }
 
 TEST_F(TlsTest, DatesThatClientsWillRefuseAreAWarning) {

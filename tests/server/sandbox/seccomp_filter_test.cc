@@ -69,10 +69,10 @@ int Behind(const std::function<int()>& work) {
 }
 
 // The error of a call: 0 if it succeeded.
-int ToApiError(long result) { return result >= 0 ? 0 : errno; }
+int ErrorOf(long result) { return result >= 0 ? 0 : errno; }
 
 int Denies(long number, uint64_t a = 0, uint64_t b = 0, uint64_t c = 0) {
-  return Behind([=] { return ToApiError(syscall(number, a, b, c, 0, 0, 0)); });
+  return Behind([=] { return ErrorOf(syscall(number, a, b, c, 0, 0, 0)); });
 }
 
 TEST(SeccompFilter, DeniesEveryCallThatTheConfigNames) {
@@ -189,7 +189,7 @@ TEST(SeccompFilter, HasNoHugePagesOfTheHost) {
   // The kernel's own answer to no length, or no name, differs.
   EXPECT_EQ(Behind([] {
               const auto error = [](int flags) {
-                return ToApiError(
+                return ErrorOf(
                     syscall(SYS_mmap, 0, 0, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | flags, -1, 0));
               };
               return error(MAP_HUGETLB) == ENOMEM && error(0) == EINVAL ? 0 : 1;

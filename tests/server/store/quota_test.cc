@@ -29,7 +29,9 @@ class QuotaTest : public StoreTest {
  protected:
   QuotaUse Use(const std::string& team = "alpha") {
     QuotaUse use;
-    Read([&](const Transaction& reader) { use = reader.quotas.CountQuotaUse(team, kTrack, NowMs()); });
+    Read([&](const Transaction& reader) {
+      use = reader.quotas.CountQuotaUse(team, kTrack, NowMs());
+    });
     return use;
   }
   int64_t NowMs() const { return absl::ToUnixMillis(clock_.Now()); }

@@ -99,7 +99,7 @@ TEST_F(StoreTest, TellsOfPagesThatCantBeRead) {
 TEST_F(StoreTest, ACopyOfItsFolderIsAnotherHome) {
   namespace fs = std::filesystem;
   EXPECT_FALSE((*RecordedHome(path_)).has_value());
-  const DataHome home = *HomeDir(dir_);
+  const DataHome home = *ReadDataHome(dir_);
   ASSERT_TRUE(RecordHome(path_, home).ok());
   Open();
   EXPECT_EQ((*RecordedHome(path_))->key, home.key);
@@ -108,11 +108,11 @@ TEST_F(StoreTest, ACopyOfItsFolderIsAnotherHome) {
   const std::string copy = dir_ + "-copy";
   fs::copy(dir_, copy, fs::copy_options::recursive);
   EXPECT_EQ((*RecordedHome(copy + "/store.db"))->key, home.key) << "it tells whose copy it is";
-  EXPECT_NE(HomeDir(copy)->key, home.key);
+  EXPECT_NE(ReadDataHome(copy)->key, home.key);
   fs::remove_all(copy);
   // A folder that is renamed is the same, and so is one whose contents were replaced.
   fs::rename(dir_, copy);
-  EXPECT_EQ(HomeDir(copy)->key, home.key);
+  EXPECT_EQ(ReadDataHome(copy)->key, home.key);
   fs::rename(copy, dir_);
 }
 
