@@ -12,16 +12,12 @@
 #include "protocol/base/status_macros.h"
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
-#include "sim/model/state.h"
-#include "sim/model/warnings.h"
+#include "sim/model/official_steps.h"
 
 namespace myograde::sim {
 namespace {
 
 ElbowFacts& OfElbow(EpisodeFacts& facts) { return std::get<ElbowFacts>(facts.track); }
-
-// The official map of a normalised muscle action: half at 0.5, never quite 0 or 1.
-double ElbowExcitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))); }
 
 }  // namespace
 
@@ -48,7 +44,10 @@ absl::StatusOr<std::unique_ptr<ElbowEnvironment>> ElbowEnvironment::Make(const E
 }
 
 ElbowEnvironment::ElbowEnvironment(const ElbowRules& rules, ModelPtr model, DataPtr data)
-    : rules_(rules), model_(std::move(model)), data_(std::move(data)), joint_ranges_(*model_, {0}) {
+    : MuscleEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
+                        std::move(model), std::move(data)),
+      rules_(rules),
+      joint_ranges_(*model_, {0}) {
   facts_.track = ElbowFacts{};
 }
 
@@ -59,89 +58,21 @@ void ElbowEnvironment::Reset(uint64_t seed) {
   generator_ = NumpyGenerator(seed);
   target_ = generator_.Uniform(rules_.target_range_rad[0], rules_.target_range_rad[1]);
   const double start = generator_.Uniform(model_->jnt_range[0], model_->jnt_range[1]);
-  StartFromDefaults();
+  ResetToDefaults(*model_, *data_);
   data_->qpos[0] = start;
-  mj_forward(model_.get(), data_.get());
-  mj_forward(model_.get(), data_.get());
-  StartFacts();
-  CopyState(*model_, *data_, state_);
-}
-
-// The passive forward step leaves nothing but the solver's warm start behind,
-// which the next one begins from.
-void ElbowEnvironment::StartFromDefaults() {
-  mj_resetData(model_.get(), data_.get());
-  const int flags = std::exchange(model_->opt.disableflags,
-                                  model_->opt.disableflags | mjDSBL_ACTUATION);
-  mj_forward(model_.get(), data_.get());
-  model_->opt.disableflags = flags;
-}
-
-void ElbowEnvironment::StartFacts() {
-  facts_ = EpisodeFacts{};
-  facts_.track = ElbowFacts{};
-  ElbowFacts& facts = OfElbow(facts_);
-  facts.start_angle = data_->qpos[0];
-  facts.target_angle = target_;
-  facts.final_error = Error();
-  facts.smallest_error = Error();
+  BeginEpisode(ElbowFacts{.start_angle = start,
+                          .target_angle = target_,
+                          .final_error = Error(),
+                          .smallest_error = Error()});
   run_ = 0;
-  measured_steps_ = 0;
   settled_.reset();
 }
 
 // ---- Step ----
 
-StepResult ElbowEnvironment::Step(std::span<const double> action) {
-  assert(static_cast<int>(action.size()) == action_size());
-  SetControls(action);
-  StepResult result = Simulate();
-  ++facts_.steps;
-  facts_.sim_time = data_->time;
-  if (!result.unstable && !result.overflow) {
-    Measure();
-    Judge(result);
-  }
-  CopyState(*model_, *data_, state_);
-  return result;
-}
-
-void ElbowEnvironment::SetControls(std::span<const double> action) {
-  const bool normalized = convention_ == ActionConvention::kNormalized;
-  for (int i = 0; i < kMuscleCount; ++i) {
-    double value = action[i];
-    if (!rules_.actions_unclipped) {
-      value = std::clamp(value, normalized ? -1.0 : 0.0, 1.0);
-      facts_.clipped += value != action[i];
-    }
-    data_->ctrl[i] = normalized ? ElbowExcitation(value) : value;
-  }
-}
-
-StepResult ElbowEnvironment::Simulate() {
-  // Positions, velocities and what follows from them are there from the last
-  // evaluation, so the first integration only needs its second half.
-  mj_step2(model_.get(), data_.get());
-  for (int i = 1; i < kPhysicsSteps; ++i) mj_step(model_.get(), data_.get());
-  mj_checkPos(model_.get(), data_.get());
-  mj_checkVel(model_.get(), data_.get());
-  StepResult result;
-  result.overflow = Overflown(*data_);
-  if (rules_.warnings_reset_simulation && !result.overflow && BadNumbers(*data_)) {
-    StartFromDefaults();
-  }
-  mj_forward(model_.get(), data_.get());
-  result.overflow = result.overflow || Overflown(*data_);
-  result.unstable = BadNumbers(*data_);
-  return result;
-}
-
 double ElbowEnvironment::Error() const { return std::abs(target_ - data_->qpos[0]); }
 
-// By MuJoCo, whose sum rounds otherwise than Eigen's: recorded efforts depend on it.
-double ElbowEnvironment::Effort() const { return mju_norm(data_->act, kMuscleCount) / kMuscleCount; }
-
-void ElbowEnvironment::Measure() {
+void ElbowEnvironment::Measure(StepResult& result) {
   ElbowFacts& facts = OfElbow(facts_);
   const double error = Error();
   facts.final_error = error;
@@ -151,19 +82,16 @@ void ElbowEnvironment::Measure() {
   run_ = within ? run_ + 1 : 0;
   if (!within) settled_.reset();
   if (run_ == 1) settled_ = data_->time;
-  joint_ranges_.Add(*data_, /*first=*/measured_steps_++ == 0);
+  joint_ranges_.Add(*data_, /*first=*/measured_steps_ == 1);
   facts.tolerance_steps += within;
   facts.longest_run = std::max(facts.longest_run, run_);
   facts.held = facts.longest_run >= rules_.hold_steps;
   facts.solved = error < rules_.solved_distance_rad;
   facts.solved_steps += facts.solved;
-  facts.effort_sum += Effort();
+  facts.effort_sum += MuscleEffort(*model_, *data_);
   facts.reported_time = data_->time;
-}
-
-void ElbowEnvironment::Judge(StepResult& result) {
   result.ended = true;
-  if (rules_.end_rule == ElbowRules::EndRule::kHeld && OfElbow(facts_).held) {
+  if (rules_.end_rule == ElbowRules::EndRule::kHeld && facts.held) {
     facts_.end = ElbowEnd::kHeld;
   } else if (facts_.steps >= rules_.max_steps) {
     facts_.end = EpisodeEnd::kTime;
@@ -178,11 +106,6 @@ EpisodeDetails ElbowEnvironment::details() const {
   details.settle_time = settled_;
   details.joint_ranges = joint_ranges_.ranges();
   return details;
-}
-
-void ElbowEnvironment::SynchroniseState() {
-  mj_forward(model_.get(), data_.get());
-  CopyState(*model_, *data_, state_);
 }
 
 // ---- Observation ----
@@ -222,7 +145,7 @@ ElbowEnvironment::Official ElbowEnvironment::official() const {
                    (error < 1.5 * rules_.solved_distance_rad);
   official.done = error > 2 * std::numbers::pi;
   official.penalty = official.done ? -1 : 0;
-  official.act_reg = -Effort();
+  official.act_reg = -MuscleEffort(*model_, *data_);
   official.dense = official.pose + 4 * official.bonus + official.act_reg + 50 * official.penalty;
   official.solved = error < rules_.solved_distance_rad;
   return official;

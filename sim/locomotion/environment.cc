@@ -13,8 +13,8 @@
 #include "sim/locomotion/height_map.h"
 #include "sim/locomotion/locomotion.h"
 #include "sim/locomotion/model.h"
+#include "sim/model/official_steps.h"
 #include "sim/model/state.h"
-#include "sim/model/warnings.h"
 
 namespace myograde::sim {
 namespace {
@@ -34,9 +34,6 @@ Eigen::Matrix<double, n, 1> Pick(const mjtNum* values, const std::array<int, n>&
   for (size_t i = 0; i < n; ++i) picked[i] = values[indices[i]];
   return picked;
 }
-
-// A normalised action entry as a muscle's control.
-double MuscleSigmoid(double action) { return 1.0 / (1.0 + std::exp(-5.0 * (action - 0.5))); }
 
 // Replaces the yaw of a root quaternion, keeping its roll and pitch.
 void TurnTo(double yaw, double* q) {
@@ -135,11 +132,7 @@ void LocomotionEnvironment::DrawPose(VectorXd& qpos, VectorXd& qvel) {
 }
 
 void LocomotionEnvironment::HardReset(const VectorXd& qpos, const VectorXd& qvel) {
-  mj_resetData(model_.get(), data_.get());
-  const int flags = model_->opt.disableflags;
-  model_->opt.disableflags |= mjDSBL_ACTUATION;
-  mj_forward(model_.get(), data_.get());
-  model_->opt.disableflags = flags;
+  ResetToDefaults(*model_, *data_);
   VectorXd::Map(data_->qpos, model_->nq) = qpos;
   VectorXd::Map(data_->qvel, model_->nv) = qvel;
   // Three times, as the official code: each solution is the next one's start,
@@ -200,7 +193,7 @@ double LocomotionEnvironment::MuscleControl(double action) {
     if (clipped != action) ++facts_.clipped;
     action = clipped;
   }
-  return normalized ? MuscleSigmoid(action) : action;
+  return normalized ? Excitation(action) : action;
 }
 
 void LocomotionEnvironment::SelectLegSet(double action) {

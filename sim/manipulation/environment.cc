@@ -10,8 +10,8 @@
 #include "protocol/base/status_macros.h"
 #include "sim/manipulation/manipulation.h"
 #include "sim/manipulation/model.h"
+#include "sim/model/official_steps.h"
 #include "sim/model/state.h"
-#include "sim/model/warnings.h"
 
 namespace myograde::sim {
 namespace {
@@ -19,9 +19,6 @@ namespace {
 ManipulationFacts& TrackFacts(EpisodeFacts& facts) {
   return std::get<ManipulationFacts>(facts.track);
 }
-
-// The official map of a normalised muscle action: half at 0.5, never quite 0 or 1.
-double Excitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))); }
 
 bool AnyWarning(const mjData& data) {
   return std::any_of(std::begin(data.warning), std::end(data.warning),
@@ -76,13 +73,8 @@ void ManipulationEnvironment::Reset(uint64_t seed) {
   if (!carry || !rules_.phantom_trials) solved_flag_ = false;
   played_before_ = true;
 
-  // The official order of evaluation. The passive forward step leaves nothing
-  // but the solver's warm start behind, which the next one begins from.
-  mj_resetData(model_.get(), data_.get());
-  const int flags = std::exchange(model_->opt.disableflags,
-                                  model_->opt.disableflags | mjDSBL_ACTUATION);
-  mj_forward(model_.get(), data_.get());
-  model_->opt.disableflags = flags;
+  // The official order of evaluation.
+  ResetToDefaults(*model_, *data_);
   PlaceAtKeyframe();
   if (!rules_.stale_first_observation) PlaceObjectAtStart();
   mj_forward(model_.get(), data_.get());

@@ -4,14 +4,11 @@
 #include <numbers>
 
 #include "sim/manipulation/manipulation.h"
+#include "sim/model/official_steps.h"
 #include "sim/model/rotation.h"
 
 namespace myograde::sim {
 namespace {
-
-auto Site(const mjData& data, int site) {
-  return Eigen::Vector3d::Map(data.site_xpos + 3 * site);
-}
 
 // d + ln(d + offset): steep near zero.
 double LogDistance(double distance, double offset) {
@@ -28,13 +25,13 @@ double Bell(double x, double best) {
 OfficialView ComputeOfficialView(const mjData& data, const Scene& scene) {
   const auto [thumb_side, little_side] = scene.prosthesis_palm_sites;
   OfficialView view;
-  view.palm = Site(data, scene.palm_site);
-  for (int i = 0; i < kFingers; ++i) view.fingers.col(i) = Site(data, scene.finger_sites[i]);
-  view.prosthesis_palm = (Site(data, thumb_side) + Site(data, little_side)) / 2;
+  view.palm = SiteOf(data, scene.palm_site);
+  for (int i = 0; i < kFingers; ++i) view.fingers.col(i) = SiteOf(data, scene.finger_sites[i]);
+  view.prosthesis_palm = (SiteOf(data, thumb_side) + SiteOf(data, little_side)) / 2;
   view.prosthesis_orientation = OfficialEulerAngles(Rotation::Map(data.site_xmat + 9 * thumb_side));
   view.prosthesis_orientation_error =
       view.prosthesis_orientation - Eigen::Vector3d(std::numbers::pi, 0, std::numbers::pi);
-  view.object = Site(data, scene.touch_site);
+  view.object = SiteOf(data, scene.touch_site);
   view.reach_error = view.palm - view.object;
   view.pass_error = view.prosthesis_palm - view.object;
   return view;
@@ -57,8 +54,7 @@ OfficialReward ComputeOfficialReward(const mjModel& model, const mjData& data,
   const double lift = std::hypot(view.object.z() - reference.object_height,
                                  view.palm.z() - reference.palm_height);
   reward.reach_dist = LogDistance(view.reach_error.norm(), 1e-6);
-  // By MuJoCo, whose sum rounds otherwise than Eigen's: recorded efforts depend on it.
-  reward.act = mju_norm(data.act, model.na) / model.na;
+  reward.act = MuscleEffort(model, data);
   reward.fin_open = std::exp(-5 * open);
   reward.fin_dis = LogDistance(apart, 1e-6);
   reward.lift_bonus = Bell(data.qpos[scene.elbow_qpos], 1);

@@ -1,21 +1,16 @@
 #include "sim/manipulation/variation.h"
 
+#include "sim/model/official_steps.h"
+
 namespace myograde::sim {
 namespace {
 
 using Eigen::Vector3d;
 
-// One number for each axis, in the order of the axes.
-Vector3d Uniform(const Vector3d& low, const Vector3d& high, NumpyGenerator& generator) {
-  Vector3d drawn;
-  for (int i = 0; i < 3; ++i) drawn[i] = generator.Uniform(low[i], high[i]);
-  return drawn;
-}
-
 // centre + spread (2 r - 1), as the official code writes it: a number is used up even where
 // the spread is zero.
 Vector3d DrawPlace(const Vector3d& centre, const Vector3d& spread, NumpyGenerator& generator) {
-  const Vector3d draws = Uniform(Vector3d::Zero(), Vector3d::Ones(), generator);
+  const Vector3d draws = DrawVector(Vector3d::Zero(), Vector3d::Ones(), generator);
   return centre + spread.cwiseProduct(2 * draws - Vector3d::Ones());
 }
 
@@ -39,12 +34,12 @@ Variation DrawVariation(const ManipulationRules& rules, bool draw_size,
   variation.goal = DrawPlace(rules.goal_centre_m, rules.goal_spread_m, generator);
   variation.mass = generator.Uniform(rules.mass_kg - rules.mass_spread_kg,
                                      rules.mass_kg + rules.mass_spread_kg);
-  variation.friction = Uniform(rules.friction - rules.friction_spread,
-                               rules.friction + rules.friction_spread, generator);
+  variation.friction = DrawVector(rules.friction - rules.friction_spread,
+                                  rules.friction + rules.friction_spread, generator);
   variation.half_size = rules.half_size_m;
   if (draw_size) {
     variation.half_size.array() *=
-        Uniform(-rules.size_spread, rules.size_spread, generator).array() + 1;
+        DrawVector(-rules.size_spread, rules.size_spread, generator).array() + 1;
   }
   return variation;
 }

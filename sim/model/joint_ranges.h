@@ -23,6 +23,13 @@ class JointRanges {
     }
   }
 
+  // Of the model's first n joints.
+  explicit JointRanges(const mjModel& model) : JointRanges(model, [] {
+    std::array<int, n> first = {};
+    for (size_t i = 0; i < n; ++i) first[i] = static_cast<int>(i);
+    return first;
+  }()) {}
+
   // Takes the angles after a control step, the episode's first one or a further one.
   void Add(const mjData& data, bool first) {
     for (size_t i = 0; i < n; ++i) {

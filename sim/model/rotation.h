@@ -21,4 +21,13 @@ inline Eigen::Vector3d OfficialEulerAngles(const Rotation& r) {
   return {0, pitch, -std::atan2(-r(1, 0), r(1, 1))};
 }
 
+// The quaternion w, x, y, z of roll, pitch and yaw, as the official code computes it.
+inline Eigen::Vector4d OfficialQuaternion(const Eigen::Vector3d& euler) {
+  const double i = euler.z() / 2, j = -euler.y() / 2, k = euler.x() / 2;
+  const double si = std::sin(i), sj = std::sin(j), sk = std::sin(k);
+  const double ci = std::cos(i), cj = std::cos(j), ck = std::cos(k);
+  const double cc = ci * ck, cs = ci * sk, sc = si * ck, ss = si * sk;
+  return {cj * cc + sj * ss, cj * cs - sj * sc, -(cj * ss + sj * cc), cj * sc - sj * cs};
+}
+
 }  // namespace myograde::sim

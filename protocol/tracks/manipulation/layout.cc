@@ -1,6 +1,7 @@
 #include <array>
 #include <numbers>
 
+#include "protocol/tracks/hand.h"
 #include "protocol/tracks/manipulation/track.h"
 
 namespace myograde {
@@ -9,23 +10,14 @@ namespace {
 
 using Entry = LayoutEntry;
 
-// Joints with their ranges (rad), in the order of the model's positions.
-constexpr Entry kArmJoints[] = {
+// Joints with their ranges (rad), in the order of the model's positions; then come the hand's.
+constexpr Entry kUpperArmJoints[] = {
     {"sternoclavicular_r2", {-0.75, 0}}, {"sternoclavicular_r3", {0, 0.318}}, {"unrotscap_r3",
     {-0.318, 0}}, {"unrotscap_r2", {0, 0.75}}, {"acromioclavicular_r2", {-0.152, 0}},
     {"acromioclavicular_r3", {0, 1.228}}, {"acromioclavicular_r1", {0, 0.552}}, {"unrothum_r1",
     {-0.552, 0}}, {"unrothum_r3", {-1.228, 0}}, {"unrothum_r2", {0, 0.152}}, {"elv_angle", {-1.658,
     2.269}}, {"shoulder_elv", {0, 3.142}}, {"shoulder1_r2", {-2.242, 1.658}}, {"shoulder_rot",
-    {-1.571, 2.094}}, {"elbow_flexion", {0, 2.269}}, {"pro_sup", {-1.5708, 1.5708}}, {"deviation",
-    {-0.174533, 0.436332}}, {"flexion", {-0.785398, 0.785398}}, {"cmc_abduction", {-0.5, 0.78}},
-    {"cmc_flexion", {-0.78, 0.7}}, {"mp_flexion", {-0.785398, 0.698132}}, {"ip_flexion", {-1.309,
-    0.436332}}, {"mcp2_flexion", {0, 1.5708}}, {"mcp2_abduction", {-0.261799, 0.261799}},
-    {"pm2_flexion", {0, 1.5708}}, {"md2_flexion", {0, 1.5708}}, {"mcp3_flexion", {0, 1.5708}},
-    {"mcp3_abduction", {-0.261799, 0.261799}}, {"pm3_flexion", {0, 1.5708}}, {"md3_flexion", {0,
-    1.5708}}, {"mcp4_flexion", {0, 1.5708}}, {"mcp4_abduction", {-0.261799, 0.261799}},
-    {"pm4_flexion", {0, 1.5708}}, {"md4_flexion", {0, 1.5708}}, {"mcp5_flexion", {0, 1.5708}},
-    {"mcp5_abduction", {-0.261799, 0.261799}}, {"pm5_flexion", {0, 1.5708}}, {"md5_flexion", {0,
-    1.5708}},
+    {-1.571, 2.094}}, {"elbow_flexion", {0, 2.269}},
 };
 
 constexpr Entry kProsthesisJoints[] = {
@@ -40,15 +32,15 @@ constexpr Entry kProsthesisJoints[] = {
     {"pinky_DIP", {0, 1.38}},
 };
 
-// Muscles in the order of the official model's actuators.
-constexpr std::string_view kMuscles[] = {
+// Muscles in the order of the official model's actuators; then come the hand's.
+constexpr std::string_view kUpperArmMuscles[] = {
     "DELT1", "DELT2", "DELT3", "SUPSP", "INFSP", "SUBSC", "TMIN", "TMAJ", "PECM1", "PECM2", "PECM3",
     "LAT1", "LAT2", "LAT3", "CORB", "TRIlong", "TRIlat", "TRImed", "ANC", "SUP", "BIClong",
-    "BICshort", "BRA", "BRD", "ECRL", "ECRB", "ECU", "FCR", "FCU", "PL", "PT", "PQ", "FDS5", "FDS4",
-    "FDS3", "FDS2", "FDP5", "FDP4", "FDP3", "FDP2", "EDC5", "EDC4", "EDC3", "EDC2", "EDM", "EIP",
-    "EPL", "EPB", "FPL", "APL", "OP", "RI2", "LU_RB2", "UI_UB2", "RI3", "LU_RB3", "UI_UB3", "RI4",
-    "LU_RB4", "UI_UB4", "RI5", "LU_RB5", "UI_UB5",
+    "BICshort", "BRA", "BRD",
 };
+
+constexpr auto kArmJoints = Joined(kUpperArmJoints, kHandJoints);
+constexpr auto kMuscles = Joined(kUpperArmMuscles, kHandMuscles);
 
 // The prosthesis' position servos with the ranges of their targets (rad), which differ slightly
 // from the ranges of the joints that they drive.
@@ -68,28 +60,15 @@ constexpr std::string_view kTouching[] = {"arm", "prosthesis", "start_pillar", "
 constexpr Bounds kPlace{-3, 3};      // m: everything happens well inside
 constexpr Bounds kSpeed{-100, 100};  // m/s and rad/s: far beyond ordinary play
 
-template <size_t n>
-std::vector<Entry> All(const Entry (&entries)[n]) {
-  return {entries, entries + n};
-}
-
-// The same entries with other bounds: a position part's joints in the velocity part.
-template <size_t n>
-std::vector<Entry> With(const Entry (&entries)[n], Bounds bounds) {
-  std::vector<Entry> result = All(entries);
-  for (Entry& entry : result) entry.bounds = bounds;
-  return result;
-}
-
 VectorLayout Observation() {
   VectorLayout v;
   v.Add("time", "s", "Simulated time since the start of the episode.", {{"", {0, 10.01}}});
-  v.Add("myohand_qpos", "rad", "Joint angles of the muscle arm and hand.", All(kArmJoints));
-  v.Add("myohand_qvel", "rad/s", "Velocities of the same joints.", With(kArmJoints, kSpeed));
+  v.Add("myohand_qpos", "rad", "Joint angles of the muscle arm and hand.", AllOf(kArmJoints));
+  v.Add("myohand_qvel", "rad/s", "Velocities of the same joints.", EntriesWith(kArmJoints, kSpeed));
   v.Add("pros_hand_qpos", "rad", "Joint angles of the prosthetic arm and hand.",
-        All(kProsthesisJoints));
+        AllOf(kProsthesisJoints));
   v.Add("pros_hand_qvel", "rad/s", "Velocities of the same joints.",
-        With(kProsthesisJoints, kSpeed));
+        EntriesWith(kProsthesisJoints, kSpeed));
   v.Add("object_qpos", "m, 1",
         "Position of the object's frame in the world, then its orientation as a quaternion w, x, "
         "y, z.",
@@ -157,7 +136,7 @@ VectorLayout Action() {
   v.Add("prosthesis", "1 or rad",
         "Target angle of each servo. Normalized: -1 to 1 from the lowest to the highest target; "
         "direct: the target itself, in rad.",
-        With(kServos, {-1, 1}));
+        EntriesWith(kServos, {-1, 1}));
   return v;
 }
 

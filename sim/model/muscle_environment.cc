@@ -1,0 +1,56 @@
+#include "sim/model/muscle_environment.h"
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+#include "sim/model/official_steps.h"
+#include "sim/model/state.h"
+
+namespace myograde::sim {
+
+MuscleEnvironment::MuscleEnvironment(const Play& play, ModelPtr model, DataPtr data)
+    : model_(std::move(model)), data_(std::move(data)), play_(play) {}
+
+void MuscleEnvironment::BeginEpisode(TrackFacts nothing_measured) {
+  mj_forward(model_.get(), data_.get());
+  mj_forward(model_.get(), data_.get());
+  facts_ = EpisodeFacts{};
+  facts_.track = std::move(nothing_measured);
+  measured_steps_ = 0;
+  CopyState(*model_, *data_, state_);
+}
+
+StepResult MuscleEnvironment::Step(std::span<const double> action) {
+  assert(static_cast<int>(action.size()) == action_size());
+  SetControls(action);
+  StepResult result = PlayControlStep(*model_, *data_, play_.physics_steps,
+                                      play_.warnings_reset_simulation);
+  ++facts_.steps;
+  facts_.sim_time = data_->time;
+  if (!result.unstable && !result.overflow) {
+    ++measured_steps_;
+    Measure(result);
+  }
+  CopyState(*model_, *data_, state_);
+  return result;
+}
+
+void MuscleEnvironment::SetControls(std::span<const double> action) {
+  const bool normalized = convention_ == ActionConvention::kNormalized;
+  for (size_t i = 0; i < action.size(); ++i) {
+    double value = action[i];
+    if (!play_.actions_unclipped) {
+      value = std::clamp(value, normalized ? -1.0 : 0.0, 1.0);
+      facts_.clipped += value != action[i];
+    }
+    data_->ctrl[i] = normalized ? Excitation(value) : value;
+  }
+}
+
+void MuscleEnvironment::SynchroniseState() {
+  mj_forward(model_.get(), data_.get());
+  CopyState(*model_, *data_, state_);
+}
+
+}  // namespace myograde::sim
