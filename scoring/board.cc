@@ -24,6 +24,7 @@ double Number(const BoardEntry& entry, size_t place) {
   return entry.numbers.at(place).value_or(std::numeric_limits<double>::infinity());
 }
 
+// Where more is better, none is the worst.
 double Distance(const BoardEntry& entry, size_t place) {
   return entry.numbers.at(place).value_or(0);
 }
@@ -163,6 +164,15 @@ void Order(Ranked& board, const PhysiologicalBoard& rules) {
   });
 }
 
+void Order(Ranked& board, const ScoreBoard& rules) {
+  const auto numbers = [&](const BoardEntry& entry) {
+    return std::pair(-Distance(entry, rules.score), Number(entry, rules.effort));
+  };
+  SortBy(board.begin(), board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
+    return numbers(a) < numbers(b);
+  });
+}
+
 Ranked Ordered(Ranked board, const BoardRules& rules) {
   std::visit([&](const auto& kind) { Order(board, kind); }, rules);
   for (size_t i = 0; i < board.size(); ++i) board[i].rank = static_cast<int64_t>(i) + 1;
@@ -241,6 +251,9 @@ size_t PlacesOf(const BoardRules& rules) {
   if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
     return std::max(distance->distance, distance->time) + 1;
   }
+  if (const auto* score = std::get_if<ScoreBoard>(&rules)) {
+    return std::max(score->score, score->effort) + 1;
+  }
   const auto& body = std::get<PhysiologicalBoard>(rules);
   return std::max({body.distance, body.pain, body.effort}) + 1;
 }
@@ -291,6 +304,7 @@ bool IsQualified(const BoardEntry& entry, const BoardRules& rules) {
   if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
     return Distance(entry, distance->distance) >= distance->time_from_m;
   }
+  if (std::holds_alternative<ScoreBoard>(rules)) return true;
   const auto& body = std::get<PhysiologicalBoard>(rules);
   return Distance(entry, body.distance) >= body.qualify_m;
 }

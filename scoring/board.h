@@ -79,7 +79,13 @@ struct PhysiologicalBoard {
   size_t effort = 2;
 };
 
-using BoardRules = std::variant<TieredBoard, DistanceBoard, PhysiologicalBoard>;
+// (1) mean score, more is better; (2) where it is exactly equal: effort, less is better.
+struct ScoreBoard {
+  size_t score = 0;
+  size_t effort = 1;
+};
+
+using BoardRules = std::variant<TieredBoard, DistanceBoard, PhysiologicalBoard, ScoreBoard>;
 
 // Which of its submissions a team stands with. kBest: the one that ranks best on the board of all
 // teams' entries; where bands depend on who stands, as standing.h decides it. kLast: the one

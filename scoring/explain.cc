@@ -202,6 +202,16 @@ std::string Why(const TwoRows& pair, const PhysiologicalBoard& rules) {
   return AcceptedFirst(absl::StrCat(equal, ", both mean efforts are ", effort.above), pair);
 }
 
+std::string Why(const RankedEntry& above, const RankedEntry& below, const ScoreBoard& rules) {
+  const std::string score = Exact(above.entry.numbers[rules.score]);
+  if (above.entry.numbers[rules.score] != below.entry.numbers[rules.score]) {
+    return absl::StrCat("its mean score is ", score, " against ",
+                        Exact(below.entry.numbers[rules.score]));
+  }
+  return ByEffort(absl::StrCat("both mean scores are ", score), above.entry, below.entry,
+                  rules.effort);
+}
+
 std::string OrderOf(const TieredBoard& rules) {
   const std::string factor = Exact(rules.band_factor);
   const std::string bands =
@@ -232,6 +242,10 @@ std::string OrderOf(const PhysiologicalBoard& rules) {
   return absl::StrCat("Of those with a mean distance of at least ", Exact(rules.qualify_m),
                       " m: by less mean pain, where it is equal by less mean effort, both over ",
                       rules.means == MeansOver::kSteps ? "all steps." : "episodes.");
+}
+
+std::string OrderOf(const ScoreBoard&) {
+  return "By mean score; where it is exactly equal by less mean effort.";
 }
 
 }  // namespace

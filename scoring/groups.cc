@@ -45,6 +45,10 @@ Criterion Deciding(const RankedEntry& above, const RankedEntry& below,
   return FirstOf(above.entry, below.entry, {rules.pain, rules.effort});
 }
 
+Criterion Deciding(const RankedEntry& above, const RankedEntry& below, const ScoreBoard& rules) {
+  return FirstOf(above.entry, below.entry, {rules.score, rules.effort});
+}
+
 size_t PlaceOfMetric(std::span<const Metric> metrics, std::string_view name) {
   const auto it = std::find_if(metrics.begin(), metrics.end(),
                                [&](const Metric& metric) { return metric.name == name; });
@@ -241,6 +245,9 @@ std::vector<Criterion> ListCriteria(const BoardRules& rules) {
   }
   if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
     return {ByNumber(distance->distance), ByNumber(distance->time)};
+  }
+  if (const auto* score = std::get_if<ScoreBoard>(&rules)) {
+    return {number(score->score), number(score->effort)};
   }
   const auto& body = std::get<PhysiologicalBoard>(rules);
   return {ByNumber(body.pain), ByNumber(body.effort)};

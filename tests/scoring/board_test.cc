@@ -49,6 +49,8 @@ PhysiologicalBoard Physiological(MeansOver means = MeansOver::kSteps) {
           .effort = steps ? kEffortOfSteps : kMeanEffort};
 }
 
+constexpr ScoreBoard kScores = {.score = kMeanDistance, .effort = kMeanEffort};
+
 BoardEntry EntryOf(const json& row) {
   BoardEntry entry;
   entry.submission = row.at("submission");
@@ -138,6 +140,8 @@ TEST(Board, TellsItsOrderInWords) {
               HasSubstr("bands of the success rate"));
   EXPECT_THAT(DescribeOrder(OfDistance({.time_from_m = 25})), HasSubstr("at least 25 m"));
   EXPECT_THAT(DescribeOrder(OfDistance({.band = 0.25})), HasSubstr("distance times 1.25"));
+  EXPECT_THAT(DescribeOrder(kScores), AllOf(HasSubstr("By mean score"), HasSubstr("less mean effort"),
+                                            HasSubstr("order of acceptance")));
   EXPECT_THAT(DescribeOrder(Physiological()), HasSubstr("both over all steps"));
   EXPECT_THAT(DescribeOrder(Physiological(MeansOver::kEpisodes)),
               HasSubstr("both over episodes"));
@@ -206,7 +210,7 @@ BoardRules SomeRules() {
   return *rc::gen::element<BoardRules>(
       Tiered(), Tiered({.bands = BandsOver::kSuccess}),
       Tiered({.ties = Ties::kAcceptance}), OfDistance(), Physiological(),
-      Physiological(MeansOver::kEpisodes));
+      Physiological(MeansOver::kEpisodes), kScores);
 }
 
 BoardRules RulesWithBands() {
