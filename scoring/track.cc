@@ -5,11 +5,13 @@
 #include "scoring/elbow/track.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
+#include "scoring/reorientation/track.h"
 
 namespace myograde::scoring {
 
 std::span<const ScoredTrack* const> ScoredTracks() {
-  static const std::array all = {&ScoredManipulation(), &ScoredLocomotion(), &ScoredElbow()};
+  static const std::array all = {&ScoredManipulation(), &ScoredLocomotion(), &ScoredElbow(),
+                                 &ScoredReorientation()};
   return all;
 }
 

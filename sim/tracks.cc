@@ -10,6 +10,7 @@
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
+#include "protocol/tracks/reorientation/track.h"
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
 #include "sim/elbow/readings.h"
@@ -23,6 +24,7 @@
 #include "sim/manipulation/readings.h"
 #include "sim/manipulation/telemetry.h"
 #include "sim/model/model.h"
+#include "sim/reorientation/reorientation.h"
 
 namespace myograde::sim {
 
@@ -34,6 +36,9 @@ std::span<const SimulatedTrack> SimulatedTracks() {
                      LocomotionRewardTerms(), LocomotionReadings, WatchLocomotion},
       SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
                      ElbowRewardTerms(), ElbowReadings, WatchElbow},
+      SimulatedTrack{&ReorientationTrack(), &ReorientationModel(), &ReorientationView(),
+                     MakeReorientation, ReorientationRewardTerms(), ReorientationReadings,
+                     WatchReorientation},
   };
   return tracks;
 }

@@ -185,8 +185,10 @@ def file_pages(source, day):
                   + schema("track")),
             *from_markdown(section_of(configs / "README.md", "## Track configs", "## Reference episodes"),
                            "FORM AND KEYS"),
-            *from_markdown(section_of(configs / "README.md", "## The track elbow", "## How to add a track"),
-                           "THE TRACK ELBOW")]),
+            *from_markdown(section_of(configs / "README.md", "## The track elbow", "## The track reorientation"),
+                           "THE TRACK ELBOW"),
+            *from_markdown(section_of(configs / "README.md", "## The track reorientation", "## How to add a track"),
+                           "THE TRACK REORIENTATION")]),
         "myograde-challenge": ("a challenge of the MyoGrade server", "/etc/myograde/challenges/NAME.json", [
             start("Phases with seeds, times and quotas of their own. " + schema("challenge")),
             *from_markdown(section_of(configs / "challenges/README.md", ""), "FORM AND KEYS")]),

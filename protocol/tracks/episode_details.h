@@ -7,11 +7,13 @@
 #include "protocol/tracks/elbow/details.h"
 #include "protocol/tracks/locomotion/details.h"
 #include "protocol/tracks/manipulation/details.h"
+#include "protocol/tracks/reorientation/details.h"
 
 namespace myograde {
 
 // The registry of details: one alternative per track, in the order of TrackFacts.
-using TrackDetails = std::variant<ManipulationDetails, LocomotionDetails, ElbowDetails>;
+using TrackDetails = std::variant<ManipulationDetails, LocomotionDetails, ElbowDetails,
+                                  ReorientationDetails>;
 
 // None: no step was played, or the record is of an earlier version.
 using EpisodeDetails = std::optional<TrackDetails>;

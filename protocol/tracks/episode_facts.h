@@ -15,11 +15,12 @@
 #include "protocol/tracks/episode_details.h"
 #include "protocol/tracks/locomotion/facts.h"
 #include "protocol/tracks/manipulation/facts.h"
+#include "protocol/tracks/reorientation/facts.h"
 
 namespace myograde {
 
 // The registry of facts: one alternative per track.
-using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts>;
+using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts, ReorientationFacts>;
 
 // Entries of the longest action.
 inline constexpr int kMaxActionSize = []<typename... Facts>(std::variant<Facts...>*) {

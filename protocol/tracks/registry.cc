@@ -6,6 +6,7 @@
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
+#include "protocol/tracks/reorientation/track.h"
 
 namespace myograde {
 namespace {
@@ -30,7 +31,8 @@ constexpr TrackFacts* kEveryFacts = nullptr;
 }  // namespace
 
 std::span<const TrackKind* const> AllTracks() {
-  static const std::array all = {&ManipulationTrack(), &LocomotionTrack(), &ElbowTrack()};
+  static const std::array all = {&ManipulationTrack(), &LocomotionTrack(), &ElbowTrack(),
+                                  &ReorientationTrack()};
   return all;
 }
 

@@ -15,7 +15,8 @@ NO_FAULT = ("success", "failure")
 # Moments that details tell of, in the order in which they usually come.
 MOMENTS = {"first_contact_time": "first contact", "handover_time": "handover",
            "release_time": "release", "goal_contact_time": "contact with the goal",
-           "peak_force_time": "largest force", "fall_time": "fall", "settle_time": "settled"}
+           "peak_force_time": "largest force", "fall_time": "fall", "settle_time": "settled",
+           "solved_time": "solved"}
 
 
 def label(result):

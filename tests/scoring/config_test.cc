@@ -31,7 +31,8 @@ const json kSections = json::parse(R"json({
                                        "band_factor": 1.5, "ties": "time"}}},
   "locomotion": {"time": "played", "full_time_s": 300, "course_m": 100, "team": "best",
                  "boards": {"main": {"time_from_m": 20, "distance_band": 0},
-                            "physiological": {"qualify_m": 30, "means": "steps"}}}
+                            "physiological": {"qualify_m": 30, "means": "steps"}}},
+  "reorientation": {"solved_steps": 6, "team": "best"}
 })json");
 
 absl::StatusOr<TrackScoring> Parsed(const std::string& track, const json& section) {
@@ -57,6 +58,7 @@ struct Bounds {
 
 const Bounds kBounds[] = {
     {"elbow", "/solved_steps", 1, 1'000'000, 0, 1'000'001},
+    {"reorientation", "/solved_steps", 1, 1'000'000, 0, 1'000'001},
     {"elbow", "/full_time_s", 1e-3, 1e6, 0.99e-3, 1.01e6},
     {"elbow", "/boards/main/line_episodes", 90, 10'000, 0, 10'001},
     {"elbow", "/boards/main/line_successes", 1, 100, 0, 101},
@@ -201,6 +203,8 @@ std::vector<std::string> ColumnsOf(const TrackScoring& scoring, const char* boar
 TEST(ScoringConfig, BoardsShowWhatTheyRankBy) {
   EXPECT_THAT(ColumnsOf(*Parsed("elbow", kSections["elbow"]), "main"),
               ElementsAre("time_s", "effort"));
+  EXPECT_THAT(ColumnsOf(*Parsed("reorientation", kSections["reorientation"]), "main"),
+              ElementsAre("effort"));
   EXPECT_THAT(ColumnsOf(*Parsed("manipulation", kSections["manipulation"]), "main"),
               ElementsAre("time_s", "effort"));
   EXPECT_THAT(ColumnsOf(*With("manipulation", "/time", "reported"), "main"),
@@ -280,6 +284,7 @@ TEST(ScoringConfig, JudgesLocomotionByItsNumbers) {
 TEST(ScoredTracks, RankByTheirNumbersInOrder) {
   EXPECT_EQ(RankedNames(*FindScoredTrack("elbow")), "time_s,effort");
   EXPECT_EQ(RankedNames(*FindScoredTrack("manipulation")), "time_s,effort");
+  EXPECT_EQ(RankedNames(*FindScoredTrack("reorientation")), "score,effort");
   EXPECT_EQ(RankedNames(*FindScoredTrack("locomotion")),
             "distance_m,time_s,effort,pain,effort_over_steps,pain_over_steps");
   EXPECT_EQ(FindScoredTrack("elbows"), nullptr);
@@ -303,6 +308,7 @@ TEST(ScoredTracks, SayHowManyDigitsPeopleSee) {
     return all;
   };
   EXPECT_THAT(digits("elbow"), ElementsAre(4, 6, 4, 4, 4));
+  EXPECT_THAT(digits("reorientation"), ElementsAre(4, 6, 4, 4, 4, 4));
   EXPECT_THAT(digits("manipulation"), ElementsAre(4, 6, 4, 4, 1, 1, 6));
   EXPECT_THAT(digits("locomotion"), ElementsAre(4, 4, 6, 6, 4, 4, 4, 6, 6));
 }

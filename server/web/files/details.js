@@ -6,7 +6,7 @@ import {number, whole} from "./format.js";
 // Numbers of an episode that are times, by their keys.
 export const TIMES = {first_contact_time: "first contact", handover_time: "handover",
   release_time: "release", goal_contact_time: "goal reached", peak_force_time: "peak force",
-  settle_time: "settled", fall_time: "fall"};
+  settle_time: "settled", solved_time: "solved", fall_time: "fall"};
 
 const degrees = (radians) => radians * 180 / Math.PI;
 const words = (key) => key.replaceAll("_", " ");

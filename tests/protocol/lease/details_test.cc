@@ -39,7 +39,8 @@ LocomotionDetails Walk() {
 TrackDetails Empty(const TrackKind& track) {
   if (AreFactsOf(track, ManipulationFacts())) return ManipulationDetails();
   if (AreFactsOf(track, LocomotionFacts())) return LocomotionDetails();
-  return ElbowDetails();
+  if (AreFactsOf(track, ElbowFacts())) return ElbowDetails();
+  return ReorientationDetails();
 }
 
 nlohmann::json RecordOf(const EpisodeFacts& facts) {

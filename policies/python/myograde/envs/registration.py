@@ -12,6 +12,7 @@ ENVIRONMENTS = {
     "myograde/Manipulation-v0": "manipulation",
     "myograde/Locomotion-v0": "locomotion",
     "myograde/Elbow-v0": "elbow",
+    "myograde/Reorientation-v0": "reorientation",
 }
 
 

@@ -1,0 +1,84 @@
+#include <numbers>
+
+#include "protocol/tracks/hand.h"
+#include "protocol/tracks/reorientation/track.h"
+
+namespace myograde {
+namespace reorientation {
+namespace {
+
+constexpr std::string_view kAxes[] = {"x", "y", "z"};
+constexpr std::string_view kAngles[] = {"roll", "pitch", "yaw"};
+constexpr Bounds kSpeed{-100, 100};  // rad/s: far beyond ordinary play
+constexpr double kPi = std::numbers::pi;
+
+VectorLayout Observation() {
+  const std::vector<LayoutEntry> place = LayoutEntries(kAxes, {-3, 3});  // m: well inside
+  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, {-kPi, kPi});
+  VectorLayout v;
+  v.Add("hand_qpos_noMD5", "rad",
+        "Joint angles of the hand, without the last joint of the little finger, which the official "
+        "code leaves out by mistake.",
+        AllOf(std::span(kHandJoints).first<std::size(kHandJoints) - 1>()));
+  v.Add("hand_qvel", "rad/s",
+        "Velocities of all joints of the hand (in the profile that follows the official code times "
+        "0.01 s, in rad).",
+        EntriesWith(kHandJoints, kSpeed));
+  v.Add("obj_pos", "m", "Centre of the die in the world.", place);
+  v.Add("goal_pos", "m",
+        "Centre of the goal die in the world, which is shown 0.1 m beside the place that is meant.",
+        place);
+  v.Add("pos_err", "m", "From the die to its place: goal_pos minus obj_pos plus (0.1, 0, 0).", place);
+  v.Add("obj_rot", "rad", "Orientation of the die in the world, as Euler angles.", angles);
+  v.Add("goal_rot", "rad", "Orientation of the goal die, likewise.", angles);
+  v.Add("rot_err", "rad",
+        "goal_rot minus obj_rot, angle by angle; not wrapped in the profile that follows the "
+        "official code.",
+        LayoutEntries(kAngles, {-2 * kPi, 2 * kPi}));
+  v.Add("act", "1", "Activations of the muscles.", LayoutEntries(kHandMuscles, {0, 1}));
+  return v;
+}
+
+VectorLayout Extra() {
+  VectorLayout v;
+  v.Add("time", "s", "Simulated time since the start of the episode.", {{"", {0, 1.51}}});
+  v.Add("hand_qpos", "rad", "Joint angles of the hand, all of them.",
+        AllOf(kHandJoints));
+  return v;
+}
+
+VectorLayout Action() {
+  VectorLayout v;
+  v.Add("muscles", "1",
+        "Excitation of each muscle. Normalized: a in [-1, 1] excites by 1/(1 + exp(-5(a - 0.5))); "
+        "direct: the excitation itself, in [0, 1].",
+        LayoutEntries(kHandMuscles, {-1, 1}));
+  return v;
+}
+
+TrackLayout Layout() {
+  return {.observation = Observation(),
+          .extra = Extra(),
+          .action = Action(),
+          .direct_bounds = std::vector<Bounds>(std::size(kHandMuscles), {0, 1})};
+}
+
+}  // namespace
+}  // namespace reorientation
+
+const TrackLayout& ReorientationLayout() {
+  static const TrackLayout layout = reorientation::Layout();
+  return layout;
+}
+
+const TrackKind& ReorientationTrack() {
+  static const TrackKind track = {.name = ReorientationFacts::kTrack,
+                                  .control_period_s = 0.01,
+                                  .layout = ReorientationLayout,
+                                  .no_facts = ReorientationFacts(),
+                                  .max_steps = MaxStepsKey,
+                                  .tables = nullptr};
+  return track;
+}
+
+}  // namespace myograde

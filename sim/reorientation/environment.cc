@@ -1,0 +1,135 @@
+#include "sim/reorientation/environment.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/status_macros.h"
+#include "sim/model/official_steps.h"
+#include "sim/model/rotation.h"
+#include "sim/reorientation/reorientation.h"
+
+namespace myograde::sim {
+absl::StatusOr<std::unique_ptr<Environment>> MakeReorientation(const TrackConfig& config,
+                                                               const std::string& cache_dir) {
+  auto rules = ParseReorientationRules(
+      config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
+  if (!rules.ok()) return rules.status();
+  ASSIGN_OR_RETURN(auto model, LoadModel(ReorientationModel(), cache_dir));
+  return ReorientationEnvironment::Make(*rules, std::move(model));
+}
+
+absl::StatusOr<std::unique_ptr<ReorientationEnvironment>> ReorientationEnvironment::Make(
+    const ReorientationRules& rules, ModelPtr model) {
+  DataPtr data(mj_makeData(model.get()));
+  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  ASSIGN_OR_RETURN(auto scene, FindDieScene(*model, *data));
+  return std::unique_ptr<ReorientationEnvironment>(new ReorientationEnvironment(
+      rules, std::move(model), std::move(data), std::move(scene)));
+}
+
+ReorientationEnvironment::ReorientationEnvironment(const ReorientationRules& rules, ModelPtr model,
+                                                   DataPtr data, DieScene scene)
+    : MuscleEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
+                        std::move(model), std::move(data)),
+      rules_(rules),
+      scene_(std::move(scene)),
+      joint_ranges_(*model_) {
+  facts_.track = ReorientationFacts{};
+}
+
+void ReorientationEnvironment::Reset(uint64_t seed) {
+  generator_ = NumpyGenerator(seed);
+  variation_ = DrawDieVariation(rules_, scene_, generator_);
+  ApplyDieVariation(variation_, rules_, scene_, *model_, *data_);
+  ResetToDefaults(*model_, *data_);
+  data_->qpos[0] = -1.5;  // rad: palm up; all other joints are at 0
+  BeginEpisode(ReorientationFacts{});
+  const Official now = official();
+  facts_.track = ReorientationFacts{.final_position_error = now.distance,
+                                    .final_rotation_error = now.turn,
+                                    .smallest_rotation_error = now.turn};
+  solved_time_.reset();
+}
+
+void ReorientationEnvironment::Measure(StepResult& result) {
+  auto& facts = std::get<ReorientationFacts>(facts_.track);
+  const Official now = official();
+  const bool first = measured_steps_ == 1;
+  joint_ranges_.Add(*data_, first);
+  facts.final_position_error = now.distance;
+  facts.final_rotation_error = now.turn;
+  facts.smallest_rotation_error =
+      first ? now.turn : std::min(facts.smallest_rotation_error, now.turn);
+  facts.solved = now.solved;
+  facts.solved_steps += now.solved;
+  if (now.solved && !solved_time_) solved_time_ = data_->time;
+  facts.effort_sum += MuscleEffort(*model_, *data_);
+  result.ended = now.dropped || facts_.steps >= rules_.max_steps;
+  if (result.ended) facts_.end = now.dropped ? ReorientationEnd::kDropped : EpisodeEnd::kTime;
+}
+
+EpisodeDetails ReorientationEnvironment::details() const {
+  if (measured_steps_ == 0) return std::nullopt;
+  return ReorientationDetails{.solved_time = solved_time_, .joint_ranges = joint_ranges_.ranges()};
+}
+
+ReorientationEnvironment::Official ReorientationEnvironment::official() const {
+  Official now;
+  now.position_error =
+      SiteOf(*data_, scene_.goal_site) - SiteOf(*data_, scene_.die_site) - scene_.goal_offset;
+  now.rotation = OfficialEulerAngles(Rotation::Map(data_->site_xmat + 9 * scene_.die_site));
+  now.goal_rotation = OfficialEulerAngles(Rotation::Map(data_->site_xmat + 9 * scene_.goal_site));
+  now.rotation_error = now.goal_rotation - now.rotation;
+  if (!rules_.rotation_error_unwrapped) {
+    for (double& angle : now.rotation_error) angle = std::remainder(angle, 2 * std::numbers::pi);
+  }
+  now.distance = now.position_error.norm();
+  now.turn = now.rotation_error.norm();
+  now.dropped = now.distance > rules_.drop_distance_m;
+  now.solved = now.distance < rules_.position_tolerance_m &&
+               now.turn < rules_.rotation_tolerance_rad && !now.dropped;
+  return now;
+}
+
+// Order and sizes: protocol/tracks/reorientation/layout.cc.
+void ReorientationEnvironment::Observe(std::span<double> out) const {
+  assert(static_cast<int>(out.size()) == observation_size());
+  using Eigen::VectorXd;
+  const Official now = official();
+  const double period = rules_.velocities_times_step ? model_->opt.timestep * kPhysicsSteps : 1;
+  VectorXd::Map(out.data(), std::ssize(out))
+      << VectorXd::Map(data_->qpos, kHandJointCount - 1),
+      VectorXd::Map(data_->qvel, kHandJointCount) * period, SiteOf(*data_, scene_.die_site),
+      SiteOf(*data_, scene_.goal_site), now.position_error, now.rotation, now.goal_rotation,
+      now.rotation_error, VectorXd::Map(data_->act, kMuscleCount);
+}
+
+void ReorientationEnvironment::ObserveExtra(std::span<double> out) const {
+  assert(std::ssize(out) == 1 + kHandJointCount);
+  out[0] = data_->time;
+  std::copy_n(data_->qpos, kHandJointCount, out.begin() + 1);
+}
+
+std::span<const RewardTerm> ReorientationRewardTerms() {
+  static constexpr RewardTerm kTerms[] = {{"pos_dist", 100}, {"rot_dist", 1}, {"bonus", 0},
+                                          {"act_reg", 0},    {"penalty", 0},  {"sparse", 0},
+                                          {"solved", 0},     {"done", 0}};
+  return kTerms;
+}
+
+void ReorientationEnvironment::RewardTerms(std::span<double> out) const {
+  const Official now = official();
+  const int bonus = (now.distance < 2 * rules_.position_tolerance_m) +
+                    (now.distance < rules_.position_tolerance_m);
+  Eigen::VectorXd::Map(out.data(), std::ssize(out)) << -now.distance, -now.turn, bonus,
+      -MuscleEffort(*model_, *data_), -static_cast<double>(now.dropped),
+      -now.turn - 10 * now.distance, static_cast<double>(now.solved),
+      static_cast<double>(now.dropped);
+}
+
+}  // namespace myograde::sim

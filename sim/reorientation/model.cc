@@ -1,0 +1,53 @@
+#include <string>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/status_macros.h"
+#include "sim/model/hand.h"
+#include "sim/reorientation/pins.h"
+#include "sim/reorientation/reorientation.h"
+
+namespace myograde::sim {
+namespace reorientation {
+namespace {
+
+constexpr Inertial kInertials[] = {kLunate, kCapitate};
+
+// The three plates that make the die's sides, and their colours: without its texture nobody would
+// see how it lies.
+constexpr const char* kPlates[][2] = {{".0284 .0236 .0236", "0.80 0.25 0.20 1"},
+                                       {".0236 .0284 .0236", "0.25 0.60 0.30 1"},
+                                       {".0236 .0236 .0284", "0.20 0.40 0.75 1"}};
+
+// The goal is placed anew by each reset, so it is a body of its own for pictures, with plates like
+// the die's that touch nothing. No number that the physics reads changes.
+absl::Status Patch(std::string& main, std::string&) {
+  const std::string material = "\" material=\"MatDice\"";
+  std::string plates;
+  for (const auto& [size, colour] : kPlates) {
+    const std::string plate = absl::StrCat("<geom type=\"box\" group=\"2\" size=\"", size);
+    RETURN_IF_ERROR(Cut(main, plate + material, "/>").status());
+    const std::string coloured = absl::StrCat(plate, "\" rgba=\"", colour, "\"");
+    RETURN_IF_ERROR(InsertBefore(main, "<joint name=\"OBJTx\"", coloured + "/>"));
+    absl::StrAppend(&plates, coloured, " contype=\"0\" conaffinity=\"0\"/>");
+  }
+  RETURN_IF_ERROR(InsertBefore(main, "<site name=\"target_ball\"", plates));
+  return InsertBefore(main, " pos=\"-.340 -.535 1.46\"", " mocap=\"true\"");
+}
+
+}  // namespace
+}  // namespace reorientation
+
+const ModelSource& ReorientationModel() {
+  static const ModelSource source = {
+      .name = "reorientation",
+      .pins = reorientation::kPins,
+      .main_file = "envs/myo/assets/hand/myohand_die.xml",
+      .actuator_file = "simhive/myo_sim/hand/assets/myohand_assets.xml",
+      .inertials = reorientation::kInertials,
+      .buffers = {1000, 400, 1'000'000},
+      .patch = reorientation::Patch};
+  return source;
+}
+
+}  // namespace myograde::sim
