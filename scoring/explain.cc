@@ -202,14 +202,12 @@ std::string Why(const TwoRows& pair, const PhysiologicalBoard& rules) {
   return AcceptedFirst(absl::StrCat(equal, ", both mean efforts are ", effort.above), pair);
 }
 
-std::string Why(const RankedEntry& above, const RankedEntry& below, const ScoreBoard& rules) {
-  const std::string score = Exact(above.entry.numbers[rules.score]);
-  if (above.entry.numbers[rules.score] != below.entry.numbers[rules.score]) {
-    return absl::StrCat("its mean score is ", score, " against ",
-                        Exact(below.entry.numbers[rules.score]));
+std::string Why(const TwoRows& pair, const ScoreBoard& rules) {
+  const Texts score = pair.Of(rules.score);
+  if (!pair.Equal(rules.score)) {
+    return absl::StrCat("its mean score is ", score.above, " against ", score.below);
   }
-  return ByEffort(absl::StrCat("both mean scores are ", score), above.entry, below.entry,
-                  rules.effort);
+  return ByEffort(absl::StrCat("both mean scores are ", score.above), pair, rules.effort);
 }
 
 std::string OrderOf(const TieredBoard& rules) {
