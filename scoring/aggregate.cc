@@ -50,12 +50,12 @@ Spread SuccessSpread(int64_t successes, int64_t episodes) {
 }
 
 bool HasResult(const JudgedEpisode& episode) {
-  return episode.judgement.outcome != Outcome::kCancelled &&
-         episode.judgement.outcome != Outcome::kGraderError;
+  return episode.verdict.outcome != Outcome::kCancelled &&
+         episode.verdict.outcome != Outcome::kGraderError;
 }
 
 std::optional<double> ValueOf(const JudgedEpisode& episode, size_t metric) {
-  const auto& values = episode.judgement.metrics;
+  const auto& values = episode.verdict.metrics;
   return metric < values.size() ? values[metric] : std::nullopt;
 }
 
@@ -74,7 +74,7 @@ Mean MeanOverSteps(const std::vector<JudgedEpisode>& episodes, size_t summed) {
   int64_t steps = 0;
   for (const JudgedEpisode& episode : episodes) {
     sum += ValueOf(episode, summed).value_or(0);
-    steps += episode.judgement.steps;
+    steps += episode.verdict.steps;
   }
   if (steps == 0) return {};
   return {.value = sum / static_cast<double>(steps), .count = 1, .spread = {}};
@@ -112,7 +112,7 @@ absl::StatusOr<Aggregate> AggregateEpisodes(std::span<const Metric> metrics,
   Aggregate result;
   result.episodes = static_cast<int64_t>(episodes.size());
   for (const JudgedEpisode& episode : episodes) {
-    const Outcome outcome = episode.judgement.outcome;
+    const Outcome outcome = episode.verdict.outcome;
     if (outcome == Outcome::kSuccess) ++result.successes;
     if (FaultOf(outcome) == Fault::kParticipant) ++result.participant_faults;
   }

@@ -7,14 +7,14 @@
 
 #include <absl/status/statusor.h>
 
-#include "scoring/judgement.h"
 #include "scoring/metric.h"
+#include "scoring/verdict.h"
 
 namespace myograde::scoring {
 
 struct JudgedEpisode {
   int64_t index = 0;  // in the evaluation
-  Judgement judgement;
+  Verdict verdict;
 };
 
 // How far episodes lie apart; for people, never ranked.
@@ -48,7 +48,7 @@ struct Aggregate {
 
 // Sums in the order of the episodes' indices, so the same episodes in any order give the same
 // bits. Cancelled episodes and the grader's faults have no result and are left out.
-// `metrics` are those of the track, and each judgement has as many.
+// `metrics` are those of the track, and each verdict has as many.
 // InvalidArgumentError if two rows have the same index or an index is negative.
 absl::StatusOr<Aggregate> AggregateEpisodes(std::span<const Metric> metrics,
                                             std::vector<JudgedEpisode> episodes);

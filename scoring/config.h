@@ -3,7 +3,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "scoring/board.h"
-#include "scoring/judgement.h"
+#include "scoring/verdict.h"
 
 namespace myograde::scoring {
 

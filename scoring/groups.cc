@@ -56,7 +56,7 @@ size_t PlaceOfMetric(std::span<const Metric> metrics, std::string_view name) {
 }
 
 std::optional<double> ValueAt(const JudgedEpisode& episode, size_t metric) {
-  const auto& values = episode.judgement.metrics;
+  const auto& values = episode.verdict.metrics;
   return metric < values.size() ? values[metric] : std::nullopt;
 }
 
@@ -73,10 +73,10 @@ class Sampler {
   std::optional<Sample> Of(const JudgedEpisode& episode) const {
     if (kind_ == Kind::kAcceptance) return std::nullopt;
     if (kind_ == Kind::kSuccess) {
-      return Sample{episode.judgement.outcome == Outcome::kSuccess ? 1.0 : 0.0};
+      return Sample{episode.verdict.outcome == Outcome::kSuccess ? 1.0 : 0.0};
     }
     const std::optional<double> value = ValueAt(episode, metric_);
-    if (over_steps_) return Sample{value.value_or(0), static_cast<double>(episode.judgement.steps)};
+    if (over_steps_) return Sample{value.value_or(0), static_cast<double>(episode.verdict.steps)};
     return value.has_value() ? std::optional(Sample{*value}) : std::nullopt;
   }
 
@@ -87,7 +87,7 @@ class Sampler {
 };
 
 bool Counts(const JudgedEpisode& episode) {
-  const Outcome outcome = episode.judgement.outcome;
+  const Outcome outcome = episode.verdict.outcome;
   return outcome != Outcome::kCancelled && outcome != Outcome::kGraderError;
 }
 

@@ -12,8 +12,8 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/board.h"
-#include "scoring/judgement.h"
 #include "scoring/metric.h"
+#include "scoring/verdict.h"
 
 namespace myograde::scoring {
 
@@ -26,7 +26,7 @@ struct TrackScoring;
 // program's life.
 struct ScoredTrack {
   std::string_view name;            // as in protocol/tracks
-  std::span<const Metric> metrics;  // in the order of Judgement::metrics
+  std::span<const Metric> metrics;  // in the order of Verdict::metrics
   // Keys that results of this track have always had beside its metrics, with null: of an episode,
   // of an evaluation's means and of their spreads. They stay, as results are compared by their
   // bytes.
@@ -46,7 +46,7 @@ struct BoardSpec {
 struct TrackScoring {
   const ScoredTrack* track = nullptr;
   // The verdict on an episode by these rules.
-  std::function<Judgement(const EpisodeFacts&)> judge;
+  std::function<Verdict(const EpisodeFacts&)> judge;
   TeamRule team = TeamRule::kBest;
   std::map<std::string, BoardSpec> boards;  // by name; one is kMainBoard
   // The profile reports what the official code reports, so that its figures are for comparing

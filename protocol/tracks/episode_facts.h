@@ -1,4 +1,4 @@
-// What the simulator measured in one episode: facts only, no judgement. The code in scoring/ turns
+// What the simulator measured in one episode: facts only, no verdict. The code in scoring/ turns
 // them into an outcome and metrics, so new rules can score old episodes without simulating them
 // again.
 #pragma once

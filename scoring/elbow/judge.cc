@@ -21,13 +21,13 @@ FailureReason ReasonOf(EpisodeEnd end) {
 }  // namespace
 }  // namespace elbow
 
-Judgement Judge(const EpisodeFacts& episode, const ElbowJudging& rules) {
+Verdict Judge(const EpisodeFacts& episode, const ElbowJudging& rules) {
   using At = ElbowMetric;
   const std::optional<ElbowFacts> facts = FactsOf<ElbowFacts>(episode);
   if (!facts.has_value()) return {};
-  Judgement judgement;
-  judgement.steps = episode.steps;
-  std::vector<std::optional<double>>& metrics = judgement.metrics;
+  Verdict verdict;
+  verdict.steps = episode.steps;
+  std::vector<std::optional<double>>& metrics = verdict.metrics;
   metrics.resize(At::kCount);
   metrics[At::kTime] = rules.full_time_s;
   metrics[At::kEffort] = MeanOverSteps(facts->effort_sum, episode.steps);
@@ -35,18 +35,18 @@ Judgement Judge(const EpisodeFacts& episode, const ElbowJudging& rules) {
   metrics[At::kReportedTime] = facts->reported_time;
   metrics[At::kFinalError] = facts->final_error;
   if (episode.end == EpisodeEnd::kFault) {
-    judgement.outcome = OutcomeOfFault(episode);
-    return judgement;
+    verdict.outcome = OutcomeOfFault(episode);
+    return verdict;
   }
   if (!elbow::CanBe(episode.end, *facts)) return {};
   const bool reached = elbow::IsReached(episode.end, *facts, rules);
-  SetPlayed(reached ? FailureReason::kNone : elbow::ReasonOf(episode.end), judgement);
+  SetPlayed(reached ? FailureReason::kNone : elbow::ReasonOf(episode.end), verdict);
   if (rules.time == TimeSource::kReported) {
     metrics[At::kTime] = facts->reported_time;
   } else if (reached) {
     metrics[At::kTime] = episode.sim_time;
   }
-  return judgement;
+  return verdict;
 }
 
 }  // namespace myograde::scoring

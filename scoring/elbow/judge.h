@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "scoring/judgement.h"
+#include "scoring/verdict.h"
 
 namespace myograde::scoring {
 
@@ -20,7 +20,7 @@ struct ElbowJudging {
   double full_time_s = 2;    // s, counted for failures and the participant's faults
 };
 
-// Places of the metrics in Judgement::metrics and in the track's list.
+// Places of the metrics in Verdict::metrics and in the track's list.
 struct ElbowMetric {
   enum Place : size_t {
     kTime,          // s
@@ -36,6 +36,6 @@ struct ElbowMetric {
 // rule above, however it ended; else it failed by how it ended: time or given-up. Facts that
 // contradict themselves (an end that the track does not have, held without having held) are
 // kGraderError.
-Judgement Judge(const EpisodeFacts& facts, const ElbowJudging& rules);
+Verdict Judge(const EpisodeFacts& facts, const ElbowJudging& rules);
 
 }  // namespace myograde::scoring

@@ -18,13 +18,13 @@ std::optional<FailureReason> ReasonOf(EpisodeEnd end) {
 
 }  // namespace
 
-Judgement Judge(const EpisodeFacts& episode, const LocomotionJudging& rules) {
+Verdict Judge(const EpisodeFacts& episode, const LocomotionJudging& rules) {
   using At = LocomotionMetric;
   const std::optional<LocomotionFacts> facts = FactsOf<LocomotionFacts>(episode);
   if (!facts.has_value()) return {};
-  Judgement judgement;
-  judgement.steps = episode.steps;
-  std::vector<std::optional<double>>& metrics = judgement.metrics;
+  Verdict verdict;
+  verdict.steps = episode.steps;
+  std::vector<std::optional<double>>& metrics = verdict.metrics;
   metrics.resize(At::kCount);
   metrics[At::kDistance] = std::clamp(facts->distance, 0.0, rules.course_m);
   metrics[At::kTime] = rules.full_time_s;
@@ -34,16 +34,16 @@ Judgement Judge(const EpisodeFacts& episode, const LocomotionJudging& rules) {
   metrics[At::kPainSum] = facts->pain_sum;
   metrics[At::kReportedTime] = facts->reported_time;
   if (episode.end == EpisodeEnd::kFault) {
-    judgement.outcome = OutcomeOfFault(episode);
-    return judgement;
+    verdict.outcome = OutcomeOfFault(episode);
+    return verdict;
   }
   const std::optional<FailureReason> reason = ReasonOf(episode.end);
   if (!reason.has_value()) return {};
-  SetPlayed(*reason, judgement);
+  SetPlayed(*reason, verdict);
   if (episode.end == LocomotionEnd::kFinished) metrics[At::kDistance] = rules.course_m;
   metrics[At::kTime] =
       rules.time == TimeSource::kPlayed ? episode.sim_time : facts->reported_time;
-  return judgement;
+  return verdict;
 }
 
 }  // namespace myograde::scoring

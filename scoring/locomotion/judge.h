@@ -1,7 +1,7 @@
 // From the facts of an episode of locomotion to its verdict and its metrics.
 #pragma once
 
-#include "scoring/judgement.h"
+#include "scoring/verdict.h"
 
 namespace myograde::scoring {
 
@@ -11,7 +11,7 @@ struct LocomotionJudging {
   double course_m = 100;     // m, what a finished episode has walked
 };
 
-// Places of the metrics in Judgement::metrics and in the track's list.
+// Places of the metrics in Verdict::metrics and in the track's list.
 struct LocomotionMetric {
   enum Place : size_t {
     kDistance,      // m
@@ -31,6 +31,6 @@ struct LocomotionMetric {
 //
 // An episode without a usable end for its track (grader's fault: facts that contradict
 // themselves) is kGraderError. Numbers in `facts` are finite.
-Judgement Judge(const EpisodeFacts& facts, const LocomotionJudging& rules);
+Verdict Judge(const EpisodeFacts& facts, const LocomotionJudging& rules);
 
 }  // namespace myograde::scoring

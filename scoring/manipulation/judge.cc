@@ -51,13 +51,13 @@ bool IsManipulationEnd(EpisodeEnd end) {
 
 }  // namespace
 
-Judgement Judge(const EpisodeFacts& episode, const ManipulationJudging& rules) {
+Verdict Judge(const EpisodeFacts& episode, const ManipulationJudging& rules) {
   using At = ManipulationMetric;
   const std::optional<ManipulationFacts> facts = FactsOf<ManipulationFacts>(episode);
   if (!facts.has_value()) return {};
-  Judgement judgement;
-  judgement.steps = episode.steps;
-  std::vector<std::optional<double>>& metrics = judgement.metrics;
+  Verdict verdict;
+  verdict.steps = episode.steps;
+  std::vector<std::optional<double>>& metrics = verdict.metrics;
   metrics.resize(At::kCount);
   metrics[At::kTime] = rules.full_time_s;
   metrics[At::kEffort] = MeanOverSteps(facts->effort_sum, episode.steps);
@@ -66,17 +66,17 @@ Judgement Judge(const EpisodeFacts& episode, const ManipulationJudging& rules) {
   metrics[At::kPeakForce] = facts->peak_force;
   metrics[At::kMaxTouch] = facts->max_touch;
   if (episode.end == EpisodeEnd::kFault) {
-    judgement.outcome = OutcomeOfFault(episode);
-    return judgement;
+    verdict.outcome = OutcomeOfFault(episode);
+    return verdict;
   }
   if (!IsManipulationEnd(episode.end)) return {};
-  SetPlayed(CauseOfFailure(episode, *facts, rules), judgement);
+  SetPlayed(CauseOfFailure(episode, *facts, rules), verdict);
   if (rules.time == TimeSource::kReported) {
     metrics[At::kTime] = facts->reported_time;
-  } else if (judgement.outcome == Outcome::kSuccess) {
+  } else if (verdict.outcome == Outcome::kSuccess) {
     metrics[At::kTime] = episode.sim_time;
   }
-  return judgement;
+  return verdict;
 }
 
 }  // namespace myograde::scoring

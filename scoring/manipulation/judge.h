@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "scoring/judgement.h"
+#include "scoring/verdict.h"
 
 namespace myograde::scoring {
 
@@ -30,7 +30,7 @@ struct ManipulationJudging {
   FailureReason phantom = ManipulationReason::kPhantom;
 };
 
-// Places of the metrics in Judgement::metrics and in the track's list.
+// Places of the metrics in Verdict::metrics and in the track's list.
 struct ManipulationMetric {
   enum Place : size_t {
     kTime,          // s
@@ -55,6 +55,6 @@ struct ManipulationMetric {
 //
 // An episode without a usable end for its track (grader's fault: facts that contradict
 // themselves) is kGraderError. Numbers in `facts` are finite.
-Judgement Judge(const EpisodeFacts& facts, const ManipulationJudging& rules);
+Verdict Judge(const EpisodeFacts& facts, const ManipulationJudging& rules);
 
 }  // namespace myograde::scoring

@@ -50,13 +50,13 @@ absl::StatusOr<TrackScoring> Parse(const nlohmann::json& scoring, const std::str
 }  // namespace
 }  // namespace reorientation
 
-Judgement Judge(const EpisodeFacts& episode, const ReorientationJudging& rules) {
+Verdict Judge(const EpisodeFacts& episode, const ReorientationJudging& rules) {
   using At = ReorientationMetric;
   const std::optional<ReorientationFacts> facts = FactsOf<ReorientationFacts>(episode);
   if (!facts.has_value()) return {};
-  Judgement judgement;
-  judgement.steps = episode.steps;
-  std::vector<std::optional<double>>& metrics = judgement.metrics;
+  Verdict verdict;
+  verdict.steps = episode.steps;
+  std::vector<std::optional<double>>& metrics = verdict.metrics;
   metrics.resize(At::kCount);
   metrics[At::kScore] = 0;
   metrics[At::kEffort] = MeanOverSteps(facts->effort_sum, episode.steps);
@@ -65,15 +65,15 @@ Judgement Judge(const EpisodeFacts& episode, const ReorientationJudging& rules) 
   metrics[At::kPositionError] = facts->final_position_error;
   metrics[At::kRotationError] = facts->final_rotation_error;
   if (episode.end == EpisodeEnd::kFault) {
-    judgement.outcome = OutcomeOfFault(episode);
-    return judgement;
+    verdict.outcome = OutcomeOfFault(episode);
+    return verdict;
   }
   const std::optional<FailureReason> reason = reorientation::ReasonOf(episode.end);
   if (!reason.has_value()) return {};
   const bool solved = facts->solved_steps >= rules.solved_steps;
   if (solved) metrics[At::kScore] = 1;
-  SetPlayed(solved ? FailureReason::kNone : *reason, judgement);
-  return judgement;
+  SetPlayed(solved ? FailureReason::kNone : *reason, verdict);
+  return verdict;
 }
 
 const ScoredTrack& ScoredReorientation() {

@@ -13,7 +13,7 @@ struct ReorientationJudging {
   int64_t solved_steps = 6;  // steps of 0.01 s with the official flag that make a success
 };
 
-// Places of the metrics in Judgement::metrics and in the track's list.
+// Places of the metrics in Verdict::metrics and in the track's list.
 struct ReorientationMetric {
   enum Place : size_t {
     kScore,          // 1 for a success, else 0: its mean is the official score
@@ -29,6 +29,6 @@ struct ReorientationMetric {
 // A fault has the outcome that its evidence names. An episode that was played is a success by the
 // rule above, however it ended; else it failed by how it ended: time, dropped or given-up. An end
 // that the track does not have is kGraderError.
-Judgement Judge(const EpisodeFacts& facts, const ReorientationJudging& rules);
+Verdict Judge(const EpisodeFacts& facts, const ReorientationJudging& rules);
 
 }  // namespace myograde::scoring

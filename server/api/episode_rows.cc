@@ -139,9 +139,9 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
   std::vector<scoring::JudgedEpisode> logged;
   std::map<int64_t, const EpisodeRow*> by_index;
   for (size_t i = 0; i < rows.size(); ++i) {
-    if (judged[i].judgement.reason.name() == kPhantom) continue;
+    if (judged[i].verdict.reason.name() == kPhantom) continue;
     details.emplace_back(Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false),
-                         judged[i].judgement.steps);
+                         judged[i].verdict.steps);
     const Json facts = Json::parse(rows[i].facts_json, nullptr, /*allow_exceptions=*/false);
     if (!facts.is_object() || !facts.value("log", Json()).is_object()) continue;
     logged.push_back(judged[i]);

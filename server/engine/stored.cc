@@ -44,7 +44,7 @@ absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredConten
   }
   if (!rows.ok()) return rows.status();
   for (const EpisodeRow& row : *rows) {
-    const absl::Status judged = JudgementOf(*stored.track->scoring.track, row).status();
+    const absl::Status judged = ReadVerdict(*stored.track->scoring.track, row).status();
     if (judged.ok()) continue;
     return ExtractDamage(judged).has_value()
                ? judged

@@ -248,7 +248,7 @@ absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
   std::vector<scoring::BoardEntry> entries;
   std::set<int64_t> unranked;
   for (const scoring::JudgedEpisode& episode : episodes) {
-    if (episode.judgement.reason.name() == kPhantom) continue;
+    if (episode.verdict.reason.name() == kPhantom) continue;
     ASSIGN_OR_RETURN(const auto aggregate,
                      scoring::AggregateEpisodes(scoring.track->metrics, {episode}));
     scoring::BoardEntry entry = scoring::MakeEntry(scoring.track->metrics, aggregate);

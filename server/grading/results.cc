@@ -43,12 +43,12 @@ Json SpreadOrNull(const scoring::Mean& mean) {
 }
 
 // The metrics of a judged episode, null where the episode has none.
-Json MetricsToJson(const scoring::ScoredTrack& track, const scoring::Judgement& judgement) {
-  Json json = {{"success", judgement.outcome == Outcome::kSuccess ? 1 : 0}};
+Json MetricsToJson(const scoring::ScoredTrack& track, const scoring::Verdict& verdict) {
+  Json json = {{"success", verdict.outcome == Outcome::kSuccess ? 1 : 0}};
   for (size_t i = 0; i < track.metrics.size(); ++i) {
     const scoring::Metric& metric = track.metrics[i];
     if (metric.source != Source::kJudged) continue;
-    json[std::string(metric.name)] = OrNull(judgement.metrics.at(i));
+    json[std::string(metric.name)] = OrNull(verdict.metrics.at(i));
   }
   for (const std::string_view key : track.null_metrics) json[std::string(key)] = nullptr;
   return json;
@@ -61,8 +61,8 @@ absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& fac
     return absl::InternalError(
         absl::StrCat("episode ", facts.index, " came with the facts of another track"));
   }
-  const scoring::Judgement judgement = track.scoring.judge(facts);
-  if (judgement.outcome == Outcome::kGraderError || judgement.outcome == Outcome::kCancelled) {
+  const scoring::Verdict verdict = track.scoring.judge(facts);
+  if (verdict.outcome == Outcome::kGraderError || verdict.outcome == Outcome::kCancelled) {
     return absl::InternalError(absl::StrCat("episode ", facts.index, ": ",
                                             facts.fault.detail.empty()
                                                 ? "its facts contradict themselves"
@@ -71,16 +71,16 @@ absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& fac
   EpisodeRow row;
   row.index = facts.index;
   row.seed = facts.seed;
-  row.outcome = judgement.outcome;
-  row.reason = judgement.reason;
+  row.outcome = verdict.outcome;
+  row.reason = verdict.reason;
   row.facts_json = CanonicalJson(EpisodeFactsToJson(facts));
-  row.metrics_json = CanonicalJson(MetricsToJson(*track.scoring.track, judgement));
+  row.metrics_json = CanonicalJson(MetricsToJson(*track.scoring.track, verdict));
   if (facts.details.has_value()) row.details_json = CanonicalJson(DetailsToJson(*facts.details));
   return row;
 }
 
-absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track,
-                                               const EpisodeRow& row) {
+absl::StatusOr<scoring::Verdict> ReadVerdict(const scoring::ScoredTrack& track,
+                                             const EpisodeRow& row) {
   // Metrics are part of what results are compared by, so they stay as first written; others are
   // always computed from the facts.
   const Json kept = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
@@ -94,25 +94,25 @@ absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track
     return absl::DataLossError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
                                             row.evaluation, " can't be read"));
   }
-  scoring::Judgement judgement;
-  judgement.outcome = row.outcome;
-  judgement.reason = row.reason;
-  judgement.steps = static_cast<int64_t>(*steps);
+  scoring::Verdict verdict;
+  verdict.outcome = row.outcome;
+  verdict.reason = row.reason;
+  verdict.steps = static_cast<int64_t>(*steps);
   for (const scoring::Metric& metric : track.metrics) {
-    judgement.metrics.push_back(
+    verdict.metrics.push_back(
         metric.source == Source::kJudged  ? Optional(kept, metric.name)
         : metric.source == Source::kFacts ? Optional(At(facts, track.name), metric.of)
                                           : std::nullopt);
   }
-  return judgement;
+  return verdict;
 }
 
 absl::StatusOr<std::vector<scoring::JudgedEpisode>> JudgedEpisodes(
     const scoring::ScoredTrack& track, const std::vector<EpisodeRow>& rows) {
   std::vector<scoring::JudgedEpisode> episodes;
   for (const EpisodeRow& row : rows) {
-    ASSIGN_OR_RETURN(scoring::Judgement judgement, JudgementOf(track, row));
-    episodes.push_back({row.index, std::move(judgement)});
+    ASSIGN_OR_RETURN(scoring::Verdict verdict, ReadVerdict(track, row));
+    episodes.push_back({row.index, std::move(verdict)});
   }
   return episodes;
 }

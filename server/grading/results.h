@@ -19,9 +19,9 @@ namespace myograde::server {
 // recorded.
 absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& facts);
 
-// The judgement that a row was made of.
-absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track,
-                                               const EpisodeRow& row);
+// The verdict that a row was made of.
+absl::StatusOr<scoring::Verdict> ReadVerdict(const scoring::ScoredTrack& track,
+                                             const EpisodeRow& row);
 
 // A damaged row (store/damage.h) if one is unreadable.
 absl::StatusOr<std::vector<scoring::JudgedEpisode>> JudgedEpisodes(

@@ -44,9 +44,9 @@ std::vector<TestedRow> BenchBoard() {
   for (int64_t team = 0; team < kTeams; ++team) {
     std::vector<JudgedEpisode> episodes;
     for (int64_t i = 0; i < kEpisodes; ++i) {
-      Judgement judgement{.outcome = Outcome::kSuccess, .steps = 100, .metrics = {}};
-      judgement.metrics = {5.0, 1 + 0.001 * static_cast<double>(team) + Unit(team, i)};
-      episodes.push_back({i, judgement});
+      Verdict verdict{.outcome = Outcome::kSuccess, .steps = 100, .metrics = {}};
+      verdict.metrics = {5.0, 1 + 0.001 * static_cast<double>(team) + Unit(team, i)};
+      episodes.push_back({i, verdict});
     }
     const auto aggregate = AggregateEpisodes(kBenchMetrics, episodes);
     if (!aggregate.ok()) FailBench(std::string(aggregate.status().message()));

@@ -42,11 +42,11 @@ absl::StatusOr<Aggregate> AggregateOf(std::vector<JudgedEpisode> episodes) {
 
 JudgedEpisode Episode(int64_t index, Outcome outcome, double time,
                       std::optional<double> effort = std::nullopt) {
-  JudgedEpisode episode{.index = index, .judgement = {}};
-  episode.judgement.outcome = outcome;
-  episode.judgement.metrics.resize(std::size(kMetrics));
-  episode.judgement.metrics[kTime] = time;
-  episode.judgement.metrics[kEffort] = effort;
+  JudgedEpisode episode{.index = index, .verdict = {}};
+  episode.verdict.outcome = outcome;
+  episode.verdict.metrics.resize(std::size(kMetrics));
+  episode.verdict.metrics[kTime] = time;
+  episode.verdict.metrics[kEffort] = effort;
   return episode;
 }
 
@@ -71,8 +71,8 @@ TEST(Aggregate, MeansOverStepsDoNotRewardFallingAtOnce) {
   for (int64_t i = 0; i < 5; ++i) {
     JudgedEpisode episode = Episode(i, Outcome::kFailure, 1);
     const int64_t steps = i == 0 ? 60000 : 10;
-    episode.judgement.steps = steps;
-    auto& metrics = episode.judgement.metrics;
+    episode.verdict.steps = steps;
+    auto& metrics = episode.verdict.metrics;
     metrics[kPainSum] = i == 0 ? 6000 : 0;
     metrics[kEffortSum] = i == 0 ? 12000 : 0;
     metrics[kPain] = *metrics[kPainSum] / static_cast<double>(steps);
@@ -118,7 +118,7 @@ TEST(Aggregate, TellsHowFarEpisodesLieApart) {
 
 TEST(Aggregate, AnEpisodeMayLackTheLastMetrics) {
   JudgedEpisode cut = Episode(0, Outcome::kFailure, 4);
-  cut.judgement.metrics.resize(kEffort);
+  cut.verdict.metrics.resize(kEffort);
   const auto got = AggregateOf({cut, Episode(1, Outcome::kFailure, 6, 0.5)});
   EXPECT_EQ(got->means[kTime].value, 5);
   EXPECT_EQ(got->means[kEffort].value, 0.5);
@@ -168,10 +168,10 @@ TEST(Aggregate, IntervalsEndAtZeroAndOneExactly) {
 
 TEST(Aggregate, AnEpisodeWithoutASumAddsItsStepsAlone) {
   JudgedEpisode with = Episode(0, Outcome::kFailure, 1);
-  with.judgement.steps = 1;
-  with.judgement.metrics[kPainSum] = 6;
+  with.verdict.steps = 1;
+  with.verdict.metrics[kPainSum] = 6;
   JudgedEpisode without = Episode(1, Outcome::kCrash, 1);
-  without.judgement.steps = 2;
+  without.verdict.steps = 2;
   const auto got = AggregateOf({with, without});
   EXPECT_EQ(got->means[kPainOverSteps].value, 2);
   EXPECT_EQ(got->means[kPainOverSteps].count, 1);

@@ -53,11 +53,11 @@ struct Played {
 };
 
 JudgedEpisode EpisodeOf(int64_t index, const Played& played) {
-  Judgement judgement;
-  judgement.outcome = played.success ? Outcome::kSuccess : Outcome::kFailure;
-  judgement.steps = played.steps;
-  judgement.metrics = {played.time, played.effort, played.distance, played.pain_sum, std::nullopt};
-  return {index, judgement};
+  Verdict verdict;
+  verdict.outcome = played.success ? Outcome::kSuccess : Outcome::kFailure;
+  verdict.steps = played.steps;
+  verdict.metrics = {played.time, played.effort, played.distance, played.pain_sum, std::nullopt};
+  return {index, verdict};
 }
 
 // What `play` says of each of the first `count` episodes.
@@ -358,8 +358,8 @@ TEST(Groups, PairWhatBothPlayedToAResult) {
     return FormGroups(kTestedMetrics, rows, kTiers, {}).places[1].above->test.pairs;
   };
   ASSERT_EQ(pairs(), 100);
-  rows[0].episodes[3].judgement.outcome = Outcome::kCancelled;
-  rows[1].episodes[5].judgement.outcome = Outcome::kGraderError;
+  rows[0].episodes[3].verdict.outcome = Outcome::kCancelled;
+  rows[1].episodes[5].verdict.outcome = Outcome::kGraderError;
   EXPECT_EQ(pairs(), 98);
   rows[0].episodes.erase(rows[0].episodes.begin() + 10);
   rows[1].episodes.erase(rows[1].episodes.begin() + 20, rows[1].episodes.begin() + 22);
@@ -377,8 +377,8 @@ TEST(Groups, LeaveOutPairsWithoutANumber) {
     return Play100([=](int64_t i) { return Played{.time = time + Noise(i, 0.1)}; });
   };
   auto rows = BoardOf({entry(1), entry(2)}, kTiers);
-  rows[0].episodes[3].judgement.metrics[0] = std::nullopt;
-  rows[1].episodes[5].judgement.metrics.clear();
+  rows[0].episodes[3].verdict.metrics[0] = std::nullopt;
+  rows[1].episodes[5].verdict.metrics.clear();
   const Groups groups = FormGroups(kTestedMetrics, rows, kTiers, {});
   EXPECT_EQ(groups.places[1].above->criterion, (Criterion{Kind::kNumber, kTimePlace}));
   EXPECT_EQ(groups.places[1].above->test.pairs, 98);
@@ -397,7 +397,7 @@ TEST(SpreadOverSteps, NeedsTwoEpisodesThatCountAndAStep) {
   EXPECT_NEAR(two->high, 2 + 1.959963985, 1e-8);
   EXPECT_NEAR(two->deviation, std::sqrt(2.0), 1e-12);
   episodes.push_back(EpisodeOf(2, {.pain_sum = 1000, .steps = 1}));
-  episodes.back().judgement.outcome = Outcome::kGraderError;
+  episodes.back().verdict.outcome = Outcome::kGraderError;
   episodes.insert(episodes.begin(), episodes.back());
   EXPECT_EQ(spread(episodes)->high, two->high);
   EXPECT_FALSE(spread({episodes[0], episodes[1]}).has_value()) << "one counts";
@@ -409,7 +409,7 @@ TEST(SpreadOverSteps, AnEpisodeWithoutASumAddsItsStepsAlone) {
   std::vector<JudgedEpisode> episodes = {EpisodeOf(0, {.pain_sum = 10, .steps = 10}),
                                          EpisodeOf(1, {.pain_sum = 0, .steps = 30})};
   const std::optional<Spread> with = SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
-  episodes[1].judgement.metrics[3] = std::nullopt;
+  episodes[1].verdict.metrics[3] = std::nullopt;
   const std::optional<Spread> without = SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
   ASSERT_TRUE(with.has_value() && without.has_value());
   EXPECT_EQ(without->low, with->low);

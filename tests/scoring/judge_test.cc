@@ -42,7 +42,7 @@ EpisodeFacts FactsOf(const json& j, bool manipulation) {
   return facts;
 }
 
-Judgement JudgeBy(const json& rules, const EpisodeFacts& facts, bool manipulation) {
+Verdict JudgeBy(const json& rules, const EpisodeFacts& facts, bool manipulation) {
   const TimeSource time =
       rules.at("time") == "played" ? TimeSource::kPlayed : TimeSource::kReported;
   if (!manipulation) return Judge(facts, LocomotionJudging{.time = time});
@@ -69,7 +69,7 @@ TEST(Judge, AgreesWithTheTables) {
       SCOPED_TRACE(file.path().filename().string() + ": " +
                    expected.at("about").get<std::string>());
       const EpisodeFacts facts = FactsOf(expected.at("facts"), manipulation);
-      const Judgement got = JudgeBy(table->at("rules"), facts, manipulation);
+      const Verdict got = JudgeBy(table->at("rules"), facts, manipulation);
       EXPECT_EQ(OutcomeName(got.outcome), expected.at("outcome").get<std::string>());
       EXPECT_EQ(got.reason.name(), expected.at("reason").get<std::string>());
       if (expected.contains("time")) {
@@ -89,7 +89,7 @@ TEST(Judge, AgreesWithTheTables) {
 TEST(Judge, AFaultBeforeTheFirstStepHasNeitherEffortNorPain) {
   EpisodeFacts facts;  // as the runner writes it: no facts of the track at all
   facts.fault.outcome = Outcome::kInitTimeout;
-  const Judgement got = Judge(facts, LocomotionJudging{});
+  const Verdict got = Judge(facts, LocomotionJudging{});
   EXPECT_EQ(got.outcome, Outcome::kInitTimeout);
   EXPECT_FALSE(got.metrics[LocomotionMetric::kEffort].has_value());
   EXPECT_FALSE(got.metrics[LocomotionMetric::kPain].has_value());
@@ -110,7 +110,7 @@ TEST(Judge, KeepsWhatWasMeasured) {
   facts.steps = 4;
   facts.sim_time = 8;
   facts.track = LocomotionFacts{.distance = 50, .effort_sum = 2, .pain_sum = 6, .reported_time = 9};
-  const Judgement walk = Judge(facts, LocomotionJudging{});
+  const Verdict walk = Judge(facts, LocomotionJudging{});
   EXPECT_EQ(walk.steps, 4);
   EXPECT_EQ(walk.metrics, (std::vector<std::optional<double>>{50, 8, 0.5, 1.5, 2, 6, 9, {}, {}}));
   facts.track = ManipulationFacts{};
@@ -119,11 +119,11 @@ TEST(Judge, KeepsWhatWasMeasured) {
   arm.reported_time = 9;
   arm.peak_force = 5;
   arm.max_touch = 3;
-  const Judgement grip = Judge(facts, ManipulationJudging{.full_time_s = 7});
+  const Verdict grip = Judge(facts, ManipulationJudging{.full_time_s = 7});
   EXPECT_EQ(grip.steps, 4);
   EXPECT_EQ(grip.metrics, (std::vector<std::optional<double>>{7, 0.5, 2, 9, 5, 3, {}}));
   facts.track = ElbowFacts{.final_error = 0.5, .effort_sum = 2, .reported_time = 9};
-  const Judgement elbow = Judge(facts, ElbowJudging{.full_time_s = 7});
+  const Verdict elbow = Judge(facts, ElbowJudging{.full_time_s = 7});
   EXPECT_EQ(elbow.steps, 4);
   EXPECT_EQ(elbow.metrics, (std::vector<std::optional<double>>{7, 0.5, 2, 9, 0.5}));
 }

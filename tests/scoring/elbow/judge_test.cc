@@ -37,23 +37,23 @@ EpisodeFacts TimeUp(int64_t solved_steps) {
 }
 
 TEST(ElbowJudge, HoldingIsASuccessInTheTimeThatItTook) {
-  const Judgement judgement = Judge(Held(), kByHolding);
-  EXPECT_EQ(judgement.outcome, Outcome::kSuccess);
-  EXPECT_EQ(judgement.reason, FailureReason::kNone);
-  EXPECT_EQ(judgement.metrics[ElbowMetric::kTime], 0.8);
-  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffort], 0.1);
-  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffortSum], 4);
-  EXPECT_EQ(judgement.steps, 40);
+  const Verdict verdict = Judge(Held(), kByHolding);
+  EXPECT_EQ(verdict.outcome, Outcome::kSuccess);
+  EXPECT_EQ(verdict.reason, FailureReason::kNone);
+  EXPECT_EQ(verdict.metrics[ElbowMetric::kTime], 0.8);
+  EXPECT_EQ(verdict.metrics[ElbowMetric::kEffort], 0.1);
+  EXPECT_EQ(verdict.metrics[ElbowMetric::kEffortSum], 4);
+  EXPECT_EQ(verdict.steps, 40);
 }
 
 TEST(ElbowJudge, TimeThatIsUpIsAFailureThatCountsInFull) {
   ElbowJudging rules = kByHolding;
   rules.full_time_s = 3;
-  const Judgement judgement = Judge(TimeUp(100), rules);
-  EXPECT_EQ(judgement.outcome, Outcome::kFailure);
-  EXPECT_EQ(judgement.reason, FailureReason::kTime);
-  EXPECT_EQ(judgement.metrics[ElbowMetric::kTime], 3);
-  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffort], 0.05);
+  const Verdict verdict = Judge(TimeUp(100), rules);
+  EXPECT_EQ(verdict.outcome, Outcome::kFailure);
+  EXPECT_EQ(verdict.reason, FailureReason::kTime);
+  EXPECT_EQ(verdict.metrics[ElbowMetric::kTime], 3);
+  EXPECT_EQ(verdict.metrics[ElbowMetric::kEffort], 0.05);
 }
 
 TEST(ElbowJudge, TheFlagMustBeUpInEnoughSteps) {
@@ -76,19 +76,19 @@ TEST(ElbowJudge, AFaultHasItsOwnOutcomeAndTheFullTime) {
   facts.end = EpisodeEnd::kFault;
   facts.fault.outcome = Outcome::kStepTimeout;
   for (const ElbowJudging& rules : {kByHolding, kByTheFlag}) {
-    const Judgement judgement = Judge(facts, rules);
-    EXPECT_EQ(judgement.outcome, Outcome::kStepTimeout);
-    EXPECT_EQ(judgement.reason, FailureReason::kNone);
-    EXPECT_EQ(judgement.metrics[ElbowMetric::kTime], 2);
+    const Verdict verdict = Judge(facts, rules);
+    EXPECT_EQ(verdict.outcome, Outcome::kStepTimeout);
+    EXPECT_EQ(verdict.reason, FailureReason::kNone);
+    EXPECT_EQ(verdict.metrics[ElbowMetric::kTime], 2);
   }
 }
 
 TEST(ElbowJudge, AFaultBeforeTheFirstStepHasNoEffort) {
   EpisodeFacts facts;
   facts.fault.outcome = Outcome::kInitTimeout;
-  const Judgement judgement = Judge(facts, kByHolding);
-  EXPECT_EQ(judgement.outcome, Outcome::kInitTimeout);
-  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffort], std::nullopt);
+  const Verdict verdict = Judge(facts, kByHolding);
+  EXPECT_EQ(verdict.outcome, Outcome::kInitTimeout);
+  EXPECT_EQ(verdict.metrics[ElbowMetric::kEffort], std::nullopt);
 }
 
 TEST(ElbowJudge, FactsThatContradictThemselvesAreTheGradersError) {

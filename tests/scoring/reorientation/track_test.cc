@@ -28,10 +28,10 @@ TEST(ReorientationJudge, MoreThanFiveStepsWithTheFlagAreASuccessHoweverItEnded) 
   for (const EpisodeEnd end :
        {EpisodeEnd(EpisodeEnd::kTime), EpisodeEnd(ReorientationEnd::kDropped),
         EpisodeEnd(EpisodeEnd::kGivenUp)}) {
-    const Judgement judgement = Judge(Played(end, 6), kRules);
-    EXPECT_EQ(judgement.outcome, Outcome::kSuccess) << end.name();
-    EXPECT_EQ(judgement.reason, FailureReason::kNone);
-    EXPECT_EQ(judgement.metrics[At::kScore], 1);
+    const Verdict verdict = Judge(Played(end, 6), kRules);
+    EXPECT_EQ(verdict.outcome, Outcome::kSuccess) << end.name();
+    EXPECT_EQ(verdict.reason, FailureReason::kNone);
+    EXPECT_EQ(verdict.metrics[At::kScore], 1);
   }
 }
 
@@ -41,11 +41,11 @@ TEST(ReorientationJudge, AFailureHasTheReasonOfItsEndAndItsNumbers) {
       {ReorientationEnd::kDropped, ReorientationReason::kDropped},
       {EpisodeEnd::kGivenUp, FailureReason::kGivenUp}};
   for (const auto& [end, reason] : ends) {
-    const Judgement judgement = Judge(Played(end, 5), kRules);
-    EXPECT_EQ(judgement.outcome, Outcome::kFailure) << end.name();
-    EXPECT_EQ(judgement.reason, reason);
-    EXPECT_EQ(judgement.steps, 100);
-    EXPECT_EQ(judgement.metrics, (std::vector<std::optional<double>>{0, 0.05, 5, 1, 0.03, 2}));
+    const Verdict verdict = Judge(Played(end, 5), kRules);
+    EXPECT_EQ(verdict.outcome, Outcome::kFailure) << end.name();
+    EXPECT_EQ(verdict.reason, reason);
+    EXPECT_EQ(verdict.steps, 100);
+    EXPECT_EQ(verdict.metrics, (std::vector<std::optional<double>>{0, 0.05, 5, 1, 0.03, 2}));
   }
   EXPECT_EQ(Judge(Played(EpisodeEnd::kTime, 5), {.solved_steps = 5}).outcome, Outcome::kSuccess);
 }

@@ -25,12 +25,12 @@ TrackPtr Shipped(const std::string& name) {
 // `values` by the names of metrics; the others have none.
 scoring::JudgedEpisode Episode(const Track& track, int64_t index, Outcome outcome,
                                const std::map<std::string, double>& values) {
-  scoring::JudgedEpisode episode = {.index = index, .judgement = {}};
-  episode.judgement.outcome = outcome;
-  episode.judgement.steps = 100;
+  scoring::JudgedEpisode episode = {.index = index, .verdict = {}};
+  episode.verdict.outcome = outcome;
+  episode.verdict.steps = 100;
   for (const scoring::Metric& metric : track.scoring.track->metrics) {
     const auto found = values.find(std::string(metric.name));
-    episode.judgement.metrics.push_back(
+    episode.verdict.metrics.push_back(
         found == values.end() ? std::nullopt : std::optional<double>(found->second));
   }
   return episode;
@@ -64,7 +64,7 @@ TEST(EpisodeOrder, IsWithoutPhantoms) {
     return Episode(*track, index, outcome, {{"time_s", 5}, {"effort", 0.1}});
   };
   scoring::JudgedEpisode phantom = episode(2, Outcome::kFailure);
-  phantom.judgement.reason = ParseFailureReason("phantom").value();
+  phantom.verdict.reason = ParseFailureReason("phantom").value();
   EXPECT_THAT(OrderOf(*track, {episode(0, Outcome::kFailure), episode(1, Outcome::kSuccess), phantom}),
               ElementsAre(1, 0));
 }

@@ -52,11 +52,11 @@ TEST(JudgedRow, HoldsTheFactsTheVerdictAndTheMetrics) {
   const auto facts = EpisodeFactsFromJson(nlohmann::json::parse(row->facts_json));
   ASSERT_TRUE(facts.ok()) << facts.status();
   EXPECT_EQ(std::get<LocomotionFacts>(facts->track).distance, 12.5);
-  const auto judgement = JudgementOf(*track->scoring.track, *row);
-  ASSERT_TRUE(judgement.ok()) << judgement.status();
-  EXPECT_EQ(judgement->metrics[scoring::LocomotionMetric::kDistance], 12.5);
-  EXPECT_EQ(judgement->metrics[scoring::LocomotionMetric::kEffort], 0.5);
-  EXPECT_EQ(judgement->metrics[scoring::LocomotionMetric::kPain], 0.2);
+  const auto verdict = ReadVerdict(*track->scoring.track, *row);
+  ASSERT_TRUE(verdict.ok()) << verdict.status();
+  EXPECT_EQ(verdict->metrics[scoring::LocomotionMetric::kDistance], 12.5);
+  EXPECT_EQ(verdict->metrics[scoring::LocomotionMetric::kEffort], 0.5);
+  EXPECT_EQ(verdict->metrics[scoring::LocomotionMetric::kPain], 0.2);
 }
 
 TEST(JudgedRow, HasTheDetailsBesideAndNothingFollowsFromThem) {
@@ -88,10 +88,10 @@ TEST(JudgedRow, AFaultWithoutAStepHasNoMeans) {
   const auto row = JudgedRow(*track, facts);
   ASSERT_TRUE(row.ok()) << row.status();
   EXPECT_EQ(row->outcome, Outcome::kInitTimeout);
-  const auto judgement = JudgementOf(*track->scoring.track, *row);
-  ASSERT_TRUE(judgement.ok()) << judgement.status();
-  EXPECT_FALSE(judgement->metrics[scoring::LocomotionMetric::kEffort]);
-  EXPECT_FALSE(judgement->metrics[scoring::LocomotionMetric::kPain]);
+  const auto verdict = ReadVerdict(*track->scoring.track, *row);
+  ASSERT_TRUE(verdict.ok()) << verdict.status();
+  EXPECT_FALSE(verdict->metrics[scoring::LocomotionMetric::kEffort]);
+  EXPECT_FALSE(verdict->metrics[scoring::LocomotionMetric::kPain]);
 }
 
 TEST(JudgedRow, RefusesWhatIsNoPlayedEpisodeOfTheTrack) {
@@ -108,21 +108,21 @@ TEST(JudgedRow, RefusesWhatIsNoPlayedEpisodeOfTheTrack) {
   EXPECT_THAT(row.status().message(), HasSubstr("episode 3: the model was gone"));
 }
 
-TEST(JudgementOf, TellsARowThatCanNotBeRead) {
+TEST(ReadVerdict, TellsARowThatCanNotBeRead) {
   const TrackPtr track = LoadTrack("manipulation");
   ASSERT_NE(track, nullptr);
   for (const char* text :
        {"", "{", "[]", "null", "{}", R"({"time_s": "1"})", R"({"time_s": null})"}) {
     EpisodeRow row;
     row.metrics_json = text;
-    EXPECT_TRUE(absl::IsDataLoss(JudgementOf(*track->scoring.track, row).status())) << text;
+    EXPECT_TRUE(absl::IsDataLoss(ReadVerdict(*track->scoring.track, row).status())) << text;
     EXPECT_TRUE(absl::IsDataLoss(AggregateRows(*track->scoring.track, {row}).status())) << text;
   }
   for (const char* text : {"", "{", "[]", "{}", R"({"steps": "1"})"}) {
     EpisodeRow row;
     row.metrics_json = R"({"time_s": 1})";
     row.facts_json = text;
-    EXPECT_TRUE(absl::IsDataLoss(JudgementOf(*track->scoring.track, row).status())) << text;
+    EXPECT_TRUE(absl::IsDataLoss(ReadVerdict(*track->scoring.track, row).status())) << text;
   }
 }
 

@@ -37,9 +37,9 @@ FailureReason Verdict(const ContactHistory& history) {
   scoring::ManipulationJudging rules;
   rules.success = scoring::SuccessRule::kSolvedAndContact;
   rules.force_enforced = false;
-  const auto judgement = scoring::Judge(episode, rules);
-  EXPECT_EQ(judgement.outcome == Outcome::kSuccess, judgement.reason == FailureReason::kNone);
-  return judgement.reason;
+  const auto verdict = scoring::Judge(episode, rules);
+  EXPECT_EQ(verdict.outcome == Outcome::kSuccess, verdict.reason == FailureReason::kNone);
+  return verdict.reason;
 }
 
 TEST(ContactTrajectory, VerdictsAreTheOfficialOnes) {

@@ -16,7 +16,7 @@ enum class TimeSource {
   kReported,  // what the official code reports
 };
 
-struct Judgement {
+struct Verdict {
   Outcome outcome = Outcome::kGraderError;
   FailureReason reason = FailureReason::kNone;
   int64_t steps = 0;  // control steps, which means over steps are of
@@ -42,6 +42,6 @@ std::optional<Facts> FactsOf(const EpisodeFacts& episode) {
 Outcome OutcomeOfFault(const EpisodeFacts& facts);
 
 // The outcome of one that was: a success if nothing (kNone) was the reason of a failure.
-void SetPlayed(FailureReason reason, Judgement& judgement);
+void SetPlayed(FailureReason reason, Verdict& verdict);
 
 }  // namespace myograde::scoring

@@ -1,4 +1,4 @@
-#include "scoring/judgement.h"
+#include "scoring/verdict.h"
 
 namespace myograde::scoring {
 
@@ -13,9 +13,9 @@ Outcome OutcomeOfFault(const EpisodeFacts& facts) {
   return played ? Outcome::kGraderError : outcome;
 }
 
-void SetPlayed(FailureReason reason, Judgement& judgement) {
-  judgement.reason = reason;
-  judgement.outcome = reason == FailureReason::kNone ? Outcome::kSuccess : Outcome::kFailure;
+void SetPlayed(FailureReason reason, Verdict& verdict) {
+  verdict.reason = reason;
+  verdict.outcome = reason == FailureReason::kNone ? Outcome::kSuccess : Outcome::kFailure;
 }
 
 }  // namespace myograde::scoring
