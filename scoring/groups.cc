@@ -247,7 +247,7 @@ std::vector<Criterion> ListCriteria(const BoardRules& rules) {
     return {ByNumber(distance->distance), ByNumber(distance->time)};
   }
   if (const auto* score = std::get_if<ScoreBoard>(&rules)) {
-    return {number(score->score), number(score->effort)};
+    return {ByNumber(score->score), ByNumber(score->effort)};
   }
   const auto& body = std::get<PhysiologicalBoard>(rules);
   return {ByNumber(body.pain), ByNumber(body.effort)};
