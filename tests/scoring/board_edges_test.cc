@@ -18,7 +18,7 @@ using testing::HasSubstr;
 
 constexpr TieredBoard kTieredBoard = {
     .line_successes = 9, .line_episodes = 10, .band_factor = 1.5, .time = 0, .effort = 1};
-constexpr ScoreBoard kScores = {.score = 0, .effort = 1};
+constexpr ScoreBoard kByScore = {.score = 0, .effort = 1};
 constexpr TieredBoard kRateBands = {.line_successes = 5,
                                     .line_episodes = 10,
                                     .bands = BandsOver::kSuccess,
@@ -329,15 +329,15 @@ TEST(ScoreBoards, RankByScoreThenEffortThenAcceptance) {
   EXPECT_THAT(OrderOf({With("a", 1, 0, {0.4, 1}), With("b", 2, 0, {0.5, 9}),
                        With("c", 3, 0, {0.5, 8}), With("d", 4, 0, {std::nullopt, 1}),
                        With("e", 5, 0, {0.5, std::nullopt}), With("f", 6, 0, {0.5, 8})},
-                      kScores),
+                      kByScore),
               ElementsAre("c", "f", "b", "e", "a", "d"));
-  EXPECT_TRUE(IsQualified(With("a", 1, 0, {0, 1}), kScores)) << "it has no line";
+  EXPECT_TRUE(IsQualified(With("a", 1, 0, {0, 1}), kByScore)) << "it has no line";
   const std::string above = "team a (rank 1) stands above team b (rank 2): ";
-  EXPECT_EQ(Why(With("a", 1, 0, {0.5, 9}), With("b", 2, 0, {0.25, 1}), kScores),
+  EXPECT_EQ(Why(With("a", 1, 0, {0.5, 9}), With("b", 2, 0, {0.25, 1}), kByScore),
             above + "its mean score is 0.5 against 0.25.");
-  EXPECT_EQ(Why(With("a", 2, 0, {0.5, 1}), With("b", 1, 0, {0.5, 2}), kScores),
+  EXPECT_EQ(Why(With("a", 2, 0, {0.5, 1}), With("b", 1, 0, {0.5, 2}), kByScore),
             above + "both mean scores are 0.5, and its effort is less, 1 against 2.");
-  EXPECT_EQ(Why(With("a", 1, 0, {0.5, 1}), With("b", 2, 0, {0.5, 1}), kScores),
+  EXPECT_EQ(Why(With("a", 1, 0, {0.5, 1}), With("b", 2, 0, {0.5, 1}), kByScore),
             above + "both mean scores are 0.5, both efforts are 1, and it was accepted first, as "
                     "number 1 against 2.");
 }
@@ -351,7 +351,7 @@ TEST(Criteria, AreThoseOfTheBoard) {
               ElementsAre(Criterion{Kind::kNumber, 0}, Criterion{Kind::kNumber, 1}));
   EXPECT_THAT(ListCriteria(kBodies),
               ElementsAre(Criterion{Kind::kNumber, 1}, Criterion{Kind::kNumber, 2}));
-  EXPECT_THAT(ListCriteria(kScores),
+  EXPECT_THAT(ListCriteria(kByScore),
               ElementsAre(Criterion{Kind::kNumber, 0}, Criterion{Kind::kNumber, 1}));
 }
 
@@ -374,8 +374,8 @@ TEST(Criteria, AreWhatRanksOneAboveTheOther) {
   EXPECT_EQ(Between(With("a", 1, 80, {1, 1}), With("b", 2, 80, {1, 2}), kTieredBoard), second);
   EXPECT_EQ(Between(With("a", 1, 100, {1, 1}), With("b", 2, 60, {1, 1}), kRateBands), success);
   EXPECT_EQ(Between(With("a", 1, 100, {1, 1}), With("b", 2, 90, {1, 2}), kRateBands), second);
-  EXPECT_EQ(Between(With("a", 1, 0, {0.5, 1}), With("b", 2, 0, {0.4, 1}), kScores), first);
-  EXPECT_EQ(Between(With("a", 1, 0, {0.5, 1}), With("b", 2, 0, {0.5, 2}), kScores), second);
+  EXPECT_EQ(Between(With("a", 1, 0, {0.5, 1}), With("b", 2, 0, {0.4, 1}), kByScore), first);
+  EXPECT_EQ(Between(With("a", 1, 0, {0.5, 1}), With("b", 2, 0, {0.5, 2}), kByScore), second);
   EXPECT_EQ(Between(With("a", 1, 0, {30, 1}), With("b", 2, 0, {29, 1}), kDistances), first);
   EXPECT_EQ(Between(With("a", 1, 0, {30, 1}), With("b", 2, 0, {30, 2}), kDistances), second);
   EXPECT_EQ(Between(With("a", 1, 0, {100, 1}), With("b", 2, 0, {90, 2}), kDistanceBands), second);

@@ -47,7 +47,7 @@ TEST(ReorientationJudge, AFailureHasTheReasonOfItsEndAndItsNumbers) {
     EXPECT_EQ(verdict.steps, 100);
     EXPECT_EQ(verdict.metrics, (std::vector<std::optional<double>>{0, 0.05, 5, 1, 0.03, 2}));
   }
-  EXPECT_EQ(Judge(Played(EpisodeEnd::kTime, 5), {.solved_steps = 5}).outcome, Outcome::kSuccess);
+  EXPECT_EQ(Judge(Played(EpisodeEnd::kTime, 5), ReorientationJudging{.solved_steps = 5}).outcome, Outcome::kSuccess);
 }
 
 TEST(ReorientationJudge, AFaultHasItsOwnOutcomeAndNoScore) {
