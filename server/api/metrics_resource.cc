@@ -51,7 +51,8 @@ void AddEngineMetrics(const ApiContext& context, const LiveHealth& health, Famil
   }
   AddGauges(families, "myograde_queue_evaluations", "Evaluations with a waiting block, by class",
             "class", evaluations);
-  AddGauges(families, "myograde_queue_blocks", "Waiting blocks of episodes, by class", "class", blocks);
+  AddGauges(families, "myograde_queue_blocks", "Waiting blocks of episodes, by class", "class",
+            blocks);
   AddGauge(families, "myograde_queue_oldest_wait_seconds",
            "How long the longest waiting evaluation has had no block started, in seconds; 0: none "
            "is waiting",

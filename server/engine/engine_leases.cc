@@ -255,14 +255,14 @@ void EngineCore::Account(const LeaseRun& run, RunEnd how) {
   if (run.runner == nullptr) return;
   const RunnerSite site = run.runner->site();
   const AttemptRow row = {.block = run.lease,
-                           .attempt = run.attempt,
-                           .node = site.node,
-                           .job = site.job,
-                           .began_at = run.began_at,
-                           .ended_at = absl::ToUnixMillis(clock_.Now()),
-                           .cpu_s = site.cpu_s,
-                           .energy_j = site.energy_j,
-                           .how = how};
+                          .attempt = run.attempt,
+                          .node = site.node,
+                          .job = site.job,
+                          .began_at = run.began_at,
+                          .ended_at = absl::ToUnixMillis(clock_.Now()),
+                          .cpu_s = site.cpu_s,
+                          .energy_j = site.energy_j,
+                          .how = how};
   metrics().CountUse(run.context->submission.track, site.cpu_s, site.energy_j.value_or(0));
   AddToJournal(run.context->evaluation.id, [row](Transaction& writer) {
     return Note(writer, [&](Transaction& part) { return part.blocks.RecordAttempt(row); });

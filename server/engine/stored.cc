@@ -114,8 +114,8 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(const Transaction& reader, int64
     next = block.last + 1;
   }
   if (next != stored.evaluation.last + 1) {
-    return DamagedRow({"evaluation", key, absl::StrCat("no block of it holds episode ", next,
-                                                       ", or two do")});
+    return DamagedRow(
+        {"evaluation", key, absl::StrCat("no block of it holds episode ", next, ", or two do")});
   }
   return stored;
 }

@@ -68,7 +68,8 @@ absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);
 // Adds what the view lacks, as after an import. Returns what could not be read.
 absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers);
 
-// The first and last episodes of an evaluation's blocks: [0, count) cut at multiples of `per_lease`.
+// The first and last episodes of an evaluation's blocks: [0, count) cut at multiples of
+// `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> SplitIntoBlocks(int64_t count, int64_t per_lease);
 
 // Whether every row of the store can be read, by the readers that requests and the engine use, and

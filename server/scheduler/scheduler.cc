@@ -245,7 +245,8 @@ Decision Scheduler::Returned(int64_t id, int64_t attempt, absl::Duration now) {
   if (block == nullptr) return {};
   if (++block->returns > limits_.max_returns) return Faulted(id, attempt, now);
   StopRunning(*block);
-  WaitAgain(*block, std::min(Doubled(limits_.retry_delay, block->returns - 1), kLongestReturn), now);
+  WaitAgain(*block, std::min(Doubled(limits_.retry_delay, block->returns - 1), kLongestReturn),
+            now);
   return {.kind = Decision::Kind::kRetry, .evaluation = block->evaluation};
 }
 

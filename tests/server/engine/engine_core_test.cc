@@ -138,7 +138,7 @@ TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
   EXPECT_EQ(world.core->Health().ending, 1);
   RunFor(world, absl::Seconds(20));
   ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
-    const BlockRow lease = reader.blocks.Of(id)->front();
+    const BlockRow block = reader.blocks.Of(id)->front();
     EXPECT_EQ(block.attempt, 2);
     EXPECT_EQ(block.faults, 1);
     const std::vector<EpisodeRow> rows = *reader.episodes.Of(id);
