@@ -32,15 +32,15 @@ void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
   }
 }
 
-Json OutputToJson(const std::vector<LeaseRow>& leases, const std::vector<EpisodeRow>& rows) {
+Json OutputToJson(const std::vector<BlockRow>& blocks, const std::vector<EpisodeRow>& rows) {
   Json list = Json::array();
-  for (const LeaseRow& lease : leases) {
-    if (lease.output_json.empty()) continue;
-    Json output = Json::parse(lease.output_json, nullptr, false);
-    output["lease"] = lease.id;
-    output["first"] = lease.first;
-    output["last"] = lease.last;
-    AddStartUp(rows, lease.first, lease.last, output);
+  for (const BlockRow& block : blocks) {
+    if (block.output_json.empty()) continue;
+    Json output = Json::parse(block.output_json, nullptr, false);
+    output["block"] = block.id;
+    output["first"] = block.first;
+    output["last"] = block.last;
+    AddStartUp(rows, block.first, block.last, output);
     list.push_back(std::move(output));
   }
   return list;
@@ -62,13 +62,13 @@ absl::Status AddEpisodes(const Transaction& reader, const Track& track, int64_t 
   return selection.summary ? AddSummary(track, rows, judged, json) : absl::OkStatus();
 }
 
-// Leaves the episodes of leases that have ended.
-void DropUnended(const std::vector<LeaseRow>& leases, std::vector<EpisodeRow>& rows) {
+// Leaves the episodes of blocks that have ended.
+void DropUnended(const std::vector<BlockRow>& blocks, std::vector<EpisodeRow>& rows) {
   std::set<int64_t> open;
-  for (const LeaseRow& lease : leases) {
-    if (!IsFinal(lease.state)) open.insert(lease.id);
+  for (const BlockRow& block : blocks) {
+    if (!IsFinal(block.state)) open.insert(block.id);
   }
-  std::erase_if(rows, [&](const EpisodeRow& row) { return open.contains(row.lease); });
+  std::erase_if(rows, [&](const EpisodeRow& row) { return open.contains(row.block); });
 }
 
 // A rerun against its original; null for an original.
@@ -92,9 +92,9 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   const TrackConfig& config = track->config;
   const scoring::TrackScoring& scoring = track->scoring;
   const Visibility sight = FindConfigVisibility(reader, context, config);
-  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(id));
+  ASSIGN_OR_RETURN(const std::vector<BlockRow> blocks, reader.blocks.Of(id));
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(id));
-  if (!sight.progress) DropUnended(leases, rows);
+  if (!sight.progress) DropUnended(blocks, rows);
   ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
                    JudgedEpisodes(*scoring.track, rows));
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate,
@@ -122,7 +122,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   json["merkle_root"] = rows.empty() ? Json() : Json(ComputeMerkleRoot(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation.grader_json, nullptr, false);
   json["limits"] = config.effective.value("budgets", Json());
-  json["output"] = OutputToJson(leases, rows);
+  json["output"] = OutputToJson(blocks, rows);
   json["not_repeatable"] = Json::array();
   for (const RepeatRow& repeat : repeats) {
     json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});
@@ -175,10 +175,10 @@ absl::StatusOr<NewRerun> MakeRerun(const Transaction& reader, const ApiContext& 
                                  RuntimeDigests(runtimes, stored.artefact.runtimes))),
       {}};
   RETURN_IF_ERROR(HasArtefactFiles(context.data_dir, rerun.artefact));
-  for (const LeaseRow& lease : stored.leases) {
-    const bool wants = lease.last >= wanted.first.value_or(0) &&
-                       lease.first <= wanted.last.value_or(original.last);
-    if (wants) rerun.blocks.emplace_back(lease.first, lease.last);
+  for (const BlockRow& block : stored.blocks) {
+    const bool wants = block.last >= wanted.first.value_or(0) &&
+                       block.first <= wanted.last.value_or(original.last);
+    if (wants) rerun.blocks.emplace_back(block.first, block.last);
   }
   return rerun;
 }

@@ -79,7 +79,7 @@ ApiResult GetHealth(const ApiContext& context, const Request&) {
   if (Caller().role >= Role::kParticipant) {
     body["slots"] = context.config.scheduler.slots;
     body["running"] = health.running;
-    body["pending_leases"] = health.pending;
+    body["pending_blocks"] = health.pending;
   }
   if (CallerMay(Action::kReadHost)) body.update(HostToJson(context, health));
   return ApiAnswer{200, std::move(body)};
@@ -125,7 +125,7 @@ ApiResult ListTracks(const ApiContext& context, const Request&) {
 
 ApiResult ListNodes(const ApiContext& context, const Transaction& reader, const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  const Listed<DrainedNodeRow> drained = reader.leases.DrainedNodes();
+  const Listed<DrainedNodeRow> drained = reader.blocks.DrainedNodes();
   const bool cluster = context.config.on_cluster;
   return ApiAnswer{200,
                    {{"cluster", cluster},

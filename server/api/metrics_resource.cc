@@ -42,18 +42,19 @@ double StoreBytes(const std::string& data_dir) {
 
 void AddEngineMetrics(const ApiContext& context, const LiveHealth& health, Families& families) {
   std::map<std::string, int64_t> evaluations;
-  std::map<std::string, int64_t> leases;
+  std::map<std::string, int64_t> blocks;
   for (int i = 0; i < kPriorities; ++i) {
     const QueueDepth::OfClass& depth = health.queue.classes[static_cast<size_t>(i)];
     const std::string name(PriorityName(Priority(i)));
     evaluations[name] = depth.evaluations;
-    leases[name] = depth.leases;
+    blocks[name] = depth.blocks;
   }
-  AddGauges(families, "myograde_queue_evaluations", "Evaluations with a waiting lease, by class",
+  AddGauges(families, "myograde_queue_evaluations", "Evaluations with a waiting block, by class",
             "class", evaluations);
-  AddGauges(families, "myograde_queue_leases", "Waiting leases, by class", "class", leases);
+  AddGauges(families, "myograde_queue_blocks", "Waiting blocks of episodes, by class", "class",
+            blocks);
   AddGauge(families, "myograde_queue_oldest_wait_seconds",
-           "How long the longest waiting evaluation has had no lease started, in seconds; 0: none "
+           "How long the longest waiting evaluation has had no block started, in seconds; 0: none "
            "is waiting",
            ToSeconds(health.queue.oldest));
   AddGauge(families, "myograde_leases_running", "Running leases", health.running);

@@ -80,7 +80,7 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
   return Json{{"status", StatusText(health)},
               {"slots", context.config.scheduler.slots},
               {"running", health.running},
-              {"pending_leases", health.pending},
+              {"pending_blocks", health.pending},
               {"total", total},
               {"submissions", std::move(entries)}};
 }

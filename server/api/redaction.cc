@@ -84,7 +84,7 @@ const Part kSubmission[] = {
 const Part kStatus[] = {
     {Always,
      {"queue", "waiting", "started_at", "running_wall_s", "remaining_wall_s", "estimated_end_at",
-      "owner", "deadline_at", "history", "leases", "marks", "evaluations", "linked", "repeated",
+      "owner", "deadline_at", "history", "blocks", "marks", "evaluations", "linked", "repeated",
       "cancel", "chosen"}},
     {SeesReason, {"reason"}},
 };
@@ -94,10 +94,10 @@ const Part kTransition[] = {
     {SeesReason, {"why"}},
 };
 
-// Where a lease stands shows how long each episode takes: a policy could tell by that what it sees.
-const Part kLease[] = {
+// Where a block stands shows how long each episode takes: a policy could tell by that what it sees.
+const Part kBlock[] = {
     {Always,
-     {"lease", "first", "last", "state", "slot", "attempt", "faults", "host", "process",
+     {"block", "first", "last", "state", "slot", "attempt", "faults", "host", "process",
       "started_at", "deadline_at", "running_wall_s"}},
     {SeesProgress, {"episode", "step", "silent_wall_s"}},
     {SeesOutput, {"detail"}},
@@ -240,7 +240,7 @@ void RedactStatus(Json& answer, const Visibility& sight) {
   Apply({kSubmission, kStatus}, view, answer);
   RedactCommon(answer, view);
   for (Json& entry : answer["history"]) Apply({kTransition}, view, entry);
-  for (Json& lease : answer["leases"]) Apply({kLease}, view, lease);
+  for (Json& block : answer["blocks"]) Apply({kBlock}, view, block);
 }
 
 void RedactListed(Json& entry, const Visibility& sight) {

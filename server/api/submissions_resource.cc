@@ -159,11 +159,11 @@ Json HostOf(const LiveLease* live) {
   return TextOrNull(live->site.node);
 }
 
-// The attempts of a lease that have ended.
-Json AttemptsToJson(const std::vector<LeaseRunRow>& runs, int64_t lease) {
+// The attempts of a block that have ended.
+Json AttemptsToJson(const std::vector<AttemptRow>& runs, int64_t block) {
   Json attempts = Json::array();
-  for (const LeaseRunRow& run : runs) {
-    if (run.lease != lease) continue;
+  for (const AttemptRow& run : runs) {
+    if (run.block != block) continue;
     attempts.push_back({{"attempt", run.attempt},
                         {"node", TextOrNull(run.node)},
                         {"job", TextOrNull(run.job)},
@@ -176,26 +176,26 @@ Json AttemptsToJson(const std::vector<LeaseRunRow>& runs, int64_t lease) {
   return attempts;
 }
 
-Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
-  const bool running = lease.state == LeaseState::kRunning;
-  return {{"lease", lease.id},
-          {"first", lease.first},
-          {"last", lease.last},
-          {"state", LeaseStateName(lease.state)},
-          {"slot", running ? Json(lease.slot) : Json()},
-          {"attempt", lease.attempt},
-          {"faults", lease.faults},
+Json BlockToJson(const BlockRow& block, const LiveLease* live) {
+  const bool running = block.state == BlockState::kRunning;
+  return {{"block", block.id},
+          {"first", block.first},
+          {"last", block.last},
+          {"state", BlockStateName(block.state)},
+          {"slot", running ? Json(block.slot) : Json()},
+          {"attempt", block.attempt},
+          {"faults", block.faults},
           {"episode", running && live ? Json(live->episode) : Json()},
           {"step", running && live ? Json(live->step) : Json()},
           {"host", running ? HostOf(live) : Json()},
           {"job", running && live ? TextOrNull(live->site.job) : Json()},
           {"begun", running && live ? Json(live->begun) : Json()},
           {"process", running && live ? Json(live->process) : Json()},
-          {"started_at", TimeToJson(lease.started_at)},
-          {"deadline_at", TimeToJson(lease.deadline_at)},
+          {"started_at", TimeToJson(block.started_at)},
+          {"deadline_at", TimeToJson(block.deadline_at)},
           {"running_wall_s", running && live ? Json(absl::ToDoubleSeconds(live->running)) : Json()},
           {"silent_wall_s", running && live ? Json(absl::ToDoubleSeconds(live->silent)) : Json()},
-          {"detail", TextOrNull(lease.detail)}};
+          {"detail", TextOrNull(block.detail)}};
 }
 
 // The answer to GET /v1/submissions/ID. NotFoundError: there is no such submission.
@@ -204,8 +204,8 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(SubmissionRow row, reader.submissions.Find(id));
   ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations, reader.evaluations.Of(id));
   const EvaluationRow& original = evaluations.front();
-  ASSIGN_OR_RETURN(const std::vector<LeaseRow> leases, reader.leases.Of(original.id));
-  ASSIGN_OR_RETURN(const std::vector<LeaseRunRow> runs, reader.leases.ListRuns(original.id));
+  ASSIGN_OR_RETURN(const std::vector<BlockRow> blocks, reader.blocks.Of(original.id));
+  ASSIGN_OR_RETURN(const std::vector<AttemptRow> runs, reader.blocks.ListAttempts(original.id));
   ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
   const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
   const EpisodeCounts counts = reader.episodes.Counts(original.id, !sight.progress);
@@ -216,13 +216,13 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   json["deadline_at"] = Ahead(outlook.deadline, context.clock.Now());
   json["history"] = std::move(history);
   std::set<int64_t> ids;
-  for (const LeaseRow& lease : leases) ids.insert(lease.id);
+  for (const BlockRow& block : blocks) ids.insert(block.id);
   const std::map<int64_t, LiveLease> running = context.engine.Running(&ids);
-  json["leases"] = Json::array();
-  for (const LeaseRow& lease : leases) {
-    const auto live = running.find(lease.id);
-    json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
-    json["leases"].back()["attempts"] = AttemptsToJson(runs, lease.id);
+  json["blocks"] = Json::array();
+  for (const BlockRow& block : blocks) {
+    const auto live = running.find(block.id);
+    json["blocks"].push_back(BlockToJson(block, live == running.end() ? nullptr : &live->second));
+    json["blocks"].back()["attempts"] = AttemptsToJson(runs, block.id);
   }
   json["marks"] = MarksToJson(reader.Board().MarkHistory(id));
   json["evaluations"] = Json::array();

@@ -175,7 +175,7 @@ QueueOutlook AddOutlook(const ApiContext& context, const EvaluationRow& evaluati
   json["queue"] = nullptr;
   if (outlook.place && evaluation.state == EvaluationState::kQueued) {
     json["queue"] = {{"position", outlook.place->position},
-                     {"leases_ahead", outlook.place->leases_ahead}};
+                     {"blocks_ahead", outlook.place->blocks_ahead}};
   }
   json["waiting"] = TextOrNull(outlook.waiting);
   json["started_at"] = TimeToJson(evaluation.started_at);

@@ -57,7 +57,7 @@ using EvaluationIds = std::vector<int64_t>;
 absl::Status AddItem(Transaction& writer, const NewRejudgeItem& item, const std::string& who,
                      EvaluationIds& to_queue) {
   ASSIGN_OR_RETURN(const Accepted added, writer.rejudges.AddItem(item, who));
-  if (!added.leases.empty()) to_queue.push_back(added.evaluation);
+  if (!added.blocks.empty()) to_queue.push_back(added.evaluation);
   return absl::OkStatus();
 }
 
@@ -186,13 +186,13 @@ absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
 
 absl::Status Engine::DrainNode(const std::string& node, const std::string& why,
                                const std::string& who, absl::Duration timeout) {
-  return Change([=](Transaction& writer) { return writer.leases.DrainNode(node, why, who); },
+  return Change([=](Transaction& writer) { return writer.blocks.DrainNode(node, why, who); },
                 timeout, [this, node, why] { return core_.executor().Drain(node, why); });
 }
 
 absl::Status Engine::AdmitNode(const std::string& node, const std::string& who,
                                absl::Duration timeout) {
-  return Change([=](Transaction& writer) { return writer.leases.AdmitNode(node, who); }, timeout,
+  return Change([=](Transaction& writer) { return writer.blocks.AdmitNode(node, who); }, timeout,
                 [this, node] { return core_.executor().Admit(node); });
 }
 

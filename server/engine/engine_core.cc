@@ -303,8 +303,8 @@ QueueOutlook EngineCore::EstimateOutlook(int64_t evaluation) const {
     add(" while the store can't be written", troubles_.store_trouble);
   }
   if (outlook.place.has_value() && mean_lease_ > absl::ZeroDuration() && host_.may_start()) {
-    const auto ahead = static_cast<double>(outlook.place->leases_ahead + scheduler_.running());
-    const auto own = static_cast<double>(scheduler_.WaitingLeasesOf(evaluation));
+    const auto ahead = static_cast<double>(outlook.place->blocks_ahead + scheduler_.running());
+    const auto own = static_cast<double>(scheduler_.CountWaitingBlocks(evaluation));
     outlook.end = mean_lease_ * std::max((ahead + own) / options_.config.scheduler.slots, 1.0);
   }
   return outlook;

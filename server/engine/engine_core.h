@@ -221,10 +221,10 @@ class EngineCore {
 
  private:
   // What playing a lease needs; shared by the leases of an evaluation.
-  struct Context : StoredEvaluation {  // as of Enqueue(), but for the leases
+  struct Context : StoredEvaluation {  // as of Enqueue(), but for the blocks
     // Those that it is to be played with, as it began: name and digest ("": not known).
     std::vector<std::pair<std::string, std::string>> runtimes;
-    std::map<int64_t, std::pair<int64_t, int64_t>> blocks;  // lease to first and last episode
+    std::map<int64_t, std::pair<int64_t, int64_t>> ranges;  // block to first and last episode
   };
   using ContextPtr = std::shared_ptr<const Context>;
   // A runner with its slot and work folder.

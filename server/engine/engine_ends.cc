@@ -51,7 +51,7 @@ LogFields EngineCore::FieldsOf(const LeaseRun& run) {
 void EngineCore::WriteReturn(const LeaseRun& run, bool fault, const std::string& why) {
   AddToJournal(run.context->evaluation.id, [lease = run.lease, attempt = run.attempt, fault, why,
                                             who = owner_](Transaction& writer) {
-    return writer.leases.Return(lease, attempt, fault, who, why);
+    return writer.blocks.Return(lease, attempt, fault, who, why);
   });
 }
 
@@ -163,7 +163,7 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
   AddToJournal(run.context->evaluation.id, [lease = run.lease, attempt = run.attempt,
                                             output = CanonicalJson(OutputJson(*run.report.end())),
                                             who = owner_](Transaction& writer) {
-    return writer.leases.Finish(lease, attempt, output, who);
+    return writer.blocks.Finish(lease, attempt, output, who);
   });
   Account(run, RunEnd::kDone);
   executor_.NoteEnd(run.runner->site().node, /*fault=*/false);
@@ -215,10 +215,10 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
   others.insert(others.end(), decision.running.begin(), decision.running.end());
   AddToJournal(decision.evaluation,
                [=, evaluation = decision.evaluation, who = owner_](Transaction& writer) {
-    absl::Status status = writer.leases.End(failed, LeaseState::kFailed, /*fault=*/true, who, why);
+    absl::Status status = writer.blocks.End(failed, BlockState::kFailed, /*fault=*/true, who, why);
     for (const int64_t lease : others) {
-      status.Update(writer.leases.End(lease, LeaseState::kCancelled, /*fault=*/false, who,
-                                    absl::StrCat("lease ", failed, " could not be played")));
+      status.Update(writer.blocks.End(lease, BlockState::kCancelled, /*fault=*/false, who,
+                                    absl::StrCat("block ", failed, " could not be played")));
     }
     status.Update(writer.evaluations.End(evaluation, EvaluationState::kGraderError,
                                        writer.submissions.WithHold(evaluation, why), "", who));
@@ -310,7 +310,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
 }
 
 absl::StatusOr<std::set<int64_t>> EngineCore::CancelEvaluations(const CancelOrder& order) {
-  // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended is
+  // Episodes that ended before the cancel stay, and an evaluation whose blocks have all ended is
   // about to get its result.
   RETURN_IF_ERROR(RequireWritable());
   RETURN_IF_ERROR(EnqueueDeferred());
@@ -328,7 +328,7 @@ absl::StatusOr<std::set<int64_t>> EngineCore::CancelEvaluations(const CancelOrde
     open = writer.evaluations.OpenOf(order.submission, order.reruns);
     for (const int64_t evaluation : open) {
       if (order.charge && may_have_begun(evaluation)) writer.quotas.ChargeBegun(evaluation);
-      RETURN_IF_ERROR(writer.evaluations.EndWithLeases(evaluation, EvaluationState::kCancelled,
+      RETURN_IF_ERROR(writer.evaluations.EndWithBlocks(evaluation, EvaluationState::kCancelled,
                                                        order.why, order.who));
     }
     return absl::OkStatus();

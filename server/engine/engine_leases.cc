@@ -93,10 +93,10 @@ void EngineCore::StartLease(const Start& start) {
   run.attempt = start.attempt;
   run.slot = start.slot;
   run.work_dir = absl::StrCat(options_.data_dir, "/work/", run.lease, "-", run.attempt);
-  std::tie(run.first, run.last) = run.context->blocks.at(start.lease);
+  std::tie(run.first, run.last) = run.context->ranges.at(start.lease);
   const int64_t deadline = absl::ToUnixMillis(clock_.Now() + start.lease_wall);
   AddToJournal(start.evaluation, [start, deadline, who = owner_](Transaction& writer) {
-    return writer.leases.Start(start.lease, start.attempt, start.slot, deadline, who);
+    return writer.blocks.Start(start.lease, start.attempt, start.slot, deadline, who);
   });
   const absl::StatusOr<LeaseOrder> order = OrderFor(run);
   // The scheduler watches for lateness and silence.
@@ -157,7 +157,7 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   absl::StatusOr<EpisodeRow> row = JudgedRow(*run.context->track, facts);
   if (!row.ok()) return run.report.Fail(std::string(row.status().message()));
   row->evaluation = run.context->evaluation.id;
-  row->lease = run.lease;
+  row->block = run.lease;
   row->attempt = run.attempt;
   const bool played = row->outcome == Outcome::kSuccess || row->outcome == Outcome::kFailure;
   metrics().CountEpisode(run.context->submission.track, OutcomeName(row->outcome),
@@ -167,7 +167,7 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
                  ASSIGN_OR_RETURN(const auto differs, writer.episodes.Record(row));
                  if (!differs.empty()) {
                    const LogScope about(
-                       {.evaluation = row.evaluation, .lease = row.lease, .attempt = row.attempt});
+                       {.evaluation = row.evaluation, .lease = row.block, .attempt = row.attempt});
                    spdlog::warn(
                        "evaluation {}, episode {}: repeated with a different result (the policy "
                        "is not repeatable)",
@@ -188,7 +188,7 @@ void EngineCore::AttendExecutor() {
     spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);
     AddToJournal(0, [drained, who = owner_](Transaction& writer) {
       return Note(writer, [&](Transaction& part) {
-        return part.leases.DrainNode(drained.node, drained.why, who);
+        return part.blocks.DrainNode(drained.node, drained.why, who);
       });
     });
   }
@@ -208,7 +208,7 @@ absl::Status EngineCore::RecallDrained() {
   if (!executor_.remote()) return absl::OkStatus();
   using Drained = Listed<DrainedNodeRow>;
   ASSIGN_OR_RETURN(const Drained drained, readers_.Read<Drained>([](const Transaction& reader) {
-    return reader.leases.DrainedNodes();
+    return reader.blocks.DrainedNodes();
   }));
   for (const DrainedNodeRow& row : drained.rows) {
     const absl::Status kept = executor_.Drain(row.node, row.why);
@@ -254,18 +254,18 @@ void EngineCore::Return(LeaseRun& run, const char* kind, const std::string& why)
 void EngineCore::Account(const LeaseRun& run, RunEnd how) {
   if (run.runner == nullptr) return;
   const RunnerSite site = run.runner->site();
-  const LeaseRunRow row = {.lease = run.lease,
-                           .attempt = run.attempt,
-                           .node = site.node,
-                           .job = site.job,
-                           .began_at = run.began_at,
-                           .ended_at = absl::ToUnixMillis(clock_.Now()),
-                           .cpu_s = site.cpu_s,
-                           .energy_j = site.energy_j,
-                           .how = how};
+  const AttemptRow row = {.block = run.lease,
+                          .attempt = run.attempt,
+                          .node = site.node,
+                          .job = site.job,
+                          .began_at = run.began_at,
+                          .ended_at = absl::ToUnixMillis(clock_.Now()),
+                          .cpu_s = site.cpu_s,
+                          .energy_j = site.energy_j,
+                          .how = how};
   metrics().CountUse(run.context->submission.track, site.cpu_s, site.energy_j.value_or(0));
   AddToJournal(run.context->evaluation.id, [row](Transaction& writer) {
-    return Note(writer, [&](Transaction& part) { return part.leases.RecordRun(row); });
+    return Note(writer, [&](Transaction& part) { return part.blocks.RecordAttempt(row); });
   });
 }
 

@@ -53,12 +53,12 @@ absl::Status EngineCore::Enqueue(int64_t id) {
   const auto context = std::make_shared<Context>(Context{*std::move(stored), {}, {}});
   context->runtimes = RuntimesOf(*context);
   // Their rows change, and those that have ended are large.
-  for (const LeaseRow& lease : std::exchange(context->leases, {})) {
-    context->blocks[lease.id] = {lease.first, lease.last};
-    if (!IsFinal(lease.state)) spec.leases.push_back({lease.id, lease.attempt, lease.faults});
+  for (const BlockRow& block : std::exchange(context->blocks, {})) {
+    context->ranges[block.id] = {block.first, block.last};
+    if (!IsFinal(block.state)) spec.blocks.push_back({block.id, block.attempt, block.faults});
   }
   contexts_[id] = context;
-  if (spec.leases.empty()) {
+  if (spec.blocks.empty()) {
     to_settle_.insert(id);
     return absl::OkStatus();
   }
@@ -112,14 +112,14 @@ absl::Status EngineCore::Recover() {
     unfinished = writer.evaluations.Unfinished();
     interrupted.clear();
     for (const EvaluationRow& evaluation : unfinished.rows) {
-      absl::StatusOr<std::vector<LeaseRow>> leases = writer.leases.Of(evaluation.id);
-      if (!leases.ok()) continue;  // Enqueue runs into the same error
-      std::erase_if(*leases, [](const LeaseRow& row) { return row.state != LeaseState::kRunning; });
-      if (leases->empty()) continue;
+      absl::StatusOr<std::vector<BlockRow>> blocks = writer.blocks.Of(evaluation.id);
+      if (!blocks.ok()) continue;  // Enqueue runs into the same error
+      std::erase_if(*blocks, [](const BlockRow& row) { return row.state != BlockState::kRunning; });
+      if (blocks->empty()) continue;
       interrupted[evaluation.id] = writer.Part([&](Transaction& part) {
         absl::Status returned;
-        for (const LeaseRow& lease : *leases) {
-          returned.Update(part.leases.Return(lease.id, lease.attempt, /*fault=*/false, owner_,
+        for (const BlockRow& block : *blocks) {
+          returned.Update(part.blocks.Return(block.id, block.attempt, /*fault=*/false, owner_,
                                              "an earlier daemon ended while it ran"));
         }
         return returned;
@@ -145,7 +145,7 @@ absl::Status EngineCore::Recover() {
   return absl::OkStatus();
 }
 
-// The evaluation's leases have all ended: its rows decide whether it is done or failed.
+// The evaluation's blocks have all ended: its rows decide whether it is done or failed.
 absl::Status EngineCore::Settle(int64_t evaluation) {
   const Context& context = *contexts_.at(evaluation);
   using Rows = std::vector<EpisodeRow>;

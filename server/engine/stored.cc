@@ -53,7 +53,7 @@ absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredConten
   RETURN_IF_ERROR(CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt));
   RETURN_IF_ERROR(reader.episodes.Details(id).status());
   RETURN_IF_ERROR(reader.episodes.Repeats(id).status());
-  RETURN_IF_ERROR(reader.leases.ListRuns(id).status());
+  RETURN_IF_ERROR(reader.blocks.ListAttempts(id).status());
   return reader.evaluations.Transitions("evaluation", id).status();
 }
 
@@ -107,15 +107,15 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(const Transaction& reader, int64
                                                        stored.evaluation.last, ", and there are ",
                                                        stored.seeds->size(), " seeds")});
   }
-  ASSIGN_OR_RETURN(stored.leases, reader.leases.Of(id));
+  ASSIGN_OR_RETURN(stored.blocks, reader.blocks.Of(id));
   int64_t next = stored.evaluation.first;
-  for (const LeaseRow& lease : stored.leases) {
-    if (lease.first != next) break;
-    next = lease.last + 1;
+  for (const BlockRow& block : stored.blocks) {
+    if (block.first != next) break;
+    next = block.last + 1;
   }
   if (next != stored.evaluation.last + 1) {
-    return DamagedRow({"evaluation", key, absl::StrCat("no lease of it holds episode ", next,
-                                                       ", or two do")});
+    return DamagedRow(
+        {"evaluation", key, absl::StrCat("no block of it holds episode ", next, ", or two do")});
   }
   return stored;
 }
@@ -136,7 +136,7 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(const Transaction& reader,
   }
   if (next != evaluation.last + 1 || std::ssize(rows) != evaluation.last - evaluation.first + 1) {
     return DamagedRow({"episode", absl::StrCat(evaluation.id, "/", next),
-                       "it is missing, though its lease is done"});
+                       "it is missing, though its block is done"});
   }
   return rows;
 }
@@ -186,7 +186,7 @@ absl::Status CheckReadable(const Transaction& reader) {
   for (const auto& [act, what] : reader.Board().damaged()) {
     return DamagedRow({"journal", absl::StrCat(act), what});
   }
-  RETURN_IF_ERROR(StatusOfList(reader.leases.DrainedNodes()));
+  RETURN_IF_ERROR(StatusOfList(reader.blocks.DrainedNodes()));
   RETURN_IF_ERROR(StatusOfList(reader.journal.Record(0, reader.journal.RecordSize())));
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     RETURN_IF_ERROR(reader.evaluations.OfRejudge(id).status());

@@ -37,12 +37,12 @@ struct StoredEvaluation {
   ArtefactRow artefact;
   TrackPtr track;
   SeedsPtr seeds;
-  std::vector<LeaseRow> leases;  // contiguous, from the first episode to the last
+  std::vector<BlockRow> blocks;  // contiguous, from the first episode to the last
 };
 absl::StatusOr<StoredEvaluation> LoadEvaluation(const Transaction& reader, int64_t evaluation,
                                                 StoredContent& content);
 
-// The rows of an evaluation whose leases are all done: one per episode, with its seed.
+// The rows of an evaluation whose blocks are all done: one per episode, with its seed.
 absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(const Transaction& reader,
                                                       const EvaluationRow& evaluation,
                                                       const std::vector<uint64_t>& seeds);
@@ -68,7 +68,8 @@ absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);
 // Adds what the view lacks, as after an import. Returns what could not be read.
 absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers);
 
-// The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.
+// The first and last episodes of an evaluation's blocks: [0, count) cut at multiples of
+// `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> SplitIntoBlocks(int64_t count, int64_t per_lease);
 
 // Whether every row of the store can be read, by the readers that requests and the engine use, and

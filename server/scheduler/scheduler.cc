@@ -20,11 +20,11 @@ Scheduler::Scheduler(SchedulerLimits limits) : limits_(limits) {
 void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   Evaluation& evaluation = evaluations_[spec.id];
   evaluation.spec = spec;
-  evaluation.spec.leases.clear();
+  evaluation.spec.blocks.clear();
   evaluation.priority = spec.priority;
   evaluation.waits_since = now;
-  for (const LeaseSpec& entry : spec.leases) {
-    leases_[entry.id] = {entry, spec.id};
+  for (const BlockSpec& entry : spec.blocks) {
+    blocks_[entry.id] = {entry, spec.id};
     evaluation.waiting.insert(entry.id);
   }
   Team& team = teams_[spec.team];
@@ -32,7 +32,7 @@ void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   Wait(evaluation, now + limits_.queue_wait);
 }
 
-// Takes note of which of its leases wait.
+// Takes note of which of its blocks wait.
 void Scheduler::Wait(Evaluation& evaluation, absl::Duration until) {
   teams_.at(evaluation.spec.team)
       .line.Set(evaluation.priority, evaluation.spec.id, std::ssize(evaluation.waiting));
@@ -46,10 +46,10 @@ bool Scheduler::MayStart(const Team& team, Priority priority) const {
   return priority == Priority::kRejudge || team.running < limits_.team_running;
 }
 
-Scheduler::Lease* Scheduler::FirstReady(const Team& team, Priority priority, absl::Duration now) {
+Scheduler::Block* Scheduler::FirstReady(const Team& team, Priority priority, absl::Duration now) {
   for (const auto& [id, waiting] : team.line.In(priority)) {
-    for (const int64_t lease : evaluations_.at(id).waiting) {
-      Lease& found = leases_.at(lease);
+    for (const int64_t block : evaluations_.at(id).waiting) {
+      Block& found = blocks_.at(block);
       if (found.not_before <= now) return &found;
     }
   }
@@ -75,7 +75,7 @@ Scheduler::Precedence Scheduler::ComputePrecedence(const Team& team,
 
 std::optional<Start> Scheduler::Next(absl::Duration now) {
   if (free_slots_.empty()) return std::nullopt;
-  Lease* best = nullptr;
+  Block* best = nullptr;
   Precedence first = {};
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
     for (auto& [name, team] : teams_) {
@@ -84,11 +84,11 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
       const Precedence earliest = {team.running, team.turn.left > 0 ? team.turn.began : INT64_MAX,
                                    team.last_start, team.joined};
       if (best != nullptr && first <= earliest) continue;
-      Lease* lease = FirstReady(team, Priority(priority), now);
-      if (lease == nullptr) continue;
-      const Precedence turn = ComputePrecedence(team, evaluations_.at(lease->evaluation));
+      Block* block = FirstReady(team, Priority(priority), now);
+      if (block == nullptr) continue;
+      const Precedence turn = ComputePrecedence(team, evaluations_.at(block->evaluation));
       if (best != nullptr && first <= turn) continue;
-      best = lease;
+      best = block;
       first = turn;
     }
   }
@@ -126,9 +126,9 @@ int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
     int may_start = limits_.team_running - team.running;
     for (int priority = 0; priority < static_cast<int>(Priority::kRejudge); ++priority) {
       for (const auto& [id, waiting] : team.line.In(Priority(priority))) {
-        for (const int64_t lease : evaluations_.at(id).waiting) {
+        for (const int64_t block : evaluations_.at(id).waiting) {
           if (may_start <= 0) break;
-          if (leases_.at(lease).not_before > now) continue;
+          if (blocks_.at(block).not_before > now) continue;
           --may_start;
           if (++ready == most) return ready;
         }
@@ -142,7 +142,7 @@ std::optional<Start> Scheduler::Preempt(absl::Duration now) {
   if (!free_slots_.empty()) return std::nullopt;
   // The one that started last has the least to lose.
   if (running_rejudges_.empty()) return std::nullopt;
-  Lease* last = &leases_.at(running_rejudges_.rbegin()->second);
+  Block* last = &blocks_.at(running_rejudges_.rbegin()->second);
   // Slots that are becoming free serve as many.
   const int becoming_free = static_cast<int>(preempting_.size());
   if (ReadyAboveRejudges(becoming_free + 1, now) <= becoming_free) return std::nullopt;
@@ -154,41 +154,41 @@ std::optional<Start> Scheduler::Preempt(absl::Duration now) {
   return StartOf(*last);
 }
 
-Scheduler::Lease* Scheduler::Current(int64_t lease, int64_t attempt) {
+Scheduler::Block* Scheduler::Current(int64_t lease, int64_t attempt) {
   if (!running_.contains(lease)) return nullptr;
-  Lease& found = leases_.at(lease);
+  Block& found = blocks_.at(lease);
   return found.attempt == attempt ? &found : nullptr;
 }
 
-void Scheduler::SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at) {
-  deadlines_.erase({std::min(lease.silent_after, lease.over_at), lease.id});
-  lease.silent_after = silent_after;
-  lease.over_at = over_at;
+void Scheduler::SetDeadlines(Block& block, absl::Duration silent_after, absl::Duration over_at) {
+  deadlines_.erase({std::min(block.silent_after, block.over_at), block.id});
+  block.silent_after = silent_after;
+  block.over_at = over_at;
   const absl::Duration next = std::min(silent_after, over_at);
-  if (next != absl::InfiniteDuration()) deadlines_.emplace(next, lease.id);
+  if (next != absl::InfiniteDuration()) deadlines_.emplace(next, block.id);
 }
 
 void Scheduler::Begun(int64_t id, int64_t attempt, absl::Duration now) {
-  Lease* lease = Current(id, attempt);
-  if (lease == nullptr || lease->over_at != absl::InfiniteDuration()) return;
-  SetDeadlines(*lease, now + limits_.heartbeat,
-               now + evaluations_.at(lease->evaluation).spec.lease_wall);
+  Block* block = Current(id, attempt);
+  if (block == nullptr || block->over_at != absl::InfiniteDuration()) return;
+  SetDeadlines(*block, now + limits_.heartbeat,
+               now + evaluations_.at(block->evaluation).spec.lease_wall);
 }
 
 void Scheduler::Heartbeat(int64_t id, int64_t attempt, absl::Duration now) {
-  Lease* lease = Current(id, attempt);
-  if (lease != nullptr && lease->over_at != absl::InfiniteDuration()) {
-    SetDeadlines(*lease, now + limits_.heartbeat, lease->over_at);
+  Block* block = Current(id, attempt);
+  if (block != nullptr && block->over_at != absl::InfiniteDuration()) {
+    SetDeadlines(*block, now + limits_.heartbeat, block->over_at);
   }
 }
 
 // The slot stays taken.
-void Scheduler::StopRunning(Lease& lease) {
-  Evaluation& evaluation = evaluations_.at(lease.evaluation);
-  running_.erase(lease.id);
-  running_rejudges_.erase({lease.started, lease.id});
+void Scheduler::StopRunning(Block& block) {
+  Evaluation& evaluation = evaluations_.at(block.evaluation);
+  running_.erase(block.id);
+  running_rejudges_.erase({block.started, block.id});
   SetDeadlines(lease, absl::InfiniteDuration(), absl::InfiniteDuration());
-  evaluation.running.erase(lease.id);
+  evaluation.running.erase(block.id);
   for (Share* share : SharesOf(evaluation)) share->running -= 1;
 }
 
@@ -208,11 +208,11 @@ void Scheduler::Remove(int64_t id) {
 }
 
 Decision Scheduler::Finished(int64_t id, int64_t attempt, absl::Duration now) {
-  Lease* lease = Current(id, attempt);
-  if (lease == nullptr) return {};
-  Decision decision{.kind = Decision::Kind::kEvaluationRuns, .evaluation = lease->evaluation};
-  StopRunning(*lease);
-  leases_.erase(id);
+  Block* block = Current(id, attempt);
+  if (block == nullptr) return {};
+  Decision decision{.kind = Decision::Kind::kEvaluationRuns, .evaluation = block->evaluation};
+  StopRunning(*block);
+  blocks_.erase(id);
   Evaluation& evaluation = evaluations_.at(decision.evaluation);
   if (evaluation.waiting.empty() && evaluation.running.empty()) {
     Remove(decision.evaluation);
@@ -224,16 +224,16 @@ Decision Scheduler::Finished(int64_t id, int64_t attempt, absl::Duration now) {
 }
 
 Decision Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now, bool permanent) {
-  Lease* lease = Current(id, attempt);
-  if (lease == nullptr) return {};
-  const int64_t owner = lease->evaluation;
-  lease->faults += 1;
-  StopRunning(*lease);
-  if (!permanent && lease->faults <= limits_.max_retries) {
-    WaitAgain(*lease, Doubled(limits_.retry_delay, lease->faults - 1), now);
+  Block* block = Current(id, attempt);
+  if (block == nullptr) return {};
+  const int64_t owner = block->evaluation;
+  block->faults += 1;
+  StopRunning(*block);
+  if (!permanent && block->faults <= limits_.max_retries) {
+    WaitAgain(*block, Doubled(limits_.retry_delay, block->faults - 1), now);
     return {.kind = Decision::Kind::kRetry, .evaluation = owner, .fault = true};
   }
-  leases_.erase(id);
+  blocks_.erase(id);
   Decision decision = Cancel(owner);
   decision.kind = Decision::Kind::kGiveUp;
   decision.fault = true;
@@ -241,20 +241,21 @@ Decision Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now, boo
 }
 
 Decision Scheduler::Returned(int64_t id, int64_t attempt, absl::Duration now) {
-  Lease* lease = Current(id, attempt);
-  if (lease == nullptr) return {};
-  if (++lease->returns > limits_.max_returns) return Faulted(id, attempt, now);
-  StopRunning(*lease);
-  WaitAgain(*lease, std::min(Doubled(limits_.retry_delay, lease->returns - 1), kLongestReturn), now);
-  return {.kind = Decision::Kind::kRetry, .evaluation = lease->evaluation};
+  Block* block = Current(id, attempt);
+  if (block == nullptr) return {};
+  if (++block->returns > limits_.max_returns) return Faulted(id, attempt, now);
+  StopRunning(*block);
+  WaitAgain(*block, std::min(Doubled(limits_.retry_delay, block->returns - 1), kLongestReturn),
+            now);
+  return {.kind = Decision::Kind::kRetry, .evaluation = block->evaluation};
 }
 
 // REQUIRES: it does not run.
-void Scheduler::WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now) {
-  Evaluation& evaluation = evaluations_.at(lease.evaluation);
-  lease.not_before = now + delay;
-  delayed_.emplace(lease.not_before, lease.id);
-  evaluation.waiting.insert(lease.id);
+void Scheduler::WaitAgain(Block& block, absl::Duration delay, absl::Duration now) {
+  Evaluation& evaluation = evaluations_.at(block.evaluation);
+  block.not_before = now + delay;
+  delayed_.emplace(block.not_before, block.id);
+  evaluation.waiting.insert(block.id);
   Wait(evaluation, now + limits_.queue_wait);
 }
 
@@ -265,11 +266,11 @@ Decision Scheduler::Cancel(int64_t id) {
   Decision decision{.kind = Decision::Kind::kEvaluationEnds, .evaluation = id};
   decision.pending.assign(evaluation.waiting.begin(), evaluation.waiting.end());
   decision.running.assign(evaluation.running.begin(), evaluation.running.end());
-  for (const int64_t lease : decision.running) StopRunning(leases_.at(lease));
-  for (const int64_t lease : decision.running) leases_.erase(lease);
-  for (const int64_t lease : decision.pending) {
-    delayed_.erase({leases_.at(lease).not_before, lease});
-    leases_.erase(lease);
+  for (const int64_t lease : decision.running) StopRunning(blocks_.at(lease));
+  for (const int64_t lease : decision.running) blocks_.erase(lease);
+  for (const int64_t block : decision.pending) {
+    delayed_.erase({blocks_.at(block).not_before, block});
+    blocks_.erase(block);
   }
   Remove(id);
   return decision;
@@ -302,12 +303,12 @@ std::vector<Overdue> Scheduler::OverdueAt(absl::Duration now) const {
   std::vector<Overdue> overdue;
   for (const auto& [deadline, id] : deadlines_) {
     if (deadline > now) break;
-    const Lease& lease = leases_.at(id);
-    if (lease.over_at <= now) {
-      overdue.push_back({id, lease.attempt, /*silent=*/false,
+    const Block& block = blocks_.at(id);
+    if (block.over_at <= now) {
+      overdue.push_back({id, block.attempt, /*silent=*/false,
                          "the runner kept the lease beyond its wall-clock cap"});
     } else {
-      overdue.push_back({id, lease.attempt, /*silent=*/true,
+      overdue.push_back({id, block.attempt, /*silent=*/true,
                          absl::StrCat("the lease was not renewed: its runner was silent for ",
                                       absl::FormatDuration(limits_.heartbeat))});
     }

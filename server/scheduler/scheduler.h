@@ -1,18 +1,19 @@
-// Which lease runs next, where, until when, and what follows from how it ended. State and decisions
+// Which block of episodes runs next, where, until when, and what follows from how it ended. A block
+// that runs is a lease: it has a slot, an attempt's number and a deadline. State and decisions
 // only: no clock, no process, no disk. The caller reports what happened and when; the answers say
 // what to start, kill and record. Times are monotonic, as a duration since an arbitrary start.
 //
-// Order (server/daemon/README.md says why): a free slot goes to the highest class that has a lease
+// Order (server/daemon/README.md says why): a free slot goes to the highest class that has a block
 // ready; within it to the team with the fewest running leases; of those to the one whose turn began
 // first; of those to the one whose last start is longest ago; of those to the one that came first.
 // A turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at
 // most. A team's count is its own running leases or those of the submitter that submitted its
 // evaluation (a person with several teams is one submitter), whichever is more. Within a team: the
-// older evaluation, then the earlier lease. An evaluation that has waited longer than `queue_wait`
+// older evaluation, then the earlier block. An evaluation that has waited longer than `queue_wait`
 // goes ahead of all classes.
 //
 // Rejudges are nobody's: they count for no team, wait without a deadline, and give way. While all
-// slots are taken and a lease of another class is ready, Preempt() names a running lease of theirs to
+// slots are taken and a block of another class is ready, Preempt() names a running lease of theirs to
 // reclaim without a fault; it starts again when nothing else is ready.
 //
 // A slot is taken from the start of a lease until Free() says that nothing of it runs there any
@@ -41,8 +42,8 @@ namespace myograde::server {
 struct SchedulerLimits {
   int slots = 1;                                       // concurrent leases
   int team_running = 1024;                             // concurrent leases of one team
-  int max_retries = 3;                                 // after grader faults, per lease
-  int max_returns = 20;                                // per lease; each further one is a fault
+  int max_retries = 3;                                 // after grader faults, per block
+  int max_returns = 20;                                // per block; each further one is a fault
   bool begins_later = false;                           // leases run on other hosts
   absl::Duration retry_delay = absl::Seconds(2);      // doubled after each further fault
   absl::Duration heartbeat = absl::Seconds(30);        // longest silence of a runner
@@ -50,7 +51,7 @@ struct SchedulerLimits {
                                                        // the others
 };
 
-struct LeaseSpec {
+struct BlockSpec {
   int64_t id = 0;
   int64_t attempt = 0;  // starts so far
   int64_t faults = 0;   // grader faults so far
@@ -62,10 +63,10 @@ struct EvaluationSpec {
   std::string submitter;              // who submitted it; "": unknown, so the team stands for it
   Priority priority = Priority::kRanked;
   absl::Duration lease_wall;      // longest run of a lease before it is reclaimed
-  std::vector<LeaseSpec> leases;  // leases that have not ended; played in order of id
+  std::vector<BlockSpec> blocks;  // that have not ended; played in order of id
 };
 
-// A lease to start now, or that has started and gives way.
+// A block to start now, or that has started and gives way.
 struct Start {
   int64_t evaluation = 0;
   int64_t lease = 0;
@@ -86,15 +87,15 @@ struct Overdue {
 struct Decision {
   enum class Kind {
     kStale,            // the attempt is no longer current: ignore the event
-    kEvaluationRuns,   // other leases of the evaluation are still open
+    kEvaluationRuns,   // other blocks of the evaluation are still open
     kEvaluationEnds,   // this was the last one
-    kRetry,           // the lease is queued for a retry
+    kRetry,           // the block is queued for a retry
     kGiveUp,           // too many faults: end the evaluation as grader_error
   };
   Kind kind = Kind::kStale;
   int64_t evaluation = 0;
   bool fault = false;  // the end was counted as a grader fault
-  // kGiveUp and Cancel(): the evaluation's other open leases; kill the running ones and free their
+  // kGiveUp and Cancel(): the evaluation's other open blocks; kill the running ones and free their
   // slots.
   std::vector<int64_t> pending = {};
   std::vector<int64_t> running = {};
@@ -103,14 +104,14 @@ struct Decision {
 // An evaluation's place in the queue.
 struct QueuePlace {
   int64_t position = 0;      // 1: gets the next free slot
-  int64_t leases_ahead = 0;  // of evaluations ahead of it
+  int64_t blocks_ahead = 0;  // of evaluations ahead of it
 };
 
 // What waits, by class.
 struct QueueDepth {
   struct OfClass {
     int64_t evaluations = 0;
-    int64_t leases = 0;
+    int64_t blocks = 0;
   };
   std::array<OfClass, kPriorities> classes;
   // How long the evaluation that waits longest has had no lease started; nullopt: nothing waits.
@@ -121,11 +122,11 @@ class Scheduler {
  public:
   explicit Scheduler(SchedulerLimits limits);
 
-  // `now` is when its wait begins. REQUIRES: the id and the lease ids are new; there is at least
-  // one lease.
+  // `now` is when its wait begins. REQUIRES: the id and the block ids are new; there is at least
+  // one block.
   void Add(const EvaluationSpec& evaluation, absl::Duration now);
 
-  // The next lease to start, already counted as running on its slot; nullopt if no slot is free or
+  // The next block to start, already counted as running on its slot; nullopt if no slot is free or
   // nothing may start yet. Call until nullopt.
   std::optional<Start> Next(absl::Duration now);
 
@@ -148,7 +149,7 @@ class Scheduler {
   Decision Returned(int64_t lease, int64_t attempt, absl::Duration now);
   static constexpr int kLongestTurn = 16;  // leases
   static constexpr absl::Duration kLongestReturn = absl::Minutes(5);
-  // Ends the evaluation now, in any state; both lists of the answer name its open leases. kStale if
+  // Ends the evaluation now, in any state; both lists of the answer name its open blocks. kStale if
   // it has ended or never existed.
   Decision Cancel(int64_t evaluation);
 
@@ -181,12 +182,12 @@ class Scheduler {
   // When to act again even if nothing happens: the earliest of deadlines and retry delays.
   std::optional<absl::Duration> NextDeadline(absl::Duration now) const;
 
-  // Views. Their cost grows with the number of teams, not of waiting leases. nullopt if nothing of
+  // Views. Their cost grows with the number of teams, not of waiting blocks. nullopt if nothing of
   // the evaluation waits.
   std::optional<QueuePlace> PlaceOf(int64_t evaluation) const;
   int running() const { return static_cast<int>(running_.size()); }
-  int64_t pending() const { return static_cast<int64_t>(leases_.size()) - running(); }
-  int64_t WaitingLeasesOf(int64_t evaluation) const;
+  int64_t pending() const { return static_cast<int64_t>(blocks_.size()) - running(); }
+  int64_t CountWaitingBlocks(int64_t evaluation) const;
   // Slots that a lease or something else has taken.
   int taken_slots() const { return limits_.slots - static_cast<int>(free_slots_.size()); }
   // Grows with the number of waiting evaluations.
@@ -194,14 +195,14 @@ class Scheduler {
   // Submissions' evaluations (no reruns, no rejudges) of these teams, or with nullptr of all: those that
   // run by id, then those that wait in the order of their places. Grows with their number.
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
-  // Why a pending lease does not run, for people; "" if none is pending.
+  // Why a pending block does not run, for people; "" if none is pending.
   std::string WhyWaiting(int64_t evaluation, absl::Duration now) const;
   // When the scheduler acts on the evaluation even if nothing happens: the end of its wait, or the
   // first deadline of a running lease. Infinite for a rejudge that waits. nullopt if unknown.
   std::optional<absl::Duration> DeadlineOf(int64_t evaluation) const;
 
  private:
-  struct Lease : LeaseSpec {
+  struct Block : BlockSpec {
     int64_t evaluation = 0;
     int64_t returns = 0;
     int slot = 0;  // while it runs
@@ -241,27 +242,27 @@ class Scheduler {
     auto operator<=>(const Precedence&) const = default;
   };
 
-  Lease* Current(int64_t lease, int64_t attempt);
-  Start StartOf(const Lease& lease) const {
-    return {lease.evaluation, lease.id, lease.attempt, lease.slot,
-            evaluations_.at(lease.evaluation).spec.lease_wall};
+  Block* Current(int64_t lease, int64_t attempt);
+  Start StartOf(const Block& block) const {
+    return {block.evaluation, block.id, block.attempt, block.slot,
+            evaluations_.at(block.evaluation).spec.lease_wall};
   }
-  void SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at);
-  void WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now);
-  void StopRunning(Lease& lease);
+  void SetDeadlines(Block& block, absl::Duration silent_after, absl::Duration over_at);
+  void WaitAgain(Block& block, absl::Duration delay, absl::Duration now);
+  void StopRunning(Block& block);
   void Wait(Evaluation& evaluation, absl::Duration until);
   void Remove(int64_t evaluation);
   Precedence ComputePrecedence(const Team& team, const Evaluation& evaluation) const;
   // Whose shares an evaluation's running leases count in: none for a rejudge.
   std::vector<Share*> SharesOf(const Evaluation& evaluation);
-  // Whether `team` may have a lease of this class started now.
+  // Whether `team` may have a block of this class started now.
   bool MayStart(const Team& team, Priority priority) const;
-  Lease* FirstReady(const Team& team, Priority priority, absl::Duration now);
-  // How many leases above the class of rejudges could start now if there were slots; counts to `most`.
+  Block* FirstReady(const Team& team, Priority priority, absl::Duration now);
+  // How many blocks above the class of rejudges could start now if there were slots; counts to `most`.
   int ReadyAboveRejudges(int most, absl::Duration now) const;
 
   SchedulerLimits limits_;
-  std::map<int64_t, Lease> leases_;
+  std::map<int64_t, Block> blocks_;
   std::map<int64_t, Evaluation> evaluations_;
   std::map<std::string, Team> teams_;
   std::map<std::string, Share> parties_;
@@ -270,7 +271,7 @@ class Scheduler {
   std::set<std::pair<absl::Duration, int64_t>> deadlines_;  // of running leases: the next, lease
   std::set<int> free_slots_;
   std::set<int> preempting_;    // slots of leases that gave way, until they are free
-  std::set<std::pair<absl::Duration, int64_t>> delayed_;  // not_before and lease
+  std::set<std::pair<absl::Duration, int64_t>> delayed_;  // not_before and block
   std::set<std::pair<absl::Duration, int64_t>> waits_;    // wait_over and evaluation
   int64_t starts_ = 0;
   int64_t joins_ = 0;

@@ -42,13 +42,13 @@ int64_t TeamLine::RankOf(Priority priority, int64_t evaluation) const {
   return std::lower_bound(entry.ids.begin(), entry.ids.end(), evaluation) - entry.ids.begin();
 }
 
-int64_t TeamLine::LeasesOfFirst(Priority priority, int64_t count) const {
+int64_t TeamLine::BlocksOfFirst(Priority priority, int64_t count) const {
   const Class& entry = At(priority);
   Refresh(entry);
   return entry.sums[std::min(static_cast<size_t>(count), entry.ids.size())];
 }
 
-int64_t Scheduler::WaitingLeasesOf(int64_t id) const {
+int64_t Scheduler::CountWaitingBlocks(int64_t id) const {
   const auto it = evaluations_.find(id);
   return it == evaluations_.end() ? 0 : static_cast<int64_t>(it->second.waiting.size());
 }
@@ -59,7 +59,7 @@ QueueDepth Scheduler::DepthAt(absl::Duration now) const {
     if (evaluation.waiting.empty()) continue;
     QueueDepth::OfClass& own = depth.classes[static_cast<size_t>(evaluation.priority)];
     own.evaluations += 1;
-    own.leases += static_cast<int64_t>(evaluation.waiting.size());
+    own.blocks += static_cast<int64_t>(evaluation.waiting.size());
     const absl::Duration age = std::max(now - evaluation.waits_since, absl::ZeroDuration());
     depth.oldest = std::max(depth.oldest.value_or(age), age);
   }
@@ -81,7 +81,7 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
     for (int i = 0; i < static_cast<int>(evaluation.priority); ++i) {
       const int64_t all = team.line.size(Priority(i));
       place.position += all;
-      place.leases_ahead += team.line.LeasesOfFirst(Priority(i), all);
+      place.blocks_ahead += team.line.BlocksOfFirst(Priority(i), all);
     }
     const auto line = team.line.In(evaluation.priority).begin();
     bool earlier = false;
@@ -92,7 +92,7 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
     }
     const int64_t before = rank + (earlier ? 1 : 0);
     place.position += std::min(before, team.line.size(evaluation.priority));
-    place.leases_ahead += team.line.LeasesOfFirst(evaluation.priority, before);
+    place.blocks_ahead += team.line.BlocksOfFirst(evaluation.priority, before);
   }
   return place;
 }
@@ -104,7 +104,7 @@ std::vector<int64_t> Scheduler::QueueOf(const std::set<std::string>* teams) cons
   };
   std::set<int64_t> order;
   for (const int64_t lease : running_) {
-    const Evaluation& evaluation = evaluations_.at(leases_.at(lease).evaluation);
+    const Evaluation& evaluation = evaluations_.at(blocks_.at(lease).evaluation);
     if (listed(evaluation)) order.insert(evaluation.spec.id);
   }
   // Class, round and the team's turn in it: what PlaceOf counts.
@@ -115,7 +115,7 @@ std::vector<int64_t> Scheduler::QueueOf(const std::set<std::string>* teams) cons
       if (line.empty()) continue;
       const Precedence turn = ComputePrecedence(team, evaluations_.at(line.begin()->first));
       int64_t round = 0;
-      for (const auto& [id, leases] : line) {
+      for (const auto& [id, blocks] : line) {
         const bool shown = listed(evaluations_.at(id)) && !order.contains(id);
         if (shown) waiting.emplace_back(i, round, turn, id);
         ++round;
@@ -138,29 +138,28 @@ std::string Scheduler::WhyWaiting(int64_t id, absl::Duration now) const {
   absl::Duration delay = absl::InfiniteDuration();
   bool faulty = false;
   for (const int64_t waiting : evaluation.waiting) {
-    const Lease& lease = leases_.at(waiting);
-    delay = std::min(delay, lease.not_before - now);
-    faulty = faulty || lease.faults > 0;
+    const Block& block = blocks_.at(waiting);
+    delay = std::min(delay, block.not_before - now);
+    faulty = faulty || block.faults > 0;
   }
   const auto count = static_cast<int64_t>(evaluation.waiting.size());
-  // Participants read this; to them a lease is a block of episodes.
-  const std::string leases = absl::StrCat(CountedBlocks(count), count == 1 ? " waits" : " wait");
+  const std::string blocks = absl::StrCat(CountedBlocks(count), count == 1 ? " waits" : " wait");
   if (delay > absl::ZeroDuration()) {
-    return absl::StrCat(leases, " to be played again after ",
+    return absl::StrCat(blocks, " to be played again after ",
                         faulty ? "a fault of the grader" : "their place was lost", ", in ",
                         absl::FormatDuration(absl::Ceil(delay, absl::Seconds(1))));
   }
   const Team& team = teams_.at(evaluation.spec.team);
   if (!MayStart(team, evaluation.priority)) {
-    return absl::StrCat(leases, " until another of the team ends: ", team.running,
+    return absl::StrCat(blocks, " until another of the team ends: ", team.running,
                         team.running == 1 ? " runs" : " run",
                         ", which is as many as one team may have");
   }
   const int64_t taken = int64_t{taken_slots()};
-  if (taken < limits_.slots) return absl::StrCat(leases, " and will start in a moment");
-  std::string why = absl::StrCat(leases, " for a slot: ", taken, " of ", limits_.slots,
+  if (taken < limits_.slots) return absl::StrCat(blocks, " and will start in a moment");
+  std::string why = absl::StrCat(blocks, " for a slot: ", taken, " of ", limits_.slots,
                                  taken == 1 ? " is" : " are", " taken, and ",
-                                 CountedBlocks(PlaceOf(id)->leases_ahead),
+                                 CountedBlocks(PlaceOf(id)->blocks_ahead),
                                  " of others or of earlier submissions ahead");
   if (evaluation.priority == Priority::kOverdue) {
     absl::StrAppend(&why, "; it has waited for more than ",
@@ -175,8 +174,8 @@ std::optional<absl::Duration> Scheduler::DeadlineOf(int64_t id) const {
   if (it == evaluations_.end()) return std::nullopt;
   absl::Duration deadline = it->second.wait_over;
   for (const int64_t running : it->second.running) {
-    const Lease& lease = leases_.at(running);
-    deadline = std::min({deadline, lease.silent_after, lease.over_at});
+    const Block& block = blocks_.at(running);
+    deadline = std::min({deadline, block.silent_after, block.over_at});
   }
   return deadline;
 }

@@ -20,10 +20,10 @@ std::string_view PriorityName(Priority priority);  // "overdue", "ranked", ...
 
 class TeamLine {
  public:
-  // Sets an evaluation's number of waiting leases; 0 removes it.
+  // Sets an evaluation's number of waiting blocks; 0 removes it.
   void Set(Priority priority, int64_t evaluation, int64_t waiting);
 
-  // Evaluations of a class, oldest first: id to number of waiting leases.
+  // Evaluations of a class, oldest first: id to number of waiting blocks.
   const std::map<int64_t, int64_t>& In(Priority priority) const { return At(priority).waiting; }
   int64_t size(Priority priority) const {
     return static_cast<int64_t>(In(priority).size());
@@ -31,8 +31,8 @@ class TeamLine {
 
   // How many evaluations of the class are older than this one.
   int64_t RankOf(Priority priority, int64_t evaluation) const;
-  // Waiting leases of the class's `count` oldest evaluations.
-  int64_t LeasesOfFirst(Priority priority, int64_t count) const;
+  // Waiting blocks of the class's `count` oldest evaluations.
+  int64_t BlocksOfFirst(Priority priority, int64_t count) const;
 
  private:
   struct Class {
@@ -40,7 +40,7 @@ class TeamLine {
     // Prefix sums over `waiting`, rebuilt on demand after a change.
     mutable bool stale = true;
     mutable std::vector<int64_t> ids;
-    mutable std::vector<int64_t> sums;  // sums[i]: leases of the first i evaluations
+    mutable std::vector<int64_t> sums;  // sums[i]: blocks of the first i evaluations
   };
   const Class& At(Priority priority) const { return classes_[static_cast<size_t>(priority)]; }
   static void Refresh(const Class& entry);

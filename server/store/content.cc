@@ -300,11 +300,11 @@ std::set<std::string> Episodes::PhasesOfLog(const std::string& sha256) const {
 
 absl::StatusOr<LoggedEpisode> Episodes::OfLog(const std::string& sha256) const {
   constexpr StoredRows<LoggedEpisode> kLogged = {
-      "episode", "SELECT evaluation, idx, lease, seed FROM episode ",
+      "episode", "SELECT evaluation, idx, block, seed FROM episode ",
       [](StoredRow& row, LoggedEpisode& episode) {
         episode.evaluation = row.Id(0);
         episode.index = row.Number(1, 0, INT64_MAX);
-        episode.lease = row.Id(2);
+        episode.block = row.Id(2);
         episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
       },
       /*key_columns=*/2};

@@ -22,7 +22,7 @@ inline constexpr char kGraderErrorEvent[] = "submission.grader_error";
 // Submissions, all or those to a phase, were paused or resumed by an organiser:
 inline constexpr char kPauseEvent[] = "paused";
 inline constexpr char kResumeEvent[] = "resumed";
-// This host starts no leases, as its self-test failed, or it does again:
+// This host starts no blocks, as its self-test failed, or it does again:
 inline constexpr char kHostPausedEvent[] = "host.paused";
 inline constexpr char kHostResumedEvent[] = "host.resumed";
 inline constexpr char kSelfTestFailedEvent[] = "self_test.failed";

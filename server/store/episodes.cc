@@ -24,12 +24,12 @@ namespace {
 
 constexpr StoredRows<EpisodeRow> kEpisodes = {
     "episode",
-    "SELECT evaluation, idx, lease, attempt, seed, outcome, reason, facts_json, metrics_json "
+    "SELECT evaluation, idx, block, attempt, seed, outcome, reason, facts_json, metrics_json "
     "FROM episode ",
     [](StoredRow& row, EpisodeRow& episode) {
       episode.evaluation = row.Id(0);
       episode.index = row.Number(1, 0, kMaxEpisodes - 1);
-      episode.lease = row.Id(2);
+      episode.block = row.Id(2);
       episode.attempt = row.Number(3, 1, kMany);
       episode.seed = static_cast<uint64_t>(row.Number(4, 0, INT64_MAX));
       episode.outcome = row.Named(5, ParseOutcome);
@@ -99,13 +99,13 @@ absl::StatusOr<std::vector<RepeatRow>> Episodes::Repeats(int64_t evaluation) con
   return kRepeats.All(db_, "WHERE evaluation = ? ORDER BY idx, attempt", evaluation);
 }
 
-EpisodeCounts Episodes::Counts(int64_t evaluation, bool ended_leases) const {
+EpisodeCounts Episodes::Counts(int64_t evaluation, bool ended_blocks) const {
   return AllRows<EpisodeCounts, 4>(Statement(db_, R"(SELECT count(*),
       ifnull(sum(outcome = 'success'), 0), ifnull(sum(outcome = 'failure'), 0),
       count(*) - ifnull(sum(outcome IN ('success', 'failure')), 0) FROM episode WHERE evaluation = ?1
-      AND (?2 = 0 OR lease NOT IN (SELECT id FROM lease WHERE evaluation = ?1
+      AND (?2 = 0 OR block NOT IN (SELECT id FROM block WHERE evaluation = ?1
       AND finished_at IS NULL)))",
-                                             evaluation, ended_leases))
+                                             evaluation, ended_blocks))
       .front();
 }
 
@@ -116,14 +116,14 @@ absl::StatusOr<std::map<int64_t, std::string>> Episodes::Details(int64_t evaluat
 }
 
 absl::StatusOr<std::vector<std::string>> Episodes::Record(const EpisodeRow& row) {
-  ASSIGN_OR_RETURN(const LeaseRow lease, Leases(context_).Find(row.lease));
-  if (lease.state != LeaseState::kRunning || lease.attempt != row.attempt) {
-    return Leases::Refused("given an episode", lease,
+  ASSIGN_OR_RETURN(const BlockRow block, Blocks(context_).Find(row.block));
+  if (block.state != BlockState::kRunning || block.attempt != row.attempt) {
+    return Blocks::Refused("given an episode", block,
                            absl::StrCat(", the episode is of ", row.attempt));
   }
   if (Run(db_, R"(INSERT INTO episode
       VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx) DO NOTHING)",
-          row.evaluation, row.index, row.lease, row.attempt, static_cast<int64_t>(row.seed),
+          row.evaluation, row.index, row.block, row.attempt, static_cast<int64_t>(row.seed),
           OutcomeName(row.outcome), row.reason.name(), row.facts_json, row.metrics_json,
           now_ms_) == 1) {
     if (!row.details_json.empty()) {

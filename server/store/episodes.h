@@ -19,7 +19,7 @@ namespace myograde::server {
 struct LoggedEpisode {
   int64_t evaluation = 0;
   int64_t index = 0;
-  int64_t lease = 0;
+  int64_t block = 0;
   uint64_t seed = 0;
 };
 
@@ -30,8 +30,8 @@ class Episodes : StorePart {
 
   absl::StatusOr<std::vector<EpisodeRow>> Of(int64_t evaluation) const;  // by index
   absl::StatusOr<std::vector<RepeatRow>> Repeats(int64_t evaluation) const;
-  // `ended_leases`: only episodes of leases that have ended, so that nothing tells how far one is.
-  EpisodeCounts Counts(int64_t evaluation, bool ended_leases = false) const;
+  // `ended_blocks`: only episodes of blocks that have ended, so that nothing tells how far one is.
+  EpisodeCounts Counts(int64_t evaluation, bool ended_blocks = false) const;
   // The teams one of whose episodes has the log with this SHA-256.
   std::set<std::string> TeamsOfLog(const std::string& sha256) const;
   // The phases of those episodes; "": of none.

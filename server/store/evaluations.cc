@@ -16,8 +16,8 @@
 namespace myograde::server {
 namespace {
 
-constexpr char kOpenLeases[] =
-    "SELECT id FROM lease WHERE evaluation = ? AND finished_at IS NULL ORDER BY first";
+constexpr char kOpenBlocks[] =
+    "SELECT id FROM block WHERE evaluation = ? AND finished_at IS NULL ORDER BY first";
 
 // The schema rejects any update of a row that has a value of a wrong type in any column.
 void MendTypes(SQLite::Database& db, const char* table, int64_t id) {
@@ -114,7 +114,7 @@ absl::StatusOr<std::vector<TransitionRow>> Evaluations::Transitions(const std::s
 
 absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std::string& who) {
   const std::vector<std::pair<int64_t, int64_t>>& blocks = added.blocks;
-  if (blocks.empty()) return absl::InvalidArgumentError("an evaluation needs at least one lease");
+  if (blocks.empty()) return absl::InvalidArgumentError("an evaluation needs at least one block");
   Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at,
       config, seeds, rejudge, repetition, source, method) VALUES (?, ?, ?, ?, 'queued', ?, ?,
       nullif(?, ''), nullif(?, ''), nullif(?, 0), nullif(?, 0), nullif(?, 0), nullif(?, '')))",
@@ -126,13 +126,13 @@ absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std:
   int64_t next = blocks.front().first;
   for (const auto& [first, last] : blocks) {
     if (first != next || last < first) {
-      return absl::InvalidArgumentError("leases must follow one another without gap or overlap");
+      return absl::InvalidArgumentError("blocks must follow one another without gap or overlap");
     }
     next = last + 1;
-    Run(db_, R"(INSERT INTO lease (evaluation, first, last, state) VALUES (?, ?, ?, 'pending'))",
+    Run(db_, R"(INSERT INTO block (evaluation, first, last, state) VALUES (?, ?, ?, 'pending'))",
         accepted.evaluation, first, last);
-    accepted.leases.push_back(db_.getLastInsertRowid());
-    RETURN_IF_ERROR(Audit("lease", accepted.leases.back(), "", "pending", who, ""));
+    accepted.blocks.push_back(db_.getLastInsertRowid());
+    RETURN_IF_ERROR(Audit("block", accepted.blocks.back(), "", "pending", who, ""));
   }
   return accepted;
 }
@@ -146,7 +146,7 @@ absl::Status Evaluations::Note(int64_t evaluation, const std::string& who, const
 
 absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const std::string& reason,
                               const std::string& results_hash, const std::string& who) {
-  Statement select(db_, R"(SELECT state, (SELECT count(*) FROM lease
+  Statement select(db_, R"(SELECT state, (SELECT count(*) FROM block
       WHERE evaluation = e.id AND finished_at IS NULL) FROM evaluation AS e WHERE id = ?)",
                    evaluation);
   if (!select.executeStep()) return NoSuch("evaluation", evaluation);
@@ -158,7 +158,7 @@ absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const s
     return absl::FailedPreconditionError(absl::StrCat(
         "evaluation ", evaluation, " can't end as ", std::string(EvaluationStateName(state)),
         ": it is ", std::string(EvaluationStateName(before)), ", ", select.getColumn(1).getInt64(),
-        " leases are open"));
+        " blocks are open"));
   }
   Run(db_, R"(UPDATE evaluation
       SET state = ?, reason = ?, results_hash = ?, finished_at = ? WHERE id = ?)",
@@ -208,10 +208,10 @@ std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {
       submission);
 }
 
-absl::Status Evaluations::EndWithLeases(int64_t evaluation, EvaluationState state,
+absl::Status Evaluations::EndWithBlocks(int64_t evaluation, EvaluationState state,
                                         const std::string& why, const std::string& who) {
-  for (const int64_t lease : AllValues<int64_t>(db_, kOpenLeases, evaluation)) {
-    RETURN_IF_ERROR(Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why));
+  for (const int64_t block : AllValues<int64_t>(db_, kOpenBlocks, evaluation)) {
+    RETURN_IF_ERROR(Blocks(context_).End(block, BlockState::kCancelled, /*fault=*/false, who, why));
   }
   return End(evaluation, state, why, "", who);
 }
@@ -219,7 +219,7 @@ absl::Status Evaluations::EndWithLeases(int64_t evaluation, EvaluationState stat
 absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& why,
                                         const std::string& who) {
   const absl::Status whole =
-      Part([&] { return EndWithLeases(evaluation, EvaluationState::kGraderError, why, who); });
+      Part([&] { return EndWithBlocks(evaluation, EvaluationState::kGraderError, why, who); });
   if (whole.ok()) return whole;
   Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
   if (!select.executeStep()) return NoSuch("evaluation", evaluation);
@@ -233,17 +233,17 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
       return absl::OkStatus();
     });
   };
-  for (const int64_t lease : AllValues<int64_t>(db_, kOpenLeases, evaluation)) {
+  for (const int64_t block : AllValues<int64_t>(db_, kOpenBlocks, evaluation)) {
     const absl::Status ended = Part([&] {
-      return Leases(context_).End(lease, LeaseState::kCancelled, /*fault=*/false, who, why);
+      return Blocks(context_).End(block, BlockState::kCancelled, /*fault=*/false, who, why);
     });
     if (ended.ok()) continue;
-    (void)part([&] { MendTypes(db_, "lease", lease); });
+    (void)part([&] { MendTypes(db_, "block", block); });
     (void)Part([&] {
-      Run(db_, R"(UPDATE lease SET state = 'cancelled', slot = NULL, owner = NULL,
+      Run(db_, R"(UPDATE block SET state = 'cancelled', slot = NULL, owner = NULL,
           started_at = NULL, deadline_at = NULL, finished_at = ?, detail = ? WHERE id = ?)",
-          now_ms_, why, lease);
-      return Audit("lease", lease, "", "cancelled", who, why);
+          now_ms_, why, block);
+      return Audit("block", block, "", "cancelled", who, why);
     });
   }
   (void)part([&] { MendTypes(db_, "evaluation", evaluation); });

@@ -61,12 +61,12 @@ class Evaluations : StorePart {
   std::vector<std::string> ListGraders(const std::vector<int64_t>& evaluations) const;
   // Adds an audit row for an evaluation without changing its state.
   absl::Status Note(int64_t evaluation, const std::string& who, const std::string& why);
-  // queued or running -> a final state. FailedPreconditionError while any of its leases has not
+  // queued or running -> a final state. FailedPreconditionError while any of its blocks has not
   // ended.
   absl::Status End(int64_t evaluation, EvaluationState state, const std::string& reason,
                    const std::string& results_hash, const std::string& who);
-  // The same, and cancels its leases that have not ended.
-  absl::Status EndWithLeases(int64_t evaluation, EvaluationState state, const std::string& why,
+  // The same, and cancels its blocks that have not ended.
+  absl::Status EndWithBlocks(int64_t evaluation, EvaluationState state, const std::string& why,
                              const std::string& who);
   // Ends an evaluation with unreadable rows as grader_error, as far as they can be written: values
   // of a wrong type become 0 and "". An error: it stays as it is.
@@ -74,7 +74,7 @@ class Evaluations : StorePart {
   // The evaluations that a cancel of the submission ends: those of its original one and, if
   // `reruns`, its reruns that have not ended. Rejudges end by DropRejudge alone.
   std::vector<int64_t> OpenOf(int64_t submission, bool reruns);
-  // Queued, with its leases.
+  // Queued, with its blocks.
   absl::StatusOr<Accepted> Add(const NewEvaluation& added, const std::string& who);
 
   // Adds to the journal how it ended; practice and reruns have no act.

@@ -207,8 +207,8 @@ void Quotas::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {
 }
 
 void Quotas::ChargeBegun(int64_t evaluation) {
-  if (AnyRow(db_, "SELECT 1 FROM lease WHERE evaluation = ? AND attempt > 0 LIMIT 1", evaluation)) {
-    ChargeFirstEpisode(evaluation, "cancelled after its first lease had begun");
+  if (AnyRow(db_, "SELECT 1 FROM block WHERE evaluation = ? AND attempt > 0 LIMIT 1", evaluation)) {
+    ChargeFirstEpisode(evaluation, "cancelled after its first block had begun");
   }
 }
 

@@ -33,7 +33,7 @@ struct QuotaLimits {
   Allowance ranked;
   Allowance practice;
   Allowance failed;
-  int64_t waiting = 0;  // evaluations waiting for their first lease at the same time
+  int64_t waiting = 0;  // evaluations waiting for their first block at the same time
 
   const Allowance& of(Budget budget) const;
 };
@@ -110,7 +110,7 @@ class Quotas : StorePart {
   // Newest first. `track` "" matches any; `before` is an id.
   Listed<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
                            int64_t limit) const;
-  // Charges an original evaluation that is about to be cancelled, if a lease of it has begun:
+  // Charges an original evaluation that is about to be cancelled, if a block of it has begun:
   // whoever may not see its episodes might have learned something of them by then.
   void ChargeBegun(int64_t evaluation);
   // Charges one unit of the budget `failed` for an attempt that never became a submission.

@@ -297,9 +297,9 @@ absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std
                                                               .method = item.method},
                                                              who));
   if (item.impossible.empty()) return added;
-  RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(
+  RETURN_IF_ERROR(Evaluations(context_).EndWithBlocks(
       added.evaluation, EvaluationState::kGraderError, item.impossible, who));
-  added.leases.clear();
+  added.blocks.clear();
   return added;
 }
 
@@ -321,15 +321,15 @@ absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const R
   const int64_t evaluation = db_.getLastInsertRowid();
   const std::string why = absl::StrCat("judged anew from the facts of evaluation ", item.source);
   RETURN_IF_ERROR(Audit("evaluation", evaluation, "", state, who, why));
-  Run(db_, R"(INSERT INTO lease (evaluation, first, last, state, attempt, finished_at, output_json)
+  Run(db_, R"(INSERT INTO block (evaluation, first, last, state, attempt, finished_at, output_json)
       SELECT ?, first, last, 'done', 1, ?, output_json
-      FROM lease WHERE evaluation = ? ORDER BY first)",
+      FROM block WHERE evaluation = ? ORDER BY first)",
       evaluation, now_ms_, item.source);
   Run(db_, R"(INSERT INTO transition (at, entity, entity_id, from_state, to_state, who, why)
-      SELECT ?, 'lease', id, '', 'done', ?, ? FROM lease WHERE evaluation = ? ORDER BY id)",
+      SELECT ?, 'block', id, '', 'done', ?, ? FROM block WHERE evaluation = ? ORDER BY id)",
       now_ms_, who, why, evaluation);
   Statement episode(db_, R"(INSERT INTO episode SELECT ?1, p.idx, l.id,
-      1, p.seed, ?2, ?3, p.facts_json, ?4, ?5 FROM episode AS p JOIN lease AS l ON l.evaluation = ?1
+      1, p.seed, ?2, ?3, p.facts_json, ?4, ?5 FROM episode AS p JOIN block AS l ON l.evaluation = ?1
       AND p.idx BETWEEN l.first AND l.last WHERE p.evaluation = ?6 AND p.idx = ?7)");
   for (const EpisodeRow& judged : item.episodes) {
     SQLite::bind(episode, evaluation, std::string(OutcomeName(judged.outcome)),
@@ -337,7 +337,7 @@ absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const R
                  judged.index);
     if (episode.exec() != 1) {
       return DamagedRow({"episode", absl::StrCat(item.source, "/", judged.index),
-                         "it is missing, or no lease holds it"});
+                         "it is missing, or no block holds it"});
     }
     episode.reset();
   }
@@ -404,7 +404,7 @@ absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocu
       WHERE rejudge = ? AND finished_at IS NULL ORDER BY id)",
                                       rejudge.id);
   for (const int64_t evaluation : done.cancelled) {
-    RETURN_IF_ERROR(Evaluations(context_).EndWithLeases(
+    RETURN_IF_ERROR(Evaluations(context_).EndWithBlocks(
         evaluation, EvaluationState::kCancelled,
         absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
   }

@@ -71,11 +71,11 @@ using SignDocument = std::function<absl::StatusOr<std::string>(const std::string
 struct NewRejudgeItem : RejudgeCandidate {
   RejudgeMethod method = RejudgeMethod::kPlay;
   std::string grader_json = "";                          // of the build that plays it
-  std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each lease
+  std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each block
   // Not "": it can't be played, or computed, for this reason: its evaluation ends as grader_error
   // at once.
   std::string impossible = "";
-  // Computed from facts: its evaluation is added as one that has ended, with the facts, leases and
+  // Computed from facts: its evaluation is added as one that has ended, with the facts, blocks and
   // outputs of the source. Of `episodes`, by index and one for each of the source, only index,
   // outcome, reason and metrics_json are used.
   std::optional<EvaluationResult> judged = {};
@@ -132,7 +132,7 @@ class Rejudges : StorePart {
   // Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
                                  const std::string& who);
-  // The answer has leases if its `evaluation` is to be queued. Adding an item that is there changes
+  // The answer has blocks if its `evaluation` is to be queued. Adding an item that is there changes
   // nothing, and `repeated` is true. FailedPreconditionError if the rejudge was dropped.
   absl::StatusOr<Accepted> AddItem(const NewRejudgeItem& item, const std::string& who);
   // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds,

@@ -16,14 +16,14 @@
 namespace myograde::server {
 
 // Stored by name (schema.sql draws the transitions).
-enum class LeaseState { kPending, kRunning, kDone, kFailed, kCancelled };
-inline constexpr std::string_view kLeaseStates[] = {"pending", "running", "done", "failed",
+enum class BlockState { kPending, kRunning, kDone, kFailed, kCancelled };
+inline constexpr std::string_view kBlockStates[] = {"pending", "running", "done", "failed",
                                                     "cancelled"};
-inline std::string_view LeaseStateName(LeaseState state) { return NameIn(kLeaseStates, state); }
-inline std::optional<LeaseState> ParseLeaseState(std::string_view name) {
-  return ParseIn<LeaseState>(kLeaseStates, name);
+inline std::string_view BlockStateName(BlockState state) { return NameIn(kBlockStates, state); }
+inline std::optional<BlockState> ParseBlockState(std::string_view name) {
+  return ParseIn<BlockState>(kBlockStates, name);
 }
-inline bool IsFinal(LeaseState state) { return state >= LeaseState::kDone; }
+inline bool IsFinal(BlockState state) { return state >= BlockState::kDone; }
 
 enum class EvaluationState { kQueued, kRunning, kDone, kFailed, kCancelled, kGraderError };
 inline constexpr std::string_view kEvaluationStates[] = {"queued", "running",   "done",
@@ -111,12 +111,12 @@ inline const std::string& SeedsOf(const EvaluationRow& evaluation,
   return evaluation.seeds.empty() ? submission.seeds : evaluation.seeds;
 }
 
-struct LeaseRow {
+struct BlockRow {
   int64_t id = 0;
   int64_t evaluation = 0;
   int64_t first = 0;
   int64_t last = 0;
-  LeaseState state = LeaseState::kPending;
+  BlockState state = BlockState::kPending;
   int64_t attempt = 0;
   int64_t faults = 0;
   std::string detail;
@@ -127,7 +127,7 @@ struct LeaseRow {
   std::string output_json;  // "" until an attempt has ended
 };
 
-// How an attempt of a lease ended.
+// How an attempt of a block ended.
 enum class RunEnd {
   kDone,
   kFault,     // the grader's
@@ -141,8 +141,8 @@ inline std::optional<RunEnd> ParseRunEnd(std::string_view name) {
 }
 
 // An attempt that has ended. Times are milliseconds since 1970-01-01 UTC, by the daemon's clock.
-struct LeaseRunRow {
-  int64_t lease = 0;
+struct AttemptRow {
+  int64_t block = 0;
   int64_t attempt = 0;
   std::string node = {};  // "": the daemon's own host
   std::string job = {};   // the cluster's name for it; "": none
@@ -153,7 +153,7 @@ struct LeaseRunRow {
   RunEnd how = RunEnd::kDone;
 };
 
-// A node that gets no leases.
+// A node that gets no blocks.
 struct DrainedNodeRow {
   int64_t id = 0;  // of the event
   int64_t at = 0;
@@ -165,7 +165,7 @@ struct DrainedNodeRow {
 struct EpisodeRow {
   int64_t evaluation = 0;
   int64_t index = 0;
-  int64_t lease = 0;
+  int64_t block = 0;
   int64_t attempt = 0;
   uint64_t seed = 0;
   Outcome outcome = Outcome::kFailure;
@@ -192,7 +192,7 @@ struct EpisodeCounts {
 
 struct TransitionRow {
   int64_t at = 0;
-  std::string entity;  // "submission", "evaluation", "lease"
+  std::string entity;  // "submission", "evaluation", "block"
   int64_t entity_id = 0;
   std::string from;
   std::string to;

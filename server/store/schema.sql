@@ -22,21 +22,21 @@
 --   request_key      submissions and re-runs that were asked for with an Idempotency-Key
 -- What happens:
 --   submission       a team asks for an artefact to be graded; its id is the acceptance number
---   evaluation       one playing of it: the original, a re-run of some of its leases, or of a rejudge: its
+--   evaluation       one playing of it: the original, a re-run of some of its blocks, or of a rejudge: its
 --                    result under that one's config and seeds, computed from the facts of its source or
 --                    played. Of several repetitions the first one counts
---   lease            a block of consecutive episodes of an evaluation, played by one policy process
+--   block            a block of consecutive episodes of an evaluation, played by one policy process
 --   episode          one row for each episode played: the facts, and what scoring made of them
 --   episode_details  what pages and reports show of it besides (protocol/README.md). No result follows
 --                    from it; an episode without a step has none. A table of its own, as a row of
 --                    `episode` with it would not fit into a page
---   replay           an episode of a repeated lease that came out otherwise than its row
+--   replay           an episode of a repeated block that came out otherwise than its row
 --   transition       every change of state: when, from, to, who, why
---   lease_run        an attempt of a lease that has ended: on which node and as which job ('' on the
+--   attempt          one playing of a block that has ended: on which node and as which job ('' on the
 --                    daemon's own host), what it used, and how it ended. One that a daemon did not live
---                    to see the end of has none. CPU time and energy are whole numbers of a thousandth,
+--                    to see the end of has no row. CPU time and energy are whole numbers of a thousandth,
 --                    as exports hold nothing else
---   node_event       a node of the cluster gets no more leases, or gets them again. The newest row of a
+--   node_event       a node of the cluster gets no more blocks, or gets them again. The newest row of a
 --                    node is in force
 -- Acts:
 --   journal          every act that decides what stands on a board or that the public record tells, in
@@ -58,22 +58,22 @@
 -- States, and the function of Store that makes each step (anything else is refused by CHECK, by
 -- trigger, or by the store's own comparison with the state before):
 --
---   lease        pending --StartLease--> running --FinishLease--> done
+--   block        pending --StartBlock--> running --FinishBlock--> done
 --                   ^                      |  |
---                   +-----ReturnLease------+  +--------EndLease----> failed | cancelled
---                   +--------------------EndLease------------------> cancelled
+--                   +-----ReturnBlock------+  +--------EndBlock----> failed | cancelled
+--                   +--------------------EndBlock------------------> cancelled
 --
---   evaluation   queued --StartLease (first)--> running --EndEvaluation--> done | failed |
+--   evaluation   queued --StartBlock (first)--> running --EndEvaluation--> done | failed |
 --                   |                                                    cancelled | grader_error
 --                   +---------EndEvaluation---> cancelled | grader_error
 --
 -- Invariants:
 --    1. (evaluation, idx) is the key of an episode: it counts once, however often played.
 --    2. An episode's identity and facts, audit rows and content rows are never changed or deleted.
---    3. A running lease has a slot, an owner, a start and a deadline; a lease that does not run has
+--    3. A running block has a slot, an owner, a start and a deadline; a block that does not run has
 --       no slot and no deadline.
 --    4. A submission has exactly one original evaluation (inserted in the same transaction).
---    5. The leases of an evaluation do not overlap and cover [first, last].
+--    5. The blocks of an evaluation do not overlap and cover [first, last].
 --    6. Every change of a state inserts its transition in the same transaction.
 --    7. A submission is charged once in each budget, and each charge is refunded at most once.
 --    8. The journal, ledger and admissions are never changed or deleted.
@@ -84,7 +84,7 @@
 --   11. A phase's secret is never changed.
 --   12. The entries of the public record are numbered 0, 1, 2 and so on.
 --   13. An evaluation has a rejudge if and only if it is of that kind.
---   14. An attempt has at most one lease_run, and neither those nor node events are ever changed or
+--   14. Neither attempts nor node events are ever changed or
 --       deleted.
 --
 -- Times are milliseconds since 1970-01-01 UTC: for people, and never for an order or a decision.
@@ -281,7 +281,7 @@ CREATE TABLE evaluation (
   CHECK (state != 'running' OR started_at IS NOT NULL)
 ) STRICT;
 
-CREATE TABLE lease (
+CREATE TABLE block (
   id          INTEGER PRIMARY KEY AUTOINCREMENT,
   evaluation  INTEGER NOT NULL REFERENCES evaluation (id),
   first       INTEGER NOT NULL CHECK (first >= 0),
@@ -306,7 +306,7 @@ CREATE TABLE lease (
 CREATE TABLE episode (
   evaluation   INTEGER NOT NULL REFERENCES evaluation (id),
   idx          INTEGER NOT NULL CHECK (idx >= 0),
-  lease        INTEGER NOT NULL REFERENCES lease (id),
+  block        INTEGER NOT NULL REFERENCES block (id),
   attempt      INTEGER NOT NULL CHECK (attempt > 0),
   seed         INTEGER NOT NULL CHECK (seed >= 0),
   outcome      TEXT NOT NULL CHECK (outcome IN
@@ -345,7 +345,7 @@ CREATE TABLE replay (
 CREATE TABLE transition (
   id         INTEGER PRIMARY KEY AUTOINCREMENT,
   at         INTEGER NOT NULL,
-  entity     TEXT NOT NULL CHECK (entity IN ('submission', 'evaluation', 'lease')),
+  entity     TEXT NOT NULL CHECK (entity IN ('submission', 'evaluation', 'block')),
   entity_id  INTEGER NOT NULL,
   from_state TEXT NOT NULL,              -- '' for what is new
   to_state   TEXT NOT NULL,
@@ -353,8 +353,8 @@ CREATE TABLE transition (
   why        TEXT NOT NULL
 ) STRICT;
 
-CREATE TABLE lease_run (
-  lease     INTEGER NOT NULL REFERENCES lease (id),
+CREATE TABLE attempt (
+  block     INTEGER NOT NULL REFERENCES block (id),
   attempt   INTEGER NOT NULL CHECK (attempt > 0),
   node      TEXT NOT NULL,
   job       TEXT NOT NULL,               -- the cluster's name for it, such as 1234_5
@@ -363,7 +363,7 @@ CREATE TABLE lease_run (
   cpu_ms    INTEGER NOT NULL CHECK (cpu_ms >= 0),     -- of all its processes
   energy_mj INTEGER CHECK (energy_mj >= 0),           -- NULL: it was not measured
   how       TEXT NOT NULL CHECK (how IN ('done', 'fault', 'returned', 'cancelled')),
-  PRIMARY KEY (lease, attempt)
+  PRIMARY KEY (block, attempt)
 ) STRICT, WITHOUT ROWID;
 
 CREATE TABLE node_event (
@@ -382,7 +382,7 @@ CREATE UNIQUE INDEX evaluation_of_rejudge ON evaluation (rejudge, submission, re
   WHERE rejudge IS NOT NULL;
 CREATE INDEX evaluation_by_submission ON evaluation (submission, id);
 CREATE INDEX evaluation_unfinished ON evaluation (id) WHERE finished_at IS NULL;
-CREATE INDEX lease_unfinished ON lease (evaluation) WHERE finished_at IS NULL;
+CREATE INDEX block_unfinished ON block (evaluation) WHERE finished_at IS NULL;
 CREATE INDEX transition_by_entity ON transition (entity, entity_id, id);
 CREATE INDEX submission_by_artefact ON submission (artefact);
 CREATE INDEX submission_by_official ON submission (team_id, artefact, config);
@@ -397,21 +397,21 @@ CREATE TRIGGER transition_fixed BEFORE UPDATE ON transition
 CREATE TRIGGER transition_kept BEFORE DELETE ON transition
   BEGIN SELECT RAISE(ABORT, 'audit rows are never deleted'); END;
 CREATE TRIGGER episode_fixed
-  BEFORE UPDATE OF evaluation, idx, lease, attempt, seed, facts_json ON episode
+  BEFORE UPDATE OF evaluation, idx, block, attempt, seed, facts_json ON episode
   BEGIN SELECT RAISE(ABORT, 'the facts of an episode are never changed'); END;
 CREATE TRIGGER episode_kept BEFORE DELETE ON episode
   BEGIN SELECT RAISE(ABORT, 'episodes are never deleted'); END;
-CREATE TRIGGER episode_in_lease BEFORE INSERT ON episode
-  WHEN NOT EXISTS (SELECT 1 FROM lease WHERE id = NEW.lease AND evaluation = NEW.evaluation
+CREATE TRIGGER episode_in_block BEFORE INSERT ON episode
+  WHEN NOT EXISTS (SELECT 1 FROM block WHERE id = NEW.block AND evaluation = NEW.evaluation
                      AND NEW.idx BETWEEN first AND last)
-  BEGIN SELECT RAISE(ABORT, 'an episode belongs to a lease of its evaluation that holds it'); END;
+  BEGIN SELECT RAISE(ABORT, 'an episode belongs to a block of its evaluation that holds it'); END;
 CREATE TRIGGER replay_fixed BEFORE UPDATE ON replay
   BEGIN SELECT RAISE(ABORT, 'replay rows are never changed'); END;
 CREATE TRIGGER replay_kept BEFORE DELETE ON replay
   BEGIN SELECT RAISE(ABORT, 'replay rows are never deleted'); END;
-CREATE TRIGGER lease_final BEFORE UPDATE OF state ON lease
+CREATE TRIGGER block_final BEFORE UPDATE OF state ON block
   WHEN OLD.finished_at IS NOT NULL
-  BEGIN SELECT RAISE(ABORT, 'a lease that ended stays ended'); END;
+  BEGIN SELECT RAISE(ABORT, 'a block that ended stays ended'); END;
 CREATE TRIGGER evaluation_final BEFORE UPDATE OF state ON evaluation
   WHEN OLD.finished_at IS NOT NULL
   BEGIN SELECT RAISE(ABORT, 'an evaluation that ended stays ended'); END;
@@ -421,9 +421,9 @@ CREATE TRIGGER episode_details_fixed BEFORE UPDATE ON episode_details
   BEGIN SELECT RAISE(ABORT, 'the details of an episode are never changed'); END;
 CREATE TRIGGER episode_details_kept BEFORE DELETE ON episode_details
   BEGIN SELECT RAISE(ABORT, 'the details of an episode are never deleted'); END;
-CREATE TRIGGER lease_run_fixed BEFORE UPDATE ON lease_run
+CREATE TRIGGER attempt_fixed BEFORE UPDATE ON attempt
   BEGIN SELECT RAISE(ABORT, 'what an attempt used is never changed'); END;
-CREATE TRIGGER lease_run_kept BEFORE DELETE ON lease_run
+CREATE TRIGGER attempt_kept BEFORE DELETE ON attempt
   BEGIN SELECT RAISE(ABORT, 'what an attempt used is never deleted'); END;
 CREATE TRIGGER node_event_fixed BEFORE UPDATE ON node_event
   BEGIN SELECT RAISE(ABORT, 'what was done to a node is never changed'); END;

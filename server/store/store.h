@@ -2,7 +2,7 @@
 // transaction, so it is applied as a whole or not at all:
 //
 //   absl::Status status = store->Write([&](Transaction& store) -> absl::Status {
-//     RETURN_IF_ERROR(store.leases.Finish(lease, attempt, output, "daemon"));
+//     RETURN_IF_ERROR(store.blocks.Finish(block, attempt, output, "daemon"));
 //     return store.evaluations.End(evaluation, EvaluationState::kDone, "", hash, "daemon");
 //   });
 //

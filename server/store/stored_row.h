@@ -1,13 +1,13 @@
 // Reads one row: each column has the type and range that the schema gives it, or the row is
 // damaged. Only the daemon writes the store, but disks fail and people edit. Internal to the store.
 //
-//   constexpr StoredRows<LeaseRow> kLeases = {
-//       "lease", "SELECT id, first, state FROM lease ", [](StoredRow& row, LeaseRow& lease) {
-//         lease.id = row.Id(0);
-//         lease.first = row.Number(1, 0, kMaxEpisodes);
-//         lease.state = row.Named(2, ParseLeaseState);
+//   constexpr StoredRows<BlockRow> kBlocks = {
+//       "block", "SELECT id, first, state FROM block ", [](StoredRow& row, BlockRow& block) {
+//         block.id = row.Id(0);
+//         block.first = row.Number(1, 0, kMaxEpisodes);
+//         block.state = row.Named(2, ParseBlockState);
 //       }};
-//   return kLeases.All(db_, "WHERE evaluation = ? ORDER BY first", evaluation);
+//   return kBlocks.All(db_, "WHERE evaluation = ? ORDER BY first", evaluation);
 #pragma once
 
 #include <cstdint>

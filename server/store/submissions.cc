@@ -183,7 +183,7 @@ absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmi
   if (own.executeStep()) {
     return std::optional(Accepted{.submission = own.getColumn(0).getInt64(),
                                   .evaluation = own.getColumn(1).getInt64(),
-                                  .leases = {},
+                                  .blocks = {},
                                   .linked = true});
   }
   if (!rules.one_for_everyone) return std::optional<Accepted>();

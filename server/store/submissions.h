@@ -22,12 +22,12 @@ namespace myograde::server {
 struct Accepted {
   int64_t submission = 0;
   int64_t evaluation = 0;
-  std::vector<int64_t> leases = {};  // in block order
+  std::vector<int64_t> blocks = {};  // in block order
   // True: nothing new was accepted. The team already has this artefact's ranked evaluation;
-  // `submission` and `evaluation` are those, and `leases` is empty.
+  // `submission` and `evaluation` are those, and `blocks` is empty.
   bool linked = false;
   // True: nothing new was accepted, as the same request came before with the same key. All but
-  // `leases`, which is empty, is what it was accepted as then.
+  // `blocks`, which is empty, is what it was accepted as then.
   bool repeated = false;
 
   bool is_new() const { return !linked && !repeated; }
@@ -65,7 +65,7 @@ struct NewSubmission {
   int64_t seed_count = 0;
   bool ranked = false;
   std::string grader_json;
-  std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
+  std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each block
   RequestKey request_key = {};
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
   std::string phase = "";                           // of a challenge; "": the track's own board

@@ -70,7 +70,7 @@ absl::Status Transaction::Import(const std::string& path, const ExportInfo& info
   constexpr char kWhy[] = "had not ended when it was exported; submit it again";
   for (const int64_t evaluation : AllValues<int64_t>(
            context_.db, "SELECT id FROM evaluation WHERE finished_at IS NULL ORDER BY id")) {
-    RETURN_IF_ERROR(evaluations.EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who));
+    RETURN_IF_ERROR(evaluations.EndWithBlocks(evaluation, EvaluationState::kCancelled, kWhy, who));
   }
   return absl::OkStatus();
 }

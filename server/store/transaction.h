@@ -15,7 +15,7 @@
 #include "server/store/episodes.h"
 #include "server/store/evaluations.h"
 #include "server/store/journal.h"
-#include "server/store/leases.h"
+#include "server/store/blocks.h"
 #include "server/store/phases.h"
 #include "server/store/quota.h"
 #include "server/store/rejudges.h"
@@ -57,7 +57,7 @@ class Transaction {
  public:
   Submissions submissions{context_};
   Evaluations evaluations{context_};
-  Leases leases{context_};
+  Blocks blocks{context_};
   Episodes episodes{context_};
   Teams teams{context_};
   Callers callers{context_};

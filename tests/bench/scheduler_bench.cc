@@ -61,7 +61,7 @@ class Queue {
     spec.id = ++evaluations_;
     spec.team = absl::StrCat("team ", evaluations_ % teams_);
     spec.lease_wall = absl::Hours(1);
-    for (int64_t i = 0; i < kLeases; ++i) spec.leases.push_back({spec.id * kLeases + i, 0, 0});
+    for (int64_t i = 0; i < kLeases; ++i) spec.blocks.push_back({spec.id * kLeases + i, 0, 0});
     Timed(calls_["add"], [&] { return scheduler_.Add(spec, now_), true; });
   }
 

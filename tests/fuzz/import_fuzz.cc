@@ -54,15 +54,15 @@ absl::Status Fill(Transaction& writer) {
       .quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
   const absl::StatusOr<Accepted> accepted = writer.submissions.Accept(submission, rules, "uid 0");
   if (!accepted.ok()) return accepted.status();
-  const int64_t lease = accepted->leases[0];
-  status.Update(writer.leases.Start(lease, 1, 0, 99, "daemon"));
+  const int64_t block = accepted->blocks[0];
+  status.Update(writer.blocks.Start(block, 1, 0, 99, "daemon"));
   for (const int64_t index : {0, 1}) {
-    status.Update(writer.episodes.Record({accepted->evaluation, index, lease, 1,
+    status.Update(writer.episodes.Record({accepted->evaluation, index, block, 1,
                                         static_cast<uint64_t>(index + 1), Outcome::kFailure,
                                         FailureReason::kTime, kFacts, R"({"time_s":10.0})"})
                       .status());
   }
-  status.Update(writer.leases.Finish(lease, 1, "{}", "daemon"));
+  status.Update(writer.blocks.Finish(block, 1, "{}", "daemon"));
   status.Update(writer.evaluations.End(accepted->evaluation, EvaluationState::kDone, "", "x", "d"));
   status.Update(
       writer.journal.Mark(accepted->submission, "baseline", true, "uid 0", "ours").status());
@@ -141,7 +141,7 @@ void ReadAll(SQLite::Database& db) {
         (void)ComputeMerkleRoot(rows, salt);
         for (const EpisodeRow& row : rows) (void)ReceiptEntry(row, salt);
       }
-      (void)reader.leases.Of(evaluation.id).status();
+      (void)reader.blocks.Of(evaluation.id).status();
       (void)reader.episodes.Repeats(evaluation.id).status();
     }
     (void)reader.quotas.Ledger(submission.team, submission.track, INT64_MAX, 100);

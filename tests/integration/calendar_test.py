@@ -80,7 +80,7 @@ class Calendar(SystemTest):
                                         f"stepped {len(stepped)}", "--wait")["submission"])
         for submission in stepped:
             status = self.ask("status", submission)
-            self.assertEqual([lease["faults"] for lease in status["leases"]], [0, 0])
+            self.assertEqual([block["faults"] for block in status["blocks"]], [0, 0])
             self.assertEqual(self.rows(submission), self.rows(quiet))
 
     def test_a_run_without_a_daemon_does_too(self):

@@ -95,7 +95,7 @@ class BrokenHost(SystemTest):
 
         status = self.wait(kill_bridges,
                            lambda found: found["state"] not in ("queued", "running"))
-        self.assertEqual([(l["attempt"], l["faults"]) for l in status["leases"]], [(1, 0)] * 2)
+        self.assertEqual([(l["attempt"], l["faults"]) for l in status["blocks"]], [(1, 0)] * 2)
         rows = self.ask("show", submission, "--episodes")["episode_rows"]
         self.assertIn("crash", [row["outcome"] for row in rows])
 

@@ -89,11 +89,11 @@ class OnSlurm(SystemTest):
         status = self.wait(lambda: self.ask("status", submission),
                            lambda found: found["state"] not in ("queued", "running"))
         self.assertEqual(status["state"], "done", (status, self.daemon.state()))
-        self.assertEqual([lease["faults"] for lease in status["leases"]], [0] * 3)
+        self.assertEqual([block["faults"] for block in status["blocks"]], [0] * 3)
         if attempts is not None:
-            self.assertEqual([lease["attempt"] for lease in status["leases"]], [attempts] * 3)
+            self.assertEqual([block["attempt"] for block in status["blocks"]], [attempts] * 3)
         if returned is not None:
-            more = sum(lease["attempt"] for lease in status["leases"]) - 3
+            more = sum(block["attempt"] for block in status["blocks"]) - 3
             self.assertGreaterEqual(more, returned)
         shown = self.ask("show", submission, "--episodes")
         self.assertEqual(shown["merkle_root"], self.local_root(policy))

@@ -56,9 +56,9 @@ class Nodes(slurm_test.OnSlurm):
         said = self.cluster.run("scontrol", "update", f"JobId={job}", "TimeLimit=1")
         self.assertEqual(said.returncode, 0, said.stderr)
         status = self.wait(lambda: self.ask("status", submission),
-                           lambda found: sum(lease["faults"] for lease in found["leases"]) > 0
+                           lambda found: sum(block["faults"] for block in found["blocks"]) > 0
                            or found["state"] not in ("queued", "running"))
-        self.assertEqual(sum(lease["faults"] for lease in status["leases"]), 1, status)
+        self.assertEqual(sum(block["faults"] for block in status["blocks"]), 1, status)
         self.assertIn("reached its time limit", self.daemon.log())
         self.ask("cancel", submission, "--reason", "it was seen")
         self.check_empty()
@@ -107,12 +107,12 @@ class Commands(slurm_test.OnSlurm):
         policy = self.patient()
         submission = self.submit(policy)
         self.running()
-        process = next(lease["process"] for lease in self.ask("status", submission)["leases"]
-                       if lease["process"])
+        process = next(block["process"] for block in self.ask("status", submission)["blocks"]
+                       if block["process"])
         os.kill(process, signal.SIGKILL)
         status = self.wait(lambda: self.ask("status", submission),
                            lambda found: found["state"] == "done")
-        self.assertEqual(sum(lease["faults"] for lease in status["leases"]), 1)
+        self.assertEqual(sum(block["faults"] for block in status["blocks"]), 1)
         self.check_empty()
 
     def test_a_daemon_killed_while_jobs_wait_plays_each_lease_once(self):
@@ -158,7 +158,7 @@ class Clocks(slurm_test.OnSlurm):
         submission = self.submit(policy)
         self.check_done(submission, policy)
         status = self.ask("status", submission)
-        self.assertEqual([lease["attempt"] for lease in status["leases"]], [1] * 3)
+        self.assertEqual([block["attempt"] for block in status["blocks"]], [1] * 3)
 
 
 if __name__ == "__main__":

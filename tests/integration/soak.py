@@ -138,7 +138,7 @@ def soak(minutes, seed, rounds=6):
                 raise AssertionError("the disturbed results are not the undisturbed ones")
             with sqlite3.connect(shaken.data / "store.db") as store:
                 faults, tries = store.execute(
-                    "SELECT sum(faults), sum(attempt) FROM lease").fetchone()
+                    "SELECT sum(faults), sum(attempt) FROM block").fetchone()
             store.close()
             print(f"turn {turns}: {len(ids)} submissions equal; {tries} leases started, "
                   f"{faults} taken back; blows so far: {blows}", flush=True)

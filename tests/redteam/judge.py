@@ -113,9 +113,9 @@ def _output(variant, result):
 
 def _grader(status, result):
     """Nothing was the grader's fault, and nothing was retried."""
-    for lease in status["leases"]:
-        if lease["faults"] or lease["attempt"] != 1:
-            yield f"the grader's fault: {lease['detail']}"
+    for block in status["blocks"]:
+        if block["faults"] or block["attempt"] != 1:
+            yield f"the grader's fault: {block['detail']}"
     if status["state"] not in ("done", "failed"):
         yield f"it ended as {status['state']}: {status['reason']}"
     if result["not_repeatable"]:

@@ -27,7 +27,7 @@ RESULT = {"submission": 1, "episode_rows": [ROW], "aggregate": {}, "hashes": {"r
           "output": [{"stdout_tail": "", "stderr_tail": "RT mount EPERM\nRT count 3\n",
                       "stdout_truncated": False, "stderr_truncated": False,
                       "policy_cpu_s": 0.5}]}
-STATUS = {"state": "done", "reason": None, "leases": [{"faults": 0, "attempt": 1, "detail": None}]}
+STATUS = {"state": "done", "reason": None, "blocks": [{"faults": 0, "attempt": 1, "detail": None}]}
 FAULT = {"outcome": "step_timeout", "limit": "step_s", "limit_value": 0.2, "value": 0.9, "step": 3,
          "detail": "step 3 took 0.9 s"}
 
@@ -98,7 +98,7 @@ class Judge(unittest.TestCase):
         self.blamed("of CPU time were counted", cpu_s=2)
 
     def test_a_fault_of_the_grader_shows_though_the_replay_was_fine(self):
-        self.status["leases"][0].update(faults=1, attempt=2, detail="the simulator ended")
+        self.status["blocks"][0].update(faults=1, attempt=2, detail="the simulator ended")
         self.blamed("the grader's fault: the simulator ended")
         self.status = copy.deepcopy(STATUS)
         self.result["not_repeatable"] = [{"index": 0, "differs": ["digest"]}]

@@ -51,9 +51,9 @@ def copy_submission(database, source, number, team):
     copy_act(database, f"evaluation = {source}", {"submission": number, "evaluation": number}, number)
     copy_rows(database, "standing", f"evaluation = {source}", {"evaluation": str(number)})
     apart = number * 1_000_000
-    copy_rows(database, "lease", f"evaluation = {source}",
+    copy_rows(database, "block", f"evaluation = {source}",
               {"id": f"id + {apart}", "evaluation": str(number)})
     copy_rows(database, "episode", f"evaluation = {source}",
-              {"evaluation": str(number), "lease": f"lease + {apart}"})
+              {"evaluation": str(number), "block": f"block + {apart}"})
     copy_rows(database, "episode_details", f"evaluation = {source}",
               {"id": "NULL", "evaluation": str(number)})

@@ -48,13 +48,12 @@ bool Waits(const Json& lease) {
   return begun.is_boolean() && !begun.get<bool>();
 }
 
-// Participants call a lease a block of episodes.
-void PrintLeases(const Json& leases) {
+void PrintBlocks(const Json& blocks) {
   const auto state = [](const Json& lease) {
     return Waits(lease) ? "waits for a node" : Cell(lease, "state");
   };
-  PrintRows(leases, {"block=lease", "episodes={first}..{last}", RowColumn("state", state),
-                     "host", OnCluster(leases) ? "job" : "slot", "attempt",
+  PrintRows(blocks, {"block", "episodes={first}..{last}", RowColumn("state", state),
+                     "host", OnCluster(blocks) ? "job" : "slot", "attempt",
                      RowColumn("running", RunningFor), "at episode=episode", "step"});
 }
 
@@ -69,13 +68,13 @@ std::string ReadEnergy(const Json& attempt) {
 }
 
 // Where the attempts that have ended were played, and what they used, and what was last wrong with each
-// block; nothing of attempts on the daemon's host that ended well, which say no more than their lease.
-void PrintAttempts(const Json& leases) {
+// block; nothing of attempts on the daemon's host that ended well, which say no more than their block.
+void PrintAttempts(const Json& blocks) {
   Json told = Json::array();
-  for (const Json& lease : leases) {
-    for (Json attempt : lease.value("attempts", Json::array())) {
+  for (const Json& block : blocks) {
+    for (Json attempt : block.value("attempts", Json::array())) {
       if (Cell(attempt, "job") == "-" && Cell(attempt, "how") == "done") continue;
-      attempt["block"] = lease.value("lease", Json());
+      attempt["block"] = block.value("block", Json());
       told.push_back(std::move(attempt));
     }
   }
@@ -88,9 +87,9 @@ void PrintAttempts(const Json& leases) {
                      RowColumn("ended", moment("ended_at")), RowColumn("CPU time", UsedFor),
                      RowColumn("energy", ReadEnergy), "how"});
   }
-  for (const Json& lease : leases) {
-    if (Cell(lease, "detail") == "-" || Cell(lease, "state") == "cancelled") continue;
-    std::cout << Filled(lease, "Block {lease}, last failure: {detail}\n");
+  for (const Json& block : blocks) {
+    if (Cell(block, "detail") == "-" || Cell(block, "state") == "cancelled") continue;
+    std::cout << Filled(block, "Block {block}, last failure: {detail}\n");
   }
 }
 
@@ -102,7 +101,7 @@ void PrintStatus(const Json& status) {
   const Json queue = status.value("queue", Json());
   if (queue.is_object()) {
     std::cout << Filled(queue, "  place {position} in the queue, behind ")
-              << CountedBlocks(queue.value("leases_ahead", int64_t{0})) << '\n';
+              << CountedBlocks(queue.value("blocks_ahead", int64_t{0})) << '\n';
   }
   std::cout << Filled(status, "[  {waiting}\n][  {reason}\n]");
   if (const std::string time = DurationAt(status, "running_wall_s"); time != "-") {
@@ -117,8 +116,8 @@ void PrintStatus(const Json& status) {
     std::cout << "  if nothing happens until " << Moment(status, "deadline_at")
               << ", the daemon intervenes\n";
   }
-  PrintLeases(status.value("leases", Json::array()));
-  PrintAttempts(status.value("leases", Json::array()));
+  PrintBlocks(status.value("blocks", Json::array()));
+  PrintAttempts(status.value("blocks", Json::array()));
 }
 
 void PrintJobs(const Json& leases) {
@@ -138,7 +137,7 @@ void PrintHealth(const Json& health) {
             << Filled(health, store ? " can't write its store" : " is {status}");
   if (health.contains("slots")) {
     std::cout << Filled(health, ": {running} of {slots:slot} busy, ")
-              << CountedBlocks(health.value("pending_leases", int64_t{0})) << " waiting";
+              << CountedBlocks(health.value("pending_blocks", int64_t{0})) << " waiting";
   }
   std::cout << '\n';
   if (!TextAt(health, "message").empty()) std::cout << Bold(Cell(health, "message")) << '\n';

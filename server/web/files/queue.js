@@ -34,7 +34,7 @@ function summary(view) {
   const status = {store: "The store can't be written: nothing starts.",
     paused: "This host plays nothing at the moment."}[view.status];
   return `${whole(view.running)} of ${whole(view.slots)} slots play, `
-    + `${whole(view.pending_leases)} blocks of episodes wait.${status ? ` ${status}` : ""}`;
+    + `${whole(view.pending_blocks)} blocks of episodes wait.${status ? ` ${status}` : ""}`;
 }
 
 export async function show(main) {

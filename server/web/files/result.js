@@ -113,23 +113,23 @@ function stream(title, text, truncated) {
     h("pre", {tabindex: 0, "aria-label": title}, visible(text))];
 }
 
-function outputOf(lease) {
-  return h("details", {class: "card", "data-lease": lease.lease}, h("summary", null,
-    `${episodesText(lease.first, lease.last)}: ${number(lease.policy_cpu_s, 1)} s of CPU time`
-    + `${lease.startup_cpu_s === undefined ? "" : `, ${number(lease.startup_cpu_s, 1)} s of it to start`}, `
-    + `${bytes(lease.peak_memory_bytes)} of memory`,
-  lease.stderr_tail && [" ", h("span", {class: "tag"}, "standard error")]),
-  stream("Standard output", lease.stdout_tail, lease.stdout_truncated),
-  stream("Standard error", lease.stderr_tail, lease.stderr_truncated),
-  !lease.stdout_tail && !lease.stderr_tail && h("p", {class: "quiet"}, "It printed nothing."));
+function outputOf(block) {
+  return h("details", {class: "card", "data-block": block.block}, h("summary", null,
+    `${episodesText(block.first, block.last)}: ${number(block.policy_cpu_s, 1)} s of CPU time`
+    + `${block.startup_cpu_s === undefined ? "" : `, ${number(block.startup_cpu_s, 1)} s of it to start`}, `
+    + `${bytes(block.peak_memory_bytes)} of memory`,
+  block.stderr_tail && [" ", h("span", {class: "tag"}, "standard error")]),
+  stream("Standard output", block.stdout_tail, block.stdout_truncated),
+  stream("Standard error", block.stderr_tail, block.stderr_truncated),
+  !block.stdout_tail && !block.stderr_tail && h("p", {class: "quiet"}, "It printed nothing."));
 }
 
 // Adds what was printed to `box`, and leaves what is there as it is, open or not.
 export function addOutput(box, result) {
   if (!result.output?.length) return;
   if (!box.firstChild) box.append(h("h2", null, "Output"));
-  for (const lease of result.output) {
-    if (!box.querySelector(`[data-lease="${lease.lease}"]`)) box.append(outputOf(lease));
+  for (const block of result.output) {
+    if (!box.querySelector(`[data-block="${block.block}"]`)) box.append(outputOf(block));
   }
 }
 

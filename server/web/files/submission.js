@@ -27,7 +27,7 @@ function statusFacts(status, titleOf) {
     status.finished_at ? ["Ended", time(status.finished_at)] : null,
     status.started_at ? ["Played for", duration(status.running_wall_s)] : null,
     running && status.queue ? ["Place in the queue", `${whole(status.queue.position)}, with `
-      + `${whole(status.queue.leases_ahead)} blocks of episodes before it`] : null,
+      + `${whole(status.queue.blocks_ahead)} blocks of episodes before it`] : null,
     running && status.estimated_end_at ? ["Ends about", time(status.estimated_end_at)] : null,
   ]);
 }

@@ -112,7 +112,7 @@ class Daemon(daemon.Daemon):
                     ("SELECT count(*) FROM submission WHERE id NOT IN "
                      "(SELECT submission FROM evaluation WHERE kind = 'original')",
                      "submissions without an evaluation"),
-                    ("SELECT count(*) FROM (SELECT 1 FROM lease GROUP BY evaluation "
+                    ("SELECT count(*) FROM (SELECT 1 FROM block GROUP BY evaluation "
                      "HAVING count(*) != 3)", "evaluations without their three leases"),
                     ("SELECT count(*) FROM (SELECT 1 FROM episode AS p JOIN evaluation AS e ON "
                      "e.id = p.evaluation LEFT JOIN ledger AS l ON l.submission = e.submission "
@@ -171,7 +171,7 @@ def run(options):
                 **{kind: summary(values) for kind, values in times.items()},
                 "memory_mib": {"first": memory[0], "middle": memory[len(memory) // 2],
                                "last": memory[-1], "largest": max(memory)},
-                "waiting_leases": health["pending_leases"],
+                "waiting_leases": health["pending_blocks"],
                 "errors": len(errors), "first_error": errors[0] if errors else None,
                 "wrong": wrong}
 

@@ -35,7 +35,7 @@ TEST_F(SubmitTest, AnAcceptedOneWaitsToBePlayed) {
   const auto accepted = Submit("alpha", 'a');
   ASSERT_TRUE(accepted.ok()) << accepted.status();
   EXPECT_FALSE(accepted->linked);
-  EXPECT_EQ(accepted->leases.size(), 3u);
+  EXPECT_EQ(accepted->blocks.size(), 3u);
   EXPECT_TRUE(engine_->EstimateOutlook(accepted->evaluation).place.has_value());
   const SubmissionRow row = FindSubmission(*accepted);
   EXPECT_EQ(row.team, "alpha");

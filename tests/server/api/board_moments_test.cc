@@ -105,18 +105,18 @@ class Board {
     const auto ended = open_.begin() + static_cast<ptrdiff_t>(which % open_.size());
     const Accepted accepted = *ended;
     open_.erase(ended);
-    const int64_t lease = accepted.leases.front();
+    const int64_t block = accepted.blocks.front();
     Write([&](Transaction& writer) {
-      absl::Status status = writer.leases.Start(lease, 1, 0, 99, "daemon");
+      absl::Status status = writer.blocks.Start(block, 1, 0, 99, "daemon");
       if (!done) {
-        status.Update(writer.leases.End(lease, LeaseState::kFailed, false, "daemon", "broke"));
+        status.Update(writer.blocks.End(block, BlockState::kFailed, false, "daemon", "broke"));
         status.Update(writer.evaluations.End(accepted.evaluation, EvaluationState::kFailed, "broke",
                                            "", "daemon"));
         return status;
       }
-      status.Update(writer.episodes.Record({accepted.evaluation, 0, lease, 1, 7, Outcome::kSuccess,
+      status.Update(writer.episodes.Record({accepted.evaluation, 0, block, 1, 7, Outcome::kSuccess,
                                           FailureReason::kNone, "{}", "{}"}).status());
-      status.Update(writer.leases.Finish(lease, 1, "{}", "daemon"));
+      status.Update(writer.blocks.Finish(block, 1, "{}", "daemon"));
       status.Update(writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "x",
                                          "daemon"));
       status.Update(writer.episodes.SetStanding(accepted.evaluation, StandingWith(number)));

@@ -154,27 +154,27 @@ TEST(RedactEvaluation, WithholdsWhatItDoesNotKnow) {
   EXPECT_EQ(Redacted(answer, {}), answer);
 }
 
-TEST(RedactStatus, HidesWhereALeaseIsAndWhatWentWrong) {
+TEST(RedactStatus, HidesWhereABlockIsAndWhatWentWrong) {
   Json status = {{"state", "grader_error"},
                  {"episodes", Counts()},
                  {"reason", "words"},
                  {"history", {{{"to", "grader_error"}, {"why", "words"}}}},
-                 {"leases", {{{"lease", 1}, {"episode", 3}, {"step", 9}, {"detail", "words"}}}}};
+                 {"blocks", {{{"block", 1}, {"episode", 3}, {"step", 9}, {"detail", "words"}}}}};
   RedactStatus(status, {.outcomes = false, .metrics = false, .output = false, .progress = false});
   EXPECT_EQ(status.dump().find("words"), std::string::npos);
-  EXPECT_TRUE(status["leases"][0]["episode"].is_null());
-  EXPECT_TRUE(status["leases"][0]["step"].is_null());
-  EXPECT_EQ(status["leases"][0]["lease"], 1);
+  EXPECT_TRUE(status["blocks"][0]["episode"].is_null());
+  EXPECT_TRUE(status["blocks"][0]["step"].is_null());
+  EXPECT_EQ(status["blocks"][0]["block"], 1);
   EXPECT_EQ(status["withheld"], Json({"outcomes", "metrics", "output"}));
 }
 
-TEST(RedactStatus, ShowsNoProgressInsideALeaseWhereAnythingIsWithheld) {
+TEST(RedactStatus, ShowsNoProgressInsideABlockWhereAnythingIsWithheld) {
   Json status = {{"state", "running"},
                  {"episodes", {{"total", 4}, {"done", 2}}},
-                 {"leases", {{{"lease", 1}, {"episode", 3}, {"step", 9}, {"silent_wall_s", 0.1}}}}};
+                 {"blocks", {{{"block", 1}, {"episode", 3}, {"step", 9}, {"silent_wall_s", 0.1}}}}};
   RedactStatus(status, {.seeds = false, .progress = false});
   for (const char* key : {"episode", "step", "silent_wall_s"}) {
-    EXPECT_TRUE(status["leases"][0][key].is_null()) << key;
+    EXPECT_TRUE(status["blocks"][0][key].is_null()) << key;
   }
 }
 
@@ -186,7 +186,7 @@ TEST(RedactEvaluation, OneThatIsNotDoneTellsOneReasonWhereAnythingIsWithheld) {
                    {"episodes", {{"total", 2}, {"done", 2}, {"fault", 2}}},
                    {"outcomes", {{"crash", 1}, {"protocol", 1}}},
                    {"aggregate", {{"time_s", 10.0}}},
-                   {"output", {{{"lease", 1}, {"stderr_tail", "a"}}, {{"lease", 2}, {"stderr_tail", "b"}}}},
+                   {"output", {{{"block", 1}, {"stderr_tail", "a"}}, {{"block", 2}, {"stderr_tail", "b"}}}},
                    {"episode_rows", {{{"index", 0}, {"outcome", "crash"}, {"steps", 5},
                                       {"fault", {{"outcome", "crash"}, {"detail", "x"}}}}}}};
     Json all = answer;
@@ -204,9 +204,9 @@ TEST(RedactEvaluation, OneThatIsNotDoneTellsOneReasonWhereAnythingIsWithheld) {
     }
     Json status = {{"state", state},
                    {"episodes", Counts()},
-                   {"leases", {{{"lease", 1}, {"attempts", {{{"cpu_s", 1.5}}}}}}}};
+                   {"blocks", {{{"block", 1}, {"attempts", {{{"cpu_s", 1.5}}}}}}}};
     RedactStatus(status, {.seeds = false, .progress = false});
-    EXPECT_EQ(status["leases"][0]["attempts"], Json::array());
+    EXPECT_EQ(status["blocks"][0]["attempts"], Json::array());
   }
 }
 

@@ -76,7 +76,7 @@ COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}
 STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "phase": None,
           "artefact": "a" * 64,
           "name": "walker", "ranked": True, "state": "done", "evaluation": 9, "episodes": COUNTS,
-          "queue": None, "waiting": None, "reason": None, "leases": [], "evaluations": [],
+          "queue": None, "waiting": None, "reason": None, "blocks": [], "evaluations": [],
           "owner": None, "deadline_at": None, "estimated_end_at": None, "history": []}
 AGGREGATE = {"episodes": 2, "successes": 1, "success_rate": 0.5, "time_s": 7.5, "effort": 0.03,
              "pain": None, "distance_m": None, "effort_over_steps": 0.0123456,

@@ -120,7 +120,7 @@ class Kills(Disturbed):
             self.stop(moments.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM)))
             self.start()
         self.check(submission)
-        faults = [l["faults"] for l in self.get(f"/v1/submissions/{submission}")["leases"]]
+        faults = [l["faults"] for l in self.get(f"/v1/submissions/{submission}")["blocks"]]
         self.assertEqual(faults, [0, 0, 0], "a crash of the daemon costs no lease a replay")
 
     def test_kill_runners(self):
@@ -163,7 +163,7 @@ class Stops(Disturbed):
         health = self.wait("/v1/health", lambda b: b["leases"])
         os.kill(health["leases"][0]["process"], signal.SIGSTOP)
         self.check(submission)
-        faults = sum(l["faults"] for l in self.get(f"/v1/submissions/{submission}")["leases"])
+        faults = sum(l["faults"] for l in self.get(f"/v1/submissions/{submission}")["blocks"])
         self.assertEqual(faults, 1)
 
     def test_stopped_daemon(self):
@@ -173,7 +173,7 @@ class Stops(Disturbed):
         time.sleep(7)
         self.daemon.process.send_signal(signal.SIGCONT)
         self.check(submission)
-        faults = sum(l["faults"] for l in self.get(f"/v1/submissions/{submission}")["leases"])
+        faults = sum(l["faults"] for l in self.get(f"/v1/submissions/{submission}")["blocks"])
         self.assertEqual(faults, 0, "the daemon's own sleep is no runner's silence")
 
 

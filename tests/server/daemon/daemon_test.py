@@ -86,7 +86,7 @@ class Grading(DaemonCase):
         submission = self.submit("ok")
         status = self.ended(submission)
         self.assertEqual(status["state"], "done")
-        self.assertEqual([(l["first"], l["last"]) for l in status["leases"]],
+        self.assertEqual([(l["first"], l["last"]) for l in status["blocks"]],
                          [(0, 1), (2, 3), (4, 5)])
         result = self.result(submission)
         self.assertEqual(result["aggregate"]["successes"], 3)
@@ -130,7 +130,7 @@ class Grading(DaemonCase):
             "once", "grader", "garbage", "dies"))
         status = self.ended(once)
         self.assertEqual(status["state"], "done")
-        self.assertEqual([(l["attempt"], l["faults"]) for l in status["leases"]], [(2, 1)] * 3)
+        self.assertEqual([(l["attempt"], l["faults"]) for l in status["blocks"]], [(2, 1)] * 3)
         self.assertEqual(self.result(once)["not_repeatable"], [])
         for submission, why in ((never, "vanished"), (garbage, "record"), (dies, "out of luck")):
             status = self.ended(submission)
@@ -170,7 +170,7 @@ class Stopping(DaemonCase):
             self.start()
         status = self.ended(submission)
         self.assertEqual(status["state"], "done")
-        self.assertEqual([l["faults"] for l in status["leases"]], [0, 0, 0])
+        self.assertEqual([l["faults"] for l in status["blocks"]], [0, 0, 0])
         # The same policy in another artefact has the same policy seeds, so the same digests.
         self.assertEqual(self.rows(submission), self.rows(undisturbed))
         self.assertEqual(self.result(submission)["not_repeatable"], [])

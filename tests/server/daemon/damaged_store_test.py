@@ -46,7 +46,7 @@ class DamagedStore(OrganiserCase):
         other = self.submit("slow", team="gamma", profile="myosuite")
         artefact = self.upload("once")
         config = self.result(first)["hashes"]["config"]
-        before = [self.count(table) for table in ("submission", "evaluation", "lease", "ledger")]
+        before = [self.count(table) for table in ("submission", "evaluation", "block", "ledger")]
         self.damage(f"UPDATE config SET effective_json = '{{\"form\":1}}' WHERE hash = '{config}'")
 
         for part in ("result", "receipt"):
@@ -55,7 +55,7 @@ class DamagedStore(OrganiserCase):
         self.refused("POST", "/v1/submissions",
                      {"artefact": artefact, "team": "delta", "track": TRACK})
         self.assertEqual(before, [self.count(table)
-                                  for table in ("submission", "evaluation", "lease", "ledger")])
+                                  for table in ("submission", "evaluation", "block", "ledger")])
         self.assertEqual(self.get(f"/v1/submissions/{first}")["state"], "done")
         self.assertEqual(len(self.get("/v1/submissions")["submissions"]), 4)
         self.assertEqual(self.places(), [(1, first)])

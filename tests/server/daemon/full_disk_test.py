@@ -179,8 +179,8 @@ class Reserve(SmallDisk):
         self.ballast.unlink()
         status = self.ended(waiting)
         self.assertEqual(status["state"], "done")
-        self.assertEqual([lease["faults"] for lease in status["leases"]],
-                         [0] * len(status["leases"]))
+        self.assertEqual([block["faults"] for block in status["blocks"]],
+                         [0] * len(status["blocks"]))
         self.assertEqual(self.state(), "ok")
 
 

@@ -103,7 +103,7 @@ class Metrics(AccessCase):
         self.assertGreaterEqual(
             prometheus.value_of(families, "myograde_queue_evaluations", **{"class": "ranked"}), 1)
         self.assertGreaterEqual(
-            prometheus.value_of(families, "myograde_queue_leases", **{"class": "ranked"}), 3)
+            prometheus.value_of(families, "myograde_queue_blocks", **{"class": "ranked"}), 3)
         first = prometheus.value_of(families, "myograde_queue_oldest_wait_seconds")
         running = prometheus.value_of(families, "myograde_lease_oldest_running_seconds")
         later = wait_until(self.scrape, 30, "the oldest stays young", lambda now:

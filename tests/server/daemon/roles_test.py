@@ -215,7 +215,7 @@ class EveryAddress(AccessCase):
             _, _, text = self.ask_as(self.tokens[caller], "GET", "/v1/health")
             keys[caller] = set(json.loads(text))
         public = {"status", "version", "api"}
-        participant = public | {"slots", "running", "pending_leases"}
+        participant = public | {"slots", "running", "pending_blocks"}
         self.assertEqual((keys["public"], keys["alpha"]), (public, participant))
         self.assertLess(participant | {"pid", "data", "leases", "host"}, keys["organiser"])
 

@@ -38,20 +38,20 @@ class Scheduling(DaemonCase):
         self.restart(scheduler={"heartbeat_s": 2})
         submission = self.submit("mute")
         status = self.wait(f"/v1/submissions/{submission}",
-                           lambda b: b["leases"][0]["attempt"] == 2)
-        self.assertEqual(status["leases"][0]["faults"], 1)
-        self.assertIn("was not renewed", status["leases"][0]["detail"])
+                           lambda b: b["blocks"][0]["attempt"] == 2)
+        self.assertEqual(status["blocks"][0]["faults"], 1)
+        self.assertIn("was not renewed", status["blocks"][0]["detail"])
 
     def test_a_stopped_runner_is_replaced_and_the_result_is_the_same(self):
         self.restart(scheduler={"heartbeat_s": 2})
         submission = self.submit("slow", seeds=list(range(200, 212)))
         status = self.wait(f"/v1/submissions/{submission}",
-                           lambda b: any(l["process"] for l in b["leases"]))
-        running = [lease for lease in status["leases"] if lease["process"]][0]
+                           lambda b: any(l["process"] for l in b["blocks"]))
+        running = [block for block in status["blocks"] if block["process"]][0]
         os.kill(running["process"], signal.SIGSTOP)
         status = self.ended(submission)
         self.assertEqual(status["state"], "done")
-        again = [l for l in status["leases"] if l["lease"] == running["lease"]][0]
+        again = [l for l in status["blocks"] if l["block"] == running["block"]][0]
         self.assertEqual((again["attempt"], again["faults"]), (2, 1))
         self.assertEqual(self.result(submission)["not_repeatable"], [])
 
@@ -109,8 +109,8 @@ class Scheduling(DaemonCase):
         self.assertIn("the models are gone", check["found"])
         time.sleep(3)
         later = self.get(f"/v1/submissions/{submission}")
-        self.assertEqual([l["attempt"] for l in later["leases"]],
-                         [l["attempt"] for l in status["leases"]], "nothing starts")
+        self.assertEqual([l["attempt"] for l in later["blocks"]],
+                         [l["attempt"] for l in status["blocks"]], "nothing starts")
         broken.unlink()
         self.assertEqual(self.ended(submission)["state"], "done")
         self.assertEqual(self.get("/v1/health")["host"]["state"], "well")

@@ -314,10 +314,10 @@ class Withheld(SecretsCase):
             "artefact": json.loads(body)["artefact"], "team": "alpha", "track": TRACK,
             "phase": "final"})
         path = f"/v1/submissions/{json.loads(body)['submission']}"
-        self.wait(path, lambda b: b["state"] == "running" and b["leases"][0]["step"] is not None)
+        self.wait(path, lambda b: b["state"] == "running" and b["blocks"][0]["step"] is not None)
         running = self.shown("alpha", path)
-        for lease in running["leases"]:
-            self.assertTrue(lease["episode"] is lease["step"] is lease["silent_wall_s"] is None)
+        for block in running["blocks"]:
+            self.assertTrue(block["episode"] is block["step"] is block["silent_wall_s"] is None)
         self.assertEqual(running["episodes"]["done"], 0)
         status, body = self.as_team("alpha", "POST", path + "/cancel", {})
         self.assertEqual((status, json.loads(body)["cancel"]["charged"]), (200, "official"), body)
@@ -338,7 +338,7 @@ class Withheld(SecretsCase):
         if running["state"] == "running":
             self.assertIsNone(running["episodes"]["success"])
             self.assertIsNone(self.shown("alpha", path + "/result")["aggregate"])
-            self.assertTrue(all(lease["step"] is None for lease in running["leases"]))
+            self.assertTrue(all(block["step"] is None for block in running["blocks"]))
         self.ended(submission)
         self.assertEqual(self.shown("alpha", path)["episodes"]["done"], COUNT)
         self.assertIsNotNone(self.shown("alpha", path)["episodes"]["success"])

@@ -191,8 +191,8 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
   EXPECT_TRUE(whole.ok()) << whole;
   const Target artefact = {"artefact", "hash = (SELECT min(hash) FROM artefact)", ""};
   const std::string done = absl::StrCat("evaluation = ", teams_.victim.done);
-  const Target lease = {
-      "lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE ", done, ")"), ""};
+  const Target block = {
+      "block", absl::StrCat("id = (SELECT min(id) FROM block WHERE ", done, ")"), ""};
   const Target episode = {"episode", absl::StrCat(done, " AND idx = 0"), ""};
   const Target evaluation = {"evaluation", absl::StrCat("id = ", teams_.victim.done), ""};
   int number = 0;
@@ -202,7 +202,7 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
                    "'{\"image\":{\"environment\":{},\"gid\":1,\"uid\":-1,\"working_dir\":\"/\"}}'"),
         std::tuple(Target{"config", absl::StrCat("hash = '", teams_.victim.config, "'"), ""},
                    "effective_json", "'{}'"),
-        std::tuple(lease, "faults", "999"), std::tuple(episode, "metrics_json", "'{}'"),
+        std::tuple(block, "faults", "999"), std::tuple(episode, "metrics_json", "'{}'"),
         std::tuple(episode, "facts_json", "'{}'"), std::tuple(evaluation, "finished_at", "0"),
         std::tuple(evaluation, "results_hash", "hex(zeroblob(32))")}) {
     SCOPED_TRACE(column);
@@ -228,8 +228,8 @@ TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBa
     EXPECT_THAT(row.reason, HasSubstr(absl::StrCat("config ", teams_.victim.config,
                                                    " of the store can't be read: its content has "
                                                    "another hash")));
-    const std::vector<LeaseRow> leases = *reader.leases.Of(row.id);
-    for (const LeaseRow& lease : leases) EXPECT_TRUE(IsFinal(lease.state));
+    const std::vector<BlockRow> blocks = *reader.blocks.Of(row.id);
+    for (const BlockRow& block : blocks) EXPECT_TRUE(IsFinal(block.state));
     const Listed<LedgerRow> ledger = reader.quotas.Ledger("victim", "", INT64_MAX, 1);
     EXPECT_EQ(ledger.rows.front().entry, "refund");
     EXPECT_EQ(ledger.rows.front().submission, row.submission);
@@ -240,10 +240,10 @@ TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBa
 // An evaluation's journal entries can be rejected as well.
 TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
   const std::string open = absl::StrCat(teams_.victim.open);
-  const std::string one = "WHERE id = (SELECT min(id) FROM lease WHERE state = 'running' AND "
+  const std::string one = "WHERE id = (SELECT min(id) FROM block WHERE state = 'running' AND "
                           "evaluation = " + open + ")";
   for (const std::string& damage :
-       {"UPDATE lease SET state = 'asleep' " + one, "UPDATE lease SET attempt = 7 " + one,
+       {"UPDATE block SET state = 'asleep' " + one, "UPDATE block SET attempt = 7 " + one,
         "UPDATE evaluation SET state = 'asleep' WHERE id = " + open}) {
     SCOPED_TRACE(damage);
     World world(folder_ + "/world", {}, 2, teams_.store);

@@ -133,11 +133,11 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
       {"ledger", "entry = 'grant'"},
       {"replay", "id = 1"},
       {"standing", "evaluation = " + done},
-      {"lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE evaluation = ", open,
+      {"block", absl::StrCat("id = (SELECT min(id) FROM block WHERE evaluation = ", open,
                              " AND state = 'pending')")},
-      {"lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE evaluation = ", open,
+      {"block", absl::StrCat("id = (SELECT min(id) FROM block WHERE evaluation = ", open,
                              " AND state = 'running')")},
-      {"lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE evaluation = ", done, ")")}};
+      {"block", absl::StrCat("id = (SELECT min(id) FROM block WHERE evaluation = ", done, ")")}};
   for (const std::string& evaluation : {done, open}) {
     rows.emplace_back("artefact", "hash = " + of(evaluation, "artefact"));
     rows.emplace_back("seed_list", "hash = " + of(evaluation, "seeds"));

@@ -62,8 +62,8 @@ TEST_F(EngineCoreTest, DeadlinesDoNotHearOfTheCalendar) {
   RunFor(world, absl::Minutes(5));
   EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
   ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
-    const std::vector<LeaseRow> leases = *reader.leases.Of(id);
-    for (const LeaseRow& lease : leases) EXPECT_EQ(lease.attempt, 1);
+    const std::vector<BlockRow> blocks = *reader.blocks.Of(id);
+    for (const BlockRow& block : blocks) EXPECT_EQ(block.attempt, 1);
     return absl::OkStatus();
   }).ok());
 }
@@ -77,8 +77,8 @@ TEST_F(EngineCoreTest, NoRunnerIsSilentWhileTheDaemonStandsStill) {
     world.next_look_takes = absl::Seconds(31);
   }
   ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
-    const std::vector<LeaseRow> leases = *reader.leases.Of(id);
-    for (const LeaseRow& lease : leases) EXPECT_EQ(lease.faults, 0);
+    const std::vector<BlockRow> blocks = *reader.blocks.Of(id);
+    for (const BlockRow& block : blocks) EXPECT_EQ(block.faults, 0);
     return absl::OkStatus();
   }).ok());
 }
@@ -118,8 +118,8 @@ TEST_F(EngineCoreTest, WhatNeedsAMissingRuntimeIsNotTriedAgainAndTheHostIsWell) 
     EXPECT_EQ(reader.evaluations.Find(id)->reason,
               "a block of episodes can't be played: there is no runtime \"gone\"");
     int64_t attempts = 0;
-    const std::vector<LeaseRow> leases = *reader.leases.Of(id);
-    for (const LeaseRow& lease : leases) attempts += lease.attempt;
+    const std::vector<BlockRow> blocks = *reader.blocks.Of(id);
+    for (const BlockRow& block : blocks) attempts += block.attempt;
     EXPECT_LE(attempts, 2) << "at most one for each slot";
     return absl::OkStatus();
   }).ok());
@@ -138,9 +138,9 @@ TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
   EXPECT_EQ(world.core->Health().ending, 1);
   RunFor(world, absl::Seconds(20));
   ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
-    const LeaseRow lease = reader.leases.Of(id)->front();
-    EXPECT_EQ(lease.attempt, 2);
-    EXPECT_EQ(lease.faults, 1);
+    const BlockRow block = reader.blocks.Of(id)->front();
+    EXPECT_EQ(block.attempt, 2);
+    EXPECT_EQ(block.faults, 1);
     const std::vector<EpisodeRow> rows = *reader.episodes.Of(id);
     for (const EpisodeRow& row : rows) EXPECT_EQ(row.attempt, 2);
     return absl::OkStatus();
@@ -205,7 +205,7 @@ TEST_F(EngineCoreTest, ARunnerThatStaysAfterItsLastWordKeepsItsSlotAndNothingEls
   RunFor(world, absl::Minutes(6));
   EXPECT_EQ(StateOf(world, second), EvaluationState::kDone);
   ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
-    EXPECT_EQ(reader.leases.Of(first).value().front().faults, 0);
+    EXPECT_EQ(reader.blocks.Of(first).value().front().faults, 0);
     return absl::OkStatus();
   }).ok());
   world.CheckStore();

@@ -358,10 +358,10 @@ std::string World::WhatIsOpen() {
   (void)readers->Read([&](const Transaction& reader) {
     for (const EvaluationRow& row : reader.evaluations.Unfinished().rows) {
       absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->EstimateOutlook(row.id).waiting);
-      const auto leases = reader.leases.Of(row.id);
-      for (const LeaseRow& lease : leases.value_or(std::vector<LeaseRow>())) {
-        absl::StrAppend(&open, ", lease ", lease.id, " ", std::string(LeaseStateName(lease.state)),
-                        " attempt ", lease.attempt, " faults ", lease.faults);
+      const auto blocks = reader.blocks.Of(row.id);
+      for (const BlockRow& block : blocks.value_or(std::vector<BlockRow>())) {
+        absl::StrAppend(&open, ", block ", block.id, " ", std::string(BlockStateName(block.state)),
+                        " attempt ", block.attempt, " faults ", block.faults);
       }
     }
     return absl::OkStatus();
@@ -410,11 +410,11 @@ void World::CheckEvaluation(const Transaction& reader, int64_t id) {
             "another hash than its rows have");
   }
   CheckHistory(reader, "evaluation", id, std::string(EvaluationStateName(evaluation->state)));
-  const std::vector<LeaseRow> leases = *reader.leases.Of(id);
-  for (const LeaseRow& lease : leases) {
-    Promise(lease.faults <= 4, "a lease was played again more than three times");
-    Promise(!IsFinal(evaluation->state) || IsFinal(lease.state), "an open lease of an ended one");
-    CheckHistory(reader, "lease", lease.id, std::string(LeaseStateName(lease.state)));
+  const std::vector<BlockRow> blocks = *reader.blocks.Of(id);
+  for (const BlockRow& block : blocks) {
+    Promise(block.faults <= 4, "a block was played again more than three times");
+    Promise(!IsFinal(evaluation->state) || IsFinal(block.state), "an open block of an ended one");
+    CheckHistory(reader, "block", block.id, std::string(BlockStateName(block.state)));
   }
 }
 

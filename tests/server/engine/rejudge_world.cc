@@ -201,7 +201,7 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
     absl::Status written;
     const auto blocks = SplitIntoBlocks(std::ssize(config.seeds), config.episodes_per_lease);
     for (size_t i = 0; i < blocks.size(); ++i) {
-      written.Update(writer.leases.Start(accepted.leases[i], 1, 0, 1, "test"));
+      written.Update(writer.blocks.Start(accepted.blocks[i], 1, 0, 1, "test"));
       for (int64_t index = blocks[i].first; index <= blocks[i].second; ++index) {
         EpisodeOrder order;
         order.index = index;
@@ -214,12 +214,12 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
         }
         EpisodeRow row = *JudgedRow(*base_, facts);
         row.evaluation = accepted.evaluation;
-        row.lease = accepted.leases[i];
+        row.block = accepted.blocks[i];
         row.attempt = 1;
         written.Update(writer.episodes.Record(row).status());
         rows.push_back(std::move(row));
       }
-      written.Update(writer.leases.Finish(accepted.leases[i], 1, "{}", "test"));
+      written.Update(writer.blocks.Finish(accepted.blocks[i], 1, "{}", "test"));
     }
     const EvaluationResult result = *ComputeResult(*base_, rows);
     written.Update(writer.evaluations.End(accepted.evaluation, result.state, result.reason,

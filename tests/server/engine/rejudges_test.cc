@@ -81,7 +81,7 @@ TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
     EXPECT_EQ(row.config, created->rejudge.to_config);
     EXPECT_EQ(row.grader_json, source.grader_json) << "that build measured the facts";
     EXPECT_NE(row.results_hash, source.results_hash);
-    EXPECT_EQ(reader.leases.Of(row.id)->size(), reader.leases.Of(source.id)->size());
+    EXPECT_EQ(reader.blocks.Of(row.id)->size(), reader.blocks.Of(source.id)->size());
     EXPECT_THAT(reader.evaluations.Done(/*without_standing=*/true), IsEmpty());
     EXPECT_EQ(row.rejudge, id);
     EXPECT_EQ(source.rejudge, 0);
@@ -216,9 +216,9 @@ TEST_F(RejudgesTest, GivesWayToLiveSubmissionsWithoutAFault) {
   playing_.hold = false;
   AwaitComplete(id);
   Read([&](const Transaction& reader) {
-    const std::vector<LeaseRow> leases = *reader.leases.Of(Items(id)[0].id);
-    EXPECT_GE(leases[0].attempt, 2);
-    for (const LeaseRow& lease : leases) EXPECT_EQ(lease.faults, 0);
+    const std::vector<BlockRow> blocks = *reader.blocks.Of(Items(id)[0].id);
+    EXPECT_GE(blocks[0].attempt, 2);
+    for (const BlockRow& block : blocks) EXPECT_EQ(block.faults, 0);
     EXPECT_EQ(reader.evaluations.Find(Items(id)[0].id)->state, EvaluationState::kDone);
   });
 }

@@ -26,18 +26,18 @@ class RemoteEngineTest : public ::testing::Test {
     const absl::Duration until = world.clock.Monotonic() + time;
     while (world.clock.Monotonic() < until) world.RunOnce();
   }
-  LeaseRow OnlyLease(int64_t evaluation) {
-    LeaseRow row;
+  BlockRow OnlyBlock(int64_t evaluation) {
+    BlockRow row;
     EXPECT_TRUE(world.readers->Read([&](const Transaction& reader) {
-      row = reader.leases.Of(evaluation)->front();
+      row = reader.blocks.Of(evaluation)->front();
       return absl::OkStatus();
     }).ok());
     return row;
   }
-  std::vector<LeaseRunRow> ListRuns(int64_t evaluation) {
-    std::vector<LeaseRunRow> rows;
+  std::vector<AttemptRow> ListAttempts(int64_t evaluation) {
+    std::vector<AttemptRow> rows;
     EXPECT_TRUE(world.readers->Read([&](const Transaction& reader) {
-      rows = *reader.leases.ListRuns(evaluation);
+      rows = *reader.blocks.ListAttempts(evaluation);
       return absl::OkStatus();
     }).ok());
     return rows;
@@ -74,10 +74,10 @@ TEST_F(RemoteEngineTest, ALostLeaseIsPlayedAgainWithoutAFault) {
   const int64_t id = world.Submit("a", 2);
   RunFor(absl::Minutes(2));
   EXPECT_TRUE(world.AllEnded());
-  const LeaseRow lease = OnlyLease(id);
-  EXPECT_EQ(lease.attempt, 2);
-  EXPECT_EQ(lease.faults, 0);
-  const std::vector<LeaseRunRow> runs = ListRuns(id);
+  const BlockRow block = OnlyBlock(id);
+  EXPECT_EQ(block.attempt, 2);
+  EXPECT_EQ(block.faults, 0);
+  const std::vector<AttemptRow> runs = ListAttempts(id);
   ASSERT_EQ(runs.size(), 2u);
   EXPECT_EQ(runs[0].how, RunEnd::kReturned);
   EXPECT_EQ(runs[1].how, RunEnd::kDone);
@@ -111,9 +111,9 @@ TEST_F(RemoteEngineTest, ASilentOneIsReturnedAndSaysNothingMore) {
   const int64_t id = world.Submit("a", 2);
   RunFor(absl::Minutes(15));
   EXPECT_TRUE(world.AllEnded());
-  const LeaseRow lease = OnlyLease(id);
-  EXPECT_EQ(lease.attempt, 2);
-  EXPECT_EQ(lease.faults, 0);
+  const BlockRow block = OnlyBlock(id);
+  EXPECT_EQ(block.attempt, 2);
+  EXPECT_EQ(block.faults, 0);
   ExpectSound();
 }
 
@@ -137,7 +137,7 @@ TEST_F(RemoteEngineTest, ADrainedNodeIsRemembered) {
   world.RunOnce();
   EXPECT_TRUE(world.drained.empty());
   ASSERT_TRUE(world.readers->Read([&](const Transaction& reader) {
-    const std::vector<DrainedNodeRow> drained = reader.leases.DrainedNodes().rows;
+    const std::vector<DrainedNodeRow> drained = reader.blocks.DrainedNodes().rows;
     EXPECT_EQ(drained.size(), 1u);
     if (drained.empty()) return absl::OkStatus();
     EXPECT_EQ(drained.front().node, "node3");
@@ -151,7 +151,7 @@ TEST_F(RemoteEngineTest, ACancelAccountsForWhatRan) {
   RunFor(absl::Seconds(3));
   world.Cancel(1);
   RunFor(absl::Seconds(3));
-  const std::vector<LeaseRunRow> runs = ListRuns(id);
+  const std::vector<AttemptRow> runs = ListAttempts(id);
   ASSERT_EQ(runs.size(), 1u);
   EXPECT_EQ(runs[0].how, RunEnd::kCancelled);
   EXPECT_EQ(world.cancels_open, 0);

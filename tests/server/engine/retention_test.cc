@@ -150,8 +150,8 @@ class RetentionFolder : public testing::Test {
     ASSERT_TRUE(store_->Write([&](Transaction& writer) -> absl::Status {
       const auto accepted = writer.submissions.Accept(submission, Rules(), "uid 0");
       if (!accepted.ok()) return accepted.status();
-      absl::Status status = writer.leases.Start(accepted->leases[0], 1, 0, 99, "daemon");
-      status.Update(writer.episodes.Record({accepted->evaluation, 0, accepted->leases[0], 1, 1,
+      absl::Status status = writer.blocks.Start(accepted->blocks[0], 1, 0, 99, "daemon");
+      status.Update(writer.episodes.Record({accepted->evaluation, 0, accepted->blocks[0], 1, 1,
                                           Outcome::kFailure, FailureReason::kTime,
                                           R"({"log":{"sha256":")" + log + R"("}})",
                                           R"({"time_s":10.0})"}).status());

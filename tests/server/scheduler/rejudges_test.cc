@@ -16,34 +16,34 @@ namespace {
 
 constexpr absl::Duration kStart = absl::ZeroDuration();
 
-EvaluationSpec LeasesOf(int64_t id, const std::string& team, int leases, Priority priority) {
+EvaluationSpec BlocksOf(int64_t id, const std::string& team, int leases, Priority priority) {
   return WaitingEvaluation(id, team, leases, priority, absl::Hours(100));
 }
 
 TEST(RejudgesInTheQueueTest, ComeAfterEverythingElse) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(LeasesOf(1, "a", 1, Priority::kRejudge), kStart);
-  scheduler.Add(LeasesOf(2, "b", 1, Priority::kRerun), kStart);
+  scheduler.Add(BlocksOf(1, "a", 1, Priority::kRejudge), kStart);
+  scheduler.Add(BlocksOf(2, "b", 1, Priority::kRerun), kStart);
   EXPECT_EQ(scheduler.PlaceOf(1)->position, 2);
   EXPECT_EQ(scheduler.Next(kStart)->evaluation, 2);
 }
 
 TEST(RejudgesInTheQueueTest, NeverBecomeOverdue) {
   Scheduler scheduler({.slots = 1, .queue_wait = absl::Hours(1)});
-  scheduler.Add(LeasesOf(1, "a", 1, Priority::kRejudge), kStart);
+  scheduler.Add(BlocksOf(1, "a", 1, Priority::kRejudge), kStart);
   EXPECT_FALSE(scheduler.NextDeadline(kStart));
   EXPECT_EQ(scheduler.DeadlineOf(1), absl::InfiniteDuration());
   EXPECT_TRUE(scheduler.Escalate(absl::Hours(1000)).empty());
-  scheduler.Add(LeasesOf(2, "b", 1, Priority::kPractice), absl::Hours(1000));
+  scheduler.Add(BlocksOf(2, "b", 1, Priority::kPractice), absl::Hours(1000));
   EXPECT_EQ(scheduler.Next(absl::Hours(1000))->evaluation, 2);
 }
 
 TEST(RejudgesInTheQueueTest, GiveWayOneLeaseForEachThatIsReady) {
   Scheduler scheduler({.slots = 3});
-  scheduler.Add(LeasesOf(1, "a", 3, Priority::kRejudge), kStart);
+  scheduler.Add(BlocksOf(1, "a", 3, Priority::kRejudge), kStart);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(scheduler.Next(kStart));
   EXPECT_FALSE(scheduler.Preempt(kStart)) << "nobody else wants a slot";
-  scheduler.Add(LeasesOf(2, "b", 2, Priority::kRanked), kStart);
+  scheduler.Add(BlocksOf(2, "b", 2, Priority::kRanked), kStart);
   EXPECT_FALSE(scheduler.Next(kStart));
   const auto first = scheduler.Preempt(kStart);
   const auto second = scheduler.Preempt(kStart);
@@ -51,7 +51,7 @@ TEST(RejudgesInTheQueueTest, GiveWayOneLeaseForEachThatIsReady) {
   EXPECT_EQ(first->lease, 1002) << "the last to start has the least to lose";
   EXPECT_EQ(first->attempt, 1);
   EXPECT_EQ(second->lease, 1001);
-  EXPECT_FALSE(scheduler.Preempt(kStart)) << "two slots become free, and two leases wait";
+  EXPECT_FALSE(scheduler.Preempt(kStart)) << "two slots become free, and two blocks wait";
   EXPECT_FALSE(scheduler.Next(kStart)) << "their processes may still be there";
   EXPECT_EQ(scheduler.Finished(1002, 1, kStart).kind, Decision::Kind::kStale);
   scheduler.Free(2);
@@ -64,15 +64,15 @@ TEST(RejudgesInTheQueueTest, GiveWayOneLeaseForEachThatIsReady) {
 
 TEST(RejudgesInTheQueueTest, WhatGaveWayStartsAgainWithoutAFault) {
   Scheduler scheduler({.slots = 1, .max_retries = 0});
-  scheduler.Add(LeasesOf(1, "a", 1, Priority::kRejudge), kStart);
+  scheduler.Add(BlocksOf(1, "a", 1, Priority::kRejudge), kStart);
   for (int64_t round = 1; round <= 10; ++round) {
     const auto rejudge = scheduler.Next(kStart);
     ASSERT_TRUE(rejudge);
     ASSERT_EQ(rejudge->lease, 1000);
     EXPECT_EQ(rejudge->attempt, round);
-    scheduler.Add(LeasesOf(1 + round, "b", 1, Priority::kRerun), kStart);
+    scheduler.Add(BlocksOf(1 + round, "b", 1, Priority::kRerun), kStart);
     ASSERT_TRUE(scheduler.Preempt(kStart));
-    EXPECT_EQ(scheduler.WaitingLeasesOf(1), 1);
+    EXPECT_EQ(scheduler.CountWaitingBlocks(1), 1);
     scheduler.Free(rejudge->slot);
     const auto live = scheduler.Next(kStart);
     ASSERT_EQ(live->evaluation, 1 + round);
@@ -85,11 +85,11 @@ TEST(RejudgesInTheQueueTest, WhatGaveWayStartsAgainWithoutAFault) {
 
 TEST(RejudgesInTheQueueTest, DontGiveWayToWhatMayNotStart) {
   Scheduler scheduler({.slots = 2, .team_running = 1});
-  scheduler.Add(LeasesOf(1, "a", 1, Priority::kRanked), kStart);
-  scheduler.Add(LeasesOf(2, "a", 2, Priority::kRejudge), kStart);
+  scheduler.Add(BlocksOf(1, "a", 1, Priority::kRanked), kStart);
+  scheduler.Add(BlocksOf(2, "a", 2, Priority::kRejudge), kStart);
   ASSERT_EQ(scheduler.Next(kStart)->evaluation, 1);
   ASSERT_EQ(scheduler.Next(kStart)->evaluation, 2) << "rejudges count in nobody's share";
-  scheduler.Add(LeasesOf(3, "a", 1, Priority::kRanked), kStart);
+  scheduler.Add(BlocksOf(3, "a", 1, Priority::kRanked), kStart);
   EXPECT_FALSE(scheduler.Preempt(kStart)) << "the team has as many as it may";
   scheduler.Faulted(1000, 1, kStart);  // to be played again in 2 s
   scheduler.Free(0);
@@ -156,9 +156,9 @@ RC_GTEST_PROP(RejudgesInTheQueueTest, OthersStartAsIfTheyWereNotThere, ()) {
     const int what = *rc::gen::inRange(0, 5);
     if (what == 0) {
       with.rejudges.insert(id);
-      with.scheduler.Add(LeasesOf(id, team, leases, Priority::kRejudge), now);
+      with.scheduler.Add(BlocksOf(id, team, leases, Priority::kRejudge), now);
     } else if (what == 1) {
-      const EvaluationSpec spec = LeasesOf(
+      const EvaluationSpec spec = BlocksOf(
           id, team, leases, *rc::gen::element(Priority::kRanked, Priority::kPractice,
                                               Priority::kRerun));
       without.scheduler.Add(spec, now);

@@ -53,7 +53,7 @@ TEST(SchedulerTest, TellsWhatWaitsByClassAndForHowLong) {
   scheduler.Add(WaitingEvaluation(2, "b", 3, Priority::kPractice), absl::Seconds(4));
   const auto of = [](const QueueDepth& depth, Priority priority) {
     const QueueDepth::OfClass& own = depth.classes[static_cast<size_t>(priority)];
-    return std::pair(own.evaluations, own.leases);
+    return std::pair(own.evaluations, own.blocks);
   };
   QueueDepth depth = scheduler.DepthAt(absl::Seconds(6));
   EXPECT_EQ(of(depth, Priority::kRanked), std::pair(int64_t{1}, int64_t{2}));
@@ -142,7 +142,7 @@ TEST(SchedulerTest, TellsThePlaceInTheLine) {
   // Team b has had no turn, then the rest of 1, then 2.
   EXPECT_EQ(scheduler.PlaceOf(3)->position, 1);
   EXPECT_EQ(scheduler.PlaceOf(2)->position, 3);
-  EXPECT_EQ(scheduler.PlaceOf(2)->leases_ahead, 3);
+  EXPECT_EQ(scheduler.PlaceOf(2)->blocks_ahead, 3);
   EXPECT_FALSE(scheduler.PlaceOf(9));
   const std::set<std::string> team = {"a"};
   EXPECT_EQ(scheduler.QueueOf(&team), (std::vector<int64_t>{1, 2}));
@@ -209,7 +209,7 @@ TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
       const auto place = scheduler.PlaceOf(id);
       if (!place) continue;
       EXPECT_TRUE(positions.insert(place->position).second) << "two at one place";
-      EXPECT_EQ(place->leases_ahead, place->position - 1) << "one lease each";
+      EXPECT_EQ(place->blocks_ahead, place->position - 1) << "one lease each";
       if (place->position == 1) first = id;
       by_place[place->position] = id;
     }
@@ -329,7 +329,7 @@ TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
 struct Model {
   std::map<int64_t, std::pair<int64_t, int>> running;  // lease to attempt and slot
   std::map<int64_t, int> faults;
-  std::map<int64_t, std::set<int64_t>> open;           // evaluation to leases
+  std::map<int64_t, std::set<int64_t>> open;           // evaluation to blocks
   std::set<int64_t> done;
   std::set<int64_t> ended;
   std::vector<int> to_free;                            // slots whose lease is over
@@ -409,7 +409,7 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
       const std::string team(1, static_cast<char>('a' + *rc::gen::inRange(0, 4)));
       const EvaluationSpec spec = WaitingEvaluation(next_id++, team, leases, *rc::gen::element(
           Priority::kRanked, Priority::kPractice, Priority::kRerun, Priority::kRejudge));
-      for (const LeaseSpec& lease : spec.leases) model.open[spec.id].insert(lease.id);
+      for (const BlockSpec& lease : spec.blocks) model.open[spec.id].insert(lease.id);
       scheduler.Add(spec, now);
     } else if (what <= 2) {
       end(some_running(), /*fault=*/false);

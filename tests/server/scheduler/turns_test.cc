@@ -135,7 +135,7 @@ TEST(Turns, WhatIsOverdueIsCountedByEverybody) {
   ASSERT_EQ(scheduler.Escalate(absl::Seconds(60)), std::vector<int64_t>{1});
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(60)).classes[0].evaluations, 1);
   EXPECT_EQ(scheduler.PlaceOf(2)->position, 2);
-  EXPECT_EQ(scheduler.PlaceOf(2)->leases_ahead, 2);
+  EXPECT_EQ(scheduler.PlaceOf(2)->blocks_ahead, 2);
   EXPECT_EQ(scheduler.QueueOf(nullptr), (std::vector<int64_t>{1, 2}));
 }
 
@@ -236,7 +236,7 @@ TEST(Depth, CountsOnlyWhatWaits) {
   const QueueDepth::OfClass ranked =
       scheduler.DepthAt(kNow).classes[static_cast<size_t>(Priority::kRanked)];
   EXPECT_EQ(ranked.evaluations, 1);
-  EXPECT_EQ(ranked.leases, 3);
+  EXPECT_EQ(ranked.blocks, 3);
 }
 
 TEST(HostHealth, ATestThatPassesForgetsTheFaultsBeforeIt) {

@@ -92,9 +92,9 @@ TEST(Depth, HasTheLongestWaitSinceTheLastStart) {
   scheduler.Cancel(2);
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(22)).oldest, absl::Seconds(2));
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(22)).classes[1].evaluations, 1);
-  EXPECT_EQ(scheduler.DepthAt(absl::Seconds(22)).classes[1].leases, 1);
-  EXPECT_EQ(scheduler.WaitingLeasesOf(1), 1);
-  EXPECT_EQ(scheduler.WaitingLeasesOf(2), 0);
+  EXPECT_EQ(scheduler.DepthAt(absl::Seconds(22)).classes[1].blocks, 1);
+  EXPECT_EQ(scheduler.CountWaitingBlocks(1), 1);
+  EXPECT_EQ(scheduler.CountWaitingBlocks(2), 0);
 }
 
 TEST(Deadlines, OfAnEvaluationAreItsWaitAndThoseOfItsLeases) {
@@ -125,8 +125,8 @@ TEST(Deadlines, OfAnEvaluationAreItsWaitAndThoseOfItsLeases) {
 TEST(Retries, GoOnFromEarlierAttemptsAndFaults) {
   Scheduler scheduler({.slots = 1, .max_retries = 3, .retry_delay = absl::Seconds(2)});
   EvaluationSpec spec = WaitingEvaluation(1, "a", 1);
-  spec.leases[0].attempt = 5;
-  spec.leases[0].faults = 2;
+  spec.blocks[0].attempt = 5;
+  spec.blocks[0].faults = 2;
   scheduler.Add(spec, kZero);
   EXPECT_EQ(scheduler.Next(kZero)->attempt, 6);
   EXPECT_EQ(scheduler.Faulted(1000, 6, kZero).kind, Kind::kRetry);
@@ -147,7 +147,7 @@ TEST(Retries, DelaysAreDoubledTwentyTimesAtMost) {
                          .retry_delay = kOneSecond,
                          .queue_wait = absl::InfiniteDuration()});
     EvaluationSpec spec = WaitingEvaluation(1, "a", 1);
-    spec.leases[0].faults = faults;
+    spec.blocks[0].faults = faults;
     scheduler.Add(spec, kZero);
     ASSERT_TRUE(scheduler.Next(kZero));
     scheduler.Faulted(1000, 1, kZero);
@@ -213,7 +213,7 @@ TEST(Teams, OfRejudgesComeInTheOrderOfTheirNames) {
 
 TEST(TeamLine, CountsByClassAndAge) {
   TeamLine line;
-  EXPECT_EQ(line.LeasesOfFirst(Priority::kRanked, 5), 0);
+  EXPECT_EQ(line.BlocksOfFirst(Priority::kRanked, 5), 0);
   line.Set(Priority::kRanked, 7, 3);
   line.Set(Priority::kRanked, 4, 2);
   line.Set(Priority::kPractice, 5, 9);
@@ -221,16 +221,16 @@ TEST(TeamLine, CountsByClassAndAge) {
   EXPECT_EQ(line.RankOf(Priority::kRanked, 4), 0);
   EXPECT_EQ(line.RankOf(Priority::kRanked, 7), 1);
   EXPECT_EQ(line.RankOf(Priority::kRanked, 8), 2);
-  EXPECT_EQ(line.LeasesOfFirst(Priority::kRanked, 0), 0);
-  EXPECT_EQ(line.LeasesOfFirst(Priority::kRanked, 1), 2);
-  EXPECT_EQ(line.LeasesOfFirst(Priority::kRanked, 2), 5);
-  EXPECT_EQ(line.LeasesOfFirst(Priority::kRanked, 3), 5);
+  EXPECT_EQ(line.BlocksOfFirst(Priority::kRanked, 0), 0);
+  EXPECT_EQ(line.BlocksOfFirst(Priority::kRanked, 1), 2);
+  EXPECT_EQ(line.BlocksOfFirst(Priority::kRanked, 2), 5);
+  EXPECT_EQ(line.BlocksOfFirst(Priority::kRanked, 3), 5);
   line.Set(Priority::kRanked, 4, 0);
   EXPECT_EQ(line.size(Priority::kRanked), 1);
   EXPECT_EQ(line.RankOf(Priority::kRanked, 7), 0);
-  EXPECT_EQ(line.LeasesOfFirst(Priority::kRanked, 1), 3);
+  EXPECT_EQ(line.BlocksOfFirst(Priority::kRanked, 1), 3);
   line.Set(Priority::kRanked, 7, 1);
-  EXPECT_EQ(line.LeasesOfFirst(Priority::kRanked, 1), 1);
+  EXPECT_EQ(line.BlocksOfFirst(Priority::kRanked, 1), 1);
 }
 
 TEST(HostHealth, SaysWhyNothingStarts) {

@@ -132,11 +132,11 @@ TEST_F(AccessEventsTest, SubmissionsEvaluationsAndLogsAreATeams) {
   ASSERT_TRUE(accepted.ok()) << accepted.status();
   const std::string log(64, 'e');
   const absl::Status played = store_->Write([&](Transaction& writer) -> absl::Status {
-    const int64_t lease = accepted->leases.front();
-    absl::Status status = writer.leases.Start(lease, 1, 0, 0, "test");
+    const int64_t block = accepted->blocks.front();
+    absl::Status status = writer.blocks.Start(block, 1, 0, 0, "test");
     EpisodeRow row;
     row.evaluation = accepted->evaluation;
-    row.lease = lease;
+    row.block = block;
     row.attempt = 1;
     row.seed = 1;
     row.outcome = Outcome::kSuccess;

@@ -34,7 +34,7 @@ class DeliveriesTest : public StoreTest {
   }
   absl::Status Cancel(const Accepted& accepted) {
     return store_->Write([&](Transaction& writer) {
-      return writer.evaluations.EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "",
+      return writer.evaluations.EndWithBlocks(accepted.evaluation, EvaluationState::kCancelled, "",
                                               "uid 0");
     });
   }
@@ -72,7 +72,7 @@ TEST_F(DeliveriesTest, WhatIsRolledBackIsNotTold) {
   const Accepted accepted = Submit();
   const absl::Status status = store_->Write([&](Transaction& writer) {
     EXPECT_TRUE(writer.evaluations
-                    .EndWithLeases(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0")
+                    .EndWithBlocks(accepted.evaluation, EvaluationState::kCancelled, "", "uid 0")
                     .ok());
     return absl::AbortedError("no");
   });

@@ -66,12 +66,12 @@ class PeopleTest : public StoreTest {
   }
   // Plays a submission to its end, so that it can stand on a board.
   void Play(const Accepted& accepted) {
-    for (const size_t lease : {0, 1}) {
-      const auto first = static_cast<int64_t>(2 * lease);
-      ASSERT_TRUE(Start(accepted.leases[lease], 1).ok());
+    for (const size_t block : {0, 1}) {
+      const auto first = static_cast<int64_t>(2 * block);
+      ASSERT_TRUE(Start(accepted.blocks[block], 1).ok());
       ASSERT_TRUE(Record(accepted, first, 1).ok() && Record(accepted, first + 1, 1).ok());
       ASSERT_TRUE(Write([&](Transaction& w) {
-        return w.leases.Finish(accepted.leases[lease], 1, "{}", "daemon");
+        return w.blocks.Finish(accepted.blocks[block], 1, "{}", "daemon");
       }).ok());
     }
     ASSERT_TRUE(Write([&](Transaction& w) {

@@ -65,10 +65,10 @@ class PhaseStoreTest : public StoreTest {
   }
 
   void Finish(const Accepted& accepted) {
-    ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+    ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
     for (const int64_t index : {0, 1}) ASSERT_TRUE(Record(accepted, index, 1).ok());
     const absl::Status status = store_->Write([&](Transaction& writer) {
-      absl::Status ended = writer.leases.Finish(accepted.leases[0], 1, "{}", "daemon");
+      absl::Status ended = writer.blocks.Finish(accepted.blocks[0], 1, "{}", "daemon");
       ended.Update(writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "",
                                         "daemon"));
       return ended;

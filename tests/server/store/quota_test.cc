@@ -47,17 +47,17 @@ class QuotaTest : public StoreTest {
     return entries;
   }
 
-  // Records the first episode, as the first lease would.
+  // Records the first episode, as the first block would.
   void PlayFirst(const Accepted& accepted) {
-    ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+    ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
     ASSERT_TRUE(Record(accepted, 0, 1).ok());
   }
 
   void End(const Accepted& accepted, EvaluationState state) {
     const absl::Status status = store_->Write([&](Transaction& writer) {
       absl::Status written;
-      for (const int64_t lease : accepted.leases) {
-        written.Update(writer.leases.End(lease, LeaseState::kCancelled, false, "daemon", "over"));
+      for (const int64_t block : accepted.blocks) {
+        written.Update(writer.blocks.End(block, BlockState::kCancelled, false, "daemon", "over"));
       }
       written.Update(writer.evaluations.End(accepted.evaluation, state, "", "", "daemon"));
       return written;
@@ -92,7 +92,7 @@ TEST_F(QuotaTest, WhatIsCancelledBeforeItsFirstEpisodeCostsNothing) {
   EXPECT_EQ(Use().total_of(Budget::kRanked).open, 0);
 }
 
-TEST_F(QuotaTest, WhereEpisodesAreWithheldACancelCostsOnceALeaseHasBegun) {
+TEST_F(QuotaTest, WhereEpisodesAreWithheldACancelCostsOnceABlockHasBegun) {
   const auto cancel = [&](const Accepted& accepted) {
     ASSERT_TRUE(store_->Write([&](Transaction& writer) {
       writer.quotas.ChargeBegun(accepted.evaluation);
@@ -103,7 +103,7 @@ TEST_F(QuotaTest, WhereEpisodesAreWithheldACancelCostsOnceALeaseHasBegun) {
   cancel(Submit());
   EXPECT_THAT(Entries(), IsEmpty()) << "none has begun";
   const Accepted begun = Submit();
-  ASSERT_TRUE(Start(begun.leases[0], 1).ok());
+  ASSERT_TRUE(Start(begun.blocks[0], 1).ok());
   cancel(begun);
   EXPECT_THAT(Entries(), ElementsAre("charge official"));
 }

@@ -49,13 +49,13 @@ class RecordTest : public StoreTest {
   }
 
   void Play(const Accepted& accepted, EvaluationState state = EvaluationState::kDone) {
-    for (size_t i = 0; i < accepted.leases.size(); ++i) {
-      ASSERT_TRUE(Start(accepted.leases[i], 1).ok());
+    for (size_t i = 0; i < accepted.blocks.size(); ++i) {
+      ASSERT_TRUE(Start(accepted.blocks[i], 1).ok());
       for (const int64_t index : {2 * i, 2 * i + 1}) {
         ASSERT_TRUE(Record(accepted, index, 1).ok());
       }
       ASSERT_TRUE(store_->Write([&](Transaction& writer) {
-        return writer.leases.Finish(accepted.leases[i], 1, "{}", "daemon");
+        return writer.blocks.Finish(accepted.blocks[i], 1, "{}", "daemon");
       }).ok());
     }
     const absl::Status ended = store_->Write([&](Transaction& writer) {

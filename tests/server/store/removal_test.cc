@@ -53,15 +53,15 @@ class RemovalTest : public StoreTest {
 
   // Plays the first episode, whose log is `log`.
   void PlayFirst(const Accepted& accepted, const std::string& log) {
-    ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+    ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
     ASSERT_TRUE(Record(accepted, 0, 1, FactsWith(log)).ok());
   }
 
   void End(const Accepted& accepted, EvaluationState state) {
     const absl::Status status = Write([&](Transaction& writer) {
       absl::Status written;
-      for (const int64_t lease : accepted.leases) {
-        written.Update(writer.leases.End(lease, LeaseState::kCancelled, false, "daemon", "over"));
+      for (const int64_t block : accepted.blocks) {
+        written.Update(writer.blocks.End(block, BlockState::kCancelled, false, "daemon", "over"));
       }
       written.Update(writer.evaluations.End(accepted.evaluation, state, "", "", "daemon"));
       return written;

@@ -67,7 +67,7 @@ TEST_F(RequestKeys, TheSameRequestIsAcceptedOnce) {
   EXPECT_FALSE(again->linked);
   EXPECT_EQ(again->submission, first->submission);
   EXPECT_EQ(again->evaluation, first->evaluation);
-  EXPECT_TRUE(again->leases.empty());
+  EXPECT_TRUE(again->blocks.empty());
   EXPECT_EQ(Count("SELECT count(*) FROM submission"), 1);
   Read([&](const Transaction& reader) {
     EXPECT_EQ((*reader.submissions.FindRequest("uid 1000", {"k", kBody}))->submission,

@@ -25,12 +25,12 @@ Standing MakeStanding() {
 class StandingTest : public StoreTest {
  protected:
   void Play(const Accepted& accepted) {
-    for (size_t i = 0; i < accepted.leases.size(); ++i) {
-      const int64_t lease = accepted.leases[i];
-      ASSERT_TRUE(Start(lease, 1).ok());
+    for (size_t i = 0; i < accepted.blocks.size(); ++i) {
+      const int64_t block = accepted.blocks[i];
+      ASSERT_TRUE(Start(block, 1).ok());
       for (const int64_t index : {2 * i, 2 * i + 1}) ASSERT_TRUE(Record(accepted, index, 1).ok());
       ASSERT_TRUE(
-          Write([&](Transaction& w) { return w.leases.Finish(lease, 1, "{}", "daemon"); }).ok());
+          Write([&](Transaction& w) { return w.blocks.Finish(block, 1, "{}", "daemon"); }).ok());
     }
   }
 
@@ -107,7 +107,7 @@ TEST_F(StandingTest, PracticeLeavesBoardsAsTheyAreAndOfficialEvaluationsDoNot) {
 // The reasons of failures belong to the tracks, so the table's schema does not list them.
 TEST_F(StandingTest, EpisodesTakeAnyShortReasonAndStandAsTheyAre) {
   const Accepted accepted = Submit();
-  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
   ASSERT_TRUE(Record(accepted, 0, 1).ok());
   SQLite::Database db(path_, SQLite::OPEN_READWRITE);
   db.exec("PRAGMA foreign_keys = ON");

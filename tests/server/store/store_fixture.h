@@ -41,7 +41,7 @@ class StoreTest : public ::testing::Test {
     store_ = *std::move(store);
   }
 
-  // A submission of 4 episodes in leases of 2; `artefact` is the letter of its hash.
+  // A submission of 4 episodes in blocks of 2; `artefact` is the letter of its hash.
   absl::StatusOr<Accepted> TrySubmit(const std::string& team, char artefact, bool ranked,
                                      const AdmissionRules& rules = kRules) {
     const std::string hash(64, artefact);
@@ -74,9 +74,9 @@ class StoreTest : public ::testing::Test {
     return accepted.value_or(Accepted());
   }
 
-  absl::Status Start(int64_t lease, int64_t attempt) {
+  absl::Status Start(int64_t block, int64_t attempt) {
     return store_->Write(
-        [&](Transaction& writer) { return writer.leases.Start(lease, attempt, 0, 99, "daemon"); });
+        [&](Transaction& writer) { return writer.blocks.Start(block, attempt, 0, 99, "daemon"); });
   }
 
   // In what it differs from the row that is there.
@@ -85,9 +85,9 @@ class StoreTest : public ::testing::Test {
                                                   const std::string& facts = kFacts,
                                                   const std::string& details = "") {
     std::vector<std::string> differs;
-    const int64_t lease = accepted.leases[static_cast<size_t>(index / 2)];
+    const int64_t block = accepted.blocks[static_cast<size_t>(index / 2)];
     const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
-      auto result = writer.episodes.Record({accepted.evaluation, index, lease, attempt,
+      auto result = writer.episodes.Record({accepted.evaluation, index, block, attempt,
                                           static_cast<uint64_t>(index + 1), Outcome::kFailure,
                                           FailureReason::kTime, facts, R"({"time_s":10.0})", details});
       if (result.ok()) differs = *result;

@@ -124,10 +124,10 @@ TEST_F(StoreTest, AcceptanceNumbersRiseAndTheQueueIsThereAfterOpeningAgain) {
   Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.evaluations.Unfinished().rows.size(), 2u);
     EXPECT_EQ(reader.submissions.Find(second.submission)->team, "beta");
-    const std::vector<LeaseRow> leases = *reader.leases.Of(first.evaluation);
-    ASSERT_EQ(leases.size(), 2u);
-    EXPECT_EQ(leases[1].first, 2);
-    EXPECT_EQ(leases[1].state, LeaseState::kPending);
+    const std::vector<BlockRow> blocks = *reader.blocks.Of(first.evaluation);
+    ASSERT_EQ(blocks.size(), 2u);
+    EXPECT_EQ(blocks[1].first, 2);
+    EXPECT_EQ(blocks[1].state, BlockState::kPending);
     EXPECT_EQ(reader.content.Artefact(std::string(64, 'a'))->runtimes,
               std::vector<std::string>{"python"});
     EXPECT_EQ(reader.submissions.List({.team = "beta"}).rows.size(), 1u);
@@ -150,14 +150,14 @@ TEST_F(StoreTest, AnUnknownArtefactLeavesNothingBehind) {
 
 TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   const Accepted accepted = Submit();
-  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
   EXPECT_THAT(*Record(accepted, 0, 1), testing::IsEmpty());
   ASSERT_TRUE(store_->Write([&](Transaction& writer) {
-    return writer.leases.Return(accepted.leases[0], 1, true, "daemon", "the runner died");
+    return writer.blocks.Return(accepted.blocks[0], 1, true, "daemon", "the runner died");
   }).ok());
   // The old attempt is over: its records are rejected.
   EXPECT_TRUE(absl::IsFailedPrecondition(Record(accepted, 1, 1).status()));
-  ASSERT_TRUE(Start(accepted.leases[0], 2).ok());
+  ASSERT_TRUE(Start(accepted.blocks[0], 2).ok());
   std::string slower = kFacts;
   slower.replace(slower.find("1.5"), 3, "9.5");
   const auto same = Record(accepted, 0, 2, slower);
@@ -171,13 +171,13 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
     EXPECT_EQ(rows[0].facts_json, kFacts);
     EXPECT_EQ(rows[0].attempt, 1);
     ASSERT_EQ(reader.episodes.Repeats(accepted.evaluation)->size(), 1u);
-    EXPECT_EQ((*reader.leases.Of(accepted.evaluation))[0].faults, 1);
+    EXPECT_EQ((*reader.blocks.Of(accepted.evaluation))[0].faults, 1);
   });
 }
 
 TEST_F(StoreTest, DetailsAreKeptBesideTheResultAndComparedWithNothing) {
   const Accepted accepted = Submit();
-  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
   EXPECT_THAT(*Record(accepted, 0, 1, kFacts, R"({"fall_time":1.5})"), testing::IsEmpty());
   EXPECT_THAT(*Record(accepted, 1, 1), testing::IsEmpty());
   const auto again = Record(accepted, 0, 1, kFacts, R"({"fall_time":2.5})");
@@ -200,26 +200,26 @@ TEST_F(StoreTest, DetailsAreKeptBesideTheResultAndComparedWithNothing) {
 
 TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
   const Accepted accepted = Submit();
-  const int64_t lease = accepted.leases[0];
+  const int64_t block = accepted.blocks[0];
   const auto step = [&](const std::function<absl::Status(Transaction&)>& change) {
     return store_->Write(change).code();
   };
   const auto finish = [&](Transaction& writer) {
-    return writer.leases.Finish(lease, 1, "{}", "daemon");
+    return writer.blocks.Finish(block, 1, "{}", "daemon");
   };
   const auto end = [&](Transaction& writer) {
     return writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "", "daemon");
   };
   EXPECT_EQ(step(finish), absl::StatusCode::kFailedPrecondition) << "it does not run";
-  EXPECT_EQ(Start(lease, 2).code(), absl::StatusCode::kFailedPrecondition) << "attempt 1 is next";
-  EXPECT_EQ(Start(lease, 1).code(), absl::StatusCode::kOk);
-  EXPECT_EQ(Start(lease, 1).code(), absl::StatusCode::kOk) << "told twice";
+  EXPECT_EQ(Start(block, 2).code(), absl::StatusCode::kFailedPrecondition) << "attempt 1 is next";
+  EXPECT_EQ(Start(block, 1).code(), absl::StatusCode::kOk);
+  EXPECT_EQ(Start(block, 1).code(), absl::StatusCode::kOk) << "told twice";
   EXPECT_EQ(step(finish), absl::StatusCode::kFailedPrecondition) << "episodes are missing";
   ASSERT_TRUE(Record(accepted, 0, 1).ok() && Record(accepted, 1, 1).ok());
-  EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "leases are open";
+  EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "blocks are open";
   EXPECT_EQ(step(finish), absl::StatusCode::kOk);
   EXPECT_EQ(step([&](Transaction& writer) {
-    return writer.leases.End(accepted.leases[1], LeaseState::kCancelled, false, "uid 0", "enough");
+    return writer.blocks.End(accepted.blocks[1], BlockState::kCancelled, false, "uid 0", "enough");
   }), absl::StatusCode::kOk);
   EXPECT_EQ(step([&](Transaction& writer) {
     return writer.evaluations.End(accepted.evaluation, EvaluationState::kCancelled, "enough", "",
@@ -228,7 +228,7 @@ TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
   EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "what ended stays ended";
   Read([&](const Transaction& reader) {
     std::vector<std::string> steps;
-    const std::vector<TransitionRow> history = *reader.evaluations.Transitions("lease", lease);
+    const std::vector<TransitionRow> history = *reader.evaluations.Transitions("block", block);
     for (const TransitionRow& row : history) {
       steps.push_back(row.from + ">" + row.to);
     }
@@ -239,7 +239,7 @@ TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
 
 TEST_F(StoreTest, TheSchemaRefusesToRewriteThePast) {
   const Accepted accepted = Submit();
-  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
   ASSERT_TRUE(Record(accepted, 0, 1, kFacts, "{}").ok());
   const std::pair<const char*, const char*> attempts[] = {
       {"UPDATE transition SET why = 'x'", "never changed"},
@@ -250,12 +250,12 @@ TEST_F(StoreTest, TheSchemaRefusesToRewriteThePast) {
       {"DELETE FROM episode", "never deleted"},
       {"UPDATE config SET effective_json = ''", "never changed"},
       {"UPDATE evaluation SET state = 'finished'", "CHECK"},
-      {"UPDATE lease SET state = 'running' WHERE state = 'pending'", "CHECK"},
-      {"UPDATE lease SET slot = NULL WHERE state = 'running'", "CHECK"},
+      {"UPDATE block SET state = 'running' WHERE state = 'pending'", "CHECK"},
+      {"UPDATE block SET slot = NULL WHERE state = 'running'", "CHECK"},
       {"UPDATE submission SET ranked = 2", "CHECK"},
       {"UPDATE submission SET ranked = 'yes'", "cannot store TEXT"},
-      {"INSERT INTO episode SELECT evaluation, 3, lease, attempt, seed, outcome, reason, "
-       "facts_json, metrics_json, recorded_at FROM episode", "lease of its evaluation"},
+      {"INSERT INTO episode SELECT evaluation, 3, block, attempt, seed, outcome, reason, "
+       "facts_json, metrics_json, recorded_at FROM episode", "block of its evaluation"},
       {"INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at) "
        "VALUES (1, 'original', 0, 1, 'queued', '{}', 0)", "UNIQUE"},
   };
@@ -267,16 +267,16 @@ TEST_F(StoreTest, ALockedStoreIsToldAndTheSameChangeSucceedsLater) {
   {
     SQLite::Database other(path_, SQLite::OPEN_READWRITE);
     SQLite::Transaction holds(other, SQLite::TransactionBehavior::IMMEDIATE);
-    const absl::Status status = Start(accepted.leases[0], 1);
+    const absl::Status status = Start(accepted.blocks[0], 1);
     EXPECT_TRUE(absl::IsUnavailable(status)) << status;
     EXPECT_THAT(std::string(status.message()), HasSubstr("locked by another process"));
   }
-  EXPECT_TRUE(Start(accepted.leases[0], 1).ok());
+  EXPECT_TRUE(Start(accepted.blocks[0], 1).ok());
 }
 
 TEST_F(StoreTest, AFullDiskIsToldAndLosesNothing) {
   const Accepted accepted = Submit();
-  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  ASSERT_TRUE(Start(accepted.blocks[0], 1).ok());
   // A limit on file size stands in for a full disk: writes beyond it fail.
   std::signal(SIGXFSZ, SIG_IGN);
   rlimit before;

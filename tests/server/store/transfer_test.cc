@@ -52,13 +52,13 @@ class TransferTest : public StoreTest {
   // Two submissions, one played to its end, one cancelled, with a ledger and a mark.
   void Fill() {
     const Accepted played = Submit("alpha, \"the first\"", 'a');
-    for (const int64_t lease : {0, 1}) {
-      const int64_t id = played.leases[static_cast<size_t>(lease)];
+    for (const int64_t block : {0, 1}) {
+      const int64_t id = played.blocks[static_cast<size_t>(block)];
       ASSERT_TRUE(Start(id, 1).ok());
-      ASSERT_TRUE(Record(played, 2 * lease, 1, kFacts, R"({"fall_time":null})").ok());
-      ASSERT_TRUE(Record(played, 2 * lease + 1, 1).ok());
+      ASSERT_TRUE(Record(played, 2 * block, 1, kFacts, R"({"fall_time":null})").ok());
+      ASSERT_TRUE(Record(played, 2 * block + 1, 1).ok());
       ASSERT_TRUE(store_->Write([&](Transaction& writer) {
-        return writer.leases.Finish(id, 1, "{}", "daemon");
+        return writer.blocks.Finish(id, 1, "{}", "daemon");
       }).ok());
     }
     ASSERT_TRUE(store_->Write([&](Transaction& writer) {
@@ -66,9 +66,9 @@ class TransferTest : public StoreTest {
           writer.evaluations.End(played.evaluation, EvaluationState::kDone, "", "x", "daemon");
       status.Update(
           writer.journal.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
-      status.Update(writer.leases.RecordRun(
-          {played.leases[0], 1, "n1", "7_1", 0, 5, 1.5, std::nullopt, RunEnd::kDone}));
-      status.Update(writer.leases.DrainNode("n1", "a fan is broken", "uid 0"));
+      status.Update(writer.blocks.RecordAttempt(
+          {played.blocks[0], 1, "n1", "7_1", 0, 5, 1.5, std::nullopt, RunEnd::kDone}));
+      status.Update(writer.blocks.DrainNode("n1", "a fan is broken", "uid 0"));
       return status;
     }).ok());
   }
@@ -85,15 +85,15 @@ TEST_F(TransferTest, AnImportGivesTheSameExportAgain) {
   EXPECT_EQ(json["data"]["episode_details"][0]["details_json"], R"({"fall_time":null})");
   EXPECT_EQ(json["data"]["ledger"].size(), 1u);
   EXPECT_EQ(json["data"]["journal"].back()["private_json"], R"({"why":"ours"})");
-  EXPECT_EQ(json["data"]["lease_run"][0]["cpu_ms"], 1500);
-  EXPECT_EQ(json["data"]["lease_run"][0]["energy_mj"], nullptr);
+  EXPECT_EQ(json["data"]["attempt"][0]["cpu_ms"], 1500);
+  EXPECT_EQ(json["data"]["attempt"][0]["energy_mj"], nullptr);
   EXPECT_EQ(json["data"]["node_event"][0]["node"], "n1");
   EXPECT_FALSE(json["data"].contains("meta")) << "the secret stays";
 }
 
 TEST_F(TransferTest, WhatHadNotEndedIsCancelled) {
   const Accepted open = Submit("alpha");
-  ASSERT_TRUE(Start(open.leases[0], 1).ok());
+  ASSERT_TRUE(Start(open.blocks[0], 1).ok());
   ASSERT_TRUE(Import(Export(path_), "copy.db").ok());
   ReaderPool pool(dir_ + "/copy.db");
   ASSERT_TRUE(pool.Read([&](const Transaction& reader) {
@@ -137,7 +137,7 @@ TEST_F(TransferTest, OtherSchemasFilledStoresAndRowsThatDoNotFitAreRefused) {
   EXPECT_THAT(refusal(Sealed(text, "\"ranked\":1", "\"rank\":1"), "c.db"), HasSubstr("columns"));
   EXPECT_THAT(refusal(Sealed(text, "\"ranked\":1", "\"ranked\":2"), "d.db"), HasSubstr("CHECK"));
   EXPECT_THAT(refusal(Sealed(text, "\"evaluation\":1,\"facts", "\"evaluation\":9,\"facts"), "e.db"),
-              HasSubstr("lease"));
+              HasSubstr("block"));
   EXPECT_THAT(refusal(Sealed(text, "\"idx\":1", "\"idx\":0"), "f.db"), HasSubstr("UNIQUE"));
   ASSERT_TRUE(Import(text, "g.db").ok());
   EXPECT_THAT(refusal(text, "g.db"), HasSubstr("has rows already"));
@@ -156,8 +156,8 @@ TEST_F(TransferTest, IdsThatCantBeAreRefusedWithTheirRow) {
                    "row \"x\" of the table admission", "mismatch"),
         std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":1,\"team_id\":7",
                    "row 1 of the table admission", "a row of the table team that is not there"),
-        std::tuple("\"lease\":1,\"node\"", "\"lease\":77,\"node\"", "row 77/1 of the table lease_run",
-                   "a row of the table lease that is not there")}) {
+        std::tuple("\"block\":1,\"node\"", "\"block\":77,\"node\"", "row 77/1 of the table attempt",
+                   "a row of the table block that is not there")}) {
     const absl::Status refused =
         Import(Sealed(text, from, to), absl::StrCat("ids", ++number, ".db"));
     EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;

@@ -146,7 +146,7 @@ TEST_F(RerunsTest, AreBoundedUntilTheyEnd) {
   EXPECT_EQ(ErrorCodeOf(Rerun(a, "uid 0", /*organiser=*/true)), "quota");
   ASSERT_TRUE(store_->Write([&](Transaction& writer) {
     absl::Status status =
-        writer.leases.End(last_.leases[0], LeaseState::kCancelled, false, "uid 0", "enough");
+        writer.blocks.End(last_.blocks[0], BlockState::kCancelled, false, "uid 0", "enough");
     status.Update(writer.evaluations.End(last_.evaluation, EvaluationState::kCancelled, "enough",
                                          "", "uid 0"));
     return status;

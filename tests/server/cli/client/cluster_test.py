@@ -13,19 +13,19 @@ NODE = {"node": "n1", "state": "proved", "reason": None, "drained_at": None, "dr
 DRAINED = {**NODE, "node": "n2", "state": "drained", "reason": "a fan is broken",
            "drained_at": "2026-01-01T00:00:00.000Z", "drained_by": "uid 0"}
 NODES = {"cluster": True, "message": None, "nodes": [NODE, DRAINED], "unreadable": []}
-LEASE = {"lease": 41, "first": 0, "last": 9, "state": "running", "slot": 3, "attempt": 2, "faults": 0,
+BLOCK = {"block": 41, "first": 0, "last": 9, "state": "running", "slot": 3, "attempt": 2, "faults": 0,
          "episode": 4, "step": 7, "host": "n1", "process": 0, "running_wall_s": 21.4,
          "silent_wall_s": 0.2, "job": "77_1", "begun": True,
          "attempts": [{"attempt": 1, "node": "n9", "job": "76_1",
                        "began_at": "2026-01-01T00:00:00.000Z",
                        "ended_at": "2026-01-01T00:01:00.000Z", "cpu_s": 61.2, "energy_j": 1234.4,
                        "how": "returned"}]}
-WAITING = {**LEASE, "lease": 42, "host": None, "job": "77_2", "begun": False, "attempts": [],
+WAITING = {**BLOCK, "block": 42, "host": None, "job": "77_2", "begun": False, "attempts": [],
            "running_wall_s": 3.0}
-HEALTH = {"status": "ok", "version": "1", "api": 1, "slots": 64, "running": 2, "pending_leases": 5,
+HEALTH = {"status": "ok", "version": "1", "api": 1, "slots": 64, "running": 2, "pending_blocks": 5,
           "pid": 1, "message": None, "unreadable": [],
-          "leases": [{**LEASE, "evaluation": 9, "submission": 7, "node": "n1", "cpu_s": 20.5},
-                     {**WAITING, "evaluation": 9, "submission": 7, "node": None, "cpu_s": 0}]}
+          "leases": [{**BLOCK, "lease": 41, "evaluation": 9, "submission": 7, "node": "n1", "cpu_s": 20.5},
+                     {**WAITING, "lease": 42, "evaluation": 9, "submission": 7, "node": None, "cpu_s": 0}]}
 
 
 class ClusterTest(CliCase):
@@ -88,7 +88,7 @@ class ClusterTest(CliCase):
             "GET /v1/health": (200, HEALTH),
             "GET /v1/submissions": (200, {"submissions": [], "unreadable": []}),
             "GET /v1/submissions/7": (200, {**STATUS, "state": "running",
-                                            "leases": [LEASE, WAITING]})})
+                                            "blocks": [BLOCK, WAITING]})})
         at = ("--socket", socket)
         self.checked("status", "status", *at)
         self.checked("status", "status", "7", *at)
@@ -102,10 +102,10 @@ class ClusterTest(CliCase):
         self.assertRegex(one, r"(?m)^ *41 +1 +n9 +76_1 .* 1234 J +returned$")
 
     def test_status_of_a_host_is_as_it_was(self):
-        lease = {**LEASE, "job": None, "attempts": [
+        block = {**BLOCK, "job": None, "attempts": [
             {"attempt": 1, "node": None, "job": None, "began_at": "2026-01-01T00:00:00.000Z",
              "ended_at": "2026-01-01T00:01:00.000Z", "cpu_s": 61.2, "energy_j": None, "how": "done"}]}
-        socket = self.serve({"GET /v1/submissions/7": (200, {**STATUS, "leases": [lease]})})
+        socket = self.serve({"GET /v1/submissions/7": (200, {**STATUS, "blocks": [block]})})
         shown = myograde("status", "7", "--socket", socket).stdout
         self.assertRegex(shown, r"(?m)^block +episodes +state +host +slot ")
         self.assertNotIn("Attempts", shown)

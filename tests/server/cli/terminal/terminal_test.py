@@ -83,7 +83,7 @@ class TerminalTest(CliCase):
     def test_nothing_is_longer_than_a_line(self):
         status = {**STATUS, "state": "running", "deadline_at": "2026-11-22T02:10:54.123Z",
                   "owner": "daemon 22288", "waiting": "1 block of episodes waits " * 8,
-                  "leases": [{"lease": 1, "first": 0, "last": 9, "state": "running",
+                  "blocks": [{"block": 1, "first": 0, "last": 9, "state": "running",
                               "host": "a-host-with-a-name", "slot": 1, "attempt": 1, "faults": 0,
                               "running_wall_s": 7200.5, "episode": 3, "step": 12345}]}
         socket = self.serve({

@@ -1,0 +1,200 @@
+// Where the attempts of blocks ran, and which nodes of a cluster get no blocks.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/status_macros.h"
+#include "protocol/lease/track_config.h"
+#include "server/store/blocks.h"
+#include "server/store/stored_row.h"
+
+namespace myograde::server {
+namespace {
+
+// More than any attempt can use; in thousandths it is exact in a double.
+constexpr double kMostUsed = 1e12;
+
+// Another host measured it, so anything may stand there.
+int64_t Thousandths(double value) {
+  if (!(value > 0)) return 0;
+  return std::llround(std::min(value, kMostUsed) * 1000);
+}
+
+constexpr StoredRows<AttemptRow> kRuns = {
+    "attempt",
+    "SELECT r.block, r.attempt, r.node, r.job, r.began_at, r.ended_at, r.cpu_ms, r.energy_mj, "
+    "r.how FROM block AS l JOIN attempt AS r ON r.block = l.id ",
+    [](StoredRow& row, AttemptRow& run) {
+      run.block = row.Id(0);
+      run.attempt = row.Id(1);
+      run.node = row.Text(2);
+      run.job = row.Text(3);
+      run.began_at = row.TimeOr0(4);
+      run.ended_at = row.Time(5);
+      run.cpu_s = static_cast<double>(row.Number(6, 0, INT64_MAX)) / 1000;
+      const int64_t energy = row.NumberOr(7, 0, INT64_MAX, -1);
+      if (energy >= 0) run.energy_j = static_cast<double>(energy) / 1000;
+      run.how = row.Named(8, ParseRunEnd);
+    }};
+
+constexpr StoredRows<DrainedNodeRow> kNodes = {
+    "node_event", "SELECT id, at, node, who, why FROM node_event AS n ",
+    [](StoredRow& row, DrainedNodeRow& node) {
+      node.id = row.Id(0);
+      node.at = row.Time(1);
+      row.TextsInto(2, {&node.node, &node.who, &node.why});
+    }};
+
+// The newest event of a node and its reason; "" if there is none.
+std::pair<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
+  Statement select(db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1",
+                   node);
+  if (!select.executeStep()) return {};
+  return {select.getColumn(0).getString(), select.getColumn(1).getString()};
+}
+
+constexpr StoredRows<BlockRow> kBlocks = {
+    "block",
+    "SELECT id, first, last, state, attempt, faults, detail, slot, started_at, deadline_at, "
+    "finished_at, output_json, evaluation FROM block ",
+    [](StoredRow& row, BlockRow& block) {
+      block.id = row.Id(0);
+      block.evaluation = row.Id(12);
+      block.first = row.Number(1, 0, kMaxEpisodes - 1);
+      block.last = row.Number(2, block.first, kMaxEpisodes - 1);
+      block.state = row.Named(3, ParseBlockState);
+      block.attempt = row.Number(4, 0, kMany);
+      block.faults = row.Number(5, 0, block.attempt);
+      block.detail = row.Text(6);
+      block.slot = row.NumberOr(7, 0, kMany, -1);
+      block.started_at = row.TimeOr0(8);
+      block.deadline_at = row.TimeOr0(9);
+      block.finished_at = row.TimeOr0(10);
+      if (!row.IsNull(11)) block.output_json = row.Object(11);
+      if (IsFinal(block.state) == row.IsNull(10)) row.Fail(3, "its time of ending says otherwise");
+    }};
+
+}  // namespace
+
+absl::Status Blocks::Refused(const char* what, const BlockRow& block, std::string_view step) {
+  return absl::FailedPreconditionError(absl::StrCat(
+      "block ", block.id, " can't be ", what, ": it is ", std::string(BlockStateName(block.state)),
+      ", attempt ", block.attempt, std::string(step)));
+}
+
+absl::StatusOr<std::vector<BlockRow>> Blocks::Of(int64_t evaluation) const {
+  return kBlocks.All(db_, "WHERE evaluation = ? ORDER BY first", evaluation);
+}
+
+absl::StatusOr<BlockRow> Blocks::Find(int64_t block) {
+  return kBlocks.First(db_, NoSuch("block", block), "WHERE id = ?", block);
+}
+
+absl::Status Blocks::RunEvaluation(int64_t evaluation, const std::string& who) {
+  Statement update(db_, R"(UPDATE evaluation
+      SET state = 'running', started_at = ? WHERE id = ? AND state = 'queued')",
+                   now_ms_, evaluation);
+  if (update.exec() == 0) return absl::OkStatus();  // already running
+  return Audit("evaluation", evaluation, "queued", "running", who, "its first block started");
+}
+
+absl::Status Blocks::Start(int64_t block, int64_t attempt, int64_t slot, int64_t deadline_ms,
+                           const std::string& who) {
+  ASSIGN_OR_RETURN(BlockRow row, Find(block));
+  if (row.state == BlockState::kRunning && row.attempt == attempt) return absl::OkStatus();
+  if (row.state != BlockState::kPending || attempt != row.attempt + 1) {
+    return Refused("started", row, absl::StrCat(", not before attempt ", attempt));
+  }
+  Run(db_, R"(UPDATE block SET state = 'running',
+      attempt = ?, slot = ?, owner = ?, started_at = ?, deadline_at = ? WHERE id = ?)",
+      attempt, slot, who, now_ms_, deadline_ms, block);
+  RETURN_IF_ERROR(Audit("block", block, "pending", "running", who,
+                        absl::StrCat("attempt ", attempt, " on slot ", slot)));
+  return RunEvaluation(row.evaluation, who);
+}
+
+absl::Status Blocks::Finish(int64_t block, int64_t attempt, const std::string& output_json,
+                            const std::string& who) {
+  ASSIGN_OR_RETURN(BlockRow row, Find(block));
+  if (row.state == BlockState::kDone && row.attempt == attempt) return absl::OkStatus();
+  if (row.state != BlockState::kRunning || row.attempt != attempt) {
+    return Refused("finished", row, absl::StrCat(", not ", attempt));
+  }
+  const int64_t episodes = FirstValue<int64_t>(db_, R"(SELECT count(*)
+      FROM episode WHERE block = ? AND evaluation = ? AND idx BETWEEN ? AND ?)",
+                                               block, row.evaluation, row.first, row.last);
+  if (episodes != row.last - row.first + 1) {
+    return Refused("finished", row, ", and episodes are missing");
+  }
+  Run(db_, R"(UPDATE block SET state = 'done', slot = NULL, owner = NULL,
+      started_at = NULL, deadline_at = NULL, finished_at = ?, output_json = ? WHERE id = ?)",
+      now_ms_, output_json, block);
+  return Audit("block", block, "running", "done", who, absl::StrCat("attempt ", attempt));
+}
+
+absl::Status Blocks::Return(int64_t block, int64_t attempt, bool fault, const std::string& who,
+                            const std::string& why) {
+  ASSIGN_OR_RETURN(BlockRow row, Find(block));
+  if (row.state == BlockState::kPending && row.attempt == attempt) return absl::OkStatus();
+  if (row.state != BlockState::kRunning || row.attempt != attempt) {
+    return Refused("returned", row, absl::StrCat(", not ", attempt));
+  }
+  Run(db_, R"(UPDATE block SET state = 'pending', slot = NULL, owner = NULL,
+      started_at = NULL, deadline_at = NULL, faults = faults + ?, detail = ? WHERE id = ?)",
+      fault, why, block);
+  return Audit("block", block, "running", "pending", who, why);
+}
+
+absl::Status Blocks::End(int64_t block, BlockState state, bool fault, const std::string& who,
+                         const std::string& why) {
+  ASSIGN_OR_RETURN(BlockRow row, Find(block));
+  if (row.state == state) return absl::OkStatus();
+  if (IsFinal(row.state) || (state != BlockState::kFailed && state != BlockState::kCancelled)) {
+    return Refused("ended", row, "");
+  }
+  Run(db_, R"(UPDATE block SET state = ?, slot = NULL, owner = NULL, started_at = NULL,
+      deadline_at = NULL, finished_at = ?, faults = faults + ?, detail = ? WHERE id = ?)",
+      BlockStateName(state), now_ms_, fault, why, block);
+  return Audit("block", block, BlockStateName(row.state), BlockStateName(state), who, why);
+}
+
+absl::Status Blocks::RecordAttempt(const AttemptRow& run) {
+  Run(db_, R"(INSERT INTO attempt (block, attempt, node, job, began_at, ended_at, cpu_ms,
+      energy_mj, how) VALUES (?, ?, ?, ?, nullif(?, 0), ?, ?, nullif(?, -1), ?)
+      ON CONFLICT (block, attempt) DO NOTHING)",
+      run.block, run.attempt, run.node, run.job, run.began_at,
+      run.ended_at == 0 ? now_ms_ : run.ended_at, Thousandths(run.cpu_s),
+      run.energy_j.has_value() ? Thousandths(*run.energy_j) : -1, RunEndName(run.how));
+  return absl::OkStatus();
+}
+
+void Blocks::AddNodeEvent(const std::string& node, const char* event, const std::string& why,
+                          const std::string& who) {
+  Run(db_, "INSERT INTO node_event (at, node, event, who, why) VALUES (?, ?, ?, ?, ?)", now_ms_,
+      node, event, who, why);
+}
+
+absl::Status Blocks::DrainNode(const std::string& node, const std::string& why,
+                               const std::string& who) {
+  const auto [event, reason] = LatestEvent(db_, node);
+  if (event != "drained" || reason != why) AddNodeEvent(node, "drained", why, who);
+  return absl::OkStatus();
+}
+
+absl::Status Blocks::AdmitNode(const std::string& node, const std::string& who) {
+  if (LatestEvent(db_, node).first == "drained") AddNodeEvent(node, "admitted", "", who);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<AttemptRow>> Blocks::ListAttempts(int64_t evaluation) const {
+  return kRuns.All(db_, "WHERE l.evaluation = ? ORDER BY r.block, r.attempt", evaluation);
+}
+
+Listed<DrainedNodeRow> Blocks::DrainedNodes() const {
+  return kNodes.List(db_, R"(WHERE event = 'drained'
+      AND id = (SELECT max(id) FROM node_event WHERE node IS n.node) ORDER BY node)");
+}
+
+}  // namespace myograde::server
