@@ -11,7 +11,7 @@ add_custom_command(
   COMMAND ${Python3_EXECUTABLE} -B ${here}/pages.py ${PROJECT_VERSION}
           ${CMAKE_RUNTIME_OUTPUT_DIRECTORY} ${CMAKE_SOURCE_DIR} ${pages}
   COMMAND ${CMAKE_COMMAND} -E touch ${pages}/complete.stamp
-  DEPENDS myograde myograded ${here}/pages.py ${here}/roff.py ${here}/copyright
+  DEPENDS myograde myograded ${here}/pages.py ${here}/roff.py ${CMAKE_SOURCE_DIR}/server/docs/help.py ${here}/copyright
           ${here}/myograde-setup ${CMAKE_SOURCE_DIR}/configs/server.json
           ${CMAKE_SOURCE_DIR}/configs/README.md ${CMAKE_SOURCE_DIR}/configs/challenges/README.md
           ${CMAKE_SOURCE_DIR}/configs/sandbox/policy.json

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the documents' site of the pages in the folders: make_site.py OUT VERSION [--source DIR]
+"""Makes the documents' site of the pages in the folders: make_site.py OUT VERSION --program FILE [--source DIR]
 
 site.json says which page is for whom, where each reader starts, what titles some pages have here, and what placeholders
 stand for; every page of the tree must be there. The site is OUT/VERSION. A path in backquotes that names another page
-becomes a link with that page's title. Needs the MkDocs of docker/docs.txt beside the interpreter that runs this.
+becomes a link with that page's title. COMMANDS is made of what the program myograde prints for --help. Needs the MkDocs of docker/docs.txt beside the interpreter that runs this.
 Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
-Example: make_site.py build/docs 1.0
+Example: make_site.py build/docs 1.0 --program build/release/bin/myograde
 """
 
 import argparse
@@ -20,6 +20,8 @@ import subprocess
 import sys
 import tempfile
 
+from help import Help, helps_below
+
 HERE = pathlib.Path(__file__).resolve().parent
 FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 PAGE_NAME = re.compile(r"(?<!\[)`([\w./-]+\.md)`(?!\])")
@@ -33,6 +35,8 @@ CODE = re.compile(r"<code>([^<]+)</code>")
 LONGEST_WORD = 30
 # As GitHub shows the root's page, it is the tour; the site's first page is a list of all.
 ROOT_PAGE, TOUR = "README.md", "tour.md"
+# Where the list of commands belongs, and its page.
+CLI_PAGE, COMMANDS = "server/cli/README.md", "commands.md"
 
 
 def pages_of(source):
@@ -97,7 +101,27 @@ def keep_words(page):
         re.split(r"(<pre.*?</pre>)", text, flags=re.DOTALL))), encoding="utf-8")
 
 
-def collect(source, work, version):
+def commands_page(program):
+    """All verbs of the program with their arguments and options, as Markdown."""
+    def row(words):
+        return "| " + " | ".join(word.replace("|", "\\|") for word in words) + " |"
+
+    lines = ["# Commands", "", "What `myograde VERB --help` prints, for every verb.", ""]
+    for words, shown in helps_below([program]):
+        lines += [f"{'#' * (1 + len(words))} `{' '.join(words)}`", "",
+                  html.escape(shown.summary, quote=False) + ".", "", "```sh", shown.usage, "```", ""]
+        entries = [entry for section in ("Positionals", "Options") for entry in shown.entries(section)
+                   if not entry[0].startswith("-h,")]
+        if entries:
+            lines += [row(["argument or option", "meaning"]), "|---|---|"]
+            lines += [row([f"`{name}`", html.escape(meaning, quote=False)]) for name, meaning in entries] + [""]
+        example = shown.sections.get("Example")
+        if example:
+            lines += ["Example:", "", "```sh", *(line.strip() for line in example), "```", ""]
+    return "\n".join(lines) + "\n"
+
+
+def collect(source, work, version, program):
     """Writes pages and mkdocs.yml (as JSON, which is YAML) into the folder `work`."""
     site = json.loads((HERE / "site.json").read_text(encoding="utf-8"))
     audiences = site["audiences"]
@@ -129,6 +153,10 @@ def collect(source, work, version):
             target.write_text(text, encoding="utf-8")
             entries.append({titles[page]: place_of(page)})
             first.append(f"- [{titles[page]}]({place_of(page)})")
+            if page == CLI_PAGE:
+                (work / "pages" / COMMANDS).write_text(commands_page(program), encoding="utf-8")
+                entries.append({"Commands": COMMANDS})
+                first.append(f"- [Commands]({COMMANDS})")
         nav.append({audience: entries})
     (work / "pages/index.md").write_text("\n".join(first) + "\n", encoding="utf-8")
     config = {"site_name": "MyoGrade", "docs_dir": "pages", "site_dir": "site", "nav": nav,
@@ -146,13 +174,14 @@ def main():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("version")
+    parser.add_argument("--program", type=pathlib.Path, required=True, help="myograde, as it was built")
     parser.add_argument("--source", type=pathlib.Path, default=HERE.parents[1])
     options = parser.parse_args()
     if not re.fullmatch(r"\d+\.\d+", options.version):
         parser.error(f"{options.version} is not a version such as 1.0")
     with tempfile.TemporaryDirectory() as folder:
         work = pathlib.Path(folder)
-        collect(options.source.resolve(), work, options.version)
+        collect(options.source.resolve(), work, options.version, options.program.resolve())
         done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict"], cwd=work,
                               capture_output=True, text=True, check=False)
         if done.returncode != 0:

@@ -21,7 +21,7 @@ from typing import NoReturn
 import debian
 import requirements
 import tree
-from failure import Trouble, WrongUse, harmless
+from failure import Trouble, WrongUse, sanitized
 from worker import NOBODY, Worker
 
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
@@ -224,7 +224,7 @@ def finish(args: argparse.Namespace, place: Place, new: pathlib.Path) -> None:
         count = len(described["packages"])
         print(f"The runtime {args.name} is made: {count} package{'s' if count != 1 else ''}, "
               f"{described['bytes'] / 1e6:.1f} MB, digest {described['digest'][:12]}, "
-              f"in {harmless(version)}")
+              f"in {sanitized(version)}")
 
 
 def remove(args: argparse.Namespace) -> None:
@@ -242,7 +242,7 @@ def remove(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps({"runtime": args.name, "removed": [str(path) for path in there]}, indent=2))
     else:
-        print(f"Removed {', '.join(map(harmless, there))}")
+        print(f"Removed {', '.join(map(sanitized, there))}")
 
 
 def options() -> argparse.ArgumentParser:
@@ -284,10 +284,10 @@ def main() -> int:
         args.run(args)
         return 0
     except WrongUse as error:
-        print(f"myograde: error: {harmless(error)}", file=sys.stderr)
+        print(f"myograde: error: {sanitized(error)}", file=sys.stderr)
         return 2
     except (Trouble, OSError) as error:
-        print(f"myograde: error: {harmless(error)}", file=sys.stderr)
+        print(f"myograde: error: {sanitized(error)}", file=sys.stderr)
         return 4
 
 

@@ -73,7 +73,7 @@ def setUpModule():
 
 
 def make(out, *words):
-    return subprocess.run([PYTHON, "-B", MAKE, out, *words], capture_output=True, text=True,
+    return subprocess.run([PYTHON, "-B", MAKE, out, "--program", BIN / "myograde", *words], capture_output=True, text=True,
                           timeout=300, check=False)
 
 
@@ -87,7 +87,7 @@ class Site(unittest.TestCase):
         pages = self.pages()
         listed = json.loads((SOURCE / "server/docs/site.json").read_text())["audiences"]
         self.assertEqual(set(listed), AUDIENCES)
-        self.assertEqual(len(pages), sum(map(len, listed.values())) + 1)
+        self.assertEqual(len(pages), sum(map(len, listed.values())) + 2, "the first page and the list of commands, too")
         checked = 0
         for name, page in pages.items():
             self.assertEqual(page.refused, [], name)
@@ -120,10 +120,17 @@ class Site(unittest.TestCase):
             # In the sentence and in the list below it, beside the navigation.
             self.assertGreaterEqual(links.count(page), 3, page)
 
+    def test_the_list_of_commands_is_what_the_program_says(self):
+        text = (ROOT / "docs" / VERSION / "commands.html").read_text(encoding="utf-8")
+        titles = set(re.findall(r"<code>([^<]+)</code></h\d>", text.replace('<span class="word">', "").replace("</span>", "")))
+        self.assertLessEqual({"submit", "episode replay", "phase seeds reveal"}, titles)
+        self.assertIn("Submit a policy for grading.", text)
+
     def test_code_is_shown_as_it_is_typed(self):
         text = (ROOT / "docs" / VERSION / "server/cli/index.html").read_text(encoding="utf-8")
-        self.assertIn('<span class="word">python|cpp|torch</span>', text)
-        self.assertIn('<span class="word">--track</span>', text)
+        self.assertIn('<span class="word">--episodes</span>', text)
+        commands = (ROOT / "docs" / VERSION / "commands.html").read_text(encoding="utf-8")
+        self.assertIn('<span class="word">TEXT:{cpp,python,torch}</span>', commands)
         # Blocks of code are left alone, and so is what is too long for a line.
         guide = (ROOT / "docs" / VERSION / "policies/GUIDE.html").read_text(encoding="utf-8")
         for block in re.findall(r"<pre.*?</pre>", guide, re.DOTALL):

@@ -181,10 +181,10 @@ def _answer(server: Server, status: int, text: bytes) -> Any:
     error = answer.get("error") if isinstance(answer, dict) else None
     if not isinstance(error, dict) or not isinstance(error.get("message"), str):
         raise ServerError(status, "unreadable", f"{server} answered with HTTP status {status} and no readable body")
-    raise ServerError(status, _harmless(str(error.get("code", ""))), _harmless(error["message"]))
+    raise ServerError(status, _sanitized(str(error.get("code", ""))), _sanitized(error["message"]))
 
 
-def _harmless(text: str) -> str:
+def _sanitized(text: str) -> str:
     """Without control characters that a terminal would obey."""
     return "".join(sign if sign.isprintable() else "\ufffd" for sign in text[:MAX_SENTENCE])
 
