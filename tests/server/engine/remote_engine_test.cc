@@ -65,7 +65,7 @@ TEST_F(RemoteEngineTest, ALeaseThatWaitsForAProcessorIsNeitherSilentNorLate) {
   EXPECT_LT(runs.running, absl::Seconds(10)) << "its time began with it";
   RunFor(absl::Minutes(2));
   EXPECT_TRUE(world.AllEnded());
-  EXPECT_EQ(OnlyLease(id).attempt, 1);
+  EXPECT_EQ(OnlyBlock(id).attempt, 1);
   ExpectSound();
 }
 
@@ -97,7 +97,7 @@ TEST_F(RemoteEngineTest, LeasesThatAreLostOneAfterTheOtherAreTold) {
     RunFor(absl::Seconds(1));
   }
   world.next_is_lost_after = absl::InfiniteDuration();
-  EXPECT_EQ(OnlyLease(id).attempt, 10);
+  EXPECT_EQ(OnlyBlock(id).attempt, 10);
   EXPECT_THAT(world.core->Health().losses, HasSubstr("the last 10 leases were lost"));
   RunFor(absl::Hours(2));
   EXPECT_TRUE(world.AllEnded());
