@@ -156,7 +156,7 @@ TEST_F(TransferTest, IdsThatCantBeAreRefusedWithTheirRow) {
                    "row \"x\" of the table admission", "mismatch"),
         std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":1,\"team_id\":7",
                    "row 1 of the table admission", "a row of the table team that is not there"),
-        std::tuple("\"block\":1,\"node\"", "\"block\":77,\"node\"", "row 77/1 of the table attempt",
+        std::tuple("\"block\":1,\"cpu_ms\"", "\"block\":77,\"cpu_ms\"", "row 77/1 of the table attempt",
                    "a row of the table block that is not there")}) {
     const absl::Status refused =
         Import(Sealed(text, from, to), absl::StrCat("ids", ++number, ".db"));
