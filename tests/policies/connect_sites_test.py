@@ -119,11 +119,14 @@ class Codabench(WithBoth):
         super().setUp()
         package = pathlib.Path(codabench.__file__).parent.parent
         shutil.copytree(package / "connect/bundle", self.folder / "bundle")
-        self.program = self.folder / "bundle/scoring_program"
-        shutil.copytree(package, self.program / "myograde", ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+        shutil.copytree(package, self.folder / "site/myograde", ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+        # What a submission has in /app/program, beside a command of its own.
+        (self.folder / "program").mkdir()
+        (self.folder / "program/myograde.py").write_text("raise SystemExit('a submission runs')")
+        (self.folder / "data").mkdir()
         token = self.daemon.post("/v1/tokens", {"role": "organiser", "label": "Codabench"})["token"]
-        (self.program / "token").write_text(token)
-        (self.program / "connect.json").write_text(json.dumps({
+        (self.folder / "data/token").write_text(token)
+        (self.folder / "data/connect.json").write_text(json.dumps({
             "myograde": {"server": str(self.daemon.socket_path), "token_file": "token"}, "teams": {"9": "known"},
             "phases": {name: {"phase": name, "splits": {"main": COLUMNS}} for name in ("warm-up", "final")}}))
 
@@ -137,13 +140,16 @@ class Codabench(WithBoth):
             (work / "input/res" / name).write_bytes(content)
         mounts = work / "mountinfo"
         mounts.write_text(f"9 8 0:1 /codabench/{worker}/input /app/input rw - ext4 /dev/sda rw\n")
-        command = re.fullmatch("command: python3 -m (.*)\n", (self.program / "metadata.yaml").read_text())[1].split()
-        script = ("import pathlib, runpy\nimport myograde.connect.codabench as codabench\n"
+        (work / "data").symlink_to(self.folder / "data")
+        (entrypoint,) = re.findall("^ENTRYPOINT (.*)$", (SOURCE / "configs/EVALAI.md").read_text(), re.MULTILINE)
+        words = json.loads(entrypoint)[2].replace("/app/", f"{work}/").split()
+        self.assertEqual(words[:4], ["exec", "python3", "-I", "-m"])
+        script = (f"import pathlib, runpy, sys\nsys.path.insert(0, {str(self.folder / 'site')!r})\n"
+                  "import myograde.connect.codabench as codabench\n"
                   f"codabench.MOUNTS = pathlib.Path({str(mounts)!r})\n"
-                  f"runpy.run_module({command[0]!r}, run_name='__main__', alter_sys=True)")
-        words = [word.replace("/app/", f"{work}/") for word in command[1:]]
-        done = subprocess.run([sys.executable, "-B", "-c", script, *words], cwd=self.program, capture_output=True,
-                              text=True, timeout=LONG_S, env={"PATH": "", "PYTHONPATH": str(self.program)})
+                  f"runpy.run_module({words[4]!r}, run_name='__main__', alter_sys=True)")
+        done = subprocess.run([sys.executable, "-I", "-B", "-c", script, *words[5:]], cwd=self.folder / "program",
+                              capture_output=True, text=True, timeout=LONG_S, env={"PATH": ""})
         scores, report = work / "output/scores.json", work / "output/detailed_results.html"
         return (done, json.loads(scores.read_text()) if scores.exists() else None,
                 report.read_text() if report.exists() else "")
