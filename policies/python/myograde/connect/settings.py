@@ -10,10 +10,10 @@ from typing import Any
 from ..client import Client
 from ..errors import WrongUse
 
-NEEDED, NUMBER = object(), (int, float)
+NEEDED = object()
 # The keys of each object: their type, and what holds without them.
 FILE = {"evalai": (dict, None), "myograde": (dict, {}), "phases": (dict, NEEDED), "teams": (dict, {}),
-        "poll_s": (NUMBER, 10), "largest_bytes": (int, 5_000_000_000)}
+        "poll_s": ((int, float), 10), "largest_bytes": (int, 5_000_000_000)}
 EVALAI = {"server": (str, "https://eval.ai"), "challenge": (int, NEEDED), "queue": (str, NEEDED),
           "token_file": (str, NEEDED)}
 MYOGRADE = {"server": (str, None), "token_file": (str, None), "ca_file": (str, None), "pages": (str, None)}
@@ -25,18 +25,15 @@ def _object(value: Any, where: str, shape: dict[str, Any]) -> SimpleNamespace:
     """The object's values under their keys. Keys that begin with // are comments."""
     if not isinstance(value, dict):
         raise WrongUse(f"{where}: must be an object")
-    made = {key: usual for key, (_, usual) in shape.items()}
-    for key, entry in value.items():
-        if key.startswith("//"):
-            continue
+    given = {key: entry for key, entry in value.items() if not key.startswith("//")}
+    for key, entry in given.items():
         if key not in shape:
             raise WrongUse(f'{where}: unknown key "{key}"; known: {", ".join(shape)}')
         if not isinstance(entry, shape[key][0]) or isinstance(entry, bool):
             raise WrongUse(f'{where}: "{key}" has the wrong type; configs/EVALAI.md says what it takes')
-        made[key] = entry
-    for key in (key for key, entry in made.items() if entry is NEEDED):
-        raise WrongUse(f'{where}: "{key}" is missing')
-    return SimpleNamespace(**made)
+    if missing := [key for key, (_, usual) in shape.items() if usual is NEEDED and key not in given]:
+        raise WrongUse(f'{where}: "{missing[0]}" is missing')
+    return SimpleNamespace(**{key: given.get(key, usual) for key, (_, usual) in shape.items()})
 
 
 def _phase(value: Any, where: str) -> SimpleNamespace:

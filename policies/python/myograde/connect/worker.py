@@ -125,7 +125,7 @@ class Worker:
                     self.save(row, "grading")
             for name, value in (("record", begin), ("columns", columns)):
                 self.rows("INSERT OR REPLACE INTO kept VALUES (?, ?)", name, str(value))
-        self.followed = begin
+        self.followed = size  # what came meanwhile is read with the next turn
 
     def advance(self, pk: int) -> None:
         """Takes it as far as it goes now."""
