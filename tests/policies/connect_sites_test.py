@@ -55,6 +55,11 @@ class Scores(unittest.TestCase):
         self.assert_falls(steps, [result(distance_m=20, pain_over_steps=of, effort_over_steps=effort)
                                   for of, effort in ((0.1, 0.5), (0.2, 0.1), (0.2, 0.2))] + [result(distance_m=19)])
 
+    def test_boards_without_rules_go_by_the_mean_score(self):
+        results = [{"score": score, "effort": effort} for score, effort in ((1, 0.5), (0.87, 0.1), (0.87, 0.2), (0, 0.1))]
+        self.assert_falls(None, results)
+        self.assertEqual(mapping.openers_of({"rules": None, "rows": [{"band": 1, "aggregate": results[0]}]}), [])
+
     def test_bands_are_those_of_the_board(self):
         times = [1.0, 1.7, 1.9, 2.0, 2.3, 2.6, 3.0, 3.4, 20.0, 2000.0]
         self.assert_falls(TIERED, [result(90, time_s, 0.1) for time_s in times], [2.0, 3.0])

@@ -33,8 +33,10 @@ def _packed(first: float, then: float | None = None, last: float | None = None) 
     return first + (parts[0] * DIGITS + parts[1]) / DIGITS**2
 
 
-def _cut(rules: Json, aggregate: Json) -> tuple[float, float] | None:
+def _cut(rules: Json | None, aggregate: Json) -> tuple[float, float] | None:
     """What bands are cut by, so that less is better, and their factor; None for a result that is in no band."""
+    if not rules:
+        return None
     if "line_successes" in rules:
         if aggregate["successes"] * rules["line_episodes"] < rules["line_successes"] * aggregate["episodes"]:
             return None
@@ -51,10 +53,12 @@ def openers_of(board: Json) -> list[float]:
     return sorted(dict(sorted(cuts, reverse=True)).values())  # of each band the least number, which comes last
 
 
-def score(rules: Json, aggregate: Json, openers: Sequence[float] = ()) -> float:
+def score(rules: Json | None, aggregate: Json, openers: Sequence[float] = ()) -> float:
     """The packed score of a result under a board's rules, whose bands `openers` open; more is better. A result that
     is not on the board, and that none of its bands would hold, has a band of its own."""
-    distance, tiered = aggregate["distance_m"] or 0, "line_successes" in rules
+    if not rules:  # the mean score decides, then effort
+        return _packed(math.floor(aggregate["score"] * DIGITS), aggregate["effort"]) / DIGITS
+    distance, tiered = aggregate.get("distance_m") or 0, "line_successes" in rules
     if "qualify_m" in rules:
         over = "_over_steps" if rules["means"] == "steps" else ""
         qualified = distance >= rules["qualify_m"]
