@@ -77,7 +77,7 @@ class Worker:
                 break
             pk = message["body"]["submission_pk"]
             self.receipts[pk] = message["receipt_handle"]
-            self.see(pk, message["body"]["phase_pk"])
+            self.reconcile(pk, message["body"]["phase_pk"])
         self.follow_record()
         unfinished = {pk for (pk,) in self.rows("SELECT pk FROM submission WHERE step != 'done'")}
         for pk in sorted(unfinished | self.receipts.keys()):
@@ -89,10 +89,10 @@ class Worker:
         """Finds what the queue has lost, and what EvalAI has cancelled without a message."""
         for status in (*OPEN, "cancelled"):
             for found in self.evalai.ask("GET", f"{self.challenge}/submission/?status={status}") or []:
-                self.see(found["id"], found["challenge_phase"], status)
+                self.reconcile(found["id"], found["challenge_phase"], status)
         self.surveyed_at = time.monotonic()
 
-    def see(self, pk: int, phase: int, status: str = "") -> None:
+    def reconcile(self, pk: int, phase: int, status: str = "") -> None:
         """A submission that is new here, or one that may have been cancelled or resumed since."""
         for row in self.rows("SELECT * FROM submission WHERE pk = ?", pk):
             status = status or self.status(pk)
