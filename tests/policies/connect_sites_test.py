@@ -37,7 +37,7 @@ class Scores(unittest.TestCase):
                  result(12, 9.9, 0.5), result(0, 10, 0.5), result(0, 10, None)]
         self.assert_falls(TIERED, [result(90, 2.19, 0.01), result(99, 2.0, 0.02), result(100, 2.2, 0.03),
                                    result(90, 2.21, 0.01), result(90, 9.0, 0.01), *below], [2.0])
-        # Without the opener, 2.0 and 2.2 are in two bands of the grid that begins with 1 s.
+        # A result that is not on the board, and in none of its bands, has its own.
         self.assertLess(mapping.score(TIERED, result(90, 2.2, 0.01)), mapping.score(TIERED, result(90, 2.0, 0.03)))
         self.assert_falls({**TIERED, "ties": "acceptance"}, [result(50), result(49)])
         by_success = {**TIERED, "bands": "success"}
@@ -50,17 +50,25 @@ class Scores(unittest.TestCase):
                          mapping.score(DISTANCE, result(distance_m=3, time_s=2)))
         self.assert_falls({**DISTANCE, "distance_band": 0.05}, [
             result(distance_m=39, time_s=20), result(distance_m=40, time_s=30), result(distance_m=30, time_s=1),
-            result(distance_m=19.5, time_s=1)], [40])
+            result(distance_m=19.5, time_s=1)], [1 / 40])
         steps = {"qualify_m": 20, "means": "steps"}
         self.assert_falls(steps, [result(distance_m=20, pain_over_steps=of, effort_over_steps=effort)
                                   for of, effort in ((0.1, 0.5), (0.2, 0.1), (0.2, 0.2))] + [result(distance_m=19)])
 
-    def test_bands_continue_before_between_and_after_openers(self):
+    def test_boards_without_rules_go_by_the_mean_score(self):
+        results = [{"score": score, "effort": effort} for score, effort in ((1, 0.5), (0.87, 0.1), (0.87, 0.2), (0, 0.1))]
+        self.assert_falls(None, results)
+        self.assertEqual(mapping.openers_of({"rules": None, "rows": [{"band": 1, "aggregate": results[0]}]}), [])
+
+    def test_bands_are_those_of_the_board(self):
         times = [1.0, 1.7, 1.9, 2.0, 2.3, 2.6, 3.0, 3.4, 20.0, 2000.0]
         self.assert_falls(TIERED, [result(90, time_s, 0.1) for time_s in times], [2.0, 3.0])
-        self.assertEqual(mapping.openers_of(TIERED, [
-            {"baseline": False, "aggregate": result(90, time_s)} for time_s in (2.2, 2.0, 2.21, 9)]
-            + [{"baseline": True, "aggregate": result(90, 1)}]), [2.0, 2.21, 9])
+        rows = [{"band": band, "aggregate": result(90, time_s)} for band, time_s in (
+            (1, 2.2), (1, 2.0), (2, 2.21), (3, 9), (None, 1))] + [{"band": 0, "aggregate": result(20, 0.5)}]
+        self.assertEqual(mapping.openers_of({"rules": TIERED, "rows": rows}), [2.0, 2.21, 9])
+        physiological = {"qualify_m": 20, "means": "steps"}
+        self.assertEqual(mapping.openers_of({"rules": physiological, "rows": [
+            {"band": 1, "aggregate": result(distance_m=30)}]}), [])
 
     def test_columns_that_no_result_has(self):
         with self.assertRaisesRegex(WrongUse, 'shows "speed", but there are score, distance_m, effort,'):
@@ -116,11 +124,14 @@ class Codabench(WithBoth):
         super().setUp()
         package = pathlib.Path(codabench.__file__).parent.parent
         shutil.copytree(package / "connect/bundle", self.folder / "bundle")
-        self.program = self.folder / "bundle/scoring_program"
-        shutil.copytree(package, self.program / "myograde", ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+        shutil.copytree(package, self.folder / "site/myograde", ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+        # What a submission has in /app/program, beside a command of its own.
+        (self.folder / "program").mkdir()
+        (self.folder / "program/myograde.py").write_text("raise SystemExit('a submission runs')")
+        (self.folder / "data").mkdir()
         token = self.daemon.post("/v1/tokens", {"role": "organiser", "label": "Codabench"})["token"]
-        (self.program / "token").write_text(token)
-        (self.program / "connect.json").write_text(json.dumps({
+        (self.folder / "data/token").write_text(token)
+        (self.folder / "data/connect.json").write_text(json.dumps({
             "myograde": {"server": str(self.daemon.socket_path), "token_file": "token"}, "teams": {"9": "known"},
             "phases": {name: {"phase": name, "splits": {"main": COLUMNS}} for name in ("warm-up", "final")}}))
 
@@ -134,13 +145,16 @@ class Codabench(WithBoth):
             (work / "input/res" / name).write_bytes(content)
         mounts = work / "mountinfo"
         mounts.write_text(f"9 8 0:1 /codabench/{worker}/input /app/input rw - ext4 /dev/sda rw\n")
-        command = re.fullmatch("command: python3 -m (.*)\n", (self.program / "metadata.yaml").read_text())[1].split()
-        script = ("import pathlib, runpy\nimport myograde.connect.codabench as codabench\n"
+        (work / "data").symlink_to(self.folder / "data")
+        (entrypoint,) = re.findall("^ENTRYPOINT (.*)$", (SOURCE / "configs/EVALAI.md").read_text(), re.MULTILINE)
+        words = json.loads(entrypoint)[2].replace("/app/", f"{work}/").split()
+        self.assertEqual(words[:4], ["exec", "python3", "-I", "-m"])
+        script = (f"import pathlib, runpy, sys\nsys.path.insert(0, {str(self.folder / 'site')!r})\n"
+                  "import myograde.connect.codabench as codabench\n"
                   f"codabench.MOUNTS = pathlib.Path({str(mounts)!r})\n"
-                  f"runpy.run_module({command[0]!r}, run_name='__main__', alter_sys=True)")
-        words = [word.replace("/app/", f"{work}/") for word in command[1:]]
-        done = subprocess.run([sys.executable, "-B", "-c", script, *words], cwd=self.program, capture_output=True,
-                              text=True, timeout=LONG_S, env={"PATH": "", "PYTHONPATH": str(self.program)})
+                  f"runpy.run_module({words[4]!r}, run_name='__main__', alter_sys=True)")
+        done = subprocess.run([sys.executable, "-I", "-B", "-c", script, *words[5:]], cwd=self.folder / "program",
+                              capture_output=True, text=True, timeout=LONG_S, env={"PATH": ""})
         scores, report = work / "output/scores.json", work / "output/detailed_results.html"
         return (done, json.loads(scores.read_text()) if scores.exists() else None,
                 report.read_text() if report.exists() else "")

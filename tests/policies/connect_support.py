@@ -33,7 +33,8 @@ class WithBoth(unittest.TestCase):
         cls.daemon.command = [BIN / "myograded"]
         cls.daemon.environment["MYOGRADE_CACHE"] = str(cls.daemon.root / "cache")
         cls.daemon.change_config(f"tracks/{TRACK}.json", episodes_per_lease=2, seeds={"first": 0, "count": 10},
-                                 practice_seeds={"first": 100, "count": 6})
+                                 practice_seeds={"first": 100, "count": 6},
+                                 scoring={"boards": {"main": {"band_factor": 2}}})
         quota = {"official_per_day": 1000, "official_total": 1000, "same_artefact": "team"}
         (cls.daemon.configs / "challenges").mkdir(exist_ok=True)
         (cls.daemon.configs / "challenges/cup.json").write_text(json.dumps({

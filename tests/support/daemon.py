@@ -88,7 +88,7 @@ class Daemon:
         path = self.configs / name
         config = json.loads(path.read_text())
         for key, value in changes.items():
-            config[key] = {**config[key], **value} if isinstance(value, dict) else value
+            config[key] = {**config.get(key, {}), **value} if isinstance(value, dict) else value
         path.write_text(json.dumps(config))
 
     def add_track(self, name, config):

@@ -13,13 +13,14 @@ from ..client import Unreachable, WrongUse
 from . import verdict
 from .settings import Settings
 
-LONGEST_S = 86400.0
 # A compute worker's folders are named so, and a container sees where its own are mounted from.
 WORKER = re.compile(r"/uPK-(\d+)_sID-(\d+)__")
 MOUNTS = pathlib.Path("/proc/self/mountinfo")
-PAGE = ('<!doctype html><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="default-src \'none\'">'
-        "<title>{title}</title><h1>{title}</h1><p><a href=\"{page}\">{page}</a><table>{rows}</table>"
-        "<pre>{stdout}</pre><pre>{stderr}</pre>\n")
+PAGE = """<!doctype html><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'">
+<title>{title}</title><h1>{title}</h1><p><a href="{page}">{page}</a><table>{rows}</table>
+<pre>{stdout}</pre><pre>{stderr}</pre>
+"""
 
 
 def score(settings: Settings, given: pathlib.Path, output: pathlib.Path) -> int:
@@ -32,39 +33,36 @@ def score(settings: Settings, given: pathlib.Path, output: pathlib.Path) -> int:
     if key not in settings.phases:
         raise WrongUse(f'{settings.file}: "phases" has no "{key}"')
     client, target, (user, number) = settings.client(), settings.phases[key], worker.groups()
-    team = settings.teams.get(user, f"Codabench user {user}")
+    where = {"team": settings.teams.get(user, f"Codabench user {user}"), "track": target.track, "phase": target.phase}
     (submission / "metadata").unlink(missing_ok=True)  # the compute worker's own
-    for path in submission.rglob("*"):  # its zip archives have lost what makes a file a program
-        if path.is_file():
-            with open(path, "rb") as file:
-                path.chmod(0o755 if file.read(4).startswith((b"\x7fELF", b"#!")) else 0o644)
+    for path in filter(pathlib.Path.is_file, submission.rglob("*")):  # zip archives lost what makes a file a program
+        with open(path, "rb") as file:
+            path.chmod(0o755 if file.read(4).startswith((b"\x7fELF", b"#!")) else 0o644)
     files = list(submission.iterdir())
-    where = {"team": team, "track": target.track, "phase": target.phase}
     artefact = client.upload(files[0] if len(files) == 1 else submission, check_runtimes=False, **where)["artefact"]
     made = client.submit_artefact(artefact, profile=target.profile, episodes=target.episodes, **where,
                                   key=f"Codabench/{number}/{artefact}")["submission"]
-    page, begun, ended = settings.page(client, made), time.monotonic(), None
+    page, ended = settings.page(client, made), None
     print(f"MyoGrade's submission {made}", page, flush=True)
     while ended is None:
         time.sleep(1)
         try:
             ended = verdict.judge(client, target, made, page)
-        except Unreachable:  # it may be there again
-            if time.monotonic() - begun > LONGEST_S:
-                raise
+        except Unreachable:
+            pass  # it may be there again; the compute worker ends this at the phase's execution_time_limit
     scores = {re.sub(r"\W+", "_", label).strip("_").lower(): number
               for columns in ended.columns.values() for label, number in columns.items()}
     rows = list(scores.items()) if ended.show["aggregate"] else []
     if ended.show["outcomes"]:
         result = client.ask(f"/v1/evaluations/{ended.result['evaluation']}?episodes=1&details=0")
         rows += [(f"episode {row['index']}", f"{row['outcome']} {row['reason']}") for row in result["episode_rows"]]
-    texts = {"title": f"Submission {made} is {ended.status}", "page": page, "stdout": ended.stdout, "stderr": ended.stderr}
+    texts = {"title": f"Submission {made} is {ended.status}", "page": page,
+             "stdout": ended.stdout, "stderr": ended.stderr}
     (output / "detailed_results.html").write_text(PAGE.format(
         rows="".join(f"<tr><td>{html.escape(name)}<td>{html.escape(str(value))}" for name, value in rows),
         **{name: html.escape(text) for name, text in texts.items()}), encoding="utf-8")
     print(ended.stdout)
     print(ended.stderr, file=sys.stderr)
-    if ended.status != "finished":
-        return 1
-    (output / "scores.json").write_text(json.dumps(scores))
-    return 0
+    if ended.status == "finished":
+        (output / "scores.json").write_text(json.dumps(scores))
+    return 0 if ended.status == "finished" else 1

@@ -9,11 +9,12 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
-from typing import Any, Callable, Optional
+from typing import Any, Optional
 
 from ..client.server import parse_server
 from ..client.transport import PIECE, Transport
 from ..errors import MyogradeError, Unreachable, WrongUse
+from .settings import Settings
 
 PAUSE_S, LONGEST_PAUSE_S, SILENT_S, DOWNLOAD_S = 60.0, 3600.0, 60.0, 3600.0
 
@@ -31,23 +32,20 @@ class NotNow(MyogradeError):
 
 
 class Evalai:
-    def __init__(self, server: str, token: Callable[[], str]) -> None:
-        self.server, self._token = server.rstrip("/"), token  # the token is asked for with each request
+    def __init__(self, settings: Settings) -> None:
+        self.settings, self.server = settings, settings.evalai.server.rstrip("/")
         self._transport = Transport(parse_server(self.server, "evalai.server"))
 
     def ask(self, method: str, path: str, body: Optional[dict[str, Any]] = None) -> Any:
         """The answer's JSON; None if what the path names is not there. EvalaiError, NotNow."""
+        headers = {"Content-Type": "application/json", "Accept": "application/json"}
+        content = None if body is None else json.dumps(body).encode()
         try:
-            token = self._token()
-        except WrongUse as error:
-            raise NotNow(str(error)) from error
-        # A JSON Web Token has three parts; the other tokens are those of Django REST framework.
-        headers = {"Authorization": f"{'Bearer' if token.count('.') == 2 else 'Token'} {token}",
-                   "Content-Type": "application/json", "Accept": "application/json"}
-        try:
-            status, heads, text = self._transport.send(
-                method, f"/api/{path}", None if body is None else json.dumps(body).encode(), headers=headers)
-        except Unreachable as error:
+            token = self.settings.secret(self.settings.evalai.token_file)  # with each request, so it can be replaced
+            # A JSON Web Token has three parts; the other tokens are those of Django REST framework.
+            headers["Authorization"] = f"{'Bearer' if token.count('.') == 2 else 'Token'} {token}"
+            status, heads, text = self._transport.send(method, f"/api/{path}", content, headers=headers)
+        except (Unreachable, WrongUse) as error:
             raise NotNow(f"EvalAI: {error}") from error
         try:
             answer = json.loads(text)
@@ -57,8 +55,8 @@ class Evalai:
             return answer if status < 300 else None
         said = answer.get("error") or answer.get("detail") or answer if isinstance(answer, dict) else answer
         sentence = f"EvalAI answers {str(said)[:1000]!r} (HTTP status {status})"
-        after = heads.get("Retry-After") or ""
         if status == 429:
+            after = heads.get("Retry-After") or ""
             raise NotNow(sentence, min(max(float(after), 1), LONGEST_PAUSE_S) if after.isdecimal() else PAUSE_S)
         if status in (401, 403):
             raise NotNow(f"{sentence}: the token has expired, or is not that of a host of this challenge; put another "
@@ -71,16 +69,16 @@ class Evalai:
         parts = urllib.parse.urlsplit(urllib.parse.urljoin(self.server, url))
         name = pathlib.PurePosixPath(urllib.parse.unquote(parts.path)).name.replace("\0", "")[-100:]
         path = folder / (name if name not in ("", "..") else "submission")
-        begun, size = time.monotonic(), 0
+        deadline, size = time.monotonic() + DOWNLOAD_S, 0
         if not url or parts.scheme not in ("http", "https"):
             raise WrongUse("the submission has no file on EvalAI")
         try:
             # Without the token, which is not for where the files are.
             with urllib.request.urlopen(parts.geturl(), timeout=SILENT_S) as answer, open(path, "wb") as file:
-                length = int(answer.headers.get("Content-Length") or 0)
-                while max(size, length) <= largest_bytes and (piece := answer.read1(PIECE)):
+                length = answer.length or 0  # 0: unknown
+                while max(size, length) <= largest_bytes and (piece := answer.read(PIECE)):
                     size += file.write(piece)
-                    if time.monotonic() - begun > DOWNLOAD_S:
+                    if time.monotonic() > deadline:
                         raise TimeoutError(f"it took more than {DOWNLOAD_S:.0f} s")
                 if size < length <= largest_bytes:
                     raise http.client.IncompleteRead(b"", length - size)

@@ -18,7 +18,7 @@ EVALAI = {"server": (str, "https://eval.ai"), "challenge": (int, NEEDED), "queue
           "token_file": (str, NEEDED)}
 MYOGRADE = {"server": (str, None), "token_file": (str, None), "ca_file": (str, None), "pages": (str, None)}
 PHASE = {"phase": (str, None), "track": (str, None), "profile": (str, None), "episodes": (int, None),
-         "band_openers": (list, []), "splits": (dict, NEEDED)}
+         "splits": (dict, NEEDED)}
 
 
 def _object(value: Any, where: str, shape: dict[str, Any]) -> SimpleNamespace:
@@ -36,33 +36,32 @@ def _object(value: Any, where: str, shape: dict[str, Any]) -> SimpleNamespace:
     return SimpleNamespace(**{key: given.get(key, usual) for key, (_, usual) in shape.items()})
 
 
+def _phase(value: Any, where: str) -> SimpleNamespace:
+    phase = _object(value, where, PHASE)
+    if (phase.phase is None) == (phase.track is None) or phase.phase and (phase.profile or phase.episodes):
+        raise WrongUse(f'{where}: give "phase" alone, or "track" with "profile" and "episodes" as you need them')
+    for split, columns in phase.splits.items():
+        if not isinstance(columns, dict) or not all(isinstance(of, str) for of in columns.values()):
+            raise WrongUse(f'{where}, splits, {split}: must say of each label what it shows, as a text')
+    return phase
+
+
 class Settings:
     """What the file says; relative paths in it are relative to its folder."""
 
     def __init__(self, file: str) -> None:
         self.file = pathlib.Path(file).absolute()
         try:
-            top = _object(json.loads(self.file.read_text(encoding="utf-8")), file, FILE)
+            content = json.loads(self.file.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise error if isinstance(error, WrongUse) else WrongUse(f"{file}: can't be read ({error})") from error
+            raise WrongUse(f"{file}: can't be read ({error})") from error
+        top = _object(content, file, FILE)
         self.evalai = _object(top.evalai, f"{file}, evalai", EVALAI) if top.evalai else None
         self.myograde = _object(top.myograde, f"{file}, myograde", MYOGRADE)
         self.teams, self.poll_s, self.largest_bytes = top.teams, top.poll_s, top.largest_bytes
         if top.poll_s <= 0 or top.largest_bytes <= 0 or not all(isinstance(name, str) for name in top.teams.values()):
             raise WrongUse(f"{file}: poll_s and largest_bytes must be greater than 0, and teams' names be texts")
-        self.phases = {pk: self._phase(phase, f"{file}, phases, {pk}") for pk, phase in top.phases.items()}
-
-    @staticmethod
-    def _phase(value: Any, where: str) -> SimpleNamespace:
-        phase = _object(value, where, PHASE)
-        if (phase.phase is None) == (phase.track is None) or phase.phase and (phase.profile or phase.episodes):
-            raise WrongUse(f'{where}: give "phase" alone, or "track" with "profile" and "episodes" as you need them')
-        if not all(type(opener) in (int, float) and opener > 0 for opener in phase.band_openers):
-            raise WrongUse(f'{where}: "band_openers" must be numbers greater than 0')
-        for split, columns in phase.splits.items():
-            if not isinstance(columns, dict) or not all(isinstance(of, str) for of in columns.values()):
-                raise WrongUse(f'{where}, splits, {split}: must say of each label what it shows, as a text')
-        return phase
+        self.phases = {pk: _phase(phase, f"{file}, phases, {pk}") for pk, phase in top.phases.items()}
 
     def secret(self, name: str) -> str:
         """What a token's file holds, read each time, so that it can be replaced."""

@@ -13,48 +13,38 @@ Json = dict[str, Any]
 MAX_OUTPUT = 64 << 10
 
 
-def marked(status: Json, mark: str) -> Optional[Json]:
-    """The act by which a mark of a submission is in force."""
-    acts = [act for act in status["marks"] if act["mark"] == mark]
-    return acts[-1] if acts and acts[-1]["set"] else None
+def marks_of(status: Json) -> dict[str, Json]:
+    """The marks in force of a submission, and the act by which each is."""
+    return {mark: act for mark, act in {act["mark"]: act for act in status["marks"]}.items() if act["set"]}
 
 
-def board_of(client: Client, target: SimpleNamespace, board: str = "main") -> Json:
-    named = {"phase": target.phase, "track": target.track, "profile": target.profile, "board": board}
-    return client.ask("/v1/leaderboard?" + urllib.parse.urlencode({key: of for key, of in named.items() if of}))
+def boards_of(client: Client, target: SimpleNamespace) -> dict[str, Json]:
+    """The boards whose scores are shown, by what the columns say: `score` or `score.BOARD`."""
+    shown = {of for columns in target.splits.values() for of in columns.values() if of.split(".")[0] == "score"}
+    named = {key: of for key in ("phase", "track", "profile") if (of := getattr(target, key))}
+    return {of: client.ask("/v1/leaderboard?" + urllib.parse.urlencode(
+        {**named, "board": of.partition(".")[2] or "main"})) for of in sorted(shown)}
 
 
-def counting_evaluation(client: Client, status: Json) -> int:
-    """The evaluation that counts: that of the latest rejudge in force, else the original one."""
-    counts, seen = status["evaluation"], set()
+def counting_result(client: Client, status: Json) -> Json:
+    """The result that counts: that of the latest rejudge in force, else the original one."""
+    counts = {None: status["evaluation"]}
     for evaluation in status["evaluations"]:
-        rejudge = evaluation["rejudge"]
-        if rejudge and rejudge not in seen and evaluation["state"] in ("done", "failed"):
-            seen.add(rejudge)  # the first of its repetitions counts
-            about = client.ask(f"/v1/rejudges/{rejudge}")
-            if about["state"] == "applied" and about["purpose"] == "rules":
-                counts = evaluation["evaluation"]
-    return counts
+        number = evaluation["rejudge"]
+        if number and number not in counts and evaluation["state"] in ("done", "failed"):
+            rejudge = client.ask(f"/v1/rejudges/{number}")
+            if rejudge["state"] == "applied" and rejudge["purpose"] == "rules":
+                counts[number] = evaluation["evaluation"]  # the first of its repetitions
+    return client.ask(f"/v1/evaluations/{[*counts.values()][-1]}")
 
 
 def columns_of(client: Client, target: SimpleNamespace, aggregate: Json) -> dict[str, dict[str, float]]:
     """What each split's leaderboard shows; a number that the result does not have is left out."""
-    made: dict[str, dict[str, float]] = {}
-    for split, columns in target.splits.items():
-        scores = {of: mapping.score(board_of(client, target, board)["rules"], aggregate, target.band_openers)
-                  for of, board in mapping.boards_of(columns).items()}
-        numbers = {label: mapping.value(of, aggregate, scores) for label, of in columns.items()}
-        made[split] = {label: number for label, number in numbers.items() if number is not None}
-    return made
-
-
-def _shown(client: Client, name: Optional[str]) -> Json:
-    """What teams see of their own evaluations."""
-    for challenge in client.ask("/v1/challenges")["challenges"] if name else []:
-        for phase in challenge["phases"]:
-            if phase["phase"] == name and not (phase["published"] or phase["revealed"]):
-                return phase["show"]
-    return dict.fromkeys(("aggregate", "outcomes", "metrics", "output"), True)
+    scores = {of: mapping.score(board["rules"], aggregate, mapping.openers_of(board))
+              for of, board in boards_of(client, target).items()}
+    return {split: {label: number for label, of in columns.items()
+                    if (number := mapping.value(of, aggregate, scores)) is not None}
+            for split, columns in target.splits.items()}
 
 
 def judge(client: Client, target: SimpleNamespace, number: int, page: str) -> Optional[SimpleNamespace]:
@@ -64,25 +54,25 @@ def judge(client: Client, target: SimpleNamespace, number: int, page: str) -> Op
     status = client.status(number)
     if status["state"] not in FINAL_STATES:
         return None
-    result = client.ask(f"/v1/evaluations/{counting_evaluation(client, status)}")
+    result = counting_result(client, status)
     team = client.ask(f"/v1/teams/{urllib.parse.quote(status['team'], safe='')}")
-    show = _shown(client, status["phase"])
-    kind = {"done": "finished", "cancelled": "cancelled"}.get(result["state"], "failed")
-    why = result["reason"] or ""
-    for mark in ("hidden", "disqualified"):
-        if act := marked(status, mark):
-            kind, why = "cancelled", f"{mark} by the organisers: {act['reason'] or 'no reason given'}"
+    withheld = [phase for phase in client.phases()
+                if phase["phase"] == status["phase"] and not (phase["published"] or phase["revealed"])]
+    show = {part: not withheld or withheld[0][f"show.{part}"] for part in ("aggregate", "outcomes", "output")}
+    kind, why = {"done": "finished", "cancelled": "cancelled"}.get(result["state"], "failed"), result["reason"] or ""
+    acts = {f"{mark} by the organisers": act for mark, act in marks_of(status).items() if mark != "baseline"}
     if team["banned"]:
-        reasons = [act["reason"] for act in team["events"] if act["event"] == "banned"]
-        kind, why = "cancelled", f"the organisers have banned the team: {reasons[-1] or 'no reason given'}"
+        acts["the organisers have banned the team"] = [act for act in team["events"] if act["event"] == "banned"][-1]
+    for what, act in acts.items():
+        kind, why = "cancelled", f"{what}: {act['reason'] or 'no reason given'}"
     lines = [f"MyoGrade's submission {number} is {kind} ({result['state']}): {result['episodes']['done']} of "
              f"{result['episodes']['total']} episodes were played.", page, why]
     if show["outcomes"]:
         lines.append(", ".join(f"{outcome}: {count}" for outcome, count in sorted(result["outcomes"].items())))
-    streams = {stream: "".join(
-        f"\nepisodes {lease['first']} to {lease['last']}:\n{lease[f'{stream}_tail']}"
-        for lease in (result["output"] if show["output"] else []) if lease[f"{stream}_tail"])[:MAX_OUTPUT]
-        for stream in ("stdout", "stderr")}
+    stdout, stderr = ("".join(
+        f"\nepisodes {lease['first']} to {lease['last']}:\n{lease[tail]}"
+        for lease in result["output"] if show["output"] and lease[tail])[:MAX_OUTPUT]
+        for tail in ("stdout_tail", "stderr_tail"))
     return SimpleNamespace(
         status=kind, columns=columns_of(client, target, result["aggregate"]) if kind == "finished" else {}, show=show,
-        stdout="\n".join(filter(None, lines)) + streams["stdout"], stderr=why + streams["stderr"], result=result)
+        stdout="\n".join(filter(None, lines)) + stdout, stderr=why + stderr, result=result)

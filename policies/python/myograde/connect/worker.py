@@ -1,6 +1,6 @@
 """Takes EvalAI's submissions through the server. A submission has a row in the state's file and goes from step
-to step. Each step does one thing that may be repeated, and then writes down that it is done, so that the
-process may be killed at any moment."""
+to step. What a step does may be repeated, and then it writes down that it is done, so that the process may be
+killed at any moment."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ import sys
 import time
 import urllib.parse
 import zipfile
-from typing import Any, Optional
+from typing import Any
 
 from ..client import FINAL_STATES, MyogradeError, ServerError, WrongUse
-from . import verdict
+from . import mapping, verdict
 from .evalai import Evalai, EvalaiError
 from .settings import Settings
 
 Row = sqlite3.Row
-# A row's steps: new, sending, sent, grading, ended or withdrawn, reported, done. `status` is what EvalAI was told
-# last, or "withdrawn" if EvalAI itself has ended it.
+# A row's steps: new, sending, grading or withdrawn, done. `status` is what EvalAI was told last, or "withdrawn" if
+# EvalAI itself has ended it.
 SCHEMA = """CREATE TABLE IF NOT EXISTS submission (
-  pk INTEGER PRIMARY KEY, phase TEXT NOT NULL, receipt TEXT, step TEXT NOT NULL DEFAULT 'new',
-  attempt INTEGER NOT NULL DEFAULT 0, team TEXT, artefact TEXT, sent_at REAL, number INTEGER, refusal TEXT,
-  status TEXT, digest TEXT, starts INTEGER NOT NULL DEFAULT 0);
+  pk INTEGER PRIMARY KEY, phase TEXT NOT NULL, step TEXT NOT NULL DEFAULT 'new', attempt INTEGER NOT NULL DEFAULT 0,
+  team TEXT, artefact TEXT, sent_at REAL, number INTEGER, refusal TEXT, status TEXT, digest TEXT,
+  starts INTEGER NOT NULL DEFAULT 0);
 CREATE TABLE IF NOT EXISTS team (pk INTEGER PRIMARY KEY, name TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS kept (name TEXT PRIMARY KEY, value TEXT NOT NULL)"""
-OPEN, OVER = ("submitted", "queued", "resuming", "running"), ("finished", "failed", "cancelled", "archived")
+OPEN = ("submitted", "queued", "resuming", "running")
 SURVEY_S, LONGEST_WAIT_S, KEY_S, MESSAGES, MOST_STARTS = 900, 600, 20 * 3600, 3, 5
 CHANGES = ("banned", "unbanned", "published", "revealed", "applied", "dropped")  # events of the public record
 OURS = "Cancelled on EvalAI"  # how the reason of a mark begins that was set here
@@ -39,9 +39,9 @@ class Worker:
     def __init__(self, settings: Settings) -> None:
         if settings.evalai is None:
             raise WrongUse(f'{settings.file}: "evalai" is missing')
-        self.settings, self.client, where = settings, settings.client(), settings.evalai
-        self.evalai = Evalai(where.server, lambda: settings.secret(where.token_file))
-        self.challenge, self.queue = f"jobs/challenge/{where.challenge}", urllib.parse.quote(where.queue, safe="")
+        self.settings, self.client, self.evalai = settings, settings.client(), Evalai(settings)
+        self.challenge = f"jobs/challenge/{settings.evalai.challenge}"
+        self.queue = urllib.parse.quote(settings.evalai.queue, safe="")
         file = settings.file.with_suffix(".sqlite")
         self.state = sqlite3.connect(file, isolation_level=None, timeout=1)
         self.state.row_factory = sqlite3.Row
@@ -50,7 +50,8 @@ class Worker:
             self.state.executescript(f"BEGIN IMMEDIATE; {SCHEMA}; COMMIT")  # the lock is kept from here on
         except sqlite3.OperationalError as error:
             raise WrongUse(f"{file}: can't be used, perhaps as another connector works with it ({error})") from error
-        self.surveyed_at, self.trouble = -float(SURVEY_S), ""
+        self.surveyed_at, self.followed, self.trouble = -float(SURVEY_S), -1, ""
+        self.receipts: dict[int, str] = {}  # by pk what deletes its message; a lost one comes again with the message
         self.waits: dict[int, tuple[int, float]] = {}  # by pk how often it was tried, and when it is tried again
         tracks = {track["track"] for track in self.client.tracks()}
         for pk, target in settings.phases.items():
@@ -74,46 +75,44 @@ class Worker:
             message = self.evalai.ask("GET", f"jobs/challenge/queues/{self.queue}/")
             if not message or not message["body"]:
                 break
-            self.receive(message["body"]["submission_pk"], message["body"]["phase_pk"], message["receipt_handle"])
+            pk = message["body"]["submission_pk"]
+            self.receipts[pk] = message["receipt_handle"]
+            self.reconcile(pk, message["body"]["phase_pk"])
         self.follow_record()
-        for (pk,) in self.rows("SELECT pk FROM submission WHERE step != 'done' ORDER BY pk"):
+        unfinished = {pk for (pk,) in self.rows("SELECT pk FROM submission WHERE step != 'done'")}
+        for pk in sorted(unfinished | self.receipts.keys()):
             self.advance(pk)
         if time.monotonic() - self.surveyed_at > SURVEY_S:
             self.survey()
-
-    def receive(self, pk: int, phase: int, receipt: Optional[str]) -> None:
-        """A submission that is new here, or one that may have been cancelled or resumed since."""
-        known = self.rows("SELECT * FROM submission WHERE pk = ?", pk)
-        if not known:
-            self.rows("INSERT INTO submission (pk, phase, receipt) VALUES (?, ?, ?)", pk, str(phase), receipt)
-            return
-        self.rows("UPDATE submission SET receipt = ? WHERE pk = ?", receipt, pk)
-        row = known[0]
-        status = (self.evalai.ask("GET", f"jobs/submission/{pk}") or {"status": "cancelled"})["status"]
-        if row["step"] in ("reported", "done"):
-            again = {"attempt": row["attempt"] + 1, "refusal": None, "number": None, "status": None, "digest": None}
-            self.save(row, "new" if status in OPEN else "reported", **(again if status in OPEN else {}))
-        elif status == "cancelled" != row["status"] and row["step"] != "sending":  # else it may be here already
-            self.save(row, "withdrawn")
 
     def survey(self) -> None:
         """Finds what the queue has lost, and what EvalAI has cancelled without a message."""
         for status in (*OPEN, "cancelled"):
             for found in self.evalai.ask("GET", f"{self.challenge}/submission/?status={status}") or []:
-                known = self.rows("SELECT * FROM submission WHERE pk = ?", found["id"])
-                if status != "cancelled" and not known:
-                    self.receive(found["id"], found["challenge_phase"], None)
-                elif status == "cancelled" and known and known[0]["step"] in ("reported", "done") \
-                        and known[0]["status"] not in ("cancelled", "withdrawn"):
-                    self.save(known[0], "withdrawn")
+                self.reconcile(found["id"], found["challenge_phase"], status)
         self.surveyed_at = time.monotonic()
 
+    def reconcile(self, pk: int, phase: int, status: str = "") -> None:
+        """A submission that is new here, or one that may have been cancelled or resumed since."""
+        for row in self.rows("SELECT * FROM submission WHERE pk = ?", pk):
+            status = status or self.status(pk)
+            if status in OPEN and row["step"] == "done":
+                self.save(row, "new", attempt=row["attempt"] + 1, refusal=None, number=None, status=None, digest=None)
+            elif status == "cancelled" and row["status"] not in ("cancelled", "withdrawn") and row["step"] != "sending":
+                self.save(row, "withdrawn")
+            return
+        if status != "cancelled":
+            self.rows("INSERT INTO submission (pk, phase) VALUES (?, ?)", pk, str(phase))
+
     def follow_record(self) -> None:
-        """Has reported again what marks, bans, rejudges or other columns may have changed."""
-        phases = hashlib.sha256(repr(sorted(self.settings.phases.items())).encode()).hexdigest()
-        kept = dict(self.rows("SELECT name, value FROM kept"))
+        """Has reported again what marks, bans, rejudges, other columns or other bands may have changed."""
         size = self.client.ask("/v1/record/head")["head"]["size"]
-        begin, touched, everything = int(kept.get("record", size)), set(), phases != kept.get("phases", phases)
+        if size == self.followed:
+            return
+        boards = [verdict.boards_of(self.client, target) for target in self.settings.phases.values()]
+        bands = [mapping.openers_of(board) for shown in boards for board in shown.values()]
+        columns, kept = repr((self.settings.phases, bands)), dict(self.rows("SELECT name, value FROM kept"))
+        begin, touched, everything = int(kept.get("record", size)), set(), columns != kept.get("columns", columns)
         while begin < size:
             for entry in self.client.ask(f"/v1/record?from={begin}&limit=1000")["entries"]:
                 begin, act = entry["index"] + 1, entry["entry"]
@@ -121,34 +120,33 @@ class Worker:
                 everything = everything or act["kind"] == "config" or act.get("event") in CHANGES
         with self.state:
             self.rows("BEGIN")
-            for row in self.rows("SELECT * FROM submission WHERE number NOTNULL AND status != 'withdrawn' "
-                                 "AND step IN ('reported', 'done')"):
-                if (everything or row["number"] in touched) and row["phase"] in self.settings.phases:
-                    self.save(row, "ended")
-            for name, value in (("record", begin), ("phases", phases)):
+            for row in self.rows("SELECT * FROM submission WHERE step = 'done' AND status != 'withdrawn'"):
+                if row["number"] and (everything or row["number"] in touched) and row["phase"] in self.settings.phases:
+                    self.save(row, "grading")
+            for name, value in (("record", begin), ("columns", columns)):
                 self.rows("INSERT OR REPLACE INTO kept VALUES (?, ?)", name, str(value))
+        self.followed = size  # what came meanwhile is read with the next turn
 
     def advance(self, pk: int) -> None:
         """Takes it as far as it goes now."""
-        while True:
+        while self.waits.get(pk, (0, 0.0))[1] <= time.monotonic():
             (row,) = self.rows("SELECT * FROM submission WHERE pk = ?", pk)
-            if row["step"] == "done" or self.waits.get(pk, (0, 0.0))[1] > time.monotonic():
-                return
             try:
+                if row["step"] == "done":
+                    return self.do_done(pk)
                 getattr(self, f"do_{row['step']}")(row)
-            except (WrongUse, ServerError) as error:
+            except (WrongUse, ServerError, EvalaiError, KeyError, TypeError, ValueError) as error:
                 code, status = getattr(error, "code", ""), getattr(error, "status", 0)
                 full = getattr(error.__cause__, "errno", 0) in (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+                passes = full or code == "paused" or status == 408 or status >= 429
                 if code in ("no_token", "bad_token"):
                     raise  # nothing else works either
                 if row["step"] == "sending" and code == "not_found":
                     self.save(row, "new")  # the upload was not kept for so long
-                elif full or code == "paused" or status == 408 or status >= 429 or row["step"] not in ("new", "sending"):
+                elif row["step"] in ("new", "sending") and isinstance(error, (WrongUse, ServerError)) and not passes:
+                    self.save(row, "grading", refusal=str(error))
+                else:  # or an answer that none would expect
                     self.later(row, error)
-                else:
-                    self.save(row, "ended", refusal=str(error))
-            except (EvalaiError, KeyError, TypeError, ValueError) as error:  # or an answer that none would expect
-                self.later(row, error)
 
     def later(self, row: Row, why: Exception) -> None:
         tries = self.waits.get(row["pk"], (0, 0.0))[0]
@@ -157,24 +155,31 @@ class Worker:
         self.waits[row["pk"]] = tries + 1, time.monotonic() + wait_s
 
     def save(self, row: Row, step: str, **values: Any) -> None:
-        values = {"step": step, "starts": 0, **values}
+        values = {"step": step, **values}
         self.waits.pop(row["pk"], None)
         self.rows(f"UPDATE submission SET {', '.join(f'{key} = ?' for key in values)} WHERE pk = ?",
                   *values.values(), row["pk"])
+
+    def rows(self, sql: str, *values: Any) -> list[Row]:
+        return self.state.execute(sql, values).fetchall()
+
+    def status(self, pk: int) -> str:
+        """What EvalAI says; what is gone there counts as cancelled."""
+        return (self.evalai.ask("GET", f"jobs/submission/{pk}") or {"status": "cancelled"})["status"]
+
+    def mark_hidden(self, number: int, hidden: bool, **reason: str) -> None:
+        self.client.ask(f"/v1/submissions/{number}/marks", {"mark": "hidden", "set": hidden, **reason})
 
     def target(self, row: Row) -> Any:
         if row["phase"] not in self.settings.phases:
             raise WrongUse(f"EvalAI's phase {row['phase']} is not graded here; tell the organisers")
         return self.settings.phases[row["phase"]]
 
-    def rows(self, sql: str, *values: Any) -> list[Row]:
-        return self.state.execute(sql, values).fetchall()
-
     def do_new(self, row: Row) -> None:
         """Fetches the file and uploads it."""
         found = self.evalai.ask("GET", f"jobs/submission/{row['pk']}")
-        if found is None or found["status"] in OVER:
-            return self.save(row, "reported", status="withdrawn")
+        if found is None or found["status"] not in OPEN:
+            return self.save(row, "done", status="withdrawn")
         target, most = self.target(row), self.settings.largest_bytes
         team = self.team(found["participant_team"], found["participant_team_name"])
         folder = self.settings.file.with_suffix(".download")
@@ -184,7 +189,7 @@ class Worker:
         self.rows("UPDATE submission SET starts = starts + 1 WHERE pk = ?", row["pk"])
         try:
             if row["starts"] >= MOST_STARTS:
-                raise WrongUse(f"the connector ended {MOST_STARTS} times while it packed this file; tell the organisers")
+                raise WrongUse(f"the connector was killed {MOST_STARTS} times as it packed this; tell the organisers")
             path = self.evalai.download(found["input_file"] or "", folder, most)
             if zipfile.is_zipfile(path):
                 with zipfile.ZipFile(path) as archive:
@@ -195,70 +200,63 @@ class Worker:
         except WrongUse as error:
             raise WrongUse(str(error).replace(f"{folder}/", "")) from error.__cause__
         except MyogradeError:
-            self.rows("UPDATE submission SET starts = 0 WHERE pk = ?", row["pk"])
             raise
         except Exception as error:  # whatever Python's own library makes of a stranger's archive
             raise WrongUse(f"the file can't be read as a submission ({error})") from error
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+            self.rows("UPDATE submission SET starts = 0 WHERE pk = ?", row["pk"])
         self.save(row, "sending", team=team, artefact=artefact, sent_at=time.time())
 
     def team(self, pk: int, name: str) -> str:
         """The team's name here. It is made at first sight; one that somebody else has made is not given away."""
-        known = self.settings.teams.get(str(pk)) or self.rows("SELECT name FROM team WHERE pk = ?", pk)
+        if known := self.settings.teams.get(str(pk)) or dict(self.rows("SELECT pk, name FROM team")).get(pk):
+            return known
         reason, name = f"EvalAI's participant team {pk} of {self.evalai.server}"[:200], " ".join(name.split())
-        for given in [] if known else (name, f"{name} ({pk})", f"EvalAI team {pk}"):
+        for given in (name, f"{name} ({pk})", f"EvalAI team {pk}"):
             try:
                 made = self.client.ask("/v1/teams", {"team": given, "reason": reason})
             except ServerError as error:
                 if error.code not in ("bad_request", "conflict", "look_alike"):
                     raise
-                made = {"events": []}
-                if error.code == "conflict":  # perhaps by us, before a kill
-                    made = self.client.ask(f"/v1/teams/{urllib.parse.quote(given, safe='')}")
+                if error.code != "conflict":
+                    continue
+                made = self.client.ask(f"/v1/teams/{urllib.parse.quote(given, safe='')}")  # by us, before a kill?
             if any(act["event"] == "created" and act["reason"] == reason for act in made["events"]):
                 self.rows("INSERT INTO team VALUES (?, ?)", pk, made["team"])
                 return made["team"]
-        if not known:
-            raise WrongUse(f"no team could be made for EvalAI's {name!r}; tell the organisers")
-        return known if isinstance(known, str) else known[0]["name"]
+        raise WrongUse(f"no team could be made for EvalAI's {name!r}; tell the organisers")
 
     def do_sending(self, row: Row) -> None:
         """Submits it. An answer that was lost is known by the key, for a day, and after that by the artefact."""
-        target = self.target(row)
-        if time.time() - row["sent_at"] > KEY_S:
-            for known in self.client.submissions(team=row["team"], phase=target.phase, track=target.track):
-                if known["artefact"] == row["artefact"] and not self.rows(
-                        "SELECT 1 FROM submission WHERE number = ?", known["submission"]):
-                    return self.save(row, "sent", number=known["submission"])
-        made = self.client.submit_artefact(
-            row["artefact"], team=row["team"], track=target.track, phase=target.phase, profile=target.profile,
-            episodes=target.episodes, key=f"{self.evalai.server}/{self.challenge}/{row['pk']}/{row['attempt']}")
-        self.save(row, "sent", number=made["submission"])
-
-    def do_sent(self, row: Row) -> None:
-        hidden = verdict.marked(self.client.status(row["number"]), "hidden")
+        target, number = self.target(row), None
+        where = {"team": row["team"], "track": target.track, "phase": target.phase}
+        for known in self.client.submissions(**where) if time.time() - row["sent_at"] > KEY_S else ():
+            if known["artefact"] == row["artefact"] and not self.rows(
+                    "SELECT 1 FROM submission WHERE number = ?", known["submission"]):
+                number = known["submission"]
+        if number is None:
+            number = self.client.submit_artefact(
+                row["artefact"], **where, profile=target.profile, episodes=target.episodes,
+                key=f"{self.evalai.server}/{self.challenge}/{row['pk']}/{row['attempt']}")["submission"]
+        hidden = verdict.marks_of(self.client.status(number)).get("hidden")
         if hidden and (hidden["reason"] or "").startswith(OURS):  # it is run again
-            self.client.ask(f"/v1/submissions/{row['number']}/marks", {"mark": "hidden", "set": False})
+            self.mark_hidden(number, False)
         self.evalai.ask("PATCH", f"{self.challenge}/update_submission/",
                         {"submission": row["pk"], "submission_status": "running"})
-        self.save(row, "grading")
+        self.save(row, "grading", number=number)
 
     def do_grading(self, row: Row) -> None:
-        if self.client.status(row["number"])["state"] in FINAL_STATES:
-            return self.save(row, "ended")
-        waiting = len(self.rows("SELECT 1 FROM submission WHERE step = 'grading'"))
-        self.waits[row["pk"]] = 0, time.monotonic() + self.settings.poll_s * (1 + waiting // 20)
-
-    def do_ended(self, row: Row) -> None:
-        """Reports it, unless EvalAI has cancelled it or was told the same before."""
+        """Reports its end, unless EvalAI has cancelled it or was told the same before."""
         body = {"challenge_phase": row["phase"], "submission": row["pk"], "submission_status": "failed",
                 "stdout": " ", "stderr": row["refusal"]}
         if row["refusal"] is None:
             page = self.settings.page(self.client, row["number"])
             ended = verdict.judge(self.client, self.target(row), row["number"], page)
             if ended is None:
-                return self.save(row, "grading")
+                waiting = len(self.rows("SELECT 1 FROM submission WHERE step = 'grading'"))
+                self.waits[row["pk"]] = 0, time.monotonic() + self.settings.poll_s * (1 + waiting // 20)
+                return
             results = [{"split": split, "show_to_participant": ended.show["aggregate"], "accuracies": columns}
                        for split, columns in ended.columns.items()]
             about = {"submission": row["number"], "page": page, "evaluation": ended.result["evaluation"],
@@ -267,19 +265,10 @@ class Worker:
                         result=json.dumps(results), metadata=json.dumps(about))
         digest = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
         if digest != row["digest"]:
-            found = self.evalai.ask("GET", f"jobs/submission/{row['pk']}") or {"status": "cancelled"}
-            if found["status"] == "cancelled" != row["status"]:
+            if self.status(row["pk"]) == "cancelled" != row["status"]:
                 return self.save(row, "withdrawn")
             self.evalai.ask("PUT", f"{self.challenge}/update_submission/", body)
-        self.save(row, "reported", status=body["submission_status"], digest=digest)
-
-    def do_reported(self, row: Row) -> None:
-        try:
-            if row["receipt"]:
-                self.evalai.ask("POST", f"jobs/queues/{self.queue}/", {"receipt_handle": row["receipt"]})
-        except EvalaiError:
-            pass  # a receipt that is too old: the queue delivers the message again, with another one
-        self.save(row, "done", receipt=None)
+        self.save(row, "done", status=body["submission_status"], digest=digest)
 
     def do_withdrawn(self, row: Row) -> None:
         """EvalAI has cancelled it, so it is taken back here, unless another one of EvalAI's is the same here."""
@@ -289,5 +278,13 @@ class Worker:
             if status["state"] not in FINAL_STATES and status["episodes"]["done"] == 0:
                 self.client.cancel(row["number"], why)
             elif status["ranked"]:  # a cancel after the first episode would keep the content from being graded again
-                self.client.ask(f"/v1/submissions/{row['number']}/marks", {"mark": "hidden", "set": True, "reason": why})
-        self.save(row, "reported", status="withdrawn")
+                self.mark_hidden(row["number"], True, reason=why)
+        self.save(row, "done", status="withdrawn")
+
+    def do_done(self, pk: int) -> None:
+        """EvalAI's queue need not deliver it any more."""
+        try:
+            if receipt := self.receipts.pop(pk, None):
+                self.evalai.ask("POST", f"jobs/queues/{self.queue}/", {"receipt_handle": receipt})
+        except EvalaiError:
+            pass  # a receipt that is too old: the queue delivers the message again, with another one
