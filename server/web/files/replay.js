@@ -64,7 +64,7 @@ function about(one) {
 
 function actions(views) {
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
-  return {first: views[0]?.firstPoint, look: each((view, from) => view.lookFrom(from)),
+  return {look: each((view, from) => view.lookFrom(from)),
     turn: each((view, ...by) => view.turn(...by)),
     canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;

@@ -114,7 +114,6 @@ export class Controls {
       loop: tick("Loop", false, (on) => {
         clock.loop = on;
       })};
-    if (can.first) this.view.element.value = can.first;
     this.element = h("div", {class: "controls"}, this.bar.element, h("div", {class: "row"},
       this.play,
       button("−1 frame", "One frame back (←)", () => this.step(-1)),
@@ -194,7 +193,7 @@ export class Controls {
       "<": () => faster(-1), ">": () => faster(1), a: () => this.can.turn(-10, 0, 1),
       d: () => this.can.turn(10, 0, 1), w: () => this.can.turn(0, 10, 1),
       s: () => this.can.turn(0, -10, 1), "+": () => this.can.turn(0, 0, 1.15),
-      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom(this.can.first ?? "start"),
+      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom("start"),
       f: () => this.flip("follow"), m: () => this.flip("muscles"), c: () => this.flip("forces"),
       l: () => this.flip("loop"), x: () => this.fullScreen()};
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
