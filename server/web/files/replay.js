@@ -11,6 +11,7 @@ import {MOST_BYTES, readTrajectory} from "./replay_file.js";
 import {graphs} from "./replay_graphs.js";
 import {Player, makeViews} from "./replay_player.js";
 import {filesOf, publicReplays, replayAddress} from "./replays.js";
+import {save as saveFile} from "./sheet.js";
 
 const MARKS = ["first", "second"];
 
@@ -62,14 +63,21 @@ function about(one) {
   ].filter((pair) => pair[1] !== null)));
 }
 
-function actions(views) {
+function actions(views, episodes, clock) {
+  const save = () => views.forEach(async (view, place) => {
+    const {track, episode} = episodes[place].trajectory;
+    const words = [track, episode === null ? null : `episode-${episode}`, `${clock.time.toFixed(2)}s`]
+      .filter((word) => word !== null).join("-").replace(/[^\w.-]/g, "_");
+    saveFile(await view.picture(), `${words}${place ? `-${place + 1}` : ""}.png`, "image/png");
+  });
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
   return {look: each((view, from) => view.lookFrom(from)),
     turn: each((view, ...by) => view.turn(...by)),
     canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;
     }),
-    muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on))};
+    muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on)),
+    save: views.length > 0 && save};
 }
 
 // What a frame takes, for those who want to know: of the scripts, without the graphics card's part.
@@ -141,7 +149,7 @@ async function build(main, title, episodes, tell, signal) {
     keep?.();
   };
   const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, again, signal);
-  const controls = new Controls(episodes, clock, viewpoints, actions(views), again);
+  const controls = new Controls(episodes, clock, viewpoints, actions(views, episodes, clock), again);
   const wanted = momentAsked();
   if (wanted.camera) views.forEach((view) => view.placeCamera(wanted.camera));
   clock.seek(wanted.time ?? 0);

@@ -90,7 +90,7 @@ export function keyList() {
 }
 
 // Buttons and bar for a clock. `can` are the actions on the views: look(name), turn(azimuth, elevation,
-// nearer), follow(on) if `canFollow`, muscles(on), forces(on); without views they are left out.
+// nearer), follow(on) if `canFollow`, muscles(on), forces(on), save(); without views they are left out.
 export class Controls {
   constructor(episodes, clock, viewpoints, can, onChange) {
     this.clock = clock;
@@ -120,6 +120,7 @@ export class Controls {
       button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
       viewpoints.length > 0 && [this.view.label, can.canFollow && this.ticks.follow.label,
         this.ticks.muscles.label, this.ticks.forces.label], this.ticks.loop.label,
+      can.save && button("Save picture", "Saves what the view shows as a PNG", can.save),
       document.fullscreenEnabled && button("Full screen", "Full screen (X)", () => this.fullScreen())));
     this.told = -Infinity;
     this.show(true);

@@ -267,6 +267,14 @@ export class View {
     this.renderer.render(this.scene, this.camera);
   }
 
+  // What is seen, as a PNG.
+  picture() {
+    this.draw(this.time ?? 0);  // what a browser showed once may be gone
+    return new Promise((resolve) => {
+      this.renderer.domElement.toBlob(resolve, "image/png");
+    });
+  }
+
   showMuscles(shown) {
     this.tubes.mesh.visible = shown;
   }

@@ -11,6 +11,7 @@ import {Clock} from "./replay_clock.js";
 import {eventWords} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
 import {valueAt} from "./replay_graphs.js";
+import {courseOf} from "./replay_map.js";
 import {target} from "./sign_in.js";
 import {parcelOf} from "./submit.js";
 import {boundPaths, followedPath, frameAt, framesAt, mostSegments, pointAt, posesAt, segmentsAt}
@@ -353,4 +354,20 @@ test("episodes are paired by their seeds, and only under the same rules", () => 
   };
   assert.equal(pairsOf(hidden([1, 2]), hidden([1, 2])).length, 2);
   assert.throws(() => pairsOf(made([1], "a"), made([1], "a", "d")), /other rules/);
+});
+
+test("a series may be a target in another's graph", () => {
+  const made = read(changed((head) => Object.assign(head.series[1], {graph: "distance", tolerance: 0.5})));
+  assert.deepEqual(made.series.map(({graph, tolerance}) => [graph, tolerance]), [[null, 0], ["distance", 0.5], [null, 0]]);
+  for (const wrong of [{graph: 7}, {tolerance: "wide"}, {tolerance: null}]) {
+    assert.throws(() => read(changed((head) => Object.assign(head.series[1], wrong))), FileError);
+  }
+});
+
+test("a course goes to the right from where the episode starts", () => {
+  const course = courseOf(read(bytes));
+  assert.deepEqual([course.axis, course.way], [1, -1]);
+  close(course.along[0], 0, 1e-9, "start");
+  close(course.along.at(-1), 9.6, 1e-3, "end");
+  assert.deepEqual([course.from, course.to].map((one) => Number(one.toFixed(3))), [-2, 12]);
 });
