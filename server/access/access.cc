@@ -22,6 +22,7 @@ constexpr Rule kRules[] = {
     {Action::kReadHealth, "read health", Role::kPublic},
     {Action::kReadTracks, "read tracks", Role::kPublic},
     {Action::kReadBoard, "read board", Role::kPublic},
+    {Action::kReadReplay, "read replay", Role::kPublic},
     {Action::kReadChallenge, "read challenge", Role::kPublic},
     {Action::kReadKey, "read key", Role::kPublic},
     {Action::kReadRecord, "read record", Role::kPublic},
@@ -95,6 +96,14 @@ Visibility ComputeVisibility(Role role, const PhaseVisibility& phase) {
   sight.progress = true;
   sight.progress = phase.published || phase.revealed || SeesAll(sight);
   return sight;
+}
+
+bool IsReplayPublic(bool allowed, const PhaseVisibility& phase) {
+  Visibility sight = ComputeVisibility(Role::kPublic, phase);
+  // A replay tells neither what a policy printed nor what runs.
+  sight.output = true;
+  sight.progress = true;
+  return allowed && SeesAll(sight);
 }
 
 std::vector<std::string_view> WithheldParts(const Visibility& sight) {

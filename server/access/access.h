@@ -53,7 +53,7 @@ struct Identity {
 
 enum class Action {
   // Everybody.
-  kReadHealth, kReadTracks, kReadBoard, kReadChallenge, kReadKey, kReadRecord, kReadApi,
+  kReadHealth, kReadTracks, kReadBoard, kReadReplay, kReadChallenge, kReadKey, kReadRecord, kReadApi,
   // Participants, of their own teams.
   kUpload, kSubmit, kReadSubmission, kCancel, kRerun, kReadReceipt, kReadLog, kReadQuota, kChoose,
   kReadTeam,
@@ -117,6 +117,9 @@ inline bool SeesAll(const Visibility& sight) { return sight == Visibility{}; }
 inline bool SeesLogs(const Visibility& sight) { return sight.logs && sight.seeds; }
 // Whether a receipt may be read: it lists outcome and metrics of each episode.
 inline bool SeesReceipt(const Visibility& sight) { return sight.outcomes && sight.metrics; }
+
+// Whether everybody may watch the best episode of a board's leader. `allowed`: the organiser says so.
+bool IsReplayPublic(bool allowed, const PhaseVisibility& phase);
 
 // The names of what is withheld, as a challenge file's "show" calls them, and "seeds".
 std::vector<std::string_view> WithheldParts(const Visibility& sight);

@@ -194,6 +194,16 @@ absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transac
   return asked;
 }
 
+absl::StatusOr<BoardQuery> PublicBoard(const Transaction& reader, const ApiContext& context,
+                                       const TrackPtr& live) {
+  BoardQuery asked{.track = live, .board = scoring::kMainBoard};
+  AddFreeze(reader, context, context.clock.Now(), asked);
+  asked.whole = asked.freezes == absl::InfiniteFuture();
+  RETURN_IF_ERROR(AddConfigs(Request(), reader, live, asked));
+  asked.rules = &asked.track->scoring.boards.at(asked.board);
+  return asked;
+}
+
 absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& track,
                                      const BoardMoment& moment) {
   const BoardState& board = reader.Board();

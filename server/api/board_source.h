@@ -48,6 +48,10 @@ absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transac
                                            const ApiContext& context,
                                            const std::vector<std::string>& others = {});
 
+// The main board of `live` as everybody sees it now, whoever asks. Errors of TrackAt.
+absl::StatusOr<BoardQuery> PublicBoard(const Transaction& reader, const ApiContext& context,
+                                       const TrackPtr& live);
+
 // Everything that may stand on a board, and what can't be read of it.
 struct BoardSource {
   std::vector<StandingRow> standings;

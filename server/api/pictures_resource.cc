@@ -3,16 +3,22 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <memory>
 #include <set>
 #include <string>
+#include <tuple>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
+#include "server/api/board_source.h"
+#include "server/api/episode_rows.h"
+#include "server/api/kept_boards.h"
 #include "server/api/negotiation.h"
 #include "server/api/redaction.h"
+#include "server/grading/results.h"
 #include "server/pictures/packing.h"
 #include "server/pictures/pictures.h"
 #include "server/runner/log_keeper.h"
@@ -49,6 +55,70 @@ absl::Status RequireShownLog(const ApiContext& context, const std::string& hash)
     return absl::OkStatus();
   });
 }
+
+// The replays that everybody may watch, one for each main board that has one. Safe from any thread.
+class PublicReplays {
+ public:
+  // `context` must outlive it.
+  explicit PublicReplays(const ApiContext& context) : context_(context) {}
+
+  // Boards that can't be read are left out.
+  Json List(const Transaction& reader) {
+    Json list = Json::array();
+    const auto add = [&](const TrackPtr& live) {
+      absl::StatusOr<Json> replay = Of(reader, live);
+      if (replay.ok() && !replay->is_null()) list.push_back(*std::move(replay));
+    };
+    for (const PhasePtr& phase : context_.phases.entries()) add(phase->track);
+    for (const auto& [name, offer] : context_.tracks.entries()) {
+      add(offer.profiles.at(offer.default_profile));
+    }
+    return list;
+  }
+
+  // MissingLog unless the list has the log's episode.
+  absl::Status Require(const Transaction& reader, const std::string& log) {
+    for (const Json& replay : List(reader)) {
+      if (replay["log"] == log) return absl::OkStatus();
+    }
+    return MissingLog(log);
+  }
+
+ private:
+  // The best episode of the leader, or else of the first baseline. Null: there is none to watch.
+  absl::StatusOr<Json> Of(const Transaction& reader, const TrackPtr& live) {
+    ASSIGN_OR_RETURN(const BoardQuery asked, PublicBoard(reader, context_, live));
+    const Track& track = *asked.track;
+    if (!IsReplayPublic(reader, context_, track.config)) return Json();
+    const std::string key = absl::StrCat(track.config.hash, "/", asked.view());
+    const int64_t changes = reader.BoardChanges();
+    if (const auto found = kept_.Find(key, changes)) return Json::parse(*found);
+    ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, track, asked.moment()));
+    ASSIGN_OR_RETURN(const Leaderboard board, BoardOf(source, track, asked.rules->rules));
+    if (board.rows.empty()) return Json();
+    const auto leader = std::find_if(board.rows.begin(), board.rows.end(),
+                                     [](const LeaderboardRow& row) { return row.ranked.rank > 0; });
+    const bool baseline = leader == board.rows.end();
+    const StandingRow& first = (baseline ? board.rows.begin() : leader)->source;
+    ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(first.evaluation));
+    ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*track.scoring.track, rows));
+    Json summary;
+    RETURN_IF_ERROR(AddSummary(track, rows, judged, summary));
+    if (summary["highlights"].empty()) return Json();
+    const Json& episode = *summary["highlights"].begin();  // "best" or "only"
+    const Json made = {{"phase", TextOrNull(track.config.phase)}, {"track", track.config.id},
+                       {"profile", track.config.profile}, {"team", first.team},
+                       {"submission", first.submission}, {"name", first.artefact_name},
+                       {"baseline", baseline}, {"episode", episode["index"]},
+                       {"log", episode["log"]["sha256"]}};
+    kept_.Keep(key, changes, std::make_shared<const std::string>(made.dump()));
+    return made;
+  }
+
+  const ApiContext& context_;
+  KeptBoards kept_{256, size_t{1} << 20};
+};
+using Replays = std::shared_ptr<PublicReplays>;
 
 std::string LogPath(const ApiContext& context, const std::string& hash) {
   return absl::StrCat(context.data_dir, "/logs/", LogFileName(hash));
@@ -121,11 +191,15 @@ absl::Status SendPictureFile(const ApiContext& context, const PictureKey& key, c
               10 * kAskAgainSeconds);
 }
 
-absl::Status SendPictureOfLog(const ApiContext& context, PictureKind kind, const char* type,
-                              const Request& request, Response& response) {
+// `replays`: nullptr where the log itself must be shown to the caller.
+absl::Status SendPictureOfLog(const ApiContext& context, const Replays& replays, PictureKind kind,
+                              const char* type, const Request& request, Response& response) {
   const std::string hash = request.matches[1];
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  RETURN_IF_ERROR(RequireShownLog(context, hash));
+  RETURN_IF_ERROR(replays == nullptr ? RequireShownLog(context, hash)
+                                     : context.readers.Read([&](const Transaction& reader) {
+                                         return replays->Require(reader, hash);
+                                       }));
   const PictureKey key = {kind, hash};
   const bool has_log = access(LogPath(context, hash).c_str(), F_OK) == 0;
   if (!has_log && !context.pictures.files().Has(key)) return MissingLog(hash);
@@ -146,12 +220,24 @@ absl::Status SendModel(const ApiContext& context, const Request& request, Respon
 
 void AddPictures(Routes& routes, const ApiContext& context) {
   routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", Action::kReadLog, Bind(context, SendLog));
-  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/trajectory)", Action::kReadLog,
-                 std::bind_front(SendPictureOfLog, std::cref(context), PictureKind::kTrajectory,
-                                 "application/vnd.myograde.trajectory"));
-  routes.GetFile(
-      R"(/v1/logs/([0-9a-f]{64})/picture[.]png)", Action::kReadLog,
-      std::bind_front(SendPictureOfLog, std::cref(context), PictureKind::kPicture, "image/png"));
+  const auto replays = std::make_shared<PublicReplays>(context);
+  routes.Get("/v1/replays", Action::kReadReplay, [&context, replays](const Request& request) {
+    return context.readers.Read<ApiAnswer>([&](const Transaction& reader) -> ApiResult {
+      RETURN_IF_ERROR(CheckParameters(request, {}));
+      return ApiAnswer{.body = {{"replays", replays->List(reader)}}, .tagged = true};
+    });
+  });
+  // Of one's own logs, and of those that everybody may watch.
+  for (const auto& [path, action, of] :
+       {std::tuple("/v1/logs/([0-9a-f]{64})", Action::kReadLog, Replays()),
+        std::tuple("/v1/replays/([0-9a-f]{64})", Action::kReadReplay, replays)}) {
+    routes.GetFile(absl::StrCat(path, "/trajectory"), action,
+                   std::bind_front(SendPictureOfLog, std::cref(context), of,
+                                   PictureKind::kTrajectory, "application/vnd.myograde.trajectory"));
+    routes.GetFile(absl::StrCat(path, "/picture[.]png"), action,
+                   std::bind_front(SendPictureOfLog, std::cref(context), of, PictureKind::kPicture,
+                                   "image/png"));
+  }
   routes.GetFile(R"(/v1/models/([a-z0-9-]{1,64})[.]glb)", Action::kReadTracks,
                  Bind(context, SendModel));
 }

@@ -192,6 +192,16 @@ bool IsPhasePublic(const Transaction& reader, const ApiContext& context,
          SeesReceipt(sight);
 }
 
+bool IsReplayPublic(const Transaction& reader, const ApiContext& context,
+                    const TrackConfig& config) {
+  if (config.phase.empty()) return IsReplayPublic(context.config.public_replay, {});
+  PhaseVisibility known = KnownOf(reader, context, config.phase);
+  // The salt tells for sure whether seeds were hidden, whatever the files say today.
+  known.committed = known.committed || !config.seed_salt.empty();
+  const PhaseConfig* phase = context.phases.ConfigOf(config.phase);
+  return IsReplayPublic(phase != nullptr && phase->public_replay, known);
+}
+
 Visibility FindPhaseVisibility(const Transaction& reader, const ApiContext& context,
                         const std::string& phase) {
   const Role role = Caller().role;

@@ -21,6 +21,10 @@ namespace myograde::server {
 // published, or withholds nothing of them and never freezes its board.
 bool IsPhasePublic(const Transaction& reader, const ApiContext& context, const std::string& phase);
 
+// Whether everybody may watch the best episode of the leader on the board of a config.
+bool IsReplayPublic(const Transaction& reader, const ApiContext& context,
+                    const TrackConfig& config);
+
 // Of evaluations of a phase ("": of none).
 Visibility FindPhaseVisibility(const Transaction& reader, const ApiContext& context,
                         const std::string& phase);

@@ -141,6 +141,7 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   phase.teams = ReadTeams(reader);
   const nlohmann::json& quota = reader.Has("quota") ? reader.Object("quota") : kNone;
   const nlohmann::json& shown = reader.Has("show") ? reader.Object("show") : kNone;
+  if (reader.Has("public_replay")) phase.public_replay = reader.Boolean("public_replay");
   if (reader.Has("statistics")) phase.statistics = reader.Object("statistics");
   const bool has_seeds = reader.Has("seeds");
   reader.Ignore("seeds");  // ReadSeedsOfPhase reads them

@@ -50,6 +50,7 @@ struct PhaseConfig {
   std::vector<std::string> teams = {};
   PhaseQuota quota;
   Visibility shown;             // while the phase is not published
+  bool public_replay = false;   // IsReplayPublic: its organiser allows it
   // Keys of "statistics" of server.json, whose values apply where one is missing; checked over the
   // usual ones.
   nlohmann::json statistics = nlohmann::json::object();

@@ -355,6 +355,7 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   if (config.pictures_ahead == absl::ZeroDuration()) {
     config.pictures_ahead = absl::InfiniteDuration();
   }
+  if (reader.Has("public_replay")) config.public_replay = reader.Boolean("public_replay");
   config.runtimes_dir = absl::StrReplaceAll(
       reader.Has("runtimes_dir") ? reader.String("runtimes_dir") : "${cache}/runtimes",
       {{"${cache}", cache_dir}});

@@ -119,6 +119,7 @@ struct ServerConfig {
   // How long no lease has run or waited when pictures are made that nobody asked for yet; infinite:
   // they never are (server/pictures).
   absl::Duration pictures_ahead = absl::Seconds(30);
+  bool public_replay = false;  // IsReplayPublic: allowed for boards that are of no phase
   scoring::StatisticsConfig statistics;
   std::string log_level;
   LogFormat log_format = LogFormat::kText;

@@ -72,6 +72,9 @@ def main():
         log = next(row["log"]["sha256"] for row in rows if row.get("log"))
         with Browser() as browser:
             page = Page(browser, width=1100, height=760)
+            # A replay that stands is drawn in full, however slow this machine is.
+            page.call("Emulation.setEmulatedMedia",
+                      features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
             page.open(url + "/sign-in")
             page.evaluate(f"sessionStorage.setItem('myograde.token', {json.dumps(token)})")
             page.open(f"{url}/board?track={track}")

@@ -20,7 +20,8 @@ const ModelSource& ElbowModel() {
 }
 
 const CameraView& ElbowView() {
-  static const CameraView view = {.look_at = {-0.15, -0.05, 1.15}, .distance_m = 0.95, .azimuth_deg = 60,
+  // From the side, where the forearm moves in the plane of the picture and muscles are before the bones.
+  static const CameraView view = {.look_at = {-0.15, -0.05, 1.15}, .distance_m = 1.05, .azimuth_deg = 0,
                                   .elevation_deg = -10};
   return view;
 }

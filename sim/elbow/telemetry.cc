@@ -11,7 +11,7 @@ namespace {
 
 constexpr Series kSeries[] = {
     {"angle", "Angle of the elbow", "deg"},
-    {"target", "Target", "deg"},
+    {"target", "Target", "deg", {}, "angle"},
     {"error", "Distance from the target", "deg"},
     {"effort", "Muscle effort (norm of the activations / 6)", ""},
 };
@@ -31,6 +31,10 @@ class ElbowTelemetry final : public Telemetry {
     const double values[] = {Degrees(data.qpos[0]), Degrees(target), Degrees(-now.pose),
                              -now.act_reg};
     std::copy(std::begin(values), std::end(values), out.begin());
+  }
+
+  double ToleranceOf(std::string_view series) const override {
+    return series == "target" ? Degrees(environment_.rules().tolerance_rad) : 0;
   }
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {

@@ -339,6 +339,9 @@ Json TrajectoryRecorder::SeriesToJson() const {
   for (const Series& series : telemetry_->series()) {
     Json entry = {{"name", series.name}, {"title", series.title}, {"unit", series.unit}};
     for (const std::string_view label : series.labels) entry["labels"].push_back(label);
+    if (!series.graph.empty()) entry["graph"] = series.graph;
+    const double tolerance = telemetry_->ToleranceOf(series.name);
+    if (tolerance > 0) entry["tolerance"] = tolerance;
     list.push_back(std::move(entry));
   }
   return list;

@@ -21,6 +21,8 @@ struct Series {
   std::string_view unit;   // "": it has none
   // Not empty: a value is the index of one of these, at most 255.
   std::span<const std::string_view> labels = {};
+  // Drawn in the graph of the series of this name; "": in one of its own.
+  std::string_view graph = {};
 };
 
 struct TrajectoryEvent {
@@ -40,6 +42,12 @@ class Telemetry {
 
   // The series' values in the state after the last reset or step; `out` has an entry for each.
   virtual void Sample(std::span<double> out) const = 0;
+
+  // How far from a series what should follow it may be, in its unit; 0: it is no target.
+  virtual double ToleranceOf(std::string_view series) const {
+    (void)series;
+    return 0;
+  }
 
   // The episode was reset, or a step was played and it is `time_s` now: appends what happened then.
   virtual void Begin() {}

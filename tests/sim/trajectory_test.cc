@@ -146,6 +146,13 @@ TEST_P(Trajectories, HaveFramesAndCurvesAtTheirRate) {
   EXPECT_GE(curves, 4u);
   for (size_t i = 0; i < curves; ++i) {
     const Json& series = read.head["series"][i];
+    if (series.contains("graph")) {
+      const auto has = [&](const Json& other) { return other["name"] == series["graph"]; };
+      EXPECT_TRUE(std::any_of(read.head["series"].begin(), read.head["series"].end(), has)) << series;
+    }
+    if (series.contains("tolerance")) {
+      EXPECT_GT(series["tolerance"], 0) << series;
+    }
     if (!series.contains("labels")) continue;
     for (const int number : read.Numbers("series", i)) {
       EXPECT_LT(number, std::ssize(series["labels"])) << series;

@@ -2,8 +2,10 @@
 import {get, isOrganiser, token, whoami} from "./api.js";
 import {h, href, replace} from "./dom.js";
 import {boardTitle, dateTime, name, time, visible, whole} from "./format.js";
+import {homeReplay} from "./home_replay.js";
 import {hostText} from "./host_text.js";
 import {boardAddress, deciding, phaseWhen, rankedRows, successes} from "./places.js";
+import {publicReplays} from "./replays.js";
 
 const SHOWN = 3;
 
@@ -98,7 +100,7 @@ function actions() {
   h("a", {class: "button", href: "/docs"}, "How to take part"));
 }
 
-function challengePart(challenge, now, tracks, titled) {
+function challengePart(challenge, now, tracks, titled, replay) {
   const {phases} = challenge;
   const waiting = [];
   const counts = h("p", {class: "quiet counts"});
@@ -113,8 +115,9 @@ function challengePart(challenge, now, tracks, titled) {
   const coming = next(phases);
   return {filled, element: h("section", {class: "challenge"},
     !titled && h("h2", null, visible(challenge.title)),
-    h("div", {class: "hero"}, h("div", null, challenge.text.length > 0 && hostText(challenge.text), actions()),
-      h("div", null, coming && h("p", {class: "coming"}, coming), timeline(phases, now), counts)),
+    h("div", {class: `hero${replay ? " with-replay" : ""}`},
+      h("div", null, challenge.text.length > 0 && hostText(challenge.text), actions()),
+      h("div", null, replay, coming && h("p", {class: "coming"}, coming), timeline(phases, now), counts)),
     h("h2", {class: titled ? null : "hidden"}, "Boards"), cards)};
 }
 
@@ -128,12 +131,20 @@ function firstSteps() {
 }
 
 export async function show(main) {
-  const [{tracks}, all, who] = await Promise.all([get("/v1/tracks"), get("/v1/challenges"), whoami()]);
+  const [{tracks}, all, who, replays] = await Promise.all([get("/v1/tracks"), get("/v1/challenges"), whoami(),
+    publicReplays()]);
   const only = all.challenges.length === 1 ? all.challenges[0] : null;
   const title = only ? visible(only.title) : "Boards";
   document.title = only ? `${title} – MyoGrade` : "Boards – MyoGrade";
   const waiting = [];
-  const parts = all.challenges.map((challenge) => challengePart(challenge, all.now, tracks, challenge === only));
+  // One is enough for a page: that of the first phase which has one, if possible of an open one.
+  const played = all.challenges.flatMap(({phases}) => phases)
+    .filter(({phase}) => replays.some((one) => one.phase === phase));
+  const shown = played.find(({state}) => state === "open") ?? played[0];
+  const replay = replays.find(({phase}) => phase === (shown?.phase ?? null));
+  const phaseOf = ({phases}) => phases.find((phase) => phase === shown);
+  const parts = all.challenges.map((challenge) => challengePart(challenge, all.now, tracks, challenge === only,
+    phaseOf(challenge) && homeReplay(replay, phaseOf(challenge).title)));
   const ofPhases = new Set(all.challenges.flatMap((challenge) => challenge.phases).map((phase) => phase.track));
   const open = tracks.filter((track) => !ofPhases.has(track.track));
   const ofTracks = open.map((track) => card(track.track, [], {track: track.track}, track.boards, waiting));
@@ -145,7 +156,7 @@ export async function show(main) {
     all.paused && h("p", {class: "notice"}, "Submissions are paused: ", visible(all.paused.reason)),
     !all.challenges.length && [h("p", {class: "lead"}, "MyoGrade plays policies on simulated bodies and ranks "
       + "them. Each track has a board."), actions()],
-    steps, parts.map((part) => part.element),
+    steps, replay && !replay.phase && homeReplay(replay, replay.track), parts.map((part) => part.element),
     open.length > 0 && h("section", null, h("h2", null, "Tracks"), h("div", {class: "cards"}, ofTracks)),
     former.length > 0 && h("section", null, h("h2", null, "Former phases"), h("div", {class: "cards"}, former)));
   const teams = await Promise.all(waiting);

@@ -4,7 +4,7 @@ import {facts, h, replace} from "./dom.js";
 import {duration, heading, measure, number, visible, whole} from "./format.js";
 import {verdict} from "./grid.js";
 import {picture} from "./pictures.js";
-import {leadersEpisode, replayAddress} from "./replays.js";
+import {filesOf, leadersEpisode, replayAddress} from "./replays.js";
 
 function flat(values, path = "") {
   return Object.entries(values ?? {}).flatMap(([key, value]) => {
@@ -79,7 +79,7 @@ export async function showEpisode(panel, status, result, brief) {
   }
   if (panel.dataset.index !== String(brief.index)) return;  // another one was chosen meanwhile
   replace(panel, h("h3", null, title),
-    row.log && picture(row.log.sha256, `A moment of episode ${row.index}, ${verdict(row)}`),
+    row.log && picture(filesOf(row.log.sha256), `A moment of episode ${row.index}, ${verdict(row)}`),
     motion(status, result, row), figures(row, result.metrics), faultBox(row.fault),
     row.facts && h("details", null, h("summary", null, "Facts as the simulator measured them"),
       facts(flat(row.facts))),

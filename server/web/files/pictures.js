@@ -9,7 +9,7 @@ const MOST_BYTES = 1 << 20;
 
 async function fill(canvas, words) {
   const leave = new AbortController();
-  const {data} = await download(`/v1/logs/${canvas.dataset.log}/picture.png`, {
+  const {data} = await download(`${canvas.dataset.files}/picture.png`, {
     signal: leave.signal, most: MOST_BYTES, onWait: ({state, place}) => {
       if (!canvas.isConnected) leave.abort();
       words.textContent = state === "playing" || !place ? "The picture is being made."
@@ -33,11 +33,11 @@ const seen = new IntersectionObserver((entries) => {
   }
 }, {rootMargin: "200px"});
 
-// The picture of the episode with this log. `alt` says what it shows. It is a canvas, as an <img> can't
-// send the reader's token.
-export function picture(log, alt, caption = null) {
+// The picture of an episode, whose files are below the address `files` (filesOf in replays.js). `alt` says what
+// it shows. It is a canvas, as an <img> can't send the reader's token.
+export function picture(files, alt, caption = null) {
   const canvas = h("canvas", {width: WIDTH, height: HEIGHT, role: "img", "aria-label": alt,
-    "data-log": log});
+    "data-files": files});
   seen.observe(canvas);
   return h("figure", {class: "picture"}, h("div", {class: "frame"}, canvas,
     h("p", {class: "quiet"}, "")), caption && h("figcaption", null, caption));

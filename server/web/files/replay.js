@@ -1,21 +1,19 @@
 // An episode in 3D, or two beside each other with one clock: /replay?log=HASH&of=SUBMISSION. Where the
 // browser can't draw in 3D, graphs and events still follow.
-import {ApiError, download, get} from "./api.js";
+import {download, get, token} from "./api.js";
 import {facts, h, href, replace} from "./dom.js";
 import {bytes, name, number, visible, whole} from "./format.js";
 import {Clock} from "./replay_clock.js";
 import {keepMoment, momentAsked} from "./replay_address.js";
 import {compare} from "./replay_compare.js";
 import {Controls, eventTable, keyList, seconds} from "./replay_controls.js";
-import {FileError, MOST_BYTES, readTrajectory} from "./replay_file.js";
+import {MOST_BYTES, readTrajectory} from "./replay_file.js";
 import {graphs} from "./replay_graphs.js";
-import {replayAddress} from "./replays.js";
+import {Player, makeViews} from "./replay_player.js";
+import {filesOf, publicReplays, replayAddress} from "./replays.js";
+import {save as saveFile} from "./sheet.js";
 
 const MARKS = ["first", "second"];
-const TOLD_MS = 150;  // how often words that change are written anew
-const SLOW_MS = 40;   // a frame that takes longer makes the view simpler
-const NO_WEBGL = "This browser can't draw in 3D here: WebGL 2 is missing or switched off. Graphs and "
-  + "events below show the episode.";
 
 function asked(query) {
   const logs = query.getAll("log");
@@ -36,17 +34,20 @@ function waiting({state, place}) {
 
 // The trajectory of an episode and the submission that it is of, if the reader may see that.
 async function load(one, tell, signal) {
-  const status = one.of && get(`/v1/submissions/${one.of}`, signal).catch(() => null);
-  const {data, received} = await download(`/v1/logs/${one.log}/trajectory`, {signal, most: MOST_BYTES,
+  const open = (await publicReplays()).find(({log}) => log === one.log);
+  const known = one.of && (token() || !open);
+  const status = known ? get(`/v1/submissions/${one.of}`, signal).catch(() => null) : null;
+  const {data, received} = await download(`${filesOf(one.log, open)}/trajectory`, {signal, most: MOST_BYTES,
     onWait: (state) => tell(waiting(state)),
     onProgress: (count) => tell(`Loading the poses: ${bytes(count)}…`)});
-  return {...one, trajectory: readTrajectory(data), received, status: await status};
+  return {...one, trajectory: readTrajectory(data), received, open, status: await status};
 }
 
 function labelled(episodes) {
   return episodes.map((one) => {
-    const own = one.status && (one.status.name || `submission ${one.of}`);
-    const of = one.status ? `${one.status.team}: ${own}` : one.of ? `submission ${one.of}` : null;
+    const known = one.status ?? one.open;
+    const own = known && (known.name || `submission ${known.submission}`);
+    const of = known ? `${known.team}: ${own}` : one.of ? `submission ${one.of}` : null;
     const alone = episodes.length === 1 ? "the episode" : `${one.mark} episode`;
     return {...one, label: visible(of ?? alone)};
   });
@@ -55,65 +56,28 @@ function labelled(episodes) {
 function about(one) {
   const {trajectory} = one;
   return h("div", {class: `about ${one.mark}`}, facts([
-    ["Policy", one.of ? h("a", {href: href("/submission", {id: one.of})}, name(one.label))
+    ["Policy", one.of && (one.status || !one.open) ? h("a", {href: href("/submission", {id: one.of})}, name(one.label))
       : h("span", null, one.label)],
     ["Episode", trajectory.episode === null ? null : whole(trajectory.episode)],
     ["Ended", `${visible(trajectory.end) || "–"}, after ${seconds(trajectory.duration)}`],
   ].filter((pair) => pair[1] !== null)));
 }
 
-function whyNot(error) {
-  if (error instanceof ApiError || error instanceof FileError) return visible(error.message);
-  if (/webgl/i.test(error.message)) return NO_WEBGL;
-  reportError(error);
-  return "The view in 3D failed. Graphs and events below show the episode.";
-}
-
-// The views in 3D, or none and why.
-async function makeViews(episodes, hosts, tell, again, signal) {
-  let drawing;
-  try {
-    drawing = await import("./replay_view.js");
-  } catch (error) {
-    if (signal.aborted) throw error;
-    return {views: [], viewpoints: [], why: "What draws in 3D could not be loaded: reload the page."};
-  }
-  if (!drawing.canDraw()) return {views: [], viewpoints: [], why: NO_WEBGL};
-  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  const strong = Math.max(...episodes.map((one) => one.trajectory.strongForce));
-  const views = [];
-  const models = new Map();
-  try {
-    for (const [place, one] of episodes.entries()) {
-      const {track} = one.trajectory;
-      if (!models.has(track)) {
-        models.set(track, (await download(`/v1/models/${encodeURIComponent(track)}.glb`,
-          {signal, most: MOST_BYTES, onWait: () => tell("The model's shapes are made…"),
-            onProgress: (received) => tell(`Loading the model: ${bytes(received)}…`)})).data);
-      }
-      const onMove = (moved) => {
-        views.forEach((view) => view !== moved && view.lookLike(moved));
-        again();
-      };
-      const model = await drawing.readModel(models.get(track));
-      views.push(new drawing.View(hosts[place], one.trajectory, model, {dark, strong, onMove}));
-    }
-  } catch (error) {
-    views.forEach((view) => view.dispose());
-    if (signal.aborted) throw error;
-    return {views: [], viewpoints: [], why: whyNot(error)};
-  }
-  return {views, viewpoints: drawing.VIEWPOINTS, why: null};
-}
-
-function actions(views) {
+function actions(views, episodes, clock) {
+  const save = () => views.forEach(async (view, place) => {
+    const {track, episode} = episodes[place].trajectory;
+    const words = [track, episode === null ? null : `episode-${episode}`, `${clock.time.toFixed(2)}s`]
+      .filter((word) => word !== null).join("-").replace(/[^\w.-]/g, "_");
+    saveFile(await view.picture(), `${words}${place ? `-${place + 1}` : ""}.png`, "image/png");
+  });
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
-  return {first: views[0]?.firstPoint, look: each((view, from) => view.lookFrom(from)),
+  return {look: each((view, from) => view.lookFrom(from)),
     turn: each((view, ...by) => view.turn(...by)),
     canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;
     }),
-    muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on))};
+    muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on)),
+    save: views.length > 0 && save};
 }
 
 // What a frame takes, for those who want to know: of the scripts, without the graphics card's part.
@@ -140,51 +104,6 @@ class Meter {
     this.frames = 0;
     this.scripts = 0;
     this.since = now;
-  }
-}
-
-// Runs the clock and draws while something changes.
-class Player {
-  constructor(clock, views, parts, controls, meter) {
-    Object.assign(this, {clock, views, parts, controls, meter, changed: true, before: null, told: 0,
-      slow: 0, spared: 0});
-    this.request = requestAnimationFrame((now) => this.frame(now));
-  }
-
-  frame(now) {
-    this.request = requestAnimationFrame((next) => this.frame(next));
-    const passed = this.before === null ? 0 : now - this.before;
-    this.before = now;
-    const ran = this.clock.running;
-    this.clock.pass(passed / 1000);
-    if (!ran && !this.changed && !this.views.some((view) => view.controls.state >= 0)) return;
-    const begin = performance.now();
-    this.changed = false;
-    const told = !this.clock.running || now - this.told > TOLD_MS;
-    if (told) this.told = now;
-    this.controls.show(told);
-    this.parts.forEach((part) => part.show(this.clock.time, told));
-    for (const view of this.views) view.draw(this.clock.time);
-    this.meter.add(performance.now() - begin, this.views);
-    this.spare(ran ? passed : 0);
-  }
-
-  // A computer that can't keep up is asked for less, twice at most. Frames that were slow because
-  // nobody saw the page don't count.
-  spare(passed) {
-    if (document.hidden) return;
-    if (passed <= SLOW_MS) this.slow = Math.max(this.slow - 1, 0);
-    else this.slow += passed > 5 * SLOW_MS ? 5 : 1;
-    if (this.slow < 20 || this.spared >= 2) return;
-    this.slow = 0;
-    this.spared += 1;
-    this.views.forEach((view) => view.simplify(this.spared));
-  }
-
-  // Ends it and frees what it has.
-  end() {
-    cancelAnimationFrame(this.request);
-    this.views.splice(0).forEach((view) => view.dispose());
   }
 }
 
@@ -230,7 +149,7 @@ async function build(main, title, episodes, tell, signal) {
     keep?.();
   };
   const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, again, signal);
-  const controls = new Controls(episodes, clock, viewpoints, actions(views), again);
+  const controls = new Controls(episodes, clock, viewpoints, actions(views, episodes, clock), again);
   const wanted = momentAsked();
   if (wanted.camera) views.forEach((view) => view.placeCamera(wanted.camera));
   clock.seek(wanted.time ?? 0);
@@ -277,7 +196,8 @@ export async function show(main, query) {
   };
   const episodes = labelled(await Promise.all(wanted.map((one) => load(one, tell, leaving.signal))));
   const [first] = episodes;
-  const team = first.status ? `${first.status.team}, ` : "";
+  const of = first.status ?? first.open;
+  const team = of ? `${of.team}, ` : "";
   title.textContent = `Replay: ${visible(`${team}${first.trajectory.track}`)}`
     + (first.trajectory.episode === null ? "" : `, episode ${whole(first.trajectory.episode)}`);
   document.title = `${title.textContent} – MyoGrade`;

@@ -12,12 +12,13 @@ async function rowOf(submission, index) {
   return {row: answer.episode_rows?.[0] ?? null, seeds: answer.hashes.seeds};
 }
 
-function nameOf(status) {
+// A submission in a list, as people know it.
+export function nameOf(status) {
   return `${status.team}: ${status.name || `submission ${status.submission}`}`;
 }
 
 // Other submissions that were played by the same rules, those of its board's leaders first.
-async function others(own) {
+export async function others(own) {
   const list = await get(href("/v1/submissions", {track: own.track, profile: own.profile,
     phase: own.phase, limit: MOST}));
   const board = await get(href("/v1/leaderboard", own.phase ? {phase: own.phase}

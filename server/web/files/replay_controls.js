@@ -90,7 +90,7 @@ export function keyList() {
 }
 
 // Buttons and bar for a clock. `can` are the actions on the views: look(name), turn(azimuth, elevation,
-// nearer), follow(on) if `canFollow`, muscles(on), forces(on); without views they are left out.
+// nearer), follow(on) if `canFollow`, muscles(on), forces(on), save(); without views they are left out.
 export class Controls {
   constructor(episodes, clock, viewpoints, can, onChange) {
     this.clock = clock;
@@ -114,13 +114,13 @@ export class Controls {
       loop: tick("Loop", false, (on) => {
         clock.loop = on;
       })};
-    if (can.first) this.view.element.value = can.first;
     this.element = h("div", {class: "controls"}, this.bar.element, h("div", {class: "row"},
       this.play,
       button("−1 frame", "One frame back (←)", () => this.step(-1)),
       button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
       viewpoints.length > 0 && [this.view.label, can.canFollow && this.ticks.follow.label,
         this.ticks.muscles.label, this.ticks.forces.label], this.ticks.loop.label,
+      can.save && button("Save picture", "Saves what the view shows as a PNG", can.save),
       document.fullscreenEnabled && button("Full screen", "Full screen (X)", () => this.fullScreen())));
     this.told = -Infinity;
     this.show(true);
@@ -194,7 +194,7 @@ export class Controls {
       "<": () => faster(-1), ">": () => faster(1), a: () => this.can.turn(-10, 0, 1),
       d: () => this.can.turn(10, 0, 1), w: () => this.can.turn(0, 10, 1),
       s: () => this.can.turn(0, -10, 1), "+": () => this.can.turn(0, 0, 1.15),
-      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom(this.can.first ?? "start"),
+      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom("start"),
       f: () => this.flip("follow"), m: () => this.flip("muscles"), c: () => this.flip("forces"),
       l: () => this.flip("loop"), x: () => this.fullScreen()};
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];

@@ -81,6 +81,8 @@ function readSeries(head) {
     object(one, "a series");
     return {name: text(one.name, "a series' name"), title: text(one.title, "a series' title"),
       unit: text(one.unit, "a series' unit"),
+      graph: one.graph === undefined ? null : text(one.graph, "a series' graph"),
+      tolerance: one.tolerance === undefined ? 0 : Math.abs(finite(one.tolerance, "a series' tolerance")),
       labels: one.labels === undefined ? null : list(one.labels, 256, "a series' labels")
         .map((label) => text(label, "a series' label"))};
   });

@@ -3,6 +3,7 @@
 import {label, rangeOf, ticks} from "./charts.js";
 import {h, s} from "./dom.js";
 import {number, visible} from "./format.js";
+import {courseMap} from "./replay_map.js";
 import {frameAt, framesAt} from "./replay_pose.js";
 
 const WIDTH = 360;
@@ -105,9 +106,22 @@ function seekable(drawing, duration, onSeek) {
   });
 }
 
+// A series that is drawn in another's graph: its line, and what is within its tolerance.
+function guide(one, series, x, y) {
+  const at = (frame) => x(Math.min(frame * one.trajectory.period, one.trajectory.duration)).toFixed(1);
+  const edge = (way) => thinned(series.values, MOST_POINTS).map(([frame, value]) =>
+    `${at(frame)},${y(value + way * series.tolerance).toFixed(1)}`);
+  return [series.tolerance > 0 && s("polygon", {class: "tolerance",
+    points: [...edge(1), ...edge(-1).reverse()].join(" ")}),
+  s("polyline", {class: "line guide", points: points(one.trajectory, series, x, y)})];
+}
+
+// `own` has an episode's series each, and `guides`, those that are drawn in its graph.
 function graph(own, duration, onSeek) {
   const {series} = own[0];
-  const all = own.flatMap((one) => rangeOf(one.series.values));
+  const guides = own.flatMap((one) => one.guides.map((guided) => ({one, series: guided})));
+  const all = own.flatMap((one) => rangeOf(one.series.values)).concat(guides.flatMap(({series: guided}) =>
+    rangeOf(guided.values).flatMap((value) => [value - guided.tolerance, value + guided.tolerance])));
   const [low, high] = series.labels ? [-0.5, series.labels.length - 0.5]
     : rangeOf(all.concat(rangeOf(all)));
   const digits = digitsOf(low, high);
@@ -116,21 +130,26 @@ function graph(own, duration, onSeek) {
   const levels = series.labels ? series.labels.map((_, place) => place) : ticks(low, high, 4);
   const beside = series.labels ? levels.map((place) => place + 1) : levelWords(levels);
   const line = cursor();
+  const legend = [...new Map(guides.map(({series: guided}) => [guided.name, guided])).values()].map((guided) =>
+    `dashed: ${visible(guided.title).toLowerCase()}${guided.tolerance ? `, ± ${number(guided.tolerance, digits)} ${
+      visible(guided.unit)}`.trimEnd() : ""}`);
   const drawing = s("svg", {viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img",
     "aria-label": `${visible(series.title)} over time: ${own.map((one) =>
-      (own.length > 1 ? `${one.label} ` : "") + words(one, digits)).join("; ")}`},
+      (own.length > 1 ? `${one.label} ` : "") + words(one, digits)).concat(legend).join("; ")}`},
   levels.map((value, place) => [
     s("line", {class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y(value), y2: y(value)}),
     s("text", {x: LEFT - 5, y: y(value) + 4, "text-anchor": "end"},
       beside[place])]),
   timeAxis(duration, x),
+  guides.map(({one, series: guided}) => guide(one, guided, x, y)),
   own.map((one) => s("polyline", {class: `line ${one.mark}`,
     points: points(one.trajectory, one.series, x, y)})), line);
   seekable(drawing, duration, onSeek);
   const shown = own.map((one) => h("b", {class: one.mark}));
   const title = visible(series.title) + (series.unit ? ` (${visible(series.unit)})` : "");
   const element = h("figure", {class: "chart graph"}, h("figcaption", null, title, " ",
-    h("span", {class: "now"}, shown)), drawing, series.labels && h("p", {class: "quiet"},
+    h("span", {class: "now"}, shown)), drawing, legend.length > 0 && h("p", {class: "quiet"}, legend.join("; ")),
+  series.labels && h("p", {class: "quiet"},
     series.labels.map((text, place) => `${place + 1}: ${visible(text)}`).join(", ")));
   return {element, show(time, told) {
     const at = x(Math.min(time, duration)).toFixed(1);
@@ -212,12 +231,17 @@ function muscleMap(one, several, duration, onSeek) {
 // time that a reader chose. Returns the element and show(time, told), where only with `told` the values
 // in words are renewed.
 export function graphs(episodes, duration, onSeek) {
-  const names = [...new Set(episodes.flatMap((one) => one.trajectory.series.map(
-    (series) => series.name)))];
+  const series = episodes.flatMap((one) => one.trajectory.series);
+  // One that would be drawn in a graph that there is not has its own.
+  const guided = (one) => one.graph !== null && !one.labels && series.some((other) => other.name === one.graph
+    && other.graph === null && !other.labels);
+  const names = [...new Set(series.filter((one) => !guided(one)).map((one) => one.name))];
   const long = Math.max(duration, 1e-3);
   const all = names.map((name) => graph(episodes.map((one) => ({...one,
-    series: one.trajectory.series.find((series) => series.name === name)}))
+    series: one.trajectory.series.find((other) => other.name === name),
+    guides: one.trajectory.series.filter((other) => guided(other) && other.graph === name)}))
     .filter((one) => one.series), long, onSeek));
+  all.unshift(...episodes.filter((one) => one.trajectory.terrain).map((one) => courseMap(one, episodes.length > 1)));
   all.push(...episodes.filter((one) => one.trajectory.muscles.length)
     .map((one) => muscleMap(one, episodes.length > 1, long, onSeek)));
   return {element: h("div", {class: "charts", tabindex: 0, role: "group", "aria-label": "Graphs"}, all.map((one) => one.element)),

@@ -70,8 +70,6 @@ function lookDirection(camera) {
 
 const POINTS = {side: [0, -10], front: [90, -10], back: [-90, -10], top: [0, -85]};
 export const VIEWPOINTS = ["start", ...Object.keys(POINTS)];
-// From where a track is seen best, if that is not its model's own camera.
-const FIRST = {elbow: "side"};
 
 export class View {
   // Draws into `host`, an element with a size. `model` of readModel, which belongs to the view from
@@ -156,12 +154,7 @@ export class View {
     });
     this.followed = body === null ? null : followedPath(this.trajectory, body, lookAt);
     this.target = new three.Vector3(...lookAt);
-    this.lookFrom(this.firstPoint);
-  }
-
-  // The one of VIEWPOINTS that is first.
-  get firstPoint() {
-    return FIRST[this.trajectory.track] ?? "start";
+    this.lookFrom("start");
   }
 
   // From one of VIEWPOINTS, at the distance of the first view.
@@ -272,6 +265,14 @@ export class View {
     this.place(time);
     this.update();
     this.renderer.render(this.scene, this.camera);
+  }
+
+  // What is seen, as a PNG.
+  picture() {
+    this.draw(this.time ?? 0);  // what a browser showed once may be gone
+    return new Promise((resolve) => {
+      this.renderer.domElement.toBlob(resolve, "image/png");
+    });
   }
 
   showMuscles(shown) {

@@ -1,6 +1,19 @@
 // Where episodes are shown in motion.
 import {get} from "./api.js";
 
+let open = null;
+
+// The episodes that everybody may watch, as GET /v1/replays has them; none if that can't be asked.
+export function publicReplays() {
+  open ??= get("/v1/replays").then(({replays}) => replays, () => []);
+  return open;
+}
+
+// The address that an episode's files are below: for everybody if it is among publicReplays.
+export function filesOf(log, isPublic) {
+  return `/v1/${isPublic ? "replays" : "logs"}/${log}`;
+}
+
 // The page with one episode or with two beside each other: {log, of}, where `of` is the submission.
 export function replayAddress(...episodes) {
   return `/replay?${new URLSearchParams(episodes.flatMap(({log, of}) => [["log", log], ["of", of]]))}`;

@@ -5,7 +5,7 @@ import {h, replace} from "./dom.js";
 import {bytes, episodesText, heading, measure, number, percent, visible, whole} from "./format.js";
 import {kindOf, verdict} from "./grid.js";
 import {picture} from "./pictures.js";
-import {replayAddress} from "./replays.js";
+import {filesOf, replayAddress} from "./replays.js";
 
 const COURSES = ["flat", "hilly", "rough", "stairs", "mixed"];
 const FORCE = {name: "peak_force", title: "peak force", unit: "N", digits: 1};
@@ -143,7 +143,7 @@ export function highlights(rows, metrics, submission) {
       const figures = first ? `, ${measure(row.metrics?.[first.name], first)}` : "";
       const words = `Episode ${row.index}, ${verdict(row)}${figures}`;
       const link = h("a", {href: replayAddress({log: row.log.sha256, of: submission})}, words);
-      return picture(row.log.sha256, `A moment of the ${place} episode: ${words}`,
+      return picture(filesOf(row.log.sha256), `A moment of the ${place} episode: ${words}`,
         place === "only" ? link : [`The ${place}: `, link]);
     })));
 }

@@ -46,10 +46,10 @@ export async function copyText(text) {
   return done;
 }
 
-// Has the browser save a text as a file.
-export function save(text, file, type) {
+// Has the browser save a text or a Blob as a file.
+export function save(content, file, type) {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([text], {type}));
+  link.href = URL.createObjectURL(new Blob([content], {type}));
   link.download = file;
   link.click();
   URL.revokeObjectURL(link.href);

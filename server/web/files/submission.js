@@ -1,5 +1,6 @@
 // A submission: how it stands, and, once episodes have ended, how they did.
 import {get, pause, persist} from "./api.js";
+import {comparison} from "./comparison.js";
 import {TIMES} from "./details.js";
 import {facts, h, href, replace, table} from "./dom.js";
 import {showEpisode} from "./episode.js";
@@ -141,6 +142,7 @@ function makeParts() {
   const sums = h("div", {class: "part"});
   const output = h("section", {class: "output"});
   const end = h("div");
+  const compared = h("div");
   const draw = async (status) => {
     let result = null;
     if (status.episodes.done) {
@@ -159,12 +161,13 @@ function makeParts() {
       drawCharts(charts, result, rows);
       drawSummary(sums, result.details_summary, result.episodes.done);
       addOutput(output, result);
+      if (rows.length && FINAL.includes(status.state) && !compared.firstChild) compared.append(comparison(status));
     }
     const open = end.firstChild?.open;
     replace(end, record(status, result));
     end.firstChild.open = Boolean(open);
   };
-  return {elements: [fault, figures, looks, episodes, h("div", {class: "charts"}, charts, sums), output, end],
+  return {elements: [fault, figures, looks, episodes, h("div", {class: "charts"}, charts, sums), compared, output, end],
     draw};
 }
 

@@ -60,6 +60,30 @@ TEST(SightOf, AFileCanNotShowCommittedSeeds) {
       ComputeVisibility(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
 }
 
+TEST(IsReplayPublic, OnlyWhereTheOrganiserAllowsIt) {
+  EXPECT_TRUE(IsReplayPublic(true, {}));
+  EXPECT_FALSE(IsReplayPublic(false, {}));
+  EXPECT_FALSE(IsReplayPublic(false, {.published = true, .committed = true, .revealed = true}));
+}
+
+TEST(IsReplayPublic, NotWhileThePhaseWithholdsAPartOfIt) {
+  EXPECT_TRUE(IsReplayPublic(true, {.shown = {.output = false}})) << "it has no output";
+  for (const Visibility& shown : {Visibility{.aggregate = false}, Visibility{.outcomes = false},
+                                  Visibility{.metrics = false}, Visibility{.logs = false}}) {
+    EXPECT_FALSE(IsReplayPublic(true, {.shown = shown}));
+    EXPECT_TRUE(IsReplayPublic(true, {.shown = shown, .published = true}));
+  }
+}
+
+TEST(IsReplayPublic, NotWhileSeedsAreHidden) {
+  PhaseVisibility phase = {.committed = true};
+  EXPECT_FALSE(IsReplayPublic(true, phase));
+  phase.published = true;
+  EXPECT_FALSE(IsReplayPublic(true, phase));
+  phase.revealed = true;
+  EXPECT_TRUE(IsReplayPublic(true, phase));
+}
+
 TEST(WithheldParts, AreNamedInOrder) {
   EXPECT_THAT(WithheldParts({}), IsEmpty());
   EXPECT_THAT(WithheldParts({.metrics = false, .seeds = false}), ElementsAre("metrics", "seeds"));

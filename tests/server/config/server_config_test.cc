@@ -151,7 +151,7 @@ TEST_F(ServerConfigTest, KeysThatAreLeftOutHaveTheShippedValues) {
         config.access.teams_of_a_user, config.retention.picture_bytes, config.slurm.most_jobs,
         config.slurm.time_limit_min, config.slurm.memory_mib,
         config.slurm.cpus, absl::ToInt64Seconds(config.slurm.queue_wait),
-        absl::ToInt64Seconds(config.pictures_ahead)};
+        absl::ToInt64Seconds(config.pictures_ahead), config.public_replay ? 1 : 0};
   };
   EXPECT_EQ(numbers(fallback), numbers(now));
   EXPECT_EQ(fallback.statistics, now.statistics);

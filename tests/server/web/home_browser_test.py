@@ -126,6 +126,27 @@ class Home(BrowserCase):
         page.wait("location.hash === '#episode-0'")
         self.assertEqual(self.texts(page, ".row-head"), ["0", "10", "20", "30"])
 
+    def test_two_submissions_are_compared_episode_by_episode(self):
+        page = self.page("organiser", width=375)
+        self.open(page, f"/submission?id={self.made['Sarcomere Club']}")
+        page.evaluate("document.querySelector('.compare').open = true")
+        page.wait("!!document.getElementById('compared-with')")
+        page.evaluate(f"document.getElementById('compared-with').value = {self.made[TEAM]}")
+        page.evaluate("document.querySelector('.compare form').requestSubmit()")
+        page.wait("!!document.querySelector('.compare tbody')")
+        rows = {row[0]: row[1:] for row in page.evaluate(
+            "[...document.querySelectorAll('.compare tbody tr')].map((row) => "
+            "[...row.children].map((cell) => cell.textContent))")}
+        # One success of forty less: Student's interval is 0.025 by 2.0227 times 0.025.
+        self.assertEqual(rows["Success"][:6], ["40", "−0.03", "−0.08 to +0.03", "0", "1", "39"])
+        self.assertEqual(rows["Effort"][3:6], ["40", "0", "0"])
+        self.check_page(page, "comparison", "comparison-375")
+        # To a participant the API shows no other team's.
+        page = self.page("participant")
+        self.open(page, f"/submission?id={self.made[TEAM]}")
+        page.evaluate("document.querySelector('.compare').open = true")
+        page.wait("document.querySelector('.compare').innerText.includes('You may see no other submission')")
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

@@ -227,17 +227,33 @@ class Steering(ReplayCase):
                       "one.textContent === '3.20 s').click()")
         self.assertEqual(self.time_of(page), 3.2)
         self.settled(page)
-        self.assertEqual(page.evaluate("document.querySelector('.graph .now').innerText")
+        self.assertEqual(page.evaluate("document.querySelector('.graph:not(:has(.course-map)) .now').innerText")
                          .split(), ["3.84", "m", "3.84", "m"])
         self.assertIn("peak force", page.evaluate("document.querySelector('.events tr.now')"
                                                   ".innerText"))
-        page.evaluate("document.querySelector('.graph svg').scrollIntoView()")
-        box = page.evaluate("(() => { const r = document.querySelector('.graph svg')"
+        page.evaluate("document.querySelector('.graph > svg').scrollIntoView()")
+        box = page.evaluate("(() => { const r = document.querySelector('.graph > svg')"
                             ".getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()")
         for kind in ("mousePressed", "mouseReleased"):
             page.call("Input.dispatchMouseEvent", type=kind, x=box[0] + box[2] / 2,
                       y=box[1] + box[3] / 2, button="left", clickCount=1)
         self.assertAlmostEqual(self.time_of(page), 8 * (180 - 42) / (360 - 48), delta=0.1)
+
+    def test_the_course_is_seen_from_above_and_the_view_is_saved(self):
+        page = self.page()
+        self.open(page, f"/replay?log={A}#t=4")
+        self.settled(page)
+        place = "['cx', 'cy'].map((name) => Number(document.querySelector('.course-map .place').getAttribute(name)))"
+        x, y = page.evaluate(place)
+        self.press(page, "End")
+        self.settled(page)
+        self.assertGreater(page.evaluate(place)[0], x + 50)
+        self.assertTrue(0 < y < 42, y)
+        self.assertTrue(page.evaluate("!!document.querySelector('[aria-label$=\"9.6 m from the start\"]')"))
+        page.evaluate("HTMLAnchorElement.prototype.click = function () { window.saved = this.download; }")
+        page.evaluate("document.querySelector('[title^=\"Saves what\"]').click()")
+        page.wait("window.saved === 'locomotion-episode-37-8.00s.png'")
+        self.check_quiet(page)
 
     def test_it_plays_at_once_unless_less_motion_is_asked_for(self):
         page = self.page(still=False)
@@ -313,7 +329,7 @@ class Troubles(ReplayCase):
             "return kind.startsWith('webgl') ? null : real.call(this, kind, ...more); };"))
         self.open(page, f"/replay?log={A}")
         self.assertIn("can't draw in 3D", page.text())
-        self.assertEqual(page.evaluate("document.querySelectorAll('.graph').length"), 4)
+        self.assertEqual(page.evaluate("document.querySelectorAll('.graph').length"), 5)
         self.assertEqual(page.evaluate("document.querySelectorAll('.canvas').length"), 0)
         page.evaluate("document.querySelectorAll('.controls button')[2].click()")
         self.assertAlmostEqual(self.time_of(page), 0.02)
@@ -324,7 +340,7 @@ class Troubles(ReplayCase):
         page.answers["/v1/models/locomotion.glb"] = [
             (404, {}, error("not_found", "There is no model of this track."))]
         self.assertIn("no model of this track", self.notice(page, f"/replay?log={A}"))
-        self.assertEqual(page.evaluate("document.querySelectorAll('.graph').length"), 4)
+        self.assertEqual(page.evaluate("document.querySelectorAll('.graph').length"), 5)
 
     def test_it_tells_how_it_waits(self):
         page = self.page()

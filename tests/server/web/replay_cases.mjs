@@ -1,4 +1,4 @@
-// How pages read answers, where signing in leads, which archives the form takes, and how the replay reads
+// How pages read answers, compare submissions, where signing in leads, which archives the form takes, and how the replay reads
 // files, keeps time and finds poses. replay_test.py copies this beside the page's modules, with files that
 // it made and what is in them.
 import assert from "node:assert/strict";
@@ -6,10 +6,12 @@ import fs from "node:fs";
 import test from "node:test";
 
 import {parseJson} from "./api.js";
+import {pairedDifference, pairsOf} from "./comparison.js";
 import {Clock} from "./replay_clock.js";
 import {eventWords} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
 import {valueAt} from "./replay_graphs.js";
+import {courseOf} from "./replay_map.js";
 import {target} from "./sign_in.js";
 import {parcelOf} from "./submit.js";
 import {boundPaths, followedPath, frameAt, framesAt, mostSegments, pointAt, posesAt, segmentsAt}
@@ -324,4 +326,48 @@ test("a single program is packed with a manifest that starts it", async () => {
     assert.ok(text.includes('{"name":"walker","command":["./walker"]}'));
     assert.ok(text.includes(`${head}rest`));
   }
+});
+
+test("differences of pairs have Student's interval, wins and losses", () => {
+  const found = pairedDifference([3, 4, 5, 6, 1], 1);
+  close(found.mean, 3.8, 1e-12, "mean");
+  close(found.low, 1.4116, 1e-3, "low");
+  close(found.high, 6.1884, 1e-3, "high");
+  assert.deepEqual([found.wins, found.losses, found.ties], [5, 0, 0]);
+  const less = pairedDifference([-1, 0, 2, ...Array(27).fill(0.5)], -1);
+  assert.deepEqual([less.wins, less.losses, less.ties], [1, 28, 1]);
+  close(less.high - less.mean, 0.150990, 1e-4, "half of the interval");
+  assert.deepEqual(pairedDifference([2], 0), {count: 1, mean: 2, low: null, high: null, wins: 0, ties: 0, losses: 1});
+});
+
+test("episodes are paired by their seeds, and only under the same rules", () => {
+  const made = (seeds, hash, config = "c") => ({hashes: {seeds: hash, config}, episode_columns: {
+    index: seeds.map((_, index) => index), seed: seeds, outcome: seeds.map((seed) => (seed === 4 ? "crash" : "success")),
+    metrics: seeds.map((seed) => (seed === 4 ? null : {time_s: seed}))}});
+  const pairs = pairsOf(made([3, 4, 5], "a"), made([5, 4, 9], "b"));
+  assert.deepEqual(pairs, [[{success: 0}, {success: 0}], [{time_s: 5, success: 1}, {time_s: 5, success: 1}]]);
+  // Hidden seeds are the same where their list is.
+  const hidden = (seeds) => {
+    const one = made(seeds, "a");
+    one.episode_columns.seed = seeds.map(() => null);
+    return one;
+  };
+  assert.equal(pairsOf(hidden([1, 2]), hidden([1, 2])).length, 2);
+  assert.throws(() => pairsOf(made([1], "a"), made([1], "a", "d")), /other rules/);
+});
+
+test("a series may be a target in another's graph", () => {
+  const made = read(changed((head) => Object.assign(head.series[1], {graph: "distance", tolerance: 0.5})));
+  assert.deepEqual(made.series.map(({graph, tolerance}) => [graph, tolerance]), [[null, 0], ["distance", 0.5], [null, 0]]);
+  for (const wrong of [{graph: 7}, {tolerance: "wide"}, {tolerance: null}]) {
+    assert.throws(() => read(changed((head) => Object.assign(head.series[1], wrong))), FileError);
+  }
+});
+
+test("a course goes to the right from where the episode starts", () => {
+  const course = courseOf(read(bytes));
+  assert.deepEqual([course.axis, course.way], [1, -1]);
+  close(course.along[0], 0, 1e-9, "start");
+  close(course.along.at(-1), 9.6, 1e-3, "end");
+  assert.deepEqual([course.from, course.to].map((one) => Number(one.toFixed(3))), [-2, 12]);
 });
