@@ -39,7 +39,7 @@ constexpr std::array<size_t, 2> kFootholds = {2, 3};
 constexpr size_t kOfficialFoothold = 45, kOfficialUnder = 55;
 constexpr double kLargestRise = 0.2;  // m
 // How far the body usually is before the sound foot in the prosthesis' swing, m and m/s.
-constexpr double kUsualPlace = 0.04, kUsualSpeed = 0.55;
+constexpr double kMeanPlace = 0.04, kMeanSpeed = 0.55;
 constexpr double kLeadSpeed = 0.6, kLongestLead = 0.25;  // m/s, s
 constexpr double kFarAside = 0.7;     // m beside the line
 constexpr double kLargestTurn = 0.5;  // rad from the course's direction
@@ -306,7 +306,7 @@ void Walker::ControlSoundLeg(TorqueGoal& goal) const {
 double Walker::Lead() const {
   if (starting_) return 0;
   if (swing_ == Side::kLeft) return p_[kSwingEarly] * early_;
-  const double fallback = kUsualPlace + kUsualSpeed * std::max(since_ - p_[kDoubleTime], 0.0);
+  const double fallback = kMeanPlace + kMeanSpeed * std::max(since_ - p_[kDoubleTime], 0.0);
   return p_[kSwingLead] * std::clamp((body_.x_left - fallback) / kLeadSpeed, 0.0, kLongestLead);
 }
 

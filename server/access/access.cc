@@ -91,29 +91,29 @@ bool MayTake(const Identity& identity, Action action, const std::optional<std::s
 
 Visibility ComputeVisibility(Role role, const PhaseVisibility& phase) {
   if (role >= Role::kOrganiser) return {};
-  Visibility sight = phase.published || phase.revealed ? Visibility{} : phase.shown;
-  sight.seeds = !phase.committed || phase.revealed;
-  sight.progress = true;
-  sight.progress = phase.published || phase.revealed || SeesAll(sight);
-  return sight;
+  Visibility visibility = phase.published || phase.revealed ? Visibility{} : phase.shown;
+  visibility.seeds = !phase.committed || phase.revealed;
+  visibility.progress = true;
+  visibility.progress = phase.published || phase.revealed || SeesAll(visibility);
+  return visibility;
 }
 
 bool IsReplayPublic(bool allowed, const PhaseVisibility& phase) {
-  Visibility sight = ComputeVisibility(Role::kPublic, phase);
+  Visibility visibility = ComputeVisibility(Role::kPublic, phase);
   // A replay tells neither what a policy printed nor what runs.
-  sight.output = true;
-  sight.progress = true;
-  return allowed && SeesAll(sight);
+  visibility.output = true;
+  visibility.progress = true;
+  return allowed && SeesAll(visibility);
 }
 
-std::vector<std::string_view> WithheldParts(const Visibility& sight) {
+std::vector<std::string_view> WithheldParts(const Visibility& visibility) {
   std::vector<std::string_view> parts;
-  for (const auto& [name, seen] : {std::pair("aggregate", sight.aggregate),
-                                   std::pair("outcomes", sight.outcomes),
-                                   std::pair("metrics", sight.metrics),
-                                   std::pair("logs", sight.logs),
-                                   std::pair("output", sight.output),
-                                   std::pair("seeds", sight.seeds)}) {
+  for (const auto& [name, seen] : {std::pair("aggregate", visibility.aggregate),
+                                   std::pair("outcomes", visibility.outcomes),
+                                   std::pair("metrics", visibility.metrics),
+                                   std::pair("logs", visibility.logs),
+                                   std::pair("output", visibility.output),
+                                   std::pair("seeds", visibility.seeds)}) {
     if (!seen) parts.emplace_back(name);
   }
   return parts;

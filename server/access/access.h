@@ -112,16 +112,16 @@ inline constexpr Visibility kUnknownPhaseVisibility = {.aggregate = true,
 Visibility ComputeVisibility(Role role, const PhaseVisibility& phase);
 
 // Whether nothing is withheld.
-inline bool SeesAll(const Visibility& sight) { return sight == Visibility{}; }
+inline bool SeesAll(const Visibility& visibility) { return visibility == Visibility{}; }
 // Whether the file of a log may be read: it holds its episode's seed.
-inline bool SeesLogs(const Visibility& sight) { return sight.logs && sight.seeds; }
+inline bool SeesLogs(const Visibility& visibility) { return visibility.logs && visibility.seeds; }
 // Whether a receipt may be read: it lists outcome and metrics of each episode.
-inline bool SeesReceipt(const Visibility& sight) { return sight.outcomes && sight.metrics; }
+inline bool SeesReceipt(const Visibility& visibility) { return visibility.outcomes && visibility.metrics; }
 
 // Whether everybody may watch the best episode of a board's leader. `allowed`: the organiser says so.
 bool IsReplayPublic(bool allowed, const PhaseVisibility& phase);
 
 // The names of what is withheld, as a challenge file's "show" calls them, and "seeds".
-std::vector<std::string_view> WithheldParts(const Visibility& sight);
+std::vector<std::string_view> WithheldParts(const Visibility& visibility);
 
 }  // namespace myograde::server

@@ -91,10 +91,10 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, submission)));
   const TrackConfig& config = track->config;
   const scoring::TrackScoring& scoring = track->scoring;
-  const Visibility sight = FindConfigVisibility(reader, context, config);
+  const Visibility visibility = FindConfigVisibility(reader, context, config);
   ASSIGN_OR_RETURN(const std::vector<BlockRow> blocks, reader.blocks.Of(id));
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(id));
-  if (!sight.progress) DropUnended(blocks, rows);
+  if (!visibility.progress) DropUnended(blocks, rows);
   ASSIGN_OR_RETURN(const std::vector<scoring::JudgedEpisode> judged,
                    JudgedEpisodes(*scoring.track, rows));
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate,
@@ -102,7 +102,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, config.seed_salt));
   ASSIGN_OR_RETURN(const std::vector<RepeatRow> repeats, reader.episodes.Repeats(id));
 
-  Json json = SubmissionToJson(submission, evaluation, reader.episodes.Counts(id, !sight.progress));
+  Json json = SubmissionToJson(submission, evaluation, reader.episodes.Counts(id, !visibility.progress));
   json["kind"] = EvaluationKindName(evaluation.kind);
   json["rejudge"] = IdOrNull(evaluation.rejudge);
   json["ranked"] = submission.ranked && evaluation.kind == EvaluationKind::kOriginal;
@@ -132,7 +132,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   if (selection.rows || selection.summary) {
     RETURN_IF_ERROR(AddEpisodes(reader, *track, id, rows, judged, selection, json));
   }
-  RedactEvaluation(json, sight);
+  RedactEvaluation(json, visibility);
   if (selection.rows && !selection.fields.empty()) {
     json["episode_columns"] = ColumnsOf(selection.fields, json["episode_rows"]);
     json.erase("episode_rows");

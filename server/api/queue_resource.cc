@@ -36,10 +36,10 @@ absl::StatusOr<Json> BuildEntry(int64_t id, const Transaction& reader, const Api
   if (!evaluation.ok()) return evaluation.status();
   if (IsFinal(evaluation->state)) return Json();
   ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(evaluation->submission));
-  const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
-  const EpisodeCounts counts = reader.episodes.Counts(id, !sight.progress);
+  const Visibility visibility = FindPhaseVisibility(reader, context, row.phase);
+  const EpisodeCounts counts = reader.episodes.Counts(id, !visibility.progress);
   Json entry = SubmissionToJson(row, *evaluation, counts);
-  RedactListed(entry, sight);
+  RedactListed(entry, visibility);
   AddOutlook(context, *evaluation, counts, entry);
   return entry;
 }
@@ -130,17 +130,17 @@ class Queue {
   // same share one.
   absl::StatusOr<Snapshot> Look() {
     // What all who see the same queue have in common.
-    const std::string sight =
+    const std::string visibility =
         CallerIsOrganiser() ? "" : absl::StrCat("of ", absl::StrJoin(Caller().teams, "\n"));
     const absl::Duration now = context_.clock.Monotonic();
     {
       const MutexLock lock(mutex_);
       std::erase_if(shared_, [&](const auto& seen) { return now - seen.second.made > kFreshFor; });
-      if (const auto it = shared_.find(sight); it != shared_.end()) return it->second;
+      if (const auto it = shared_.find(visibility); it != shared_.end()) return it->second;
     }
     ASSIGN_OR_RETURN(const Snapshot made, Make());
     const MutexLock lock(mutex_);
-    shared_[sight] = made;
+    shared_[visibility] = made;
     return made;
   }
 

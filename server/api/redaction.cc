@@ -18,31 +18,31 @@ using Json = nlohmann::json;
 
 // What the conditions below are about.
 struct View {
-  Visibility sight;
+  Visibility visibility;
   bool complete = false;      // all episodes have been played
   bool grader_error = false;  // the evaluation ended by one
   bool no_episodes = false;   // no single episode is shown
 };
 
 bool Always(const View&) { return true; }
-bool SeesProgress(const View& view) { return view.sight.progress; }
-bool SeesOutcomes(const View& view) { return view.sight.outcomes && !view.no_episodes; }
-bool SeesMetrics(const View& view) { return view.sight.metrics && !view.no_episodes; }
-bool SeesOutput(const View& view) { return view.sight.output; }
-bool SeesFacts(const View& view) { return view.sight.logs && !view.no_episodes; }
-bool SeesSeeds(const View& view) { return view.sight.seeds; }
+bool SeesProgress(const View& view) { return view.visibility.progress; }
+bool SeesOutcomes(const View& view) { return view.visibility.outcomes && !view.no_episodes; }
+bool SeesMetrics(const View& view) { return view.visibility.metrics && !view.no_episodes; }
+bool SeesOutput(const View& view) { return view.visibility.output; }
+bool SeesFacts(const View& view) { return view.visibility.logs && !view.no_episodes; }
+bool SeesSeeds(const View& view) { return view.visibility.seeds; }
 bool SeesComparison(const View& view) { return SeesOutcomes(view) && SeesMetrics(view); }
 
 // Whoever asks again after each episode, or cancels after one, would see how that episode ended.
 bool SeesAggregate(const View& view) {
-  return view.sight.aggregate && !view.no_episodes && (view.complete || SeesComparison(view));
+  return view.visibility.aggregate && !view.no_episodes && (view.complete || SeesComparison(view));
 }
 bool SeesCounts(const View& view) {
-  return SeesOutcomes(view) || (view.sight.aggregate && !view.no_episodes && view.complete);
+  return SeesOutcomes(view) || (view.visibility.aggregate && !view.no_episodes && view.complete);
 }
 
 // Messages about the grader's faults quote what its programs wrote last.
-bool SeesReason(const View& view) { return view.sight.output || !view.grader_error; }
+bool SeesReason(const View& view) { return view.visibility.output || !view.grader_error; }
 
 using Kind = Json::value_t;
 
@@ -139,27 +139,27 @@ const Part kFault[] = {
     {SeesOutput, {"detail", "stderr_tail"}},
 };
 
-View ViewOf(const Json& answer, const Visibility& sight) {
+View ViewOf(const Json& answer, const Visibility& visibility) {
   const std::string state = answer.value("state", "");
-  return {.sight = sight,
+  return {.visibility = visibility,
           .complete = state == "done" || state == "failed",
           .grader_error = state == "grader_error",
           // A failed submission is charged as a failed try only, and one that ends by the grader's
           // fault not at all. So they tell one reason for the whole and nothing of their episodes,
           // and nobody knows of one that runs how it will end.
-          .no_episodes = !sight.progress && state != "done" && state != "cancelled"};
+          .no_episodes = !visibility.progress && state != "done" && state != "cancelled"};
 }
 
 void RedactCommon(Json& answer, const View& view) {
   Apply({kCounts}, view, answer["episodes"]);
-  answer["withheld"] = WithheldParts(view.sight);
+  answer["withheld"] = WithheldParts(view.visibility);
 }
 
 void RedactRow(Json& row, const View& view) {
   Apply({kRow}, view, row);
   Apply({kFault}, view, row["fault"]);
   // The metrics say of each episode whether it was a success.
-  if (!view.sight.outcomes && row["metrics"].contains("success")) {
+  if (!view.visibility.outcomes && row["metrics"].contains("success")) {
     row["metrics"]["success"] = nullptr;
   }
 }
@@ -187,9 +187,9 @@ bool IsPhasePublic(const Transaction& reader, const ApiContext& context,
   const PhaseVisibility known = KnownOf(reader, context, phase);
   if (known.published || known.revealed) return true;
   const PhaseConfig* config = context.phases.ConfigOf(phase);
-  const Visibility sight = ComputeVisibility(Role::kParticipant, known);
-  return config != nullptr && config->freezes == absl::InfiniteFuture() && sight.aggregate &&
-         SeesReceipt(sight);
+  const Visibility visibility = ComputeVisibility(Role::kParticipant, known);
+  return config != nullptr && config->freezes == absl::InfiniteFuture() && visibility.aggregate &&
+         SeesReceipt(visibility);
 }
 
 bool IsReplayPublic(const Transaction& reader, const ApiContext& context,
@@ -211,14 +211,14 @@ Visibility FindPhaseVisibility(const Transaction& reader, const ApiContext& cont
 
 Visibility FindConfigVisibility(const Transaction& reader, const ApiContext& context,
                          const TrackConfig& config) {
-  Visibility sight = FindPhaseVisibility(reader, context, config.phase);
+  Visibility visibility = FindPhaseVisibility(reader, context, config.phase);
   // The salt tells for sure whether there is anything to hide, whatever the files say today.
-  if (config.seed_salt.empty() && !sight.seeds) {
-    sight.seeds = true;
-    sight.progress = true;
-    sight.progress = SeesAll(sight);
+  if (config.seed_salt.empty() && !visibility.seeds) {
+    visibility.seeds = true;
+    visibility.progress = true;
+    visibility.progress = SeesAll(visibility);
   }
-  return sight;
+  return visibility;
 }
 
 absl::Status WithheldError(const std::string& what) {
@@ -229,9 +229,9 @@ absl::Status WithheldError(const std::string& what) {
                        kWithheldCode);
 }
 
-void RedactEvaluation(Json& answer, const Visibility& sight) {
-  if (SeesAll(sight)) return;
-  const View view = ViewOf(answer, sight);
+void RedactEvaluation(Json& answer, const Visibility& visibility) {
+  if (SeesAll(visibility)) return;
+  const View view = ViewOf(answer, visibility);
   Apply({kSubmission, kEvaluation}, view, answer);
   RedactCommon(answer, view);
   Apply({kComparison}, view, answer["comparison"]);
@@ -244,24 +244,24 @@ void RedactEvaluation(Json& answer, const Visibility& sight) {
     answer["output"] = Json::array({answer["output"][0]});
 }
 
-void RedactStatus(Json& answer, const Visibility& sight) {
-  if (SeesAll(sight)) return;
-  const View view = ViewOf(answer, sight);
+void RedactStatus(Json& answer, const Visibility& visibility) {
+  if (SeesAll(visibility)) return;
+  const View view = ViewOf(answer, visibility);
   Apply({kSubmission, kStatus}, view, answer);
   RedactCommon(answer, view);
   for (Json& entry : answer["history"]) Apply({kTransition}, view, entry);
   for (Json& block : answer["blocks"]) Apply({kBlock}, view, block);
 }
 
-void RedactListed(Json& entry, const Visibility& sight) {
-  if (SeesAll(sight)) return;
-  const View view = ViewOf(entry, sight);
+void RedactListed(Json& entry, const Visibility& visibility) {
+  if (SeesAll(visibility)) return;
+  const View view = ViewOf(entry, visibility);
   Apply({kSubmission}, view, entry);
   RedactCommon(entry, view);
 }
 
-void RedactLedgerRow(Json& row, const Visibility& sight) {
-  if (!sight.outcomes) row["why"] = "withheld by the phase";
+void RedactLedgerRow(Json& row, const Visibility& visibility) {
+  if (!visibility.outcomes) row["why"] = "withheld by the phase";
 }
 
 }  // namespace myograde::server

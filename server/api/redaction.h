@@ -41,15 +41,15 @@ absl::Status WithheldError(const std::string& what);
 // --- Pure: ---
 
 // The answers to GET /v1/evaluations/ID and /v1/submissions/ID/result.
-void RedactEvaluation(nlohmann::json& answer, const Visibility& sight);
+void RedactEvaluation(nlohmann::json& answer, const Visibility& visibility);
 
 // The answer to GET /v1/submissions/ID.
-void RedactStatus(nlohmann::json& answer, const Visibility& sight);
+void RedactStatus(nlohmann::json& answer, const Visibility& visibility);
 
 // An entry of the answer to GET /v1/submissions.
-void RedactListed(nlohmann::json& entry, const Visibility& sight);
+void RedactListed(nlohmann::json& entry, const Visibility& visibility);
 
 // A row of a team's ledger: the charge names how an episode ended.
-void RedactLedgerRow(nlohmann::json& row, const Visibility& sight);
+void RedactLedgerRow(nlohmann::json& row, const Visibility& visibility);
 
 }  // namespace myograde::server

@@ -207,8 +207,8 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const std::vector<BlockRow> blocks, reader.blocks.Of(original.id));
   ASSIGN_OR_RETURN(const std::vector<AttemptRow> runs, reader.blocks.ListAttempts(original.id));
   ASSIGN_OR_RETURN(Json history, HistoryToJson(reader, id, original.id));
-  const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
-  const EpisodeCounts counts = reader.episodes.Counts(original.id, !sight.progress);
+  const Visibility visibility = FindPhaseVisibility(reader, context, row.phase);
+  const EpisodeCounts counts = reader.episodes.Counts(original.id, !visibility.progress);
   Json json = SubmissionToJson(row, original, counts);
   const QueueOutlook outlook = AddOutlook(context, original, counts, json);
   json["reason"] = TextOrNull(original.reason);
@@ -236,16 +236,16 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
                                    {"rejudge", IdOrNull(evaluation.rejudge)},
                                    {"config", ConfigOf(evaluation, row)}});
   }
-  RedactStatus(json, sight);
+  RedactStatus(json, visibility);
   return json;
 }
 
 absl::StatusOr<Json> ListedToJson(const Transaction& reader, const ApiContext& context,
                                   const SubmissionRow& row) {
   ASSIGN_OR_RETURN(const EvaluationRow original, reader.evaluations.Original(row.id));
-  const Visibility sight = FindPhaseVisibility(reader, context, row.phase);
-  Json json = SubmissionToJson(row, original, reader.episodes.Counts(original.id, !sight.progress));
-  RedactListed(json, sight);
+  const Visibility visibility = FindPhaseVisibility(reader, context, row.phase);
+  Json json = SubmissionToJson(row, original, reader.episodes.Counts(original.id, !visibility.progress));
+  RedactListed(json, visibility);
   return json;
 }
 

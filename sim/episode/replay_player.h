@@ -33,7 +33,7 @@ class ReplayPlayer {
   ReplayPlayer(const LeaseOrder& order, Environment& environment, int runner, const Clock& clock,
                MakeEpisodeRecorder recorders = nullptr, int trajectory = kSimTrajectoryFd);
 
-  // Asks for the log of each episode of the order, plays it, tells what came of
+  // Asks for the log of each episode of the order, plays it, reports the result of
   // it, and says that it is done. A log that can't be played differs in "log".
   // An error is the grader's own.
   absl::Status Play();

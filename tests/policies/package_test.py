@@ -220,10 +220,10 @@ class Models(InFolder):
         with unittest.mock.patch.dict(os.environ, variables), \
                 unittest.mock.patch("os.geteuid", return_value=1000), \
                 unittest.mock.patch.object(models, "SYSTEM_CACHE", system):
-            self.assertEqual(models.usual_cache(), system)
+            self.assertEqual(models.default_cache(), system)
             own = self.folder / ".cache/myograde"
             (own / models.MODELS).mkdir(parents=True)
-            self.assertEqual(models.usual_cache(), own)
+            self.assertEqual(models.default_cache(), own)
 
     def test_two_at_once_do_not_disturb_each_other(self):
         command = [sys.executable, "-B", str(PACKAGE / "models.py"), str(self.folder / "cache"),

@@ -48,7 +48,7 @@ class Models:
     fetched: list[str]  # the packages that were not there
 
 
-def usual_cache() -> pathlib.Path:
+def default_cache() -> pathlib.Path:
     """Where the programs of MyoGrade look by default: MYOGRADE_CACHE, or the user's own folder; the system's if only
     that has the models."""
     if os.environ.get("MYOGRADE_CACHE"):
@@ -71,10 +71,10 @@ def _own_cache() -> pathlib.Path:
 def get_models(cache: str | os.PathLike[str] | None = None,
                tell: Callable[[str], None] = lambda sentence: None,
                pinned_list: pathlib.Path = LIST) -> Models:
-    """Adds the missing pinned packages to the cache folder (default: usual_cache()). Each appears under its name only
+    """Adds the missing pinned packages to the cache folder (default: default_cache()). Each appears under its name only
     when it is complete, so later and concurrent calls find it there. `tell` is called before a download. WrongUse if
     the folder can't be created, MyogradeError if pip can't download a package or its SHA-256 differs."""
-    root = pathlib.Path(cache).expanduser() if cache is not None else usual_cache()
+    root = pathlib.Path(cache).expanduser() if cache is not None else default_cache()
     try:
         (root / "wheels").mkdir(parents=True, exist_ok=True)
         scratch = tempfile.TemporaryDirectory(prefix=".unpack.", dir=root)

@@ -20,14 +20,14 @@ EXTRAS = {"lcm": ["lcm>=1.5.1"], "gym": ["gymnasium>=0.29.1", "numpy>=1.21"]}
 PACKAGES = ("mujoco-2.2.2", "nanobind-2.9.2")
 
 
-def usual_cache() -> pathlib.Path:
+def default_cache() -> pathlib.Path:
     """As the package that is built has it."""
     described = importlib.util.spec_from_file_location("models", HERE.parent / "myograde/models.py")
     assert described is not None and described.loader is not None
     models = importlib.util.module_from_spec(described)
     sys.modules[described.name] = models  # which its dataclasses look for
     described.loader.exec_module(models)
-    return models.usual_cache()
+    return models.default_cache()
 
 
 def missing(cache: Optional[pathlib.Path] = None) -> str:
@@ -40,7 +40,7 @@ def missing(cache: Optional[pathlib.Path] = None) -> str:
     header = pathlib.Path(sysconfig.get_path("include"), "Python.h")
     if not header.is_file():
         return f"the headers of this Python are not installed ({header})"
-    cache = cache or usual_cache()
+    cache = cache or default_cache()
     for package in PACKAGES:
         if not (cache / package).is_dir():
             return f"{cache} has no {package}"

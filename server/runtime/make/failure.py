@@ -2,7 +2,7 @@
 
 import re
 
-# As IsHarmful of server/base/plain_text.h, and bytes of file names that are not UTF-8.
+# As IsUnsafe of server/base/plain_text.h, and bytes of file names that are not UTF-8.
 _UNSAFE = re.compile("[\x00-\x1f\x7f-\x9f\xad\u034f\u061c\u180e\u200b-\u200f\u2028-\u202e"
                       "\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb\U0001d173-\U0001d17a"
                       "\U000e0000-\U000e007f]")

@@ -18,17 +18,17 @@ constexpr Visibility kNothing = {.aggregate = false,
                                  .seeds = true,
                                  .progress = false};
 
-TEST(SightOf, OrganisersSeeEverything) {
+TEST(ComputeVisibility, OrganisersSeeEverything) {
   for (const Role role : {Role::kOrganiser, Role::kOperator}) {
     EXPECT_TRUE(SeesAll(ComputeVisibility(role, {.shown = kNothing, .committed = true})));
   }
 }
 
-TEST(SightOf, OutsideOfPhasesNothingIsWithheld) {
+TEST(ComputeVisibility, OutsideOfPhasesNothingIsWithheld) {
   EXPECT_TRUE(SeesAll(ComputeVisibility(Role::kParticipant, {})));
 }
 
-TEST(SightOf, ParticipantsSeeWhatThePhaseShowsUntilItIsPublished) {
+TEST(ComputeVisibility, ParticipantsSeeWhatThePhaseShowsUntilItIsPublished) {
   const PhaseVisibility open = {.shown = kNothing};
   EXPECT_EQ(ComputeVisibility(Role::kParticipant, open), kNothing);
   EXPECT_TRUE(
@@ -37,7 +37,7 @@ TEST(SightOf, ParticipantsSeeWhatThePhaseShowsUntilItIsPublished) {
       SeesAll(ComputeVisibility(Role::kParticipant, {.shown = kNothing, .revealed = true})));
 }
 
-TEST(SightOf, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
+TEST(ComputeVisibility, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
   for (const bool published : {false, true}) {
     PhaseVisibility phase = {.published = published, .committed = true};
     EXPECT_FALSE(ComputeVisibility(Role::kParticipant, phase).seeds);
@@ -47,7 +47,7 @@ TEST(SightOf, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
   }
 }
 
-TEST(SightOf, NothingOfARunningLeaseIsShownWhileAnythingIsWithheldAndUnpublished) {
+TEST(ComputeVisibility, NothingOfARunningLeaseIsShownWhileAnythingIsWithheldAndUnpublished) {
   EXPECT_TRUE(ComputeVisibility(Role::kParticipant, {}).progress);
   EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.shown = {.metrics = false}}).progress);
   EXPECT_FALSE(ComputeVisibility(Role::kParticipant, {.committed = true}).progress);
@@ -55,7 +55,7 @@ TEST(SightOf, NothingOfARunningLeaseIsShownWhileAnythingIsWithheldAndUnpublished
       ComputeVisibility(Role::kParticipant, {.published = true, .committed = true}).progress);
 }
 
-TEST(SightOf, AFileCanNotShowCommittedSeeds) {
+TEST(ComputeVisibility, AFileCanNotShowCommittedSeeds) {
   EXPECT_FALSE(
       ComputeVisibility(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
 }

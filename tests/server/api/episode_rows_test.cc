@@ -93,9 +93,9 @@ TEST(RedactEvaluation, WithholdsSummaryAndHighlightsAsTheRowsThatTheyAreOf) {
                     {"fault", nullptr}, {"log", {{"sha256", "l"}}}};
   const Json answer = {{"state", "done"}, {"episodes", {{"total", 1}}}, {"comparison", nullptr},
                        {"details_summary", {{"episodes", 1}}}, {"highlights", {{"best", row}}}};
-  const auto redacted = [&](const Visibility& sight) {
+  const auto redacted = [&](const Visibility& visibility) {
     Json copy = answer;
-    RedactEvaluation(copy, sight);
+    RedactEvaluation(copy, visibility);
     return copy;
   };
   Json seen = redacted({.logs = false});

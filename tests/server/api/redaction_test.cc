@@ -66,8 +66,8 @@ Json Evaluation(const std::string& state = "done") {
           {"episode_rows", {Row()}}};
 }
 
-Json Redacted(Json answer, const Visibility& sight) {
-  RedactEvaluation(answer, sight);
+Json Redacted(Json answer, const Visibility& visibility) {
+  RedactEvaluation(answer, visibility);
   return answer;
 }
 
@@ -125,11 +125,11 @@ TEST(RedactEvaluation, HidesEachPartByItsName) {
 
 // Whoever polls would otherwise see from each change how one more episode ended.
 TEST(RedactEvaluation, NumbersOfAPartAreHiddenWhileEpisodesAre) {
-  const Visibility sight = {.outcomes = false, .metrics = false};
-  EXPECT_FALSE(Redacted(Evaluation("done"), sight)["aggregate"].is_null());
-  EXPECT_EQ(Redacted(Evaluation("done"), sight)["episodes"]["success"], 1);
+  const Visibility visibility = {.outcomes = false, .metrics = false};
+  EXPECT_FALSE(Redacted(Evaluation("done"), visibility)["aggregate"].is_null());
+  EXPECT_EQ(Redacted(Evaluation("done"), visibility)["episodes"]["success"], 1);
   for (const char* state : {"queued", "running", "cancelled", "grader_error"}) {
-    const Json answer = Redacted(Evaluation(state), sight);
+    const Json answer = Redacted(Evaluation(state), visibility);
     EXPECT_TRUE(answer["aggregate"].is_null()) << state;
     for (const char* key : {"success", "failure", "fault"}) {
       EXPECT_TRUE(answer["episodes"][key].is_null()) << state;
@@ -139,9 +139,9 @@ TEST(RedactEvaluation, NumbersOfAPartAreHiddenWhileEpisodesAre) {
 }
 
 TEST(RedactEvaluation, QuotesOfTheGraderNeedTheOutput) {
-  const Visibility sight = {.output = false};
-  EXPECT_FALSE(Redacted(Evaluation("cancelled"), sight)["reason"].is_null());
-  EXPECT_TRUE(Redacted(Evaluation("grader_error"), sight)["reason"].is_null());
+  const Visibility visibility = {.output = false};
+  EXPECT_FALSE(Redacted(Evaluation("cancelled"), visibility)["reason"].is_null());
+  EXPECT_TRUE(Redacted(Evaluation("grader_error"), visibility)["reason"].is_null());
 }
 
 TEST(RedactEvaluation, WithholdsWhatItDoesNotKnow) {

@@ -202,7 +202,7 @@ TEST_F(RejudgesTest, FollowsSubmissionsThatEndLater) {
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("create a new one"));
 }
 
-TEST_F(RejudgesTest, GivesWayToLiveSubmissionsWithoutAFault) {
+TEST_F(RejudgesTest, IsPreemptedByLiveSubmissionsWithoutAFault) {
   slots_ = 1;
   const int64_t alpha = Played("alpha", today_);
   Read([&](const Transaction& read) { playing_.held = read.submissions.Find(alpha)->artefact; });

@@ -38,7 +38,7 @@ TEST(RejudgesInTheQueueTest, NeverBecomeOverdue) {
   EXPECT_EQ(scheduler.Next(absl::Hours(1000))->evaluation, 2);
 }
 
-TEST(RejudgesInTheQueueTest, GiveWayOneLeaseForEachThatIsReady) {
+TEST(RejudgesInTheQueueTest, ArePreemptedOnceForEachBlockThatIsReady) {
   Scheduler scheduler({.slots = 3});
   scheduler.Add(BlocksOf(1, "a", 3, Priority::kRejudge), kStart);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(scheduler.Next(kStart));
@@ -83,7 +83,7 @@ TEST(RejudgesInTheQueueTest, WhatGaveWayStartsAgainWithoutAFault) {
   EXPECT_EQ(scheduler.Finished(1000, 11, kStart).kind, Decision::Kind::kEvaluationEnds);
 }
 
-TEST(RejudgesInTheQueueTest, DontGiveWayToWhatMayNotStart) {
+TEST(RejudgesInTheQueueTest, AreNotPreemptedForWhatMayNotStart) {
   Scheduler scheduler({.slots = 2, .team_running = 1});
   scheduler.Add(BlocksOf(1, "a", 1, Priority::kRanked), kStart);
   scheduler.Add(BlocksOf(2, "a", 2, Priority::kRejudge), kStart);

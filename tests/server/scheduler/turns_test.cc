@@ -139,7 +139,7 @@ TEST(Turns, WhatIsOverdueIsCountedByEverybody) {
   EXPECT_EQ(scheduler.QueueOf(nullptr), (std::vector<int64_t>{1, 2}));
 }
 
-TEST(Turns, RejudgesGiveWayToAnOverdueEvaluation) {
+TEST(Turns, RejudgesArePreemptedForAnOverdueEvaluation) {
   Scheduler scheduler({.slots = 1, .queue_wait = absl::Seconds(60)});
   scheduler.Add(WaitingEvaluation(1, "a", 1, Priority::kRejudge), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
@@ -148,7 +148,7 @@ TEST(Turns, RejudgesGiveWayToAnOverdueEvaluation) {
   EXPECT_TRUE(scheduler.Preempt(absl::Seconds(60)).has_value());
 }
 
-TEST(Turns, ThreeRejudgesGiveWayToThreeLeases) {
+TEST(Turns, ThreeRejudgesArePreemptedForThreeBlocks) {
   Scheduler scheduler({.slots = 3});
   scheduler.Add(WaitingEvaluation(1, "a", 3, Priority::kRejudge), kNow);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(scheduler.Next(kNow));
@@ -157,7 +157,7 @@ TEST(Turns, ThreeRejudgesGiveWayToThreeLeases) {
   EXPECT_FALSE(scheduler.Preempt(kNow));
 }
 
-TEST(Turns, RejudgesGiveWayToNoMoreThanATeamMayRun) {
+TEST(Turns, NoMoreRejudgesArePreemptedThanATeamMayRun) {
   Scheduler scheduler({.slots = 2, .team_running = 1});
   scheduler.Add(WaitingEvaluation(1, "a", 2, Priority::kRejudge), kNow);
   for (int i = 0; i < 2; ++i) ASSERT_TRUE(scheduler.Next(kNow));
@@ -178,7 +178,7 @@ TEST(Turns, ALaterLeaseGoesWhileAnEarlierOneIsDelayed) {
   EXPECT_EQ(scheduler.Next(kNow)->lease, 1001);
 }
 
-TEST(Turns, ARejudgeGivesWayToALeaseBehindADelayedOne) {
+TEST(Turns, ARejudgeIsPreemptedForABlockBehindADelayedOne) {
   Scheduler scheduler({.slots = 2, .retry_delay = absl::Seconds(10)});
   scheduler.Add(WaitingEvaluation(1, "r", 1, Priority::kRejudge), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
@@ -190,7 +190,7 @@ TEST(Turns, ARejudgeGivesWayToALeaseBehindADelayedOne) {
       << "to the second lease; the slot of the first is not free yet";
 }
 
-TEST(Turns, ARejudgeGivesWayFromTheEndOfADelayOn) {
+TEST(Turns, ARejudgeIsPreemptedFromTheEndOfADelayOn) {
   Scheduler scheduler({.slots = 1, .retry_delay = absl::Seconds(10)});
   scheduler.Add(WaitingEvaluation(1, "a", 1), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);

@@ -11,7 +11,7 @@ import sys
 from typing import Any
 
 from ..errors import MyogradeError, WrongUse
-from ..models import MODELS, usual_cache
+from ..models import MODELS, default_cache
 
 HERE = pathlib.Path(__file__).resolve().parent
 TRACKS = HERE / "tracks"  # the configs of the grader's tracks
@@ -83,7 +83,7 @@ def provide_models(cache: str | os.PathLike[str] | None = None) -> str:
     """The cache folder, with compiled models in it; they are compiled on the first use, in a process
     whose maths is the grader's. MyogradeError says what is missing."""
     extension = load()
-    folder = pathlib.Path(cache).expanduser() if cache is not None else usual_cache()
+    folder = pathlib.Path(cache).expanduser() if cache is not None else default_cache()
     if not extension.models_are_compiled(str(folder)):
         if not (folder / MODELS).is_dir():
             raise MyogradeError(f"{folder}: has no models yet; download them with: python -m myograde get-models "
