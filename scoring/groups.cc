@@ -210,6 +210,7 @@ Criterion CriterionWithin(const RankedEntry& ranked, const BoardRules& rules) {
     const bool in_band = ranked.band >= 0 && distance->band > 0;
     return ByNumber(in_band ? distance->time : distance->distance);
   }
+  if (const auto* score = std::get_if<ScoreBoard>(&rules)) return ByNumber(score->score);
   return ByNumber(std::get<PhysiologicalBoard>(rules).pain);
 }
 

@@ -67,7 +67,7 @@ struct Criterion {
 Criterion CriterionOf(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules);
 
 // What decides among the rows of a band, or where a board has none among all of them: effort or time inside a
-// band, successes below the line of a tiered board, the distance outside bands, pain.
+// band, successes below the line of a tiered board, the distance outside bands, pain, the score.
 Criterion CriterionWithin(const RankedEntry& ranked, const BoardRules& rules);
 
 // A row with the episodes that are compared: those that it is ranked by, and perhaps further ones.

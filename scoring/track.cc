@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "scoring/baoding/track.h"
 #include "scoring/elbow/track.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
@@ -11,7 +12,7 @@ namespace myograde::scoring {
 
 std::span<const ScoredTrack* const> ScoredTracks() {
   static const std::array all = {&ScoredManipulation(), &ScoredLocomotion(), &ScoredElbow(),
-                                 &ScoredReorientation()};
+                                 &ScoredReorientation(), &ScoredBaoding()};
   return all;
 }
 

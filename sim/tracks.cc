@@ -7,10 +7,12 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
+#include "protocol/tracks/baoding/track.h"
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
 #include "protocol/tracks/reorientation/track.h"
+#include "sim/baoding/baoding.h"
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
 #include "sim/elbow/readings.h"
@@ -39,6 +41,8 @@ std::span<const SimulatedTrack> SimulatedTracks() {
       SimulatedTrack{&ReorientationTrack(), &ReorientationModel(), &ReorientationView(),
                      MakeReorientation, ReorientationRewardTerms(), ReorientationReadings,
                      WatchReorientation},
+      SimulatedTrack{&BaodingTrack(), &BaodingModel(), &BaodingView(), MakeBaoding,
+                     BaodingRewardTerms(), BaodingReadings, WatchBaoding},
   };
   return tracks;
 }

@@ -134,8 +134,10 @@ def file_pages(source, day):
                            "FORM AND KEYS"),
             *from_markdown(section_of(configs / "README.md", "## The track elbow", "## The track reorientation"),
                            "THE TRACK ELBOW"),
-            *from_markdown(section_of(configs / "README.md", "## The track reorientation", "## How to add a track"),
-                           "THE TRACK REORIENTATION")]),
+            *from_markdown(section_of(configs / "README.md", "## The track reorientation", "## The track baoding"),
+                           "THE TRACK REORIENTATION"),
+            *from_markdown(section_of(configs / "README.md", "## The track baoding", "## How to add a track"),
+                           "THE TRACK BAODING")]),
         "myograde-challenge": ("a challenge of the MyoGrade server", "/etc/myograde/challenges/NAME.json", [
             start("Phases with seeds, times and quotas of their own. " + schema("challenge")),
             *from_markdown(section_of(configs / "challenges/README.md", ""), "FORM AND KEYS")]),

@@ -145,6 +145,12 @@ std::vector<double> ConfigReader::Numbers(std::string_view key, int size, Number
   return numbers;
 }
 
+std::array<double, 2> ConfigReader::Range(std::string_view key, NumberRange range) {
+  const std::vector<double> numbers = Numbers(key, 2, range);
+  if (numbers[0] > numbers[1]) Fail(key, "must have its smaller number first");
+  return {numbers[0], numbers[1]};
+}
+
 std::vector<std::string> ConfigReader::Strings(std::string_view key) {
   std::vector<std::string> strings;
   for (const nlohmann::json& entry : Array(key)) {

@@ -7,6 +7,7 @@
 //   return reader.Finish();   // absl::OkStatus() or the first mistake
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <set>
@@ -41,6 +42,8 @@ class ConfigReader {
   std::string Choice(std::string_view key, const std::vector<std::string>& choices);
   // An array of exactly `size` numbers (any size if size < 0).
   std::vector<double> Numbers(std::string_view key, int size, NumberRange range);
+  // Two numbers, [low, high], of which the first is not the larger one.
+  std::array<double, 2> Range(std::string_view key, NumberRange range);
   std::vector<std::string> Strings(std::string_view key);
   // An object whose values are all strings.
   std::map<std::string, std::string> StringsByName(std::string_view key);

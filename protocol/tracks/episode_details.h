@@ -4,6 +4,7 @@
 #include <optional>
 #include <variant>
 
+#include "protocol/tracks/baoding/details.h"
 #include "protocol/tracks/elbow/details.h"
 #include "protocol/tracks/locomotion/details.h"
 #include "protocol/tracks/manipulation/details.h"
@@ -13,7 +14,7 @@ namespace myograde {
 
 // The registry of details: one alternative per track, in the order of TrackFacts.
 using TrackDetails = std::variant<ManipulationDetails, LocomotionDetails, ElbowDetails,
-                                  ReorientationDetails>;
+                                  ReorientationDetails, BaodingDetails>;
 
 // None: no step was played, or the record is of an earlier version.
 using EpisodeDetails = std::optional<TrackDetails>;

@@ -11,6 +11,7 @@
 
 #include "protocol/base/fault_evidence.h"
 #include "protocol/base/outcome.h"
+#include "protocol/tracks/baoding/facts.h"
 #include "protocol/tracks/elbow/facts.h"
 #include "protocol/tracks/episode_details.h"
 #include "protocol/tracks/locomotion/facts.h"
@@ -20,7 +21,8 @@
 namespace myograde {
 
 // The registry of facts: one alternative per track.
-using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts, ReorientationFacts>;
+using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts, ReorientationFacts,
+                                BaodingFacts>;
 
 // Entries of the longest action.
 inline constexpr int kMaxActionSize = []<typename... Facts>(std::variant<Facts...>*) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "protocol/policy/layout.h"
@@ -57,6 +58,19 @@ inline std::vector<LayoutEntry> EntriesWith(std::span<const LayoutEntry> entries
   std::vector<LayoutEntry> result = AllOf(entries);
   for (LayoutEntry& entry : result) entry.bounds = bounds;
   return result;
+}
+
+// The layout of a track whose actions are the hand's muscles.
+inline TrackLayout HandLayout(VectorLayout observation, VectorLayout extra) {
+  VectorLayout action;
+  action.Add("muscles", "1",
+             "Excitation of each muscle. Normalized: a in [-1, 1] excites by 1/(1 + exp(-5(a - "
+             "0.5))); direct: the excitation itself, in [0, 1].",
+             LayoutEntries(kHandMuscles, {-1, 1}));
+  return {.observation = std::move(observation),
+          .extra = std::move(extra),
+          .action = std::move(action),
+          .direct_bounds = std::vector<Bounds>(std::size(kHandMuscles), {0, 1})};
 }
 
 }  // namespace myograde

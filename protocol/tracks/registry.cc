@@ -3,6 +3,7 @@
 #include <array>
 #include <utility>
 
+#include "protocol/tracks/baoding/track.h"
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
@@ -32,7 +33,7 @@ constexpr TrackFacts* kEveryFacts = nullptr;
 
 std::span<const TrackKind* const> AllTracks() {
   static const std::array all = {&ManipulationTrack(), &LocomotionTrack(), &ElbowTrack(),
-                                  &ReorientationTrack()};
+                                  &ReorientationTrack(), &BaodingTrack()};
   return all;
 }
 

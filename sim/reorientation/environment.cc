@@ -34,11 +34,10 @@ absl::StatusOr<std::unique_ptr<ReorientationEnvironment>> ReorientationEnvironme
 
 ReorientationEnvironment::ReorientationEnvironment(const ReorientationRules& rules, ModelPtr model,
                                                    DataPtr data, DieScene scene)
-    : MuscleEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
-                        std::move(model), std::move(data)),
+    : HandEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
+                      std::move(model), std::move(data)),
       rules_(rules),
-      scene_(std::move(scene)),
-      joint_ranges_(*model_) {
+      scene_(std::move(scene)) {
   facts_.track = ReorientationFacts{};
 }
 
@@ -53,29 +52,17 @@ void ReorientationEnvironment::Reset(uint64_t seed) {
   facts_.track = ReorientationFacts{.final_position_error = now.distance,
                                     .final_rotation_error = now.turn,
                                     .smallest_rotation_error = now.turn};
-  solved_time_.reset();
 }
 
 void ReorientationEnvironment::Measure(StepResult& result) {
   auto& facts = std::get<ReorientationFacts>(facts_.track);
   const Official now = official();
   const bool first = measured_steps_ == 1;
-  joint_ranges_.Add(*data_, first);
   facts.final_position_error = now.distance;
   facts.final_rotation_error = now.turn;
   facts.smallest_rotation_error =
       first ? now.turn : std::min(facts.smallest_rotation_error, now.turn);
-  facts.solved = now.solved;
-  facts.solved_steps += now.solved;
-  if (now.solved && !solved_time_) solved_time_ = data_->time;
-  facts.effort_sum += MuscleEffort(*model_, *data_);
-  result.ended = now.dropped || facts_.steps >= rules_.max_steps;
-  if (result.ended) facts_.end = now.dropped ? ReorientationEnd::kDropped : EpisodeEnd::kTime;
-}
-
-EpisodeDetails ReorientationEnvironment::details() const {
-  if (measured_steps_ == 0) return std::nullopt;
-  return ReorientationDetails{.solved_time = solved_time_, .joint_ranges = joint_ranges_.ranges()};
+  MeasureFlags<ReorientationFacts>(now.solved, now.dropped, rules_.max_steps, result);
 }
 
 ReorientationEnvironment::Official ReorientationEnvironment::official() const {
@@ -106,7 +93,7 @@ void ReorientationEnvironment::Observe(std::span<double> out) const {
       << VectorXd::Map(data_->qpos, kHandJointCount - 1),
       VectorXd::Map(data_->qvel, kHandJointCount) * period, SiteOf(*data_, scene_.die_site),
       SiteOf(*data_, scene_.goal_site), now.position_error, now.rotation, now.goal_rotation,
-      now.rotation_error, VectorXd::Map(data_->act, kMuscleCount);
+      now.rotation_error, VectorXd::Map(data_->act, kHandMuscleCount);
 }
 
 void ReorientationEnvironment::ObserveExtra(std::span<double> out) const {

@@ -2,20 +2,16 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <span>
 
-#include "sim/model/joint_ranges.h"
-#include "sim/model/muscle_environment.h"
+#include "sim/model/hand_environment.h"
 #include "sim/reorientation/variation.h"
 
 namespace myograde::sim {
 
-class ReorientationEnvironment final : public MuscleEnvironment {
+class ReorientationEnvironment final : public HandEnvironment {
  public:
   static constexpr int kPhysicsSteps = 5;  // of 2 ms in a control step
-  static constexpr int kMuscleCount = 39;
-  static constexpr int kHandJointCount = 23;  // the first of the model; the die's six follow
 
   // InternalError: the model is not that of the hand and the die.
   static absl::StatusOr<std::unique_ptr<ReorientationEnvironment>> Make(
@@ -26,7 +22,7 @@ class ReorientationEnvironment final : public MuscleEnvironment {
   void Observe(std::span<double> out) const override;
   void ObserveExtra(std::span<double> out) const override;
   void RewardTerms(std::span<double> out) const override;
-  EpisodeDetails details() const override;
+  EpisodeDetails details() const override { return DetailsAs<ReorientationDetails>(); }
 
   // The official quantities of a state.
   struct Official {
@@ -47,11 +43,7 @@ class ReorientationEnvironment final : public MuscleEnvironment {
 
   ReorientationRules rules_;
   DieScene scene_;
-
-  // Of the episode.
-  DieVariation variation_;
-  JointRanges<kHandJointCount> joint_ranges_;
-  std::optional<double> solved_time_;  // s, when the flag was up for the first time
+  DieVariation variation_;  // of the episode
 };
 
 }  // namespace myograde::sim

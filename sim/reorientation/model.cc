@@ -11,8 +11,6 @@ namespace myograde::sim {
 namespace reorientation {
 namespace {
 
-constexpr Inertial kInertials[] = {kLunate, kCapitate};
-
 // The three plates that make the die's sides, and their colours: without its texture nobody would
 // see how it lies.
 constexpr const char* kPlates[][2] = {{".0284 .0236 .0236", "0.80 0.25 0.20 1"},
@@ -39,14 +37,9 @@ absl::Status Patch(std::string& main, std::string&) {
 }  // namespace reorientation
 
 const ModelSource& ReorientationModel() {
-  static const ModelSource source = {
-      .name = "reorientation",
-      .pins = reorientation::kPins,
-      .main_file = "envs/myo/assets/hand/myohand_die.xml",
-      .actuator_file = "simhive/myo_sim/hand/assets/myohand_assets.xml",
-      .inertials = reorientation::kInertials,
-      .buffers = {1000, 400, 1'000'000},
-      .patch = reorientation::Patch};
+  static const ModelSource source =
+      HandModel("reorientation", reorientation::kPins, "envs/myo/assets/hand/myohand_die.xml",
+                reorientation::Patch);
   return source;
 }
 

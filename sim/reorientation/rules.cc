@@ -1,7 +1,5 @@
 #include "sim/reorientation/rules.h"
 
-#include <vector>
-
 #include "protocol/base/config_reader.h"
 
 namespace myograde::sim {
@@ -10,20 +8,15 @@ absl::StatusOr<ReorientationRules> ParseReorientationRules(const nlohmann::json&
                                                            const std::string& where) {
   constexpr NumberRange kTolerance = {1e-4, 10};
   ConfigReader reader(json, where);
-  const auto range = [&](std::string_view key, NumberRange allowed) -> std::array<double, 2> {
-    const std::vector<double> numbers = reader.Numbers(key, 2, allowed);
-    if (numbers[0] > numbers[1]) reader.Fail(key, "must have its smaller number first");
-    return {numbers[0], numbers[1]};
-  };
   ReorientationRules rules = {};
   rules.max_steps = reader.Integer("max_steps", 1, 1'000'000);
-  rules.goal_position_m = range("goal_position_m", {-1, 1});
-  rules.goal_rotation_rad = range("goal_rotation_rad", {-3.15, 3.15});
+  rules.goal_position_m = reader.Range("goal_position_m", {-1, 1});
+  rules.goal_rotation_rad = reader.Range("goal_rotation_rad", {-3.15, 3.15});
   rules.friction_change = Eigen::Vector3d::Map(reader.Numbers("friction_change", 3, {0, 1}).data());
   if ((rules.friction_change.array() > Eigen::Array3d(1, 0.005, 0.0001)).any()) {
     reader.Fail("friction_change", "must not be above the nominal friction, [1, 0.005, 0.0001]");
   }
-  rules.mass_kg = range("mass_kg", {1e-3, 10});
+  rules.mass_kg = reader.Range("mass_kg", {1e-3, 10});
   rules.size_change_m = reader.Number("size_change_m", {0, 0.02});  // half a plate is 23.6 mm
   rules.position_tolerance_m = reader.Number("position_tolerance_m", kTolerance);
   rules.rotation_tolerance_rad = reader.Number("rotation_tolerance_rad", kTolerance);

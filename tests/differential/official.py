@@ -30,8 +30,11 @@ def load():
     }
 
 
-def make(gymnasium, name, seed, **kwargs):
-    """An environment with its wrappers. It and NumPy draw from `seed` on."""
+def make(gymnasium, name, seed, made_with=None, **kwargs):
+    """An environment with its wrappers. It and NumPy draw from `seed` on. `made_with`: the seed of
+    what the constructor draws."""
+    if made_with is not None:
+        kwargs["seed"] = made_with
     with contextlib.redirect_stdout(io.StringIO()):
         env = gymnasium.make(name, **kwargs)
     env.unwrapped.seed(seed)

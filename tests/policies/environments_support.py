@@ -59,6 +59,7 @@ class InFolder(unittest.TestCase):
         rules = {"elbow": {"max_steps": steps, "hold_steps": 5},
                  "manipulation": {"max_steps": steps},
                  "reorientation": {"max_steps": steps},
+                 "baoding": {"max_steps": steps},
                  "locomotion": {"end": {"time_limit_s": steps / 200}}}[track]
         file = self.folder / f"{track}-{steps}.json"
         file.write_text(json.dumps({"extends": track, "rules": rules}))

@@ -323,6 +323,7 @@ TEST(DescribeBand, SaysWhatItsRowsHaveInCommonAndWhatDecides) {
   EXPECT_EQ(CriterionWithin({.entry = {}, .band = 0}, kDistanceBands), (Criterion{Kind::kNumber, 1}));
   EXPECT_EQ(CriterionWithin({.entry = {}, .band = 0}, kDistances), (Criterion{Kind::kNumber, 0}));
   EXPECT_EQ(CriterionWithin({.entry = {}}, kBodies), (Criterion{Kind::kNumber, 1}));
+  EXPECT_EQ(CriterionWithin({.entry = {}}, kByScore), (Criterion{Kind::kNumber, 0}));
 }
 
 TEST(ScoreBoards, RankByScoreThenEffortThenAcceptance) {

@@ -1,27 +1,12 @@
 // What is measured in an episode of die reorientation besides its facts.
 #pragma once
 
-#include <array>
-#include <optional>
-
-#include "protocol/tracks/details.h"
-#include "protocol/tracks/hand.h"
+#include "protocol/tracks/hand_details.h"
 
 namespace myograde {
 
-struct ReorientationDetails {
+struct ReorientationDetails : HandDetails {
   static constexpr std::string_view kTrack = "reorientation";
-  static constexpr auto kJoints = kHandJointNames;
-
-  std::optional<double> solved_time;  // s, the official flag was up for the first time; none: never
-  std::array<JointRange, kJoints.size()> joint_ranges = {};  // rad
-
-  // Visits every detail with its JSON key; `self` may be const.
-  template <typename Self, typename Visitor>
-  static void Visit(Self& self, Visitor&& visit) {
-    visit("solved_time", self.solved_time);
-    visit("joint_ranges", ByName{kJoints, self.joint_ranges});
-  }
 };
 
 }  // namespace myograde

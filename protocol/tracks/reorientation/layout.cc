@@ -47,27 +47,12 @@ VectorLayout Extra() {
   return v;
 }
 
-VectorLayout Action() {
-  VectorLayout v;
-  v.Add("muscles", "1",
-        "Excitation of each muscle. Normalized: a in [-1, 1] excites by 1/(1 + exp(-5(a - 0.5))); "
-        "direct: the excitation itself, in [0, 1].",
-        LayoutEntries(kHandMuscles, {-1, 1}));
-  return v;
-}
-
-TrackLayout Layout() {
-  return {.observation = Observation(),
-          .extra = Extra(),
-          .action = Action(),
-          .direct_bounds = std::vector<Bounds>(std::size(kHandMuscles), {0, 1})};
-}
-
 }  // namespace
 }  // namespace reorientation
 
 const TrackLayout& ReorientationLayout() {
-  static const TrackLayout layout = reorientation::Layout();
+  static const TrackLayout layout =
+      HandLayout(reorientation::Observation(), reorientation::Extra());
   return layout;
 }
 

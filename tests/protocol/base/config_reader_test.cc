@@ -32,6 +32,7 @@ TEST(ConfigReader, ReadsEveryTypeAndKnowsComments) {
   EXPECT_EQ(reader.String("s"), "text");
   EXPECT_EQ(reader.Choice("c", {"one", "two"}), "two");
   EXPECT_EQ(reader.Numbers("v", 2, {1, 2}), (std::vector<double>{1, 2}));
+  EXPECT_EQ(reader.Range("v", {1, 2}), (std::array<double, 2>{1, 2}));
   EXPECT_EQ(reader.Strings("w"), std::vector<std::string>{"x"});
   EXPECT_EQ(reader.Object("o"), object["o"]);
   EXPECT_TRUE(reader.Array("a").empty());
@@ -51,7 +52,9 @@ TEST(ConfigReader, TellsEachMistakeWithItsPlaceAndRange) {
   const auto integer = [](ConfigReader& r) { r.Integer("k", 1, 5); };
   const auto numbers = [](ConfigReader& r) { r.Numbers("k", 2, {0, 1}); };
   const auto choice = [](ConfigReader& r) { r.Choice("k", {"a", "b"}); };
+  const auto range = [](ConfigReader& r) { r.Range("k", {0, 1}); };
   const std::vector<Mistake> mistakes = {
+      {{1, 0.5}, range, "must have its smaller number first"},
       {"1", number, "must be a number, is string"},
       {0.5, number, "is 0.5, must be from 1 to 2"},
       {2.5, number, "is 2.5, must be from 1 to 2"},

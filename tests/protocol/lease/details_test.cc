@@ -40,7 +40,8 @@ TrackDetails Empty(const TrackKind& track) {
   if (AreFactsOf(track, ManipulationFacts())) return ManipulationDetails();
   if (AreFactsOf(track, LocomotionFacts())) return LocomotionDetails();
   if (AreFactsOf(track, ElbowFacts())) return ElbowDetails();
-  return ReorientationDetails();
+  if (AreFactsOf(track, ReorientationFacts())) return ReorientationDetails();
+  return BaodingDetails();
 }
 
 nlohmann::json RecordOf(const EpisodeFacts& facts) {

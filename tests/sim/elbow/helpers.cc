@@ -1,21 +1,12 @@
 #include "tests/sim/elbow/helpers.h"
 
 #include <algorithm>
-#include <stdexcept>
 
 #include "sim/elbow/model.h"
 #include "tests/sim/golden.h"
+#include "tests/sim/value_or_throw.h"
 
 namespace myograde::sim {
-namespace {
-
-template <typename T>
-T ValueOrThrow(absl::StatusOr<T> value) {
-  if (!value.ok()) throw std::runtime_error(value.status().ToString());
-  return *std::move(value);
-}
-
-}  // namespace
 
 TrackConfig ElbowConfig(const std::string& profile) {
   return ValueOrThrow(

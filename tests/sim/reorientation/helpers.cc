@@ -1,20 +1,11 @@
 #include "tests/sim/reorientation/helpers.h"
 
-#include <stdexcept>
-
+#include "protocol/tracks/reorientation/track.h"
 #include "sim/reorientation/reorientation.h"
 #include "tests/sim/golden.h"
+#include "tests/sim/value_or_throw.h"
 
 namespace myograde::sim {
-namespace {
-
-template <typename T>
-T ValueOrThrow(absl::StatusOr<T> value) {
-  if (!value.ok()) throw std::runtime_error(value.status().ToString());
-  return *std::move(value);
-}
-
-}  // namespace
 
 TrackConfig DieConfig() {
   return ValueOrThrow(
@@ -30,16 +21,8 @@ std::unique_ptr<ReorientationEnvironment> MakeDie(const ReorientationRules& rule
       rules, ValueOrThrow(LoadModel(ReorientationModel(), CacheDir()))));
 }
 
-std::vector<double> Observed(const ReorientationEnvironment& env) {
-  std::vector<double> seen(static_cast<size_t>(env.observation_size()));
-  env.Observe(seen);
-  return seen;
-}
-
 std::vector<double> Rewards(const ReorientationEnvironment& env) {
-  std::vector<double> terms(ReorientationRewardTerms().size());
-  env.RewardTerms(terms);
-  return terms;
+  return Rewards(env, ReorientationTrack());
 }
 
 ReorientationFacts FactsOf(const ReorientationEnvironment& env) {

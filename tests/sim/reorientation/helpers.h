@@ -6,6 +6,7 @@
 
 #include "protocol/lease/track_config.h"
 #include "sim/reorientation/environment.h"
+#include "tests/sim/hand_golden.h"
 
 namespace myograde::sim {
 
@@ -15,7 +16,6 @@ TrackConfig DieConfig();
 ReorientationRules DieRules();
 std::unique_ptr<ReorientationEnvironment> MakeDie(const ReorientationRules& rules = DieRules());
 
-std::vector<double> Observed(const ReorientationEnvironment& env);
 std::vector<double> Rewards(const ReorientationEnvironment& env);
 
 // The measurements of the episode so far.

@@ -13,6 +13,7 @@ ENVIRONMENTS = {
     "myograde/Locomotion-v0": "locomotion",
     "myograde/Elbow-v0": "elbow",
     "myograde/Reorientation-v0": "reorientation",
+    "myograde/Baoding-v0": "baoding",
 }
 
 
