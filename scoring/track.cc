@@ -6,13 +6,14 @@
 #include "scoring/elbow/track.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
+#include "scoring/relocation/track.h"
 #include "scoring/reorientation/track.h"
 
 namespace myograde::scoring {
 
 std::span<const ScoredTrack* const> ScoredTracks() {
   static const std::array all = {&ScoredManipulation(), &ScoredLocomotion(), &ScoredElbow(),
-                                 &ScoredReorientation(), &ScoredBaoding()};
+                                 &ScoredReorientation(), &ScoredBaoding(), &ScoredRelocation()};
   return all;
 }
 

@@ -11,6 +11,7 @@
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
+#include "protocol/tracks/relocation/track.h"
 #include "protocol/tracks/reorientation/track.h"
 #include "sim/baoding/baoding.h"
 #include "sim/elbow/elbow.h"
@@ -26,6 +27,7 @@
 #include "sim/manipulation/readings.h"
 #include "sim/manipulation/telemetry.h"
 #include "sim/model/model.h"
+#include "sim/relocation/relocation.h"
 #include "sim/reorientation/reorientation.h"
 
 namespace myograde::sim {
@@ -43,6 +45,8 @@ std::span<const SimulatedTrack> SimulatedTracks() {
                      WatchReorientation},
       SimulatedTrack{&BaodingTrack(), &BaodingModel(), &BaodingView(), MakeBaoding,
                      BaodingRewardTerms(), BaodingReadings, WatchBaoding},
+      SimulatedTrack{&RelocationTrack(), &RelocationModel(), &RelocationView(), MakeRelocation,
+                     RelocationRewardTerms(), RelocationReadings, WatchRelocation},
   };
   return tracks;
 }

@@ -136,8 +136,10 @@ def file_pages(source, day):
                            "THE TRACK ELBOW"),
             *from_markdown(section_of(configs / "README.md", "## The track reorientation", "## The track baoding"),
                            "THE TRACK REORIENTATION"),
-            *from_markdown(section_of(configs / "README.md", "## The track baoding", "## How to add a track"),
-                           "THE TRACK BAODING")]),
+            *from_markdown(section_of(configs / "README.md", "## The track baoding", "## The track relocation"),
+                           "THE TRACK BAODING"),
+            *from_markdown(section_of(configs / "README.md", "## The track relocation", "## How to add a track"),
+                           "THE TRACK RELOCATION")]),
         "myograde-challenge": ("a challenge of the MyoGrade server", "/etc/myograde/challenges/NAME.json", [
             start("Phases with seeds, times and quotas of their own. " + schema("challenge")),
             *from_markdown(section_of(configs / "challenges/README.md", ""), "FORM AND KEYS")]),

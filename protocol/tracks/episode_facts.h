@@ -16,13 +16,14 @@
 #include "protocol/tracks/episode_details.h"
 #include "protocol/tracks/locomotion/facts.h"
 #include "protocol/tracks/manipulation/facts.h"
+#include "protocol/tracks/relocation/facts.h"
 #include "protocol/tracks/reorientation/facts.h"
 
 namespace myograde {
 
 // The registry of facts: one alternative per track.
 using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts, ReorientationFacts,
-                                BaodingFacts>;
+                                BaodingFacts, RelocationFacts>;
 
 // Entries of the longest action.
 inline constexpr int kMaxActionSize = []<typename... Facts>(std::variant<Facts...>*) {

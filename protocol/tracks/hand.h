@@ -28,11 +28,13 @@ inline constexpr LayoutEntry kHandJoints[] = {
     {"md5_flexion", {0, 1.5708}},
 };
 
-inline constexpr auto kHandJointNames = [] {
-  std::array<std::string_view, std::size(kHandJoints)> names;
-  for (size_t i = 0; i < names.size(); ++i) names[i] = kHandJoints[i].name;
+template <size_t n>
+constexpr std::array<std::string_view, n> NamesOf(const std::array<LayoutEntry, n>& entries) {
+  std::array<std::string_view, n> names;
+  for (size_t i = 0; i < n; ++i) names[i] = entries[i].name;
   return names;
-}();
+}
+inline constexpr auto kHandJointNames = NamesOf(std::to_array(kHandJoints));
 
 inline constexpr std::string_view kHandMuscles[] = {
     "ECRL", "ECRB", "ECU",    "FCR",    "FCU", "PL",     "PT",     "PQ",  "FDS5",   "FDS4",
@@ -60,17 +62,23 @@ inline std::vector<LayoutEntry> EntriesWith(std::span<const LayoutEntry> entries
   return result;
 }
 
-// The layout of a track whose actions are the hand's muscles.
-inline TrackLayout HandLayout(VectorLayout observation, VectorLayout extra) {
-  VectorLayout action;
-  action.Add("muscles", "1",
-             "Excitation of each muscle. Normalized: a in [-1, 1] excites by 1/(1 + exp(-5(a - "
-             "0.5))); direct: the excitation itself, in [0, 1].",
-             LayoutEntries(kHandMuscles, {-1, 1}));
+// The part of an action that excites muscles.
+inline VectorLayout MuscleActions(std::span<const std::string_view> muscles) {
+  VectorLayout v;
+  v.Add("muscles", "1",
+        "Excitation of each muscle. Normalized: a in [-1, 1] excites by 1/(1 + exp(-5(a - 0.5))); "
+        "direct: the excitation itself, in [0, 1].",
+        LayoutEntries(muscles, {-1, 1}));
+  return v;
+}
+
+// The layout of a track whose actions are those muscles.
+inline TrackLayout MuscleLayout(std::span<const std::string_view> muscles,
+                                VectorLayout observation, VectorLayout extra) {
   return {.observation = std::move(observation),
           .extra = std::move(extra),
-          .action = std::move(action),
-          .direct_bounds = std::vector<Bounds>(std::size(kHandMuscles), {0, 1})};
+          .action = MuscleActions(muscles),
+          .direct_bounds = std::vector<Bounds>(muscles.size(), {0, 1})};
 }
 
 }  // namespace myograde

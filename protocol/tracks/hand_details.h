@@ -1,4 +1,4 @@
-// What is measured besides the facts in an episode of a track of the hand.
+// What is measured besides the facts in an episode of a track of the hand, or of the arm with it.
 #pragma once
 
 #include <array>
@@ -9,8 +9,9 @@
 
 namespace myograde {
 
-struct HandDetails {
-  static constexpr auto kJoints = kHandJointNames;
+template <const auto& joint_names>
+struct FlaggedDetails {
+  static constexpr auto& kJoints = joint_names;
 
   std::optional<double> solved_time;  // s, the official flag was up for the first time; none: never
   std::array<JointRange, kJoints.size()> joint_ranges = {};  // rad
@@ -22,5 +23,6 @@ struct HandDetails {
     visit("joint_ranges", ByName{kJoints, self.joint_ranges});
   }
 };
+using HandDetails = FlaggedDetails<kHandJointNames>;
 
 }  // namespace myograde

@@ -7,6 +7,7 @@
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
+#include "protocol/tracks/relocation/track.h"
 #include "protocol/tracks/reorientation/track.h"
 
 namespace myograde {
@@ -33,7 +34,7 @@ constexpr TrackFacts* kEveryFacts = nullptr;
 
 std::span<const TrackKind* const> AllTracks() {
   static const std::array all = {&ManipulationTrack(), &LocomotionTrack(), &ElbowTrack(),
-                                  &ReorientationTrack(), &BaodingTrack()};
+                                  &ReorientationTrack(), &BaodingTrack(), &RelocationTrack()};
   return all;
 }
 

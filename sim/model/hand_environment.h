@@ -1,5 +1,5 @@
-// What the environments of the hand have in common beyond its muscles: facts and details that each
-// measures, and an end by dropping what lies on the palm.
+// What the environments of the hand, and of the arm with it, have in common beyond their muscles:
+// facts and details that each measures, and an end by dropping an object.
 #pragma once
 
 #include <optional>
@@ -12,9 +12,11 @@
 
 namespace myograde::sim {
 
-class HandEnvironment : public MuscleEnvironment {
+// `joints`: the first of the model, those of the hand or of the arm with it.
+template <size_t joints>
+class FlaggedEnvironment : public MuscleEnvironment {
  protected:
-  HandEnvironment(const Play& play, ModelPtr model, DataPtr data)
+  FlaggedEnvironment(const Play& play, ModelPtr model, DataPtr data)
       : MuscleEnvironment(play, std::move(model), std::move(data)), joint_ranges_(*model_) {}
 
   // As MuscleEnvironment::BeginEpisode.
@@ -44,8 +46,9 @@ class HandEnvironment : public MuscleEnvironment {
   }
 
  private:
-  JointRanges<kHandJointCount> joint_ranges_;  // of the episode, as what follows
-  std::optional<double> solved_time_;          // s, when the flag was up for the first time
+  JointRanges<joints> joint_ranges_;   // of the episode, as what follows
+  std::optional<double> solved_time_;  // s, when the flag was up for the first time
 };
+using HandEnvironment = FlaggedEnvironment<kHandJointCount>;
 
 }  // namespace myograde::sim

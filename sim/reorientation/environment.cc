@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
-#include <numbers>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
 #include "sim/model/official_steps.h"
-#include "sim/model/rotation.h"
 #include "sim/reorientation/reorientation.h"
 
 namespace myograde::sim {
@@ -67,16 +64,9 @@ void ReorientationEnvironment::Measure(StepResult& result) {
 
 ReorientationEnvironment::Official ReorientationEnvironment::official() const {
   Official now;
-  now.position_error =
-      SiteOf(*data_, scene_.goal_site) - SiteOf(*data_, scene_.die_site) - scene_.goal_offset;
-  now.rotation = OfficialEulerAngles(Rotation::Map(data_->site_xmat + 9 * scene_.die_site));
-  now.goal_rotation = OfficialEulerAngles(Rotation::Map(data_->site_xmat + 9 * scene_.goal_site));
-  now.rotation_error = now.goal_rotation - now.rotation;
-  if (!rules_.rotation_error_unwrapped) {
-    for (double& angle : now.rotation_error) angle = std::remainder(angle, 2 * std::numbers::pi);
-  }
-  now.distance = now.position_error.norm();
-  now.turn = now.rotation_error.norm();
+  static_cast<PoseError&>(now) =
+      PoseErrorOf(*data_, scene_.die_site, scene_.goal_site, rules_.rotation_error_unwrapped,
+                  scene_.goal_offset);
   now.dropped = now.distance > rules_.drop_distance_m;
   now.solved = now.distance < rules_.position_tolerance_m &&
                now.turn < rules_.rotation_tolerance_rad && !now.dropped;

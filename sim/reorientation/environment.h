@@ -5,6 +5,7 @@
 #include <span>
 
 #include "sim/model/hand_environment.h"
+#include "sim/model/pose_error.h"
 #include "sim/reorientation/variation.h"
 
 namespace myograde::sim {
@@ -25,10 +26,7 @@ class ReorientationEnvironment final : public HandEnvironment {
   EpisodeDetails details() const override { return DetailsAs<ReorientationDetails>(); }
 
   // The official quantities of a state.
-  struct Official {
-    Eigen::Vector3d position_error, rotation, goal_rotation, rotation_error;  // m, rad
-    double distance;  // m, |position_error|
-    double turn;      // rad, |rotation_error|
+  struct Official : PoseError {
     bool dropped;
     bool solved;
   };

@@ -225,7 +225,8 @@ class Pages(unittest.TestCase):
         unit = (UNITS / "myograded.service").read_text()
         allowed = int(re.search(r"^LimitNOFILE=(\d+)$", unit, re.MULTILINE)[1])
         slots, in_a_message = 8, 253
-        for track in ("manipulation", "locomotion", "elbow", "reorientation", "baoding"):
+        for track in ("manipulation", "locomotion", "elbow", "reorientation", "baoding",
+                      "relocation"):
             budgets = json.loads((SOURCE / f"configs/tracks/{track}.json").read_text())["budgets"]
             self.assertGreaterEqual(
                 allowed, budgets["open_files"] + slots * budgets["tasks"] * in_a_message, track)

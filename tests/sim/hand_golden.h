@@ -27,18 +27,20 @@ std::vector<double> Observed(const Environment& env);
 // The terms of the official reward.
 std::vector<double> Rewards(const Environment& env, const TrackKind& kind);
 
-// Joints, muscles, and the bodies that move, before body `end`, as both versions compile them.
-void CompareHandModel(GoldenTable& table, const mjModel& model, int end, const nlohmann::json& want,
-                      const std::string& where);
+// Joints, muscles, and the bodies that move, from `first_body` to before body `end`, as both
+// versions compile them. Of the hand the first is the radius, which pro_sup turns.
+void CompareMuscleModel(GoldenTable& table, const mjModel& model, const char* first_body, int end,
+                        const nlohmann::json& want, const std::string& where);
 
 // Plays a recorded episode freely from its reset, up to the first state in which the versions see
-// other contacts, or list them in another order. Compares the generator, every state and all that a
-// policy sees. `compare_model` is for what the reset drew, and returns whether contacts may also
+// other contacts, or (`in_order`) list them in another order. Compares the generator, every state
+// and all that a policy sees. `compare_model` is for what the reset drew, and returns whether contacts may also
 // differ for a part of a control step: the first state that is off then ends the comparison too.
 // Returns how many steps agree; -1: nor does the reset.
 int CompareEpisode(GoldenTable& table, MuscleEnvironment& env, const TrackKind& kind,
                    const GoldenFile& file,
-                   const std::function<bool(const nlohmann::json& model)>& compare_model);
+                   const std::function<bool(const nlohmann::json& model)>& compare_model,
+                   bool in_order = true);
 
 // The official score and effort of the episode, given those of one whose every step agreed.
 void CompareMetrics(GoldenTable& table, const GoldenFile& file, double score, double effort);

@@ -38,7 +38,7 @@ VectorLayout Extra() {
 }  // namespace baoding
 
 const TrackLayout& BaodingLayout() {
-  static const TrackLayout layout = HandLayout(baoding::Observation(), baoding::Extra());
+  static const TrackLayout layout = MuscleLayout(kHandMuscles, baoding::Observation(), baoding::Extra());
   return layout;
 }
 

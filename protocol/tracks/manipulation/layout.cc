@@ -1,7 +1,7 @@
 #include <array>
 #include <numbers>
 
-#include "protocol/tracks/hand.h"
+#include "protocol/tracks/arm.h"
 #include "protocol/tracks/manipulation/track.h"
 
 namespace myograde {
@@ -10,16 +10,7 @@ namespace {
 
 using Entry = LayoutEntry;
 
-// Joints with their ranges (rad), in the order of the model's positions; then come the hand's.
-constexpr Entry kUpperArmJoints[] = {
-    {"sternoclavicular_r2", {-0.75, 0}}, {"sternoclavicular_r3", {0, 0.318}}, {"unrotscap_r3",
-    {-0.318, 0}}, {"unrotscap_r2", {0, 0.75}}, {"acromioclavicular_r2", {-0.152, 0}},
-    {"acromioclavicular_r3", {0, 1.228}}, {"acromioclavicular_r1", {0, 0.552}}, {"unrothum_r1",
-    {-0.552, 0}}, {"unrothum_r3", {-1.228, 0}}, {"unrothum_r2", {0, 0.152}}, {"elv_angle", {-1.658,
-    2.269}}, {"shoulder_elv", {0, 3.142}}, {"shoulder1_r2", {-2.242, 1.658}}, {"shoulder_rot",
-    {-1.571, 2.094}}, {"elbow_flexion", {0, 2.269}},
-};
-
+// With their ranges in rad.
 constexpr Entry kProsthesisJoints[] = {
     {"Lshoulder_fe", {-0.611, 2.792}}, {"Lshoulder_abad", {-2.792, 0}}, {"Lhumeral_rot", {-0.524,
     1.483}}, {"Lelbow", {0.05, 2.356}}, {"wrist_PRO", {-1.57, 1.57}}, {"wrist_UDEV", {-0.261,
@@ -31,16 +22,6 @@ constexpr Entry kProsthesisJoints[] = {
     {0, 1.38}}, {"pinky_ABD", {0, 0.345}}, {"pinky_MCP", {-0.785, 1.57}}, {"pinky_PIP", {0, 1.72}},
     {"pinky_DIP", {0, 1.38}},
 };
-
-// Muscles in the order of the official model's actuators; then come the hand's.
-constexpr std::string_view kUpperArmMuscles[] = {
-    "DELT1", "DELT2", "DELT3", "SUPSP", "INFSP", "SUBSC", "TMIN", "TMAJ", "PECM1", "PECM2", "PECM3",
-    "LAT1", "LAT2", "LAT3", "CORB", "TRIlong", "TRIlat", "TRImed", "ANC", "SUP", "BIClong",
-    "BICshort", "BRA", "BRD",
-};
-
-constexpr auto kArmJoints = Joined(kUpperArmJoints, kHandJoints);
-constexpr auto kMuscles = Joined(kUpperArmMuscles, kHandMuscles);
 
 // The prosthesis' position servos with the ranges of their targets (rad), which differ slightly
 // from the ranges of the joints that they drive.
@@ -95,7 +76,7 @@ VectorLayout Observation() {
         "1 where the object touches it, else 0; floor and stage are anything else (in the profiles "
         "that follow the official code they count as the arm).",
         LayoutEntries(kTouching, {0, 1}));
-  v.Add("act", "1", "Activations of the muscles.", LayoutEntries(kMuscles, {0, 1}));
+  v.Add("act", "1", "Activations of the muscles.", LayoutEntries(kArmMuscles, {0, 1}));
   v.Add("reach_err", "m", "From the object's touch site to the arm's palm, in the world's axes.",
         LayoutEntries(kAxes, kPlace));
   v.Add("pass_err", "m",
@@ -128,11 +109,7 @@ VectorLayout Extra() {
 }
 
 VectorLayout Action() {
-  VectorLayout v;
-  v.Add("muscles", "1",
-        "Excitation of each muscle. Normalized: a in [-1, 1] excites by 1/(1 + exp(-5(a - 0.5))); "
-        "direct: the excitation itself, in [0, 1].",
-        LayoutEntries(kMuscles, {-1, 1}));
+  VectorLayout v = MuscleActions(kArmMuscles);
   v.Add("prosthesis", "1 or rad",
         "Target angle of each servo. Normalized: -1 to 1 from the lowest to the highest target; "
         "direct: the target itself, in rad.",
@@ -145,7 +122,7 @@ TrackLayout Layout() {
                      .extra = Extra(),
                      .action = Action(),
                      .direct_bounds = {}};
-  layout.direct_bounds.assign(std::size(kMuscles), Bounds{0, 1});
+  layout.direct_bounds.assign(std::size(kArmMuscles), Bounds{0, 1});
   for (const Entry& servo : kServos) layout.direct_bounds.push_back(servo.bounds);
   return layout;
 }

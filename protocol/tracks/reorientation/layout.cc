@@ -52,7 +52,7 @@ VectorLayout Extra() {
 
 const TrackLayout& ReorientationLayout() {
   static const TrackLayout layout =
-      HandLayout(reorientation::Observation(), reorientation::Extra());
+      MuscleLayout(kHandMuscles, reorientation::Observation(), reorientation::Extra());
   return layout;
 }
 

@@ -10,7 +10,8 @@ import struct
 import sys
 
 SHAPES = {"manipulation": (3, 400, 80), "locomotion": (3, 400, 55),
-          "elbow": (3, 100, 6), "reorientation": (3, 150, 39), "baoding": (3, 200, 39)}
+          "elbow": (3, 100, 6), "reorientation": (3, 150, 39), "baoding": (3, 200, 39),
+          "relocation": (3, 150, 63)}
 
 
 def actions(episodes, steps, entries):

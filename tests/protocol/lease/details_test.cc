@@ -41,7 +41,8 @@ TrackDetails Empty(const TrackKind& track) {
   if (AreFactsOf(track, LocomotionFacts())) return LocomotionDetails();
   if (AreFactsOf(track, ElbowFacts())) return ElbowDetails();
   if (AreFactsOf(track, ReorientationFacts())) return ReorientationDetails();
-  return BaodingDetails();
+  if (AreFactsOf(track, BaodingFacts())) return BaodingDetails();
+  return RelocationDetails();
 }
 
 nlohmann::json RecordOf(const EpisodeFacts& facts) {

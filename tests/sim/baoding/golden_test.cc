@@ -46,7 +46,7 @@ void CompareModel(GoldenTable& table, const BaodingEnvironment& env, const json&
     table.Compare("model: target_site_pos", {m.site_pos + 3 * scene.target_sites[i], 3},
                   Doubles(want.at("target_site_pos").at(i)), kFormula, where);
   }
-  CompareHandModel(table, m, scene.target_bodies[0], want, where);
+  CompareMuscleModel(table, m, "radius", scene.target_bodies[0], want, where);
 }
 
 TEST(BaodingGolden, ARecordingHasTheWholeDictionary) {

@@ -36,7 +36,7 @@ void CompareModel(GoldenTable& table, const ReorientationEnvironment& env, const
   table.CompareExact("draw: die_mass", m.body_mass[scene.die_body], want.at("die_mass"), where);
   table.CompareRelative("model: goal_quat", {m.body_quat + 4 * scene.goal_body, 4},
                         Doubles(want.at("goal_quat")), kFormula, where);
-  CompareHandModel(table, m, scene.goal_body, want, where);
+  CompareMuscleModel(table, m, "radius", scene.goal_body, want, where);
 }
 
 TEST(ReorientationGolden, ARecordingHasTheWholeDictionary) {

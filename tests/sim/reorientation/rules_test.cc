@@ -4,10 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/base/config_reader.h"
 #include "sim/tracks.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/reorientation/helpers.h"
+#include "tests/sim/strict_rules.h"
 
 namespace myograde::sim {
 namespace {
@@ -39,15 +39,7 @@ TEST(ReorientationRules, OfficialIsTheRegisteredEnvironment) {
 }
 
 TEST(ReorientationRules, EveryKeyIsRequiredAndNoOtherIsTaken) {
-  const json good = DieConfig().rules;
-  for (const auto& [key, value] : good.items()) {
-    json rules = good;
-    rules.erase(key);
-    EXPECT_THAT(Mistake(rules), AllOf(HasSubstr(key), HasSubstr("missing")));
-  }
-  json rules = good;
-  rules["gravity"] = 3;
-  EXPECT_THAT(Mistake(rules), HasSubstr("gravity"));
+  ExpectEveryKey(DieConfig().rules, Mistake);
 }
 
 TEST(ReorientationRules, ValuesOutOfRangeAreNamed) {
@@ -71,24 +63,7 @@ TEST(ReorientationRules, ValuesOutOfRangeAreNamed) {
 }
 
 TEST(ReorientationRules, TheSchemaHasTheirKeysAndRanges) {
-  const json schema = ReadJsonFile(MYOGRADE_SOURCE_DIR "/configs/schema/track.json").value();
-  const json good = DieConfig().rules;
-  const json& keys = schema.at("$defs").at("reorientation_rules").at("properties");
-  EXPECT_EQ(keys.size(), good.size());
-  for (const auto& [key, said] : keys.items()) {
-    ASSERT_TRUE(good.contains(key)) << key;
-    const bool list = said.contains("items");
-    const json& range = list ? said["items"] : said;
-    if (!range.contains("minimum")) continue;
-    for (const int beyond : {-1, 1}) {
-      json rules = good;
-      json& value = list ? rules[key][beyond < 0 ? 0 : 1] : rules[key];
-      const json& edge = range[beyond < 0 ? "minimum" : "maximum"];
-      value = range["type"] == "integer" ? json(edge.get<int64_t>() + beyond)
-                                         : json(edge.get<double>() + 1e-6 * beyond);
-      EXPECT_THAT(Mistake(rules), HasSubstr(key)) << value;
-    }
-  }
+  ExpectSchema(DieConfig().rules, "reorientation_rules", Mistake);
 }
 
 TEST(ReorientationRules, AWrongRuleMakesNoEnvironment) {

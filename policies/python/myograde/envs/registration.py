@@ -14,6 +14,7 @@ ENVIRONMENTS = {
     "myograde/Elbow-v0": "elbow",
     "myograde/Reorientation-v0": "reorientation",
     "myograde/Baoding-v0": "baoding",
+    "myograde/Relocation-v0": "relocation",
 }
 
 

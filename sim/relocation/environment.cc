@@ -1,0 +1,150 @@
+#include "sim/relocation/environment.h"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+#include "protocol/base/status_macros.h"
+#include "sim/model/official_steps.h"
+#include "sim/relocation/relocation.h"
+
+namespace myograde::sim {
+absl::StatusOr<std::unique_ptr<Environment>> MakeRelocation(const TrackConfig& config,
+                                                            const std::string& cache_dir) {
+  auto rules = ParseRelocationRules(
+      config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
+  if (!rules.ok()) return rules.status();
+  ASSIGN_OR_RETURN(auto model, LoadModel(RelocationModel(), cache_dir));
+  return RelocationEnvironment::Make(*rules, std::move(model));
+}
+
+absl::StatusOr<std::unique_ptr<RelocationEnvironment>> RelocationEnvironment::Make(
+    const RelocationRules& rules, ModelPtr model) {
+  ASSIGN_OR_RETURN(auto scene, FindRelocationScene(*model));
+  DataPtr data(mj_makeData(model.get()));
+  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  return std::unique_ptr<RelocationEnvironment>(
+      new RelocationEnvironment(rules, std::move(model), std::move(data), scene));
+}
+
+RelocationEnvironment::RelocationEnvironment(const RelocationRules& rules, ModelPtr model,
+                                             DataPtr data, const RelocationScene& scene)
+    : FlaggedEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
+                         std::move(model), std::move(data)),
+      rules_(rules),
+      scene_(scene),
+      trees_(*model_),
+      first_observation_(static_cast<size_t>(observation_size())) {
+  facts_.track = RelocationFacts{};
+  for (int i = 0; i < RelocationVariation::kShapes; ++i) {
+    trees_.SetGeomBox(scene_.first_geom + i, rules_.half_size_high_m);
+  }
+}
+
+void RelocationEnvironment::SearchAsOfficial(std::optional<TreeSearch>& search) const {
+  if (rules_.search_boxes_fixed) search.emplace(trees_, scene_.object_body);
+}
+
+StepResult RelocationEnvironment::Step(std::span<const double> action) {
+  std::optional<TreeSearch> search;
+  SearchAsOfficial(search);
+  return MuscleEnvironment::Step(action);
+}
+
+void RelocationEnvironment::Reset(uint64_t seed) {
+  std::optional<TreeSearch> search;
+  SearchAsOfficial(search);
+  generator_ = NumpyGenerator(seed);
+  draws_ = 0;
+  do {
+    variation_ = DrawRelocationVariation(rules_, generator_);
+    ApplyRelocationVariation(variation_, rules_, scene_, *model_, *data_);
+    ResetToDefaults(*model_, *data_);
+    PlaceArm();
+    BeginEpisode(RelocationFacts{});
+    if (++draws_ == 1) ObserveState(first_observation_);
+  } while (data_->ncon > 0 && draws_ < kMostDraws);
+  const Official now = official();
+  facts_.track = RelocationFacts{.final_position_error = now.distance,
+                                 .smallest_position_error = now.distance,
+                                 .final_rotation_error = now.turn,
+                                 .final_reach = now.reach,
+                                 .smallest_reach = now.reach};
+}
+
+// At the second keyframe, each joint of the arm off by the same share of its range. The official
+// code calls it noise, but draws none.
+void RelocationEnvironment::PlaceArm() {
+  mju_copy(data_->qpos, model_->key_qpos + model_->nq, model_->nq);
+  for (int i = 0; i < kArmJointCount; ++i) {
+    const mjtNum* range = model_->jnt_range + 2 * i;
+    data_->qpos[i] += rules_.joint_offset * (range[1] - range[0]);
+  }
+}
+
+void RelocationEnvironment::Measure(StepResult& result) {
+  auto& facts = std::get<RelocationFacts>(facts_.track);
+  const Official now = official();
+  const bool first = measured_steps_ == 1;
+  facts.final_position_error = now.distance;
+  facts.smallest_position_error =
+      first ? now.distance : std::min(facts.smallest_position_error, now.distance);
+  facts.final_rotation_error = now.turn;
+  facts.final_reach = now.reach;
+  facts.smallest_reach = first ? now.reach : std::min(facts.smallest_reach, now.reach);
+  MeasureFlags<RelocationFacts>(now.solved, now.dropped, rules_.max_steps, result);
+}
+
+RelocationEnvironment::Official RelocationEnvironment::official() const {
+  Official now;
+  static_cast<PoseError&>(now) =
+      PoseErrorOf(*data_, scene_.object_site, scene_.goal_site, rules_.rotation_error_unwrapped);
+  now.reach_error = SiteOf(*data_, scene_.palm_site) - SiteOf(*data_, scene_.object_site);
+  now.reach = now.reach_error.norm();
+  now.dropped = now.reach > rules_.drop_distance_m;
+  now.solved = now.distance < rules_.position_tolerance_m && !now.dropped;
+  return now;
+}
+
+void RelocationEnvironment::Observe(std::span<double> out) const {
+  assert(static_cast<int>(out.size()) == observation_size());
+  if (facts_.steps == 0 && rules_.first_observation_of_first_draw) {
+    std::copy(first_observation_.begin(), first_observation_.end(), out.begin());
+  } else {
+    ObserveState(out);
+  }
+}
+
+// Order and sizes: protocol/tracks/relocation/layout.cc.
+void RelocationEnvironment::ObserveState(std::span<double> out) const {
+  using Eigen::VectorXd;
+  const Official now = official();
+  const double period = rules_.velocities_times_step ? model_->opt.timestep * kPhysicsSteps : 1;
+  VectorXd::Map(out.data(), std::ssize(out)) << VectorXd::Map(data_->qpos, kArmJointCount - 1),
+      VectorXd::Map(data_->qvel, kArmJointCount) * period, SiteOf(*data_, scene_.object_site),
+      SiteOf(*data_, scene_.goal_site), now.position_error, now.rotation, now.goal_rotation,
+      now.rotation_error, VectorXd::Map(data_->act, kMuscleCount);
+}
+
+void RelocationEnvironment::ObserveExtra(std::span<double> out) const {
+  Eigen::VectorXd::Map(out.data(), std::ssize(out)) << data_->time,
+      Eigen::VectorXd::Map(data_->qpos, kArmJointCount), SiteOf(*data_, scene_.palm_site),
+      official().reach_error;
+}
+
+std::span<const RewardTerm> RelocationRewardTerms() {
+  static constexpr RewardTerm kTerms[] = {{"pos_dist", 100}, {"rot_dist", 1}, {"act_reg", 0},
+                                          {"sparse", 0},     {"solved", 0},   {"done", 0}};
+  return kTerms;
+}
+
+void RelocationEnvironment::RewardTerms(std::span<double> out) const {
+  const Official now = official();
+  Eigen::VectorXd::Map(out.data(), std::ssize(out)) << -now.distance, -now.turn,
+      -MuscleEffort(*model_, *data_), -now.turn - 10 * now.distance,
+      static_cast<double>(now.solved), static_cast<double>(now.dropped);
+}
+
+}  // namespace myograde::sim
