@@ -10,7 +10,7 @@ import subprocess
 
 from system import BIN, POLICIES, SOURCE, SystemTest, track_config
 
-TRACKS = ("manipulation", "locomotion", "elbow", "reorientation")
+TRACKS = ("manipulation", "locomotion", "elbow", "reorientation", "baoding")
 CACHE = os.environ["MYOGRADE_CACHE"]
 GOLDEN = SOURCE / "tests/golden/submissions"
 
