@@ -13,7 +13,7 @@ namespace {
 
 constexpr Series kSeries[] = {
     {"distance_1", "Distance of the yellow ball from its target", "m"},
-    {"distance_2", "Distance of the pink ball from its target", "m"},
+    {"distance_2", "Distance of the pink ball from its target", "m", {}, "distance_1"},
     {"effort", "Muscle effort (norm of the activations / 39)", ""},
 };
 

@@ -224,8 +224,9 @@ class Digests(InFolder):
             self.assertTrue(told["equal"])
             self.assertEqual({track: (each["equal"], each["steps"], each["detail"])
                               for track, each in told["tracks"].items()},
-                             {"elbow": (True, 50, ""), "locomotion": (True, 120, ""),
-                              "manipulation": (True, 100, "")})
+                             {"baoding": (True, 20, ""), "elbow": (True, 50, ""),
+                              "locomotion": (True, 120, ""), "manipulation": (True, 100, ""),
+                              "reorientation": (True, 50, "")})
 
     def assert_fits(self, schema, text):
         """By Debian's jsonschema, which is not a part of this test's Python."""
