@@ -71,6 +71,12 @@ std::vector<GoldenFile> GoldenFilesIn(const std::string& folder) {
 
 std::string CacheDir() { return Variable("MYOGRADE_CACHE", MYOGRADE_DEFAULT_CACHE); }
 
+absl::StatusOr<TrackConfig> OfficialConfig(const TrackKind& track) {
+  const std::string folder = MYOGRADE_SOURCE_DIR "/configs/tracks", name(track.name);
+  auto config = LoadTrackConfig(folder, name, "myosuite");
+  return config.ok() ? config : LoadTrackConfig(folder, name, "official");
+}
+
 std::string TapesDir() { return Variable("MYOGRADE_TAPES", ""); }
 
 std::optional<std::vector<double>> RecordedAction(const nlohmann::json& file,

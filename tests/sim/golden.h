@@ -13,7 +13,10 @@
 #include <string_view>
 #include <vector>
 
+#include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
+
+#include "protocol/lease/track_config.h"
 
 namespace myograde::sim {
 
@@ -30,6 +33,9 @@ std::vector<GoldenFile> GoldenFilesIn(const std::string& folder);
 
 // The unpacked packages: MYOGRADE_CACHE, else what the build was made with.
 std::string CacheDir();
+
+// A track in the profile that follows the official code: myosuite, or official where it has no other.
+absl::StatusOr<TrackConfig> OfficialConfig(const TrackKind& track);
 
 // The recorded episodes outside the project: MYOGRADE_TAPES, "" if not set.
 std::string TapesDir();
