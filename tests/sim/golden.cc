@@ -73,6 +73,13 @@ std::string CacheDir() { return Variable("MYOGRADE_CACHE", MYOGRADE_DEFAULT_CACH
 
 std::string TapesDir() { return Variable("MYOGRADE_TAPES", ""); }
 
+absl::StatusOr<TrackConfig> OfficialConfig(const SimulatedTrack& track) {
+  const std::string folder = MYOGRADE_SOURCE_DIR "/configs/tracks";
+  const std::string name(track.kind->name);
+  auto config = LoadTrackConfig(folder, name, "myosuite");
+  return config.ok() ? config : LoadTrackConfig(folder, name, "official");
+}
+
 std::optional<std::vector<double>> RecordedAction(const nlohmann::json& file,
                                                   const nlohmann::json& step, int t) {
   if (step.is_object() && step.contains("action")) return Doubles(step["action"]);

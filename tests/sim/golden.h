@@ -13,7 +13,11 @@
 #include <string_view>
 #include <vector>
 
+#include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
+
+#include "protocol/lease/track_config.h"
+#include "sim/tracks.h"
 
 namespace myograde::sim {
 
@@ -33,6 +37,9 @@ std::string CacheDir();
 
 // The recorded episodes outside the project: MYOGRADE_TAPES, "" if not set.
 std::string TapesDir();
+
+// The profile of a track that follows the official code.
+absl::StatusOr<TrackConfig> OfficialConfig(const SimulatedTrack& track);
 
 // What a recording says was done in step t after a reset: the step's own `action`, or entry t of
 // the list `actions` at the top of its file (the same after every reset). Without either, what

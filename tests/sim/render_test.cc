@@ -32,11 +32,9 @@ using Picture = std::vector<uint8_t>;
 
 class PicturesOf : public testing::Test {
  protected:
-  // A profile that every track has.
   void Make(const SimulatedTrack& track) {
     track_ = &track;
-    const auto config = LoadTrackConfig(MYOGRADE_SOURCE_DIR "/configs/tracks",
-                                        std::string(track.kind->name), "myosuite");
+    const auto config = OfficialConfig(track);
     ASSERT_TRUE(config.ok()) << config.status();
     auto environment = MakeEnvironment(*config, CacheDir());
     ASSERT_TRUE(environment.ok()) << environment.status();
