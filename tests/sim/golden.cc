@@ -71,13 +71,14 @@ std::vector<GoldenFile> GoldenFilesIn(const std::string& folder) {
 
 std::string CacheDir() { return Variable("MYOGRADE_CACHE", MYOGRADE_DEFAULT_CACHE); }
 
-absl::StatusOr<TrackConfig> OfficialConfig(const TrackKind& track) {
-  const std::string folder = MYOGRADE_SOURCE_DIR "/configs/tracks", name(track.name);
+std::string TapesDir() { return Variable("MYOGRADE_TAPES", ""); }
+
+absl::StatusOr<TrackConfig> OfficialConfig(const SimulatedTrack& track) {
+  const std::string folder = MYOGRADE_SOURCE_DIR "/configs/tracks";
+  const std::string name(track.kind->name);
   auto config = LoadTrackConfig(folder, name, "myosuite");
   return config.ok() ? config : LoadTrackConfig(folder, name, "official");
 }
-
-std::string TapesDir() { return Variable("MYOGRADE_TAPES", ""); }
 
 std::optional<std::vector<double>> RecordedAction(const nlohmann::json& file,
                                                   const nlohmann::json& step, int t) {

@@ -17,6 +17,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/lease/track_config.h"
+#include "sim/tracks.h"
 
 namespace myograde::sim {
 
@@ -34,11 +35,11 @@ std::vector<GoldenFile> GoldenFilesIn(const std::string& folder);
 // The unpacked packages: MYOGRADE_CACHE, else what the build was made with.
 std::string CacheDir();
 
-// A track in the profile that follows the official code: myosuite, or official where it has no other.
-absl::StatusOr<TrackConfig> OfficialConfig(const TrackKind& track);
-
 // The recorded episodes outside the project: MYOGRADE_TAPES, "" if not set.
 std::string TapesDir();
+
+// The profile of a track that follows the official code.
+absl::StatusOr<TrackConfig> OfficialConfig(const SimulatedTrack& track);
 
 // What a recording says was done in step t after a reset: the step's own `action`, or entry t of
 // the list `actions` at the top of its file (the same after every reset). Without either, what

@@ -34,7 +34,7 @@ class PicturesOf : public testing::Test {
  protected:
   void Make(const SimulatedTrack& track) {
     track_ = &track;
-    const auto config = OfficialConfig(*track.kind);
+    const auto config = OfficialConfig(track);
     ASSERT_TRUE(config.ok()) << config.status();
     auto environment = MakeEnvironment(*config, CacheDir());
     ASSERT_TRUE(environment.ok()) << environment.status();
