@@ -49,7 +49,7 @@ class ObjectTelemetry final : public Telemetry {
 
 const CameraView& RelocationView() {
   static const CameraView view = {
-      .look_at = {-0.1, -0.3, 1.1}, .distance_m = 1.6, .azimuth_deg = 90, .elevation_deg = -30};
+      .look_at = {-0.22, -0.25, 1.08}, .distance_m = 1.1, .azimuth_deg = 90, .elevation_deg = -30};
   return view;
 }
 

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <numbers>
 #include <set>
 #include <string>
 #include <utility>
@@ -99,18 +101,24 @@ TEST_P(Pictures, ShowTheStateAndLeaveItAsItIs) {
   EXPECT_NE(first, later);
 }
 
-// At eye level, sky or a lit wall is above, and the darker floor below.
+// What a camera sees moves down as the camera rises.
 TEST_P(Pictures, HaveTheirTopRowFirst) {
+  constexpr int kMoved = 15;  // rows, at the place that is looked at
   CameraView level = *track_->view;
   level.elevation_deg = 0;
-  const auto brightness = [](const Picture& rgb, int from_row, int to_row) {
+  const Picture low = Draw(level);
+  const double seen_m = 2 * level.distance_m * std::tan(22.5 * std::numbers::pi / 180);
+  level.look_at[2] += seen_m * kMoved / kHeight;
+  const Picture high = Draw(level);
+  Keep(low, "-level.ppm");
+  const auto difference = [&](int rows_down) {
     double sum = 0;
-    for (int i = from_row * kWidth * 3; i < to_row * kWidth * 3; ++i) sum += rgb[i];
-    return sum / ((to_row - from_row) * kWidth * 3);
+    for (int i = kMoved * kWidth * 3; i < (kHeight - kMoved) * kWidth * 3; ++i) {
+      sum += std::abs(high[i + rows_down * kWidth * 3] - low[i]);
+    }
+    return sum;
   };
-  const Picture picture = Draw(level);
-  Keep(picture, "-level.ppm");
-  EXPECT_GT(brightness(picture, 0, 20), brightness(picture, kHeight - 20, kHeight));
+  EXPECT_LT(difference(kMoved), difference(-kMoved));
 }
 
 // The environment changes sizes and terrain from episode to episode.
