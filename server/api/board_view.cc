@@ -299,7 +299,9 @@ absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& aske
   AddOtherConfigs(reader, asked, json);
   json["unreadable"] = DamagedToJson(board.damaged);
   AddBoardAsked(asked, source.withheld, json);
-  json["rules"] = config.scoring["boards"][asked.board];
+  // Boards by a mean score have no settings.
+  json["rules"] =
+      config.scoring.value("boards", Json::object()).value(asked.board, Json::object());
   json["official_figures"] = asked.track->scoring.official_figures;
   json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);
   json["order"] = scoring::DescribeOrder(asked.rules->rules);

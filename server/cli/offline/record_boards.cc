@@ -220,7 +220,7 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
                         {"phase", TextOrNull(config.phase)},
                         {"track", config.track},
                         {"profile", config.profile},
-                        {"rules", config.rules.value(board, Json())},
+                        {"rules", config.rules.value(board, Json::object())},
                         {"official_figures", config.scoring.official_figures},
                         {"rows", std::move(rows)},
                         {"disqualified", std::move(disqualified)}}) +

@@ -106,6 +106,18 @@ class Grading(DaemonCase):
         self.assertEqual((listed["submissions"][0]["submission"], listed["next_before"]), (2, 2))
         self.assertFalse(listed["submissions"][0]["ranked"])
 
+    def test_every_track_has_its_boards(self):
+        tracks = self.get("/v1/tracks")["tracks"]
+        self.assertIn("reorientation", {track["track"] for track in tracks}, "one by score, without settings")
+        for track in tracks:
+            for board in track["boards"]:
+                with self.subTest(track=track["track"], board=board):
+                    asked = f"track={track['track']}&board={board}"
+                    shown = self.get(f"/v1/leaderboard?{asked}")
+                    self.assertTrue(shown["order"])
+                    self.assertIsInstance(shown["rules"], dict)
+                    self.get(f"/v1/leaderboard/statistics?{asked}")
+
     def test_a_rerun_plays_whole_leases_and_is_compared(self):
         submission = self.submit("ok")
         self.ended(submission)
