@@ -25,7 +25,8 @@ struct ScoreMetric {
 template <size_t n>
 constexpr std::array<Metric, ScoreMetric::kOwn + n> ScoreMetrics(const Metric (&own)[n]) {
   std::array<Metric, ScoreMetric::kOwn + n> metrics = {{
-      {.name = "score", .title = "score", .unit = "", .better = Better::kMore, .ranked = true},
+      {.name = "score", .title = "score", .unit = "", .better = Better::kMore, .ranked = true,
+       .spread = true},
       {.name = "effort", .title = "effort", .unit = "", .better = Better::kLess, .digits = 6,
        .shown = Metric::Shown::kAlways, .ranked = true, .spread = true},
       {.name = "effort_sum", .title = "effort sum", .unit = ""},

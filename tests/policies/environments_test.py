@@ -226,7 +226,7 @@ class Digests(InFolder):
                               for track, each in told["tracks"].items()},
                              {"baoding": (True, 20, ""), "elbow": (True, 50, ""),
                               "locomotion": (True, 120, ""), "manipulation": (True, 100, ""),
-                              "reorientation": (True, 50, "")})
+                              "relocation": (True, 50, ""), "reorientation": (True, 50, "")})
 
     def assert_fits(self, schema, text):
         """By Debian's jsonschema, which is not a part of this test's Python."""

@@ -68,7 +68,7 @@ class Kit(unittest.TestCase):
                 (ValueError, "has 2", lambda: layout.join({**zeros, "leg_set": [0, 1]})),
                 (ValueError, 'no part "arms"', lambda: layout.join({**zeros, "arms": []})),
                 (KeyError, "known: muscles, leg_set", lambda: layout["arms"]),
-                (ValueError, "known: elbow", lambda: myograde.track("legs")),
+                (ValueError, "known: baoding", lambda: myograde.track("legs")),
                 (ValueError, "known: as-graded", lambda: myograde.leg_sets("none")),
                 (ValueError, "known: load", lambda: myograde.Threshold("heat", 1.0, True))):
             with self.assertRaisesRegex(error, words):

@@ -199,7 +199,8 @@ class RecordExporter {
       if (!config.is_object() || !config.value("scoring", Json()).is_object()) {
         return Strange("config");
       }
-      const Json boards = config["scoring"].value("boards", Json::object());
+      // A track whose boards have no settings has one.
+      const Json boards = config["scoring"].value("boards", Json{{"main", Json::object()}});
       for (const auto& [board, rules] : boards.items()) {
         if (!IsName(board)) return Strange("config");
         RETURN_IF_ERROR(WriteBoard(hash, config, board));
