@@ -151,8 +151,8 @@ function(describe component summary)
   set(CPACK_COMPONENT_${upper}_DESCRIPTION "${summary}\n${more}" PARENT_SCOPE)
 endfunction()
 describe(client "command line client of the MyoGrade evaluation server"
-         "Hands in policies for the tracks of MyoChallenge 2024, and shows results.")
-describe(server "evaluation server for policies of the MyoChallenge 2024 tracks"
+         "Submits policies for the tracks of MyoChallenge, and shows results.")
+describe(server "evaluation server for policies on the tracks of MyoChallenge"
          "Plays submitted policies in sandboxes and ranks them. The physics library"
          "and the models are fetched by myograde-setup, as they are no part of it.")
 describe(policy-kit "C++ kit for policies that MyoGrade grades"

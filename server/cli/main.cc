@@ -174,7 +174,7 @@ void AddVerb(CLI::App& app, const Verb& verb) {
 }
 
 int Run(int argc, char** argv) {
-  CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
+  CLI::App app("MyoGrade grades policies on the tracks of MyoChallenge and ranks them.",
                "myograde");
   app.set_version_flag("--version", MYOGRADE_VERSION);
   app.footer("\"myograde VERB --help\" describes a verb, with an example.");
