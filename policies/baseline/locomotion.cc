@@ -54,7 +54,7 @@ class Baseline : public myograde::Policy {
 
   void Act(std::span<const double> observation, std::span<double> action) override {
     if (observation.size() < kWalkerObservation || action.size() != kWalkerAction) {
-      throw std::runtime_error("This policy plays the track locomotion alone.");
+      throw std::runtime_error("This policy only plays the track locomotion.");
     }
     walker_.Act(observation.first<kWalkerObservation>(), action.first<kWalkerAction>());
   }

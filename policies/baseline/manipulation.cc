@@ -24,7 +24,7 @@ class Baseline : public myograde::Policy {
 
   void Act(std::span<const double> observation, std::span<double> action) override {
     if (observation.size() < kReacherObservation || action.size() != kReacherAction) {
-      throw std::runtime_error("This policy plays the track manipulation alone.");
+      throw std::runtime_error("This policy only plays the track manipulation.");
     }
     reacher_.Act(observation.first<kReacherObservation>(), action.first<kReacherAction>());
   }
