@@ -87,9 +87,9 @@ def add_answers(document):
         for method, operation in path.items():
             if method not in METHODS:
                 continue
-            usual = {**answers["all"], **(answers["body"] if "requestBody" in operation else {})}
+            common = {**answers["all"], **(answers["body"] if "requestBody" in operation else {})}
             own = {code: answer for code, answer in operation["responses"].items() if answer}
-            operation["responses"] = dict(sorted({**usual, **own}.items()))
+            operation["responses"] = dict(sorted({**common, **own}.items()))
 
 
 def check_refs(value, document):

@@ -31,9 +31,9 @@ def _object(value: Any, where: str, shape: dict[str, Any]) -> SimpleNamespace:
             raise WrongUse(f'{where}: unknown key "{key}"; known: {", ".join(shape)}')
         if not isinstance(entry, shape[key][0]) or isinstance(entry, bool):
             raise WrongUse(f'{where}: "{key}" has the wrong type; configs/EVALAI.md says what it takes')
-    if missing := [key for key, (_, usual) in shape.items() if usual is NEEDED and key not in given]:
+    if missing := [key for key, (_, default) in shape.items() if default is NEEDED and key not in given]:
         raise WrongUse(f'{where}: "{missing[0]}" is missing')
-    return SimpleNamespace(**{key: given.get(key, usual) for key, (_, usual) in shape.items()})
+    return SimpleNamespace(**{key: given.get(key, default) for key, (_, default) in shape.items()})
 
 
 def _phase(value: Any, where: str) -> SimpleNamespace:
