@@ -32,7 +32,7 @@ class Pictures(unittest.TestCase):
                 self.assertEqual((first.shape, first.dtype), ((48, 64, 3), np.uint8))
                 self.assertGreater(len(np.unique(first.reshape(-1, 3), axis=0)), 100)
                 np.testing.assert_array_equal(env.render(), first)
-                for _ in range(10):
+                for _ in range(4):
                     env.step(env.action_space.high)
                 self.assertFalse(np.array_equal(env.render(), first))
                 env.close()
