@@ -101,7 +101,7 @@ using Eigen::Vector3d;
 
 BoundingTrees::BoundingTrees(const mjModel& model)
     : geom_boxes_(static_cast<size_t>(model.ngeom)), paths_(static_cast<size_t>(model.ngeom)) {
-  for (int geom = 0; geom < model.ngeom; ++geom) geom_boxes_[geom] = BoxOf(model, geom);
+  for (int geom = 0; geom < model.ngeom; ++geom) geom_boxes_[geom] = HalfSizeOf(model, geom);
   for (int body = 1; body < model.nbody; ++body) {
     std::vector<int> geoms(static_cast<size_t>(model.body_geomnum[body]));
     std::iota(geoms.begin(), geoms.end(), model.body_geomadr[body]);
@@ -109,17 +109,17 @@ BoundingTrees::BoundingTrees(const mjModel& model)
   }
 }
 
-BoundingTrees::Box BoundingTrees::BoxOf(const mjModel& model, int geom) {
+Vector3d BoundingTrees::HalfSizeOf(const mjModel& model, int geom) {
   const Vector3d size = Vector3d::Map(model.geom_size + 3 * geom);
   switch (model.geom_type[geom]) {
     case mjGEOM_SPHERE:
-      return {.half = Vector3d::Constant(size[0])};
+      return Vector3d::Constant(size[0]);
     case mjGEOM_CAPSULE:
-      return {.half = {size[0], size[0], size[0] + size[1]}};
+      return {size[0], size[0], size[0] + size[1]};
     case mjGEOM_CYLINDER:
-      return {.half = {size[0], size[0], size[1]}};
+      return {size[0], size[0], size[1]};
     default:
-      return {.half = size};
+      return size;
   }
 }
 
@@ -131,10 +131,9 @@ void BoundingTrees::Build(const mjModel& model, int body, const std::vector<int>
   Vector3d low = Vector3d::Constant(mjMAXVAL), high = -low;
   for (const int geom : geoms) {
     if (!bounding_trees::Touches(model, geom)) continue;
-    const Box& box = geom_boxes_[geom];
     for (int corner = 0; corner < 8; ++corner) {
       const Vector3d sign(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
-      const Vector3d local = box.centre + sign.cwiseProduct(box.half);
+      const Vector3d local = sign.cwiseProduct(geom_boxes_[geom]);
       Vector3d turned;
       mju_rotVecQuat(turned.data(), local.data(), model.geom_quat + 4 * geom);
       const Vector3d point =
@@ -179,18 +178,17 @@ bool BoundingTrees::Reach(const mjModel& model, const mjData& data, int geom1, i
   for (size_t i = 0, j = 0;;) {
     const bool leaf1 = i + 1 == path1.size(), leaf2 = j + 1 == path2.size();
     if (leaf1 && leaf2) {
-      const Box &one = geom_boxes_[geom1], &two = geom_boxes_[geom2];
-      return Overlap(
-          PlacedBox(one.centre, one.half, data.geom_xpos + 3 * geom1, data.geom_xmat + 9 * geom1),
-          PlacedBox(two.centre, two.half, data.geom_xpos + 3 * geom2, data.geom_xmat + 9 * geom2),
-          margin);
+      const auto placed = [&](int geom) {
+        return PlacedBox(Vector3d::Zero(), geom_boxes_[geom], data.geom_xpos + 3 * geom,
+                         data.geom_xmat + 9 * geom);
+      };
+      return Overlap(placed(geom1), placed(geom2), margin);
     }
     const Box &one = path1[i], &two = path2[j];
-    if (!Overlap(PlacedBox(one.centre, one.half, data.xipos + 3 * body1, data.ximat + 9 * body1),
-                 PlacedBox(two.centre, two.half, data.xipos + 3 * body2, data.ximat + 9 * body2),
-                 margin)) {
-      return false;
-    }
+    const auto placed = [&](const Box& box, int body) {
+      return PlacedBox(box.centre, box.half, data.xipos + 3 * body, data.ximat + 9 * body);
+    };
+    if (!Overlap(placed(one, body1), placed(two, body2), margin)) return false;
     const bool first = leaf2 || (!leaf1 && bounding_trees::SurfaceOf(one.centre, one.half) >
                                                bounding_trees::SurfaceOf(two.centre, two.half));
     ++(first ? i : j);

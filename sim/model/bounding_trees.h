@@ -17,9 +17,7 @@ class BoundingTrees {
   explicit BoundingTrees(const mjModel& model);
 
   // The box (half sizes in m) that a geom itself is searched by, around its centre.
-  void SetGeomBox(int geom, const Eigen::Vector3d& half_size) {
-    geom_boxes_[geom].half = half_size;
-  }
+  void SetGeomBox(int geom, const Eigen::Vector3d& half_size) { geom_boxes_[geom] = half_size; }
 
   // True if a search between the two bodies gets as far as the two geoms, at the positions in
   // `data`. REQUIRES: their bodies differ.
@@ -33,11 +31,11 @@ class BoundingTrees {
   // The nodes from the root of a body's tree to a geom's leaf, boxes in the body's inertial frame.
   using Path = std::vector<Box>;
 
-  static Box BoxOf(const mjModel& model, int geom);
+  static Eigen::Vector3d HalfSizeOf(const mjModel& model, int geom);
   void Build(const mjModel& model, int body, const std::vector<int>& geoms, Path path);
 
-  std::vector<Box> geom_boxes_;  // in the geoms' frames
-  std::vector<Path> paths_;      // of geoms; empty for those that touch nothing
+  std::vector<Eigen::Vector3d> geom_boxes_;  // half sizes
+  std::vector<Path> paths_;                  // of geoms; empty for those that touch nothing
 };
 
 // While it lives, contacts of the body `body` are searched for along the trees in this thread.
