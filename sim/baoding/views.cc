@@ -32,11 +32,8 @@ class BallTelemetry final : public Telemetry {
   }
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
-    const bool solved = environment_.official().solved;
-    if (solved == solved_) return;
-    solved_ = solved;
-    events.push_back({time_s, "target",
-                      solved ? "Both balls are at their targets" : "A ball has left its target"});
+    target_.Add(environment_.official().solved, time_s, "Both balls are at their targets",
+                "A ball has left its target", events);
   }
 
   std::array<double, 3> ScaleOf(int body) const override {
@@ -50,7 +47,7 @@ class BallTelemetry final : public Telemetry {
 
  private:
   const BaodingEnvironment& environment_;
-  bool solved_ = false;
+  TargetEvents target_;
 };
 
 }  // namespace

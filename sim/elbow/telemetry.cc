@@ -39,15 +39,13 @@ class ElbowTelemetry final : public Telemetry {
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
     const bool within = -environment_.official().pose <= environment_.rules().tolerance_rad;
-    if (within == within_) return;
-    within_ = within;
-    events.push_back({time_s, "target",
-                      within ? "The elbow is at the target" : "The elbow has left the target"});
+    target_.Add(within, time_s, "The elbow is at the target", "The elbow has left the target",
+                events);
   }
 
  private:
   const ElbowEnvironment& environment_;
-  bool within_ = false;
+  TargetEvents target_;
 };
 
 }  // namespace

@@ -32,16 +32,13 @@ class ObjectTelemetry final : public Telemetry {
   }
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
-    const bool solved = environment_.official().solved;
-    if (solved == solved_) return;
-    solved_ = solved;
-    events.push_back(
-        {time_s, "target", solved ? "The object is at the goal" : "The object has left the goal"});
+    target_.Add(environment_.official().solved, time_s, "The object is at the goal",
+                "The object has left the goal", events);
   }
 
  private:
   const RelocationEnvironment& environment_;
-  bool solved_ = false;
+  TargetEvents target_;
 };
 
 }  // namespace

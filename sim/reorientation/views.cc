@@ -33,11 +33,8 @@ class DieTelemetry final : public Telemetry {
   }
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
-    const bool solved = environment_.official().solved;
-    if (solved == solved_) return;
-    solved_ = solved;
-    events.push_back({time_s, "target",
-                      solved ? "The die is as the goal shows it" : "The die has left the goal"});
+    target_.Add(environment_.official().solved, time_s, "The die is as the goal shows it",
+                "The die has left the goal", events);
   }
 
   std::array<double, 3> ScaleOf(int body) const override {
@@ -50,7 +47,7 @@ class DieTelemetry final : public Telemetry {
 
  private:
   const ReorientationEnvironment& environment_;
-  bool solved_ = false;
+  TargetEvents target_;
 };
 
 }  // namespace

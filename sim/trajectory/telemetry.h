@@ -64,6 +64,21 @@ class Telemetry {
   }
 };
 
+// Tells when a target is reached and when it is left again.
+class TargetEvents {
+ public:
+  // `reached`: whether it is at `time_s` (s); before the first call it is not.
+  void Add(bool reached, double time_s, const char* when_reached, const char* when_left,
+           std::vector<TrajectoryEvent>& events) {
+    if (reached == reached_) return;
+    reached_ = reached;
+    events.push_back({time_s, "target", reached ? when_reached : when_left});
+  }
+
+ private:
+  bool reached_ = false;
+};
+
 // REQUIRES: an environment of the track, which outlives the telemetry.
 using MakeTelemetry = std::unique_ptr<Telemetry> (*)(const Environment& environment);
 
