@@ -38,8 +38,6 @@ std::span<const SimulatedTrack> SimulatedTracks() {
                      ManipulationRewardTerms(), ManipulationReadings, WatchManipulation},
       SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), &LocomotionView(), MakeLocomotion,
                      LocomotionRewardTerms(), LocomotionReadings, WatchLocomotion},
-      SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
-                     ElbowRewardTerms(), ElbowReadings, WatchElbow},
       SimulatedTrack{&ReorientationTrack(), &ReorientationModel(), &ReorientationView(),
                      MakeReorientation, ReorientationRewardTerms(), ReorientationReadings,
                      WatchReorientation},
@@ -47,6 +45,8 @@ std::span<const SimulatedTrack> SimulatedTracks() {
                      BaodingRewardTerms(), BaodingReadings, WatchBaoding},
       SimulatedTrack{&RelocationTrack(), &RelocationModel(), &RelocationView(), MakeRelocation,
                      RelocationRewardTerms(), RelocationReadings, WatchRelocation},
+      SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
+                     ElbowRewardTerms(), ElbowReadings, WatchElbow},
   };
   return tracks;
 }
