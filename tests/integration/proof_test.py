@@ -326,8 +326,9 @@ class Golden(SystemTest):
         for track, root in recorded.items():
             self.assertIn(root[:12], changes, f"{track}: CHANGELOG.md must tell of this root")
         for track in TRACKS:
-            roots = {self.ask("local", self.folder(track), "--track", f"golden-{track}",
-                              "--slots", slots)["merkle_root"] for slots in (1, 2, 5)}
+            # The workers are not the track's, so all their numbers are tried with two tracks only.
+            roots = {self.ask("local", self.folder(track), "--track", f"golden-{track}", "--slots", slots)["merkle_root"]
+                     for slots in ((1, 2, 5) if track in TRACKS[:2] else (2,))}
             self.assertEqual(roots, {recorded[track]},
                              f"{track}: results differ from those of earlier versions. If that is "
                              "meant, change merkle_roots.json and say in CHANGELOG.md what changes "
@@ -362,7 +363,7 @@ class Processors(SystemTest):
         more = ("", ",-SSE4_1", ",-SSE4_2,-SSSE3", ",-ERMS,-BMI2,-AVX_Fast_Unaligned_Load",
                 ",-SSE4_1,-SSE4_2,-SSSE3,-POPCNT,-BMI1,-BMI2,-LZCNT,-MOVBE,-ERMS,-RTM")
         for track in TRACKS:
-            for features in more:
+            for features in more if track == "locomotion" else more[-1:]:
                 with self.subTest(track=track, features=features):
                     record = self.replay(
                         track, GLIBC_TUNABLES=f"glibc.cpu.hwcaps={self.PINNED}{features}")
