@@ -37,9 +37,12 @@ BaodingEnvironment::BaodingEnvironment(const BaodingRules& rules, ModelPtr model
       scene_(scene),
       first_path_(DrawFirstPath(rules)) {
   facts_.track = BaodingFacts{};
+  const bool fixed = rules_.search_boxes_fixed;
+  trees_.emplace(*model_, fixed ? std::vector(scene_.bodies.begin(), scene_.bodies.end()) : std::vector<int>());
 }
 
 void BaodingEnvironment::Reset(uint64_t seed) {
+  const TreeSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   variation_ = DrawBallVariation(rules_, scene_, generator_);
   ApplyBallVariation(variation_, rules_, scene_, *model_, *data_);

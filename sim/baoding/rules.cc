@@ -23,6 +23,7 @@ absl::StatusOr<BaodingRules> ParseBaodingRules(const nlohmann::json& json,
   rules.drop_height_m = reader.Number("drop_height_m", {0, 1.4});  // the palm is above
   rules.inertia_fixed = reader.Boolean("inertia_fixed");
   rules.bounding_radius_fixed = reader.Boolean("bounding_radius_fixed");
+  rules.search_boxes_fixed = reader.Boolean("search_boxes_fixed");
   rules.targets_late = reader.Boolean("targets_late");
   rules.velocities_times_step = reader.Boolean("velocities_times_step");
   rules.actions_unclipped = reader.Boolean("actions_unclipped");

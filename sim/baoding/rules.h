@@ -33,6 +33,7 @@ struct BaodingRules {
   // each).
   bool inertia_fixed;
   bool bounding_radius_fixed;
+  bool search_boxes_fixed;
   bool targets_late;
   bool velocities_times_step;
   bool actions_unclipped;

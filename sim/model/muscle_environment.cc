@@ -13,8 +13,8 @@ MuscleEnvironment::MuscleEnvironment(const Play& play, ModelPtr model, DataPtr d
     : model_(std::move(model)), data_(std::move(data)), play_(play) {}
 
 void MuscleEnvironment::BeginEpisode(TrackFacts nothing_measured) {
-  mj_forward(model_.get(), data_.get());
-  mj_forward(model_.get(), data_.get());
+  Forward(*model_, *data_);
+  Forward(*model_, *data_);
   facts_ = EpisodeFacts{};
   facts_.track = std::move(nothing_measured);
   measured_steps_ = 0;
@@ -24,6 +24,7 @@ void MuscleEnvironment::BeginEpisode(TrackFacts nothing_measured) {
 StepResult MuscleEnvironment::Step(std::span<const double> action) {
   assert(static_cast<int>(action.size()) == action_size());
   SetControls(action);
+  const TreeSearch search(trees_);
   StepResult result = PlayControlStep(*model_, *data_, play_.physics_steps,
                                       play_.warnings_reset_simulation);
   ++facts_.steps;
@@ -49,7 +50,8 @@ void MuscleEnvironment::SetControls(std::span<const double> action) {
 }
 
 void MuscleEnvironment::SynchroniseState() {
-  mj_forward(model_.get(), data_.get());
+  const TreeSearch search(trees_);
+  Forward(*model_, *data_);
   CopyState(*model_, *data_, state_);
 }
 

@@ -1,9 +1,11 @@
 // What the environments of models that only muscles move have in common.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "sim/environment.h"
+#include "sim/model/contact_search.h"
 #include "sim/model/model.h"
 #include "sim/random/numpy.h"
 
@@ -49,6 +51,8 @@ class MuscleEnvironment : public Environment {
   NumpyGenerator generator_{0};
   EpisodeFacts facts_;
   int64_t measured_steps_ = 0;  // of the episode
+  // By which contacts are searched for in steps; a reset begins a TreeSearch of its own.
+  std::optional<BoundingTrees> trees_;
 
  private:
   void SetControls(std::span<const double> action);

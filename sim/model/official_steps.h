@@ -9,6 +9,7 @@
 #include <mujoco/mujoco.h>
 
 #include "sim/environment.h"
+#include "sim/model/contact_search.h"
 #include "sim/model/warnings.h"
 #include "sim/random/numpy.h"
 
@@ -34,7 +35,7 @@ inline void ResetToDefaults(mjModel& model, mjData& data) {
   mj_resetData(&model, &data);
   const int flags = std::exchange(model.opt.disableflags,
                                   model.opt.disableflags | mjDSBL_ACTUATION);
-  mj_forward(&model, &data);
+  Forward(model, data);
   model.opt.disableflags = flags;
 }
 
@@ -45,13 +46,13 @@ inline void ResetToDefaults(mjModel& model, mjData& data) {
 inline StepResult PlayControlStep(mjModel& model, mjData& data, int substeps,
                                   bool warnings_reset) {
   mj_step2(&model, &data);
-  for (int i = 1; i < substeps; ++i) mj_step(&model, &data);
+  for (int i = 1; i < substeps; ++i) Integrate(model, data);
   mj_checkPos(&model, &data);
   mj_checkVel(&model, &data);
   StepResult result;
   result.overflow = Overflown(data);
   if (warnings_reset && !result.overflow && BadNumbers(data)) ResetToDefaults(model, data);
-  mj_forward(&model, &data);
+  Forward(model, data);
   result.overflow = result.overflow || Overflown(data);
   result.unstable = BadNumbers(data);
   return result;

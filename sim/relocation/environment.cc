@@ -35,27 +35,17 @@ RelocationEnvironment::RelocationEnvironment(const RelocationRules& rules, Model
                          std::move(model), std::move(data)),
       rules_(rules),
       scene_(scene),
-      trees_(*model_),
       first_observation_(static_cast<size_t>(observation_size())) {
   facts_.track = RelocationFacts{};
+  const bool fixed = rules_.search_boxes_fixed;
+  trees_.emplace(*model_, fixed ? std::vector{scene_.object_body} : std::vector<int>());
   for (int i = 0; i < RelocationVariation::kShapes; ++i) {
-    trees_.SetGeomBox(scene_.first_geom + i, rules_.half_size_high_m);
+    trees_->SetGeomBox(scene_.first_geom + i, rules_.half_size_high_m);
   }
 }
 
-void RelocationEnvironment::SearchAsOfficial(std::optional<TreeSearch>& search) const {
-  if (rules_.search_boxes_fixed) search.emplace(trees_, scene_.object_body);
-}
-
-StepResult RelocationEnvironment::Step(std::span<const double> action) {
-  std::optional<TreeSearch> search;
-  SearchAsOfficial(search);
-  return MuscleEnvironment::Step(action);
-}
-
 void RelocationEnvironment::Reset(uint64_t seed) {
-  std::optional<TreeSearch> search;
-  SearchAsOfficial(search);
+  const TreeSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   draws_ = 0;
   do {

@@ -2,11 +2,9 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
-#include "sim/model/bounding_trees.h"
 #include "sim/model/hand_environment.h"
 #include "sim/model/pose_error.h"
 #include "sim/relocation/variation.h"
@@ -29,7 +27,6 @@ class RelocationEnvironment final
                                                                      ModelPtr model);
 
   void Reset(uint64_t seed) override;
-  StepResult Step(std::span<const double> action) override;
   int observation_size() const override { return 156; }
   void Observe(std::span<double> out) const override;
   void ObserveExtra(std::span<double> out) const override;
@@ -51,14 +48,12 @@ class RelocationEnvironment final
  private:
   RelocationEnvironment(const RelocationRules& rules, ModelPtr model, DataPtr data,
                         const RelocationScene& scene);
-  void SearchAsOfficial(std::optional<TreeSearch>& search) const;
   void PlaceArm();
   void ObserveState(std::span<double> out) const;
   void Measure(StepResult& result) override;
 
   RelocationRules rules_;
   RelocationScene scene_;
-  BoundingTrees trees_;  // of the model's own shapes
 
   // Of the episode.
   RelocationVariation variation_;

@@ -36,9 +36,12 @@ ReorientationEnvironment::ReorientationEnvironment(const ReorientationRules& rul
       rules_(rules),
       scene_(std::move(scene)) {
   facts_.track = ReorientationFacts{};
+  const bool fixed = rules_.search_boxes_fixed;
+  trees_.emplace(*model_, fixed ? std::vector{scene_.die_body} : std::vector<int>());
 }
 
 void ReorientationEnvironment::Reset(uint64_t seed) {
+  const TreeSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   variation_ = DrawDieVariation(rules_, scene_, generator_);
   ApplyDieVariation(variation_, rules_, scene_, *model_, *data_);

@@ -23,6 +23,7 @@ absl::StatusOr<ReorientationRules> ParseReorientationRules(const nlohmann::json&
   rules.drop_distance_m = reader.Number("drop_distance_m", kTolerance);
   rules.inertia_fixed = reader.Boolean("inertia_fixed");
   rules.bounding_radius_fixed = reader.Boolean("bounding_radius_fixed");
+  rules.search_boxes_fixed = reader.Boolean("search_boxes_fixed");
   rules.rotation_error_unwrapped = reader.Boolean("rotation_error_unwrapped");
   rules.velocities_times_step = reader.Boolean("velocities_times_step");
   rules.actions_unclipped = reader.Boolean("actions_unclipped");

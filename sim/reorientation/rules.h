@@ -32,6 +32,7 @@ struct ReorientationRules {
   // each).
   bool inertia_fixed;
   bool bounding_radius_fixed;
+  bool search_boxes_fixed;
   bool rotation_error_unwrapped;
   bool velocities_times_step;
   bool actions_unclipped;

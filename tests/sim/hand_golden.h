@@ -18,6 +18,7 @@ namespace myograde::sim {
 // MuJoCo evaluate the same formulas, a sum may come in another order.
 inline constexpr double kFormula = 1e-14;
 inline constexpr double kState = 1e-11;  // m, rad: as long as both versions see the same contacts
+inline constexpr double kGrown = 3e-12;  // of positions: contacts may make it tenfold in a step
 inline constexpr double kSpeeds = 1e-9;  // of the number's size, or absolute below 1
 
 // Files of the official environment of that name.
@@ -33,14 +34,12 @@ void CompareMuscleModel(GoldenTable& table, const mjModel& model, const char* fi
                         const nlohmann::json& want, const std::string& where);
 
 // Plays a recorded episode freely from its reset, up to the first state in which the versions see
-// other contacts, or (`in_order`) list them in another order. Compares the generator, every state
-// and all that a policy sees. `compare_model` is for what the reset drew, and returns whether contacts may also
-// differ for a part of a control step: the first state that is off then ends the comparison too.
+// other contacts, or in which rounding has grown so far that the next may be off. Compares the
+// generator, every state and all that a policy sees; `compare_model` is for what the reset drew.
 // Returns how many steps agree; -1: nor does the reset.
 int CompareEpisode(GoldenTable& table, MuscleEnvironment& env, const TrackKind& kind,
                    const GoldenFile& file,
-                   const std::function<bool(const nlohmann::json& model)>& compare_model,
-                   bool in_order = true);
+                   const std::function<void(const nlohmann::json& model)>& compare_model);
 
 // The official score and effort of the episode, given those of one whose every step agreed.
 void CompareMetrics(GoldenTable& table, const GoldenFile& file, double score, double effort);

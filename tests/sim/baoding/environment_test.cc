@@ -131,6 +131,25 @@ TEST(BaodingReset, InertiaAndBoundsFollowTheBallsUnlessTheyAreFixed) {
   }
 }
 
+TEST(BaodingContacts, AreLostOutsideOfTheModelsBoxesUnlessTheyFollowTheBalls) {
+  BaodingRules rules = BallsRules();
+  const auto official = MakeBalls(rules);
+  rules.search_boxes_fixed = false;
+  const auto real = MakeBalls(rules);
+  const auto differ = [&](uint64_t seed) {
+    official->Reset(seed), real->Reset(seed);
+    for (int t = 0; t < 10; ++t) {
+      official->Step(Rest()), real->Step(Rest());
+      if (official->data().ncon != real->data().ncon) return true;
+    }
+    return false;
+  };
+  int differing = 0;
+  for (uint64_t seed = 0; seed < 10; ++seed) differing += differ(seed);
+  EXPECT_GT(differing, 0);
+  EXPECT_LT(differing, 10) << "small balls are within the boxes";
+}
+
 TEST(BaodingTargets, AreOneStepLateAndFirstThoseOfTheConstructor) {
   const auto env = MakeBalls();
   Vector3d first;

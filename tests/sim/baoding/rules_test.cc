@@ -34,7 +34,8 @@ TEST(BaodingRules, OfficialIsTheRegisteredEnvironment) {
   EXPECT_EQ(rules.size_m, (Range{0.018, 0.024}));
   EXPECT_EQ(rules.position_tolerance_m, 0.015);
   EXPECT_EQ(rules.drop_height_m, 1.25);
-  EXPECT_TRUE(rules.inertia_fixed && rules.bounding_radius_fixed && rules.targets_late &&
+  EXPECT_TRUE(rules.inertia_fixed && rules.bounding_radius_fixed &&
+              rules.search_boxes_fixed && rules.targets_late &&
               rules.velocities_times_step && rules.actions_unclipped &&
               rules.warnings_reset_simulation);
 }

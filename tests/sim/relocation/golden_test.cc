@@ -71,9 +71,7 @@ TEST(RelocationGolden, ModelDrawsResetsAndEpisodesAgree) {
         table, *env, RelocationTrack(), file,
         [&](const json& model) {
           CompareModel(table, *env, model, file.name);
-          return false;
-        },
-        /*in_order=*/false);
+        });
     const int all = static_cast<int>(reset.at("steps").size());
     std::printf("%s: %d draws, %d of %d steps\n", file.name.c_str(), env->draws(), steps, all);
     EXPECT_GE(steps, std::min(all, 30)) << file.name << ": the object has landed long before";

@@ -108,6 +108,18 @@ TEST(ReorientationReset, InertiaAndBoundsFollowTheSizeUnlessTheyAreFixed) {
   EXPECT_EQ(fixed->model().geom_rbound[box], radius);
 }
 
+// A large die touches fingers where it starts, partly outside of the boxes of the model's shapes.
+TEST(ReorientationContacts, AreLostOutsideOfTheModelsBoxesUnlessTheyFollowTheShapes) {
+  ReorientationRules rules = DieRules();
+  const auto official = MakeDie(rules);
+  rules.search_boxes_fixed = false;
+  const auto real = MakeDie(rules);
+  official->Reset(2), real->Reset(2);
+  ASSERT_GT(official->variation().size_change, 0.005);
+  EXPECT_GT(official->data().ncon, 0);
+  EXPECT_GT(real->data().ncon, official->data().ncon);
+}
+
 TEST(ReorientationActions, FollowTheOfficialCurveAndPassWhatIsOutOfRange) {
   const auto env = MakeDie();
   env->Reset(0);

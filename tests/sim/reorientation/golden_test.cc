@@ -51,16 +51,11 @@ TEST(ReorientationGolden, ModelDrawsResetsAndEpisodesAgree) {
   for (const GoldenFile& file : DieFiles()) {
     const int steps = CompareEpisode(table, *env, ReorientationTrack(), file, [&](const json& model) {
       CompareModel(table, *env, model, file.name);
-      return false;
     });
     const int all = static_cast<int>(file.json.at("resets").at(0).at("steps").size());
     std::printf("%s: %d of %d steps, half an edge %+.4f m\n", file.name.c_str(), steps, all,
                 env->variation().size_change);
-    // MuJoCo 3.1.2 misses contacts of an enlarged die (sim/reorientation/README.md). Others only
-    // differ where the versions list contacts in another order, which takes a while.
-    if (env->variation().size_change < 0) {
-      EXPECT_GE(steps, std::min(all, 10)) << file.name;
-    }
+    EXPECT_GE(steps, std::min(all, 20)) << file.name;
     if (steps < all) continue;
     const ReorientationFacts facts = FactsOf(*env);
     CompareMetrics(table, file, facts.solved_steps > 5,

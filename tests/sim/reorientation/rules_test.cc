@@ -33,7 +33,7 @@ TEST(ReorientationRules, OfficialIsTheRegisteredEnvironment) {
   EXPECT_EQ(rules.position_tolerance_m, 0.025);
   EXPECT_EQ(rules.rotation_tolerance_rad, 0.262);
   EXPECT_EQ(rules.drop_distance_m, 0.2);
-  EXPECT_TRUE(rules.inertia_fixed && rules.bounding_radius_fixed &&
+  EXPECT_TRUE(rules.inertia_fixed && rules.bounding_radius_fixed && rules.search_boxes_fixed &&
               rules.rotation_error_unwrapped && rules.velocities_times_step &&
               rules.actions_unclipped && rules.warnings_reset_simulation);
 }

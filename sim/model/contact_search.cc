@@ -1,4 +1,4 @@
-#include "sim/model/bounding_trees.h"
+#include "sim/model/contact_search.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,16 +8,12 @@
 #include "sim/model/rotation.h"
 
 namespace myograde::sim {
-namespace bounding_trees {
+namespace contact_search {
 namespace {
 
 using Eigen::Vector3d;
 
-struct Search {
-  const BoundingTrees* trees = nullptr;
-  int body = 0;
-};
-thread_local Search search;
+thread_local const BoundingTrees* search = nullptr;
 
 bool Touches(const mjModel& model, int geom) {
   return model.geom_contype[geom] != 0 || model.geom_conaffinity[geom] != 0;
@@ -88,19 +84,40 @@ bool MayTouch(const mjModel& model, int geom1, int geom2) {
 // 1: the pair is left out.
 int Filter(const mjModel* model, mjData* data, int geom1, int geom2) {
   if (!MayTouch(*model, geom1, geom2)) return 1;
-  const bool searched = search.trees != nullptr && (model->geom_bodyid[geom1] == search.body ||
-                                                    model->geom_bodyid[geom2] == search.body);
-  return searched && !search.trees->Reach(*model, *data, geom1, geom2) ? 1 : 0;
+  return search != nullptr && !search->Reach(*model, *data, geom1, geom2) ? 1 : 0;
+}
+
+// 3.1.2 sorts them by their shapes, once a pair's simpler shape has become the first. 2.2.2 lists
+// them before that, by the first body's shapes.
+void SortContactsOfPairs(const mjModel& model, mjData& data) {
+  const auto bodies = [&](const mjContact& contact) {
+    return std::minmax(model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2]);
+  };
+  const auto shapes = [](const mjContact& contact) {
+    return std::pair(contact.geom1, contact.geom2);
+  };
+  mjContact* const end = data.contact + data.ncon;
+  for (mjContact *first = data.contact, *last; first != end; first = last) {
+    const std::pair<int, int> pair = bodies(*first);
+    last = std::find_if(first, end, [&](const mjContact& contact) {
+      return std::pair<int, int>(bodies(contact)) != pair;
+    });
+    std::stable_sort(first, last, [&](const mjContact& one, const mjContact& two) {
+      return shapes(one) < shapes(two);
+    });
+  }
 }
 
 }  // namespace
-}  // namespace bounding_trees
+}  // namespace contact_search
 
-using bounding_trees::PlacedBox;
+using contact_search::PlacedBox;
 using Eigen::Vector3d;
 
-BoundingTrees::BoundingTrees(const mjModel& model)
-    : geom_boxes_(static_cast<size_t>(model.ngeom)), paths_(static_cast<size_t>(model.ngeom)) {
+BoundingTrees::BoundingTrees(const mjModel& model, std::vector<int> bodies)
+    : bodies_(std::move(bodies)),
+      geom_boxes_(static_cast<size_t>(model.ngeom)),
+      paths_(static_cast<size_t>(model.ngeom)) {
   for (int geom = 0; geom < model.ngeom; ++geom) geom_boxes_[geom] = HalfSizeOf(model, geom);
   for (int body = 1; body < model.nbody; ++body) {
     std::vector<int> geoms(static_cast<size_t>(model.body_geomnum[body]));
@@ -127,10 +144,10 @@ Vector3d BoundingTrees::HalfSizeOf(const mjModel& model, int geom) {
 // does. Geoms that touch nothing count there, but are in no box.
 void BoundingTrees::Build(const mjModel& model, int body, const std::vector<int>& geoms,
                           Path path) {
-  using bounding_trees::InInertialFrame;
+  using contact_search::InInertialFrame;
   Vector3d low = Vector3d::Constant(mjMAXVAL), high = -low;
   for (const int geom : geoms) {
-    if (!bounding_trees::Touches(model, geom)) continue;
+    if (!contact_search::Touches(model, geom)) continue;
     for (int corner = 0; corner < 8; ++corner) {
       const Vector3d sign(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
       const Vector3d local = sign.cwiseProduct(geom_boxes_[geom]);
@@ -160,7 +177,7 @@ void BoundingTrees::Build(const mjModel& model, int body, const std::vector<int>
   const double median = sorted[sorted.size() / 2];
   std::vector<int> left, right;
   for (size_t i = 0; i < geoms.size(); ++i) {
-    if (!bounding_trees::Touches(model, geoms[i])) continue;
+    if (!contact_search::Touches(model, geoms[i])) continue;
     const bool to_left = places[i] < median || (places[i] == median && left.size() < right.size());
     (to_left ? left : right).push_back(geoms[i]);
   }
@@ -171,6 +188,10 @@ void BoundingTrees::Build(const mjModel& model, int body, const std::vector<int>
 bool BoundingTrees::Reach(const mjModel& model, const mjData& data, int geom1, int geom2) const {
   if (model.geom_bodyid[geom1] > model.geom_bodyid[geom2]) std::swap(geom1, geom2);
   const int body1 = model.geom_bodyid[geom1], body2 = model.geom_bodyid[geom2];
+  const bool searched = std::ranges::any_of(
+      bodies_, [&](int body) { return body == body1 || body == body2; });
+  // Two bodies of one shape each are compared without their trees.
+  if (!searched || (model.body_geomnum[body1] == 1 && model.body_geomnum[body2] == 1)) return true;
   const Path& path1 = paths_[geom1];
   const Path& path2 = paths_[geom2];
   if (path1.empty() || path2.empty()) return true;
@@ -189,19 +210,47 @@ bool BoundingTrees::Reach(const mjModel& model, const mjData& data, int geom1, i
       return PlacedBox(box.centre, box.half, data.xipos + 3 * body, data.ximat + 9 * body);
     };
     if (!Overlap(placed(one, body1), placed(two, body2), margin)) return false;
-    const bool first = leaf2 || (!leaf1 && bounding_trees::SurfaceOf(one.centre, one.half) >
-                                               bounding_trees::SurfaceOf(two.centre, two.half));
+    const bool first = leaf2 || (!leaf1 && contact_search::SurfaceOf(one.centre, one.half) >
+                                               contact_search::SurfaceOf(two.centre, two.half));
     ++(first ? i : j);
   }
 }
 
-TreeSearch::TreeSearch(const BoundingTrees& trees, int body) {
-  bounding_trees::search = {&trees, body};
+TreeSearch::TreeSearch(const std::optional<BoundingTrees>& trees)
+    : before_(std::exchange(contact_search::search, trees.has_value() ? &*trees : nullptr)) {
+  if (!trees.has_value()) return;
   // It stays: without a search it does what MuJoCo does.
-  static const bool installed = (mjcb_contactfilter = bounding_trees::Filter) != nullptr;
+  static const bool installed = (mjcb_contactfilter = contact_search::Filter) != nullptr;
   static_cast<void>(installed);
 }
 
-TreeSearch::~TreeSearch() { bounding_trees::search = {}; }
+TreeSearch::~TreeSearch() { contact_search::search = before_; }
+
+void Forward(const mjModel& model, mjData& data) {
+  if (contact_search::search == nullptr) return mj_forward(&model, &data);
+  // mj_fwdPosition, with the contacts sorted before anything is made of them.
+  mj_kinematics(&model, &data);
+  mj_comPos(&model, &data);
+  mj_camlight(&model, &data);
+  mj_tendon(&model, &data);
+  mj_crb(&model, &data);
+  mj_factorM(&model, &data);
+  mj_collision(&model, &data);
+  contact_search::SortContactsOfPairs(model, data);
+  mj_makeConstraint(&model, &data);
+  mj_transmission(&model, &data);
+  mj_projectConstraint(&model, &data);
+  mj_sensorPos(&model, &data);
+  mj_forwardSkip(&model, &data, mjSTAGE_POS, /*skipsensor=*/0);
+}
+
+void Integrate(const mjModel& model, mjData& data) {
+  if (contact_search::search == nullptr) return mj_step(&model, &data);
+  mj_checkPos(&model, &data);
+  mj_checkVel(&model, &data);
+  Forward(model, data);
+  mj_checkAcc(&model, &data);
+  mj_Euler(&model, &data);
+}
 
 }  // namespace myograde::sim
