@@ -7,9 +7,11 @@ import subprocess
 import unittest
 
 from browser_test import WIDTHS, BrowserCase
-from documents_test import MAKE, VERSION, generator
+from documents_test import BIN, MAKE, VERSION, generator
 
 PAGES = ("index", "tour", "CHANGELOG", "policies/GUIDE", "server/cli/index", "server/SECURITY", "configs/index")
+# Made of programs and documents, and so long that axe-core takes most of a minute.
+LONG_PAGES = ("commands", "server/api/ADDRESSES")
 READY = "document.readyState === 'complete' && !document.querySelector('.search').hidden"
 FOUND = "!document.querySelector('.found').hidden && document.querySelectorAll('.found li').length"
 
@@ -20,7 +22,8 @@ class Documents(BrowserCase):
     @classmethod
     def prepare(cls, world):
         folder = world.data.parent / "documents"
-        subprocess.run([generator(), "-B", MAKE, folder, VERSION], check=True, capture_output=True, timeout=300)
+        subprocess.run([generator(), "-B", MAKE, folder, VERSION, "--program", BIN / "myograde"], check=True,
+                       capture_output=True, timeout=300)
         world.environment["MYOGRADE_DOCS_DIR"] = str(folder)
 
     def address(self, name):
@@ -36,6 +39,13 @@ class Documents(BrowserCase):
                         self.open(page, self.address(name), READY)
                         self.check_page(page, name, label)
                 self.check_quiet(page)
+
+    def test_long_pages_fit(self):
+        for width in WIDTHS:
+            page = self.page(width=width)
+            for name in LONG_PAGES:
+                self.open(page, self.address(name), READY)
+                self.assertLessEqual(page.evaluate("document.documentElement.scrollWidth - innerWidth"), 0, f"{name}, {width}")
 
     def seek(self, page, words):
         page.evaluate("document.querySelector('.search input').focus()")
