@@ -1,6 +1,6 @@
 // Who may do what: the one place that decides it. A request has an identity (who asks), an action
 // (each address of the API has one) and, where it is about somebody's things, the team whose they
-// are. server/api/README.md shows the same as a table. And what a participant may see of an
+// are. GET /v1/addresses and the OpenAPI document say the same. And what a participant may see of an
 // evaluation, of which a phase of a challenge may withhold parts (server/api/redaction.h). Pure.
 #pragma once
 

@@ -3,7 +3,8 @@
 
 site.json says which page is for whom, where each reader starts, what titles some pages have here, and what placeholders
 stand for; every page of the tree must be there. The site is OUT/VERSION. A path in backquotes that names another page
-becomes a link with that page's title. COMMANDS is made of what the program myograde prints for --help. Needs the MkDocs of docker/docs.txt beside the interpreter that runs this.
+becomes a link with that page's title. COMMANDS is made of what the program myograde prints for --help, and ADDRESSES of the
+API's OpenAPI document. Needs the MkDocs of docker/docs.txt beside the interpreter that runs this.
 Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
 Example: make_site.py build/docs 1.0 --program build/release/bin/myograde
 """
@@ -20,9 +21,13 @@ import subprocess
 import sys
 import tempfile
 
+from addresses import Page
 from help import Help, helps_below
 
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.append(str(HERE.parent / "api/openapi"))
+from bundle import bundle  # noqa: E402
+
 FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 PAGE_NAME = re.compile(r"(?<!\[)`([\w./-]+\.md)`(?!\])")
 HEADING = re.compile(r"^# (.+)$", re.MULTILINE)
@@ -37,6 +42,7 @@ LONGEST_WORD = 30
 ROOT_PAGE, TOUR = "README.md", "tour.md"
 # Where the list of commands belongs, and its page.
 CLI_PAGE, COMMANDS = "server/cli/README.md", "commands.md"
+ADDRESSES = "server/api/ADDRESSES.md"
 
 
 def pages_of(source):
@@ -134,6 +140,7 @@ def collect(source, work, version, program):
     if len(listed) != len(set(listed)):
         raise SystemExit("make_site.py: server/docs/site.json names a page twice")
     texts = {page: (source / page).read_text(encoding="utf-8") for page in listed}
+    texts[ADDRESSES] = Page(bundle(version)).text(texts[ADDRESSES].split("\n## ")[0])
     titles = {page: site["titles"].get(page) or title_of(page, text) for page, text in texts.items()}
     nav = [{"All pages": "index.md"}]
     first = [f"# MyoGrade {version}\n", linked("index.md", site["introduction"], titles) + "\n"]

@@ -1,5 +1,5 @@
 """The numbers of one evaluation that figures and reports show, from its answer by the API
-(server/api/README.md, GET /v1/evaluations/ID with rows). Nothing is drawn here.
+(server/api/ADDRESSES.md, GET /v1/evaluations/ID with rows). Nothing is drawn here.
 
 What a phase withholds is null there, and rows of an older grader have no details: both are left out
 of the numbers, and `missing` of an evaluation's numbers says so in words."""

@@ -2,35 +2,45 @@
 """Makes the API's OpenAPI document of the parts in this folder.
 
 bundle.py VERSION OUT.json OUT.cc: the document, and the same as a C++ source with its text
-(document.h). The parts are OpenAPI objects, which are put together key by key. Three things stand
-for something else:
+(document.h). The parts are OpenAPI objects, which are put together key by key; the operations of
+paths/NAME.json have the tag Name. Descriptions of the whole, of tags and of operations are the text of ../README.md,
+and of the sections of ../ADDRESSES.md. Three things stand for something else:
 
   {"$ref": "FILE#POINTER"}  a schema of another file, relative to the part: its content replaces it,
                             and with it whatever that file's schema refers to in its own file
   "x-errors"                in base.json: answers that tell of an error, without their content
   "x-answers"               in base.json: answers that operations have without naming them: "all"
-                            have these, and "body" those with a body as well
+                            have these, and "body" those with a body as well; they stay in the document
 
-A reference that leads nowhere and a key that two parts have are mistakes; exit status 1.
+A reference that leads nowhere, a key that two parts have and a section of no operation are mistakes; exit status 1.
 """
 
 import json
 import pathlib
+import re
 import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
 METHODS = {"get", "put", "post", "delete", "patch"}
 CHUNK = 8000  # characters of one string literal
+SECTION = re.compile(r"^(##|###) (.+)\n((?:(?!##).*\n)*)", re.MULTILINE)
 
 
 class Mistake(Exception):
     """A part that can't be used."""
 
 
+def text_of(path):
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise Mistake(f"{path}: {error}") from None
+
+
 def load(path):
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        return json.loads(text_of(path))
+    except ValueError as error:
         raise Mistake(f"{path}: {error}") from None
 
 
@@ -81,15 +91,34 @@ def add_errors(document):
                                                      "content": {"application/json": error}}
 
 
+def operations(document):
+    """Triples of each operation: method, path, and the operation itself."""
+    for path, item in document.get("paths", {}).items():
+        for method in METHODS & set(item):
+            yield method.upper(), path, item[method]
+
+
 def add_answers(document):
-    answers = document.pop("x-answers")
-    for path in document["paths"].values():
-        for method, operation in path.items():
-            if method not in METHODS:
-                continue
-            common = {**answers["all"], **(answers["body"] if "requestBody" in operation else {})}
-            own = {code: answer for code, answer in operation["responses"].items() if answer}
-            operation["responses"] = dict(sorted({**common, **own}.items()))
+    answers = document["x-answers"]
+    for _, _, operation in operations(document):
+        common = {**answers["all"], **(answers["body"] if "requestBody" in operation else {})}
+        own = {code: answer for code, answer in operation["responses"].items() if answer}
+        operation["responses"] = dict(sorted({**common, **own}.items()))
+
+
+def add_texts(document):
+    """Tags, and the descriptions of the whole and of operations."""
+    document["info"]["description"] = text_of(HERE.parent / "README.md").partition("\n")[2].strip()
+    document["tags"] = []
+    by_name = {f"`{method} {path}`": operation for method, path, operation in operations(document)}
+    for level, title, text in SECTION.findall(text_of(HERE.parent / "ADDRESSES.md")):
+        if level == "##":
+            document["tags"].append({"name": title, "description": text.strip()})
+            continue
+        operation = by_name.get(title)
+        if operation is None or operation["tags"] != [document["tags"][-1]["name"]]:
+            raise Mistake(f"ADDRESSES.md: {document['tags'][-1]['name']} has no {title}")
+        operation["description"] = text.strip()
 
 
 def check_refs(value, document):
@@ -109,10 +138,14 @@ def bundle(version):
     """The document of a program of this version."""
     document = {}
     for file in sorted(HERE.rglob("*.json")):
-        merge(document, inline(load(file), file), file.name)
+        part = inline(load(file), file)
+        for _, _, operation in operations(part):
+            operation["tags"] = [file.stem.capitalize()]
+        merge(document, part, file.name)
     document["info"]["version"] = version
     add_errors(document)
     add_answers(document)
+    add_texts(document)
     check_refs(document, document)
     return document
 

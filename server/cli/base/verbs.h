@@ -80,7 +80,7 @@ absl::StatusOr<int> PrintAnswer(const absl::StatusOr<Json>& answer, bool json,
                                 const AnswerPrinter& print, int exit = kDone);
 
 // Aggregate, outcomes, what the policy printed last, and hashes, their first digits unless
-// `full_hashes`. `result` has the keys of an evaluation in server/api/README.md.
+// `full_hashes`. `result` has the keys of an evaluation in server/api/ADDRESSES.md.
 void PrintResult(const Json& result, bool full_hashes);
 
 // A column for each of the API's `metrics` (name, title, unit, digits), of objects with their

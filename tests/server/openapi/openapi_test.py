@@ -11,6 +11,10 @@ from world import BIN, SOURCE, World
 
 METHODS = ("get", "post", "put", "patch", "delete")
 BUILT = BIN.parent / "openapi.json"
+STANDARD = jsonschema.Draft202012Validator
+# Whose values are schemas by name, and those whose schemas are of a part of an object.
+BY_NAME = ("properties", "patternProperties", "dependentSchemas")
+OF_PARTS = ("allOf", "if", "then", "else", "not")
 
 
 def operations(document):
@@ -18,6 +22,18 @@ def operations(document):
         for method in METHODS:
             if method in item:
                 yield method.upper(), path, item, item[method]
+
+
+def unless_shortened(keyword):
+    """The check of a keyword, which what an example shortens by `…` passes."""
+    def check(validator, value, instance, schema):
+        if not (isinstance(instance, (str, dict)) and "…" in instance):
+            yield from STANDARD.VALIDATORS[keyword](validator, value, instance, schema)
+    return check
+
+
+Shortened = jsonschema.validators.extend(
+    STANDARD, {keyword: unless_shortened(keyword) for keyword in ("required", "pattern")})
 
 
 def plain(path):
@@ -36,6 +52,8 @@ class Document(unittest.TestCase):
     def test_it_has_the_addresses_of_the_daemon_and_no_others(self):
         addresses = self.world.get("/v1/addresses")["addresses"]
         there = {(one["method"], plain(one["path"])): one["role"] for one in addresses}
+        for one in addresses:
+            self.assertEqual(one["own_team"], one["role"] == "participant", one)
         described = {(method, plain(path)): operation["x-role"]
                      for method, path, _, operation in operations(self.document)}
         self.assertEqual(sorted(described), sorted(there))
@@ -43,12 +61,12 @@ class Document(unittest.TestCase):
 
     def test_each_operation_has_what_its_users_need(self):
         names = set()
-        tags = {tag["name"] for tag in self.document["tags"]}
+        used, tags = set(), {tag["name"] for tag in self.document["tags"]}
         for method, path, item, operation in operations(self.document):
             with self.subTest(f"{method} {path}"):
                 self.assertNotIn(operation["operationId"], names)
                 names.add(operation["operationId"])
-                self.assertLessEqual(set(operation["tags"]), tags)
+                used |= set(operation["tags"])
                 self.assertTrue(operation["summary"])
                 parameters = [self.resolved(parameter) for parameter in
                               item.get("parameters", []) + operation.get("parameters", [])]
@@ -60,18 +78,51 @@ class Document(unittest.TestCase):
                 for code in ("400", "401", "403", "404", "405", "429", "500", "503"):
                     self.assertIn(code, operation["responses"])
                 self.assertEqual("requestBody" in operation, method == "POST")
+        self.assertEqual(used, tags)
 
     def test_its_schemas_are_schemas_and_fit_their_examples(self):
         schemas = self.document["components"]["schemas"]
         jsonschema.Draft202012Validator.check_schema({"$defs": schemas})
-        examples = 0
-        for name, schema in schemas.items():
-            whole = {**self.document, **schema}
-            for example in schema.get("examples", []):
-                with self.subTest(name):
-                    jsonschema.Draft202012Validator(whole).validate(example)
-                    examples += 1
-        self.assertGreater(examples, 10)
+        bodies = 0
+        for method, path, _, operation in operations(self.document):
+            content = self.resolved(operation.get("requestBody", {})).get("content", {})
+            if "application/json" in content and path != "/v1/import":
+                schema = self.resolved(content["application/json"]["schema"])
+                with self.subTest(f"{method} {path}"):
+                    for example in schema.get("examples", []):
+                        STANDARD({**self.document, **schema}).validate(example)
+                    self.assertTrue(schema["examples"])
+                    bodies += 1
+        self.assertGreater(bodies, 20)
+
+    def closed(self, schema, of_part=False):
+        """A schema with what it refers to, that takes no keys but those it names, and `…`."""
+        if isinstance(schema, list):
+            return [self.closed(entry, of_part) for entry in schema]
+        if not isinstance(schema, dict):
+            return schema
+        made = {key: {name: self.closed(entry) for name, entry in value.items()} if key in BY_NAME else
+                     self.closed(value, of_part or key in OF_PARTS) for key, value in self.resolved(schema).items()}
+        if "properties" in made:
+            made["properties"]["…"] = True
+        if not of_part and {"properties", "allOf"} & set(made) and "additionalProperties" not in made:
+            made["unevaluatedProperties"] = False
+        return made
+
+    def test_examples_of_answers_have_the_keys_and_types_of_the_schemas(self):
+        checked = 0
+        for method, path, _, operation in operations(self.document):
+            # An example is of a success; that of /v1/ready is of its other answer.
+            answers = [self.resolved(answer) for code, answer in operation["responses"].items()
+                       if code.startswith("2") or path == "/v1/ready"]
+            schema = {"anyOf": [self.closed(answer["content"]["application/json"]["schema"]) for answer in answers
+                                if "application/json" in answer.get("content", {})]}
+            for example in re.findall(r"^```json\n(.*?)^```$", operation.get("description", ""), re.M | re.S):
+                with self.subTest(f"{method} {path}", example=example):
+                    error = jsonschema.exceptions.best_match(Shortened(schema).iter_errors(json.loads(example)))
+                    self.assertIsNone(error)
+                    checked += 1
+        self.assertGreater(checked, 30)
 
     def test_its_codes_are_those_of_the_readme(self):
         readme = (SOURCE / "server/api/README.md").read_text(encoding="utf-8")
@@ -85,13 +136,13 @@ class Document(unittest.TestCase):
         self.assertEqual(self.document["info"]["version"], self.world.get("/v1/health")["version"])
 
     def resolved(self, value):
-        target = value.get("$ref")
-        if target is None:
-            return value
-        found = self.document
-        for word in target.split("/")[1:]:
-            found = found[word]
-        return found
+        """What a reference names, under what stands beside it."""
+        while "$ref" in value:
+            found = self.document
+            for word in value["$ref"].split("/")[1:]:
+                found = found[word]
+            value = {**found, **{key: entry for key, entry in value.items() if key != "$ref"}}
+        return value
 
 
 if __name__ == "__main__":

@@ -166,6 +166,16 @@ class Site(unittest.TestCase):
 
 
 class Served(unittest.TestCase):
+    def test_the_page_of_addresses_has_each_of_the_daemon(self):
+        text = (ROOT / "docs" / VERSION / "server/api/ADDRESSES.html").read_text(encoding="utf-8")
+        text = text.replace('<span class="word">', "").replace("</span>", "")
+        shown = re.findall(r"<h3[^>]*><code>(.+)</code></h3>\n<p><strong>.+</strong> For .+</p>", text)
+        there = json.loads(self.ask(self.serve(ROOT / "docs"), "/v1/addresses")[2])["addresses"]
+        self.assertEqual(sorted(re.sub(r"\{\w+\}", "*", title) for title in shown),
+                         sorted(re.sub(r"\b(ID|HASH|NAME)\b", "*", f"{one['method']} {one['path']}") for one in there))
+        linked = re.findall(r'<td><a href="#[^"]+"><code>([^<]+)</code></a></td>', text)
+        self.assertEqual(sorted(linked), sorted(shown), "the tables at the top")
+
     def serve(self, folder):
         daemon = Daemon(BIN, SOURCE, "documents")
         self.addCleanup(daemon.close)

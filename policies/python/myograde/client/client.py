@@ -209,7 +209,7 @@ class Client:
     # --- requests ---
 
     def ask(self, path: str, body: Json | None = None, *, key: str | None = None) -> Json:
-        """The answer to any request of server/api/README.md: a GET, or with `body` a POST. With `key`,
+        """The answer to any request of server/api/ADDRESSES.md: a GET, or with `body` a POST. With `key`,
         its Idempotency-Key, it is sent again if the answer is lost, and takes effect once."""
         if body is None:
             return self._get(path)
