@@ -36,7 +36,7 @@ struct TrackKind {
   absl::StatusOr<int64_t> (*max_steps)(const nlohmann::json& rules) = nullptr;
   // Tables of a config's "rules"; null if there are none.
   std::vector<RulesTable> (*tables)(const nlohmann::json& rules) = nullptr;
-  bool in_template_2024 = false;  // the agent template of MyoChallenge 2024 has it
+  int template_year = 0;  // of the MyoChallenge whose agent template has it; 0: none has
 };
 
 // TrackKind::max_steps for a track whose rules have the key "max_steps".

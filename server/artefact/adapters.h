@@ -15,11 +15,14 @@
 namespace myograde::server {
 
 struct Adapter {
-  const char* name;  // in policy.json, of its folder, and of the server's runtime that it needs
-  bool TrackKind::*plays_track;  // of the kinds of track that it can play
+  const char* name;     // in policy.json, and of its folder
+  int year;             // the TrackKind::template_year of the kinds of track that it can play
+  const char* runtime;  // of the server, which it needs
 };
 
-inline constexpr Adapter kAdapters[] = {{"template-2024", &TrackKind::in_template_2024}};
+inline constexpr Adapter kAdapters[] = {{"template-2022", 2022, "template-2024"},
+                                        {"template-2023", 2023, "template-2024"},
+                                        {"template-2024", 2024, "template-2024"}};
 
 // nullptr: there is none of that name. The result is never freed.
 inline const Adapter* FindAdapter(std::string_view name) {
@@ -36,7 +39,7 @@ inline std::vector<std::string> AdapterNames() {
 // InvalidArgumentError if the adapter of a policy.json can't play a kind of track. OK for "".
 inline absl::Status CheckAdapter(std::string_view name, const TrackKind& kind) {
   const Adapter* adapter = FindAdapter(name);
-  if (adapter == nullptr || kind.*(adapter->plays_track)) return absl::OkStatus();
+  if (adapter == nullptr || kind.template_year == adapter->year) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
       "policy.json: \"adapter\" is \"", adapter->name,
       "\", which does not support tracks of the kind \"",

@@ -222,9 +222,10 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
 // What an adapter runs in is one of the submission's runtimes, named or not.
 void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
   manifest.adapter = reader.Choice("adapter", AdapterNames());
-  if (FindAdapter(manifest.adapter) != nullptr &&
-      std::ranges::find(manifest.runtimes, manifest.adapter) == manifest.runtimes.end()) {
-    manifest.runtimes.push_back(manifest.adapter);
+  const Adapter* adapter = FindAdapter(manifest.adapter);
+  if (adapter != nullptr &&
+      std::ranges::find(manifest.runtimes, adapter->runtime) == manifest.runtimes.end()) {
+    manifest.runtimes.emplace_back(adapter->runtime);
   }
 }
 

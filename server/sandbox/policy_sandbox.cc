@@ -134,6 +134,7 @@ std::vector<std::string> AdapterCommand(const LeaseOrder& order,
     command.insert(command.end(), {option, value});
   };
   command.emplace_back(kAdapterPlace);
+  add("--name", order.adapter);
   add("--track", std::string(order.track.kind->name));
   for (const std::string& runtime : order.runtimes) add("--runtime", runtime);
   for (const std::string& variable : variables) add("--env", variable);

@@ -1,5 +1,5 @@
-"""Agents written for the template of 2024, on the real tracks, through the adapter that serves
-their gRPC service. Needs the runtime template-2024 in the cache folder."""
+"""Agents written for the templates of 2022 to 2024, on the real tracks, through the adapters that
+serve their gRPC service. Needs the runtime template-2024 in the cache folder."""
 
 import json
 import os
@@ -22,6 +22,9 @@ class TemplateAgents(SystemTest):
                                   rules={"max_steps": 100}),
         "one-arm": track_config("manipulation", seeds={"first": 7000, "count": 1},
                                 budgets={"startup_s": 6, "startup_wall_s": 30, "restarts": 1}),
+        "short-die": track_config("reorientation"),
+        "short-balls": track_config("baoding"),
+        "short-bin": track_config("relocation"),
     }
 
     @classmethod
@@ -62,6 +65,31 @@ class TemplateAgents(SystemTest):
         mine = self.play(self.agent("manipulation_agent"), "short-arm", "as-graded")
         self.assertEqual([row["digest"] for row in mine["episodes"]],
                          self.digests(POLICIES / "zero", "short-arm", "as-graded"))
+        said = mine["output"][0]["stderr_tail"].splitlines()
+        self.assertEqual(said[-1], "all trials are over", said)
+
+    def test_agents_of_2022_of_zeros_are_the_zero_policy(self):
+        die = ("hand_qpos hand_qvel obj_pos goal_pos pos_err obj_rot goal_rot rot_err act")
+        balls = ("hand_pos object1_pos object1_velp object2_pos object2_velp target1_pos target2_pos "
+                 "target1_err target2_err act")
+        for track, port, key, size, keys in (("short-die", "8085", "hand_qpos", "22", die),
+                                             ("short-balls", "8086", "hand_pos", "23", balls)):
+            with self.subTest(track):
+                agent = self.agent("agent_2022", port, key, size, adapter="template-2022")
+                mine = self.play(agent, track, "official")
+                self.assertEqual([row["digest"] for row in mine["episodes"]],
+                                 self.digests(POLICIES / "zero", track, "official"))
+                said = mine["output"][0]["stderr_tail"].splitlines()
+                self.assertIn(f"keys: {keys}", said)
+                self.assertEqual(said[-1], "all trials are over", said)
+
+    def test_an_agent_of_2023_of_zeros_is_the_zero_policy(self):
+        agent = self.agent("agent_2023", "8085", "63", "hand_qpos", "hand_qvel", "obj_pos",
+                           "goal_pos", "pos_err", "obj_rot", "goal_rot", "rot_err",
+                           adapter="template-2023")
+        mine = self.play(agent, "short-bin", "official")
+        self.assertEqual([row["digest"] for row in mine["episodes"]],
+                         self.digests(POLICIES / "zero", "short-bin", "official"))
         said = mine["output"][0]["stderr_tail"].splitlines()
         self.assertEqual(said[-1], "all trials are over", said)
 
@@ -155,6 +183,15 @@ class TemplateAgents(SystemTest):
                            "--episodes", "1", check=False)
         self.assertEqual(run.returncode, 2, run)
         self.assertIn('does not support tracks of the kind "elbow"', run.stderr)
+
+    def test_an_agent_of_another_year(self):
+        for adapter, track, kind in (("template-2022", "short-arm", "manipulation"),
+                                     ("template-2024", "short-bin", "relocation")):
+            folder = self.agent("manipulation_agent", adapter, adapter=adapter)
+            run = self.run_cli("local", folder, "--track", track, check=False)
+            self.assertEqual(run.returncode, 2, run)
+            self.assertIn(f'"adapter" is "{adapter}", which does not support tracks of the kind '
+                          f'"{kind}"', run.stderr)
 
     def test_an_adapter_that_nobody_knows_is_refused(self):
         folder = self.agent("manipulation_agent", "unknown", adapter="template-1999")

@@ -1,5 +1,5 @@
-"""The adapter template-2024 without a grader: what it makes of observations, parameter sets and
-pickles. tests/integration/template_agents_test.py has it play."""
+"""The adapters of the templates without a grader: what they make of observations, parameter sets and
+pickles. tests/integration/template_agents_test.py has them play."""
 
 import os
 import pathlib
@@ -14,9 +14,12 @@ import numpy as np
 ADAPTER = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"]).parent / "adapters/template-2024"
 sys.path.insert(0, str(ADAPTER))
 
+import myograde  # noqa: E402
 from agent import HOOKS, Agent, agent_environment  # noqa: E402
+from challenges import CHALLENGES  # noqa: E402
+from environment import Refused, environment_of  # noqa: E402
 from leg_sets import Leg  # noqa: E402
-from observations import Locomotion, Manipulation  # noqa: E402
+from observations import Baoding, Locomotion, Manipulation, Relocation, Reorientation  # noqa: E402
 from pickles import pack, unpack  # noqa: E402
 
 STATES = ("e_stance", "l_stance", "e_swing", "l_swing")
@@ -139,6 +142,68 @@ class Observed(unittest.TestCase):
         self.assertEqual(leg.by_name()["act"][0], 1 / 3, "a caller changed the observation")
 
 
+class Years(unittest.TestCase):
+    def taken(self, kind, extra_observations=False):
+        observed = kind(extra_observations)
+        observed.take(np.random.default_rng(3).uniform(-1, 1, observed._values.size))
+        return observed
+
+    def test_each_name_is_a_copy_of_one_program(self):
+        files = {name: {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*")
+                        if path.is_file() and "__pycache__" not in path.parts}
+                 for name in CHALLENGES for folder in [ADAPTER.with_name(name)]}
+        self.assertIn(pathlib.Path("challenges.py"), files["template-2022"])
+        self.assertEqual(files["template-2022"], files["template-2024"])
+        self.assertEqual(files["template-2023"], files["template-2024"])
+
+    def test_an_unchanged_vector_is_the_graded_observation(self):
+        for kind, size in ((Reorientation, 102), (Baoding, 86), (Relocation, 156)):
+            with self.subTest(kind.track):
+                observed = self.taken(kind)
+                vector = observed.vector(observed.default_keys())
+                self.assertEqual((vector.dtype, vector.size), (np.float32, size))
+                self.assertTrue(np.array_equal(vector, observed._values.astype(np.float32)))
+
+    def test_names_of_2022_have_their_meaning_of_2022(self):
+        entries = self.taken(Reorientation, extra_observations=True).by_name()
+        self.assertEqual(entries["hand_qpos"].shape, (22,))
+        self.assertTrue(np.array_equal(entries["hand_qpos"], entries["hand_qpos_noMD5"]))
+        self.assertTrue(np.array_equal(entries["t"], entries["time"]))
+        self.assertNotIn("t", Baoding(extra_observations=False).by_name())
+        self.assertEqual(Baoding(extra_observations=True).by_name()["t"].shape, (1,))
+
+    def test_rewards_have_the_official_weights(self):
+        die = self.taken(Reorientation)
+        entries = die.by_name()
+        self.assertAlmostEqual(die.reward(), -100 * np.linalg.norm(entries["pos_err"])
+                               - np.linalg.norm(entries["rot_err"]))
+        balls = self.taken(Baoding)
+        entries = balls.by_name()
+        self.assertAlmostEqual(balls.reward(), -5 * np.linalg.norm(entries["target1_err"])
+                               - 5 * np.linalg.norm(entries["target2_err"]))
+
+    def test_each_challenge_has_the_tracks_of_its_year(self):
+        for name, kinds in (("template-2022", {"reorientation": 39, "baoding": 39}),
+                            ("template-2023", {"relocation": 63, "chasetag": 80}),
+                            ("template-2024", {"manipulation": 80, "locomotion": 54})):
+            known = {kind.track: kind for kind in CHALLENGES[name].environments}
+            self.assertEqual(set(known), set(kinds))
+            for track, actions in kinds.items():
+                if track not in myograde.policy.layout.tracks():
+                    continue
+                environment = environment_of(name, track, True, None)
+                self.assertEqual(environment.get_action_space(None), actions)
+                observed = environment.get_obsdict(None)
+                for key in environment.get_output_keys(None):
+                    self.assertIn(key, observed)
+                if name != "template-2024":
+                    with self.assertRaisesRegex(Refused, "no prosthetic leg"):
+                        environment.change_osl_mode([1])
+        with self.assertRaisesRegex(SystemExit, "template-2022 has no environment for the track "
+                                                "manipulation; it has baoding and reorientation"):
+            environment_of("template-2022", "manipulation", False, None)
+
+
 class Pickles(unittest.TestCase):
     def test_old_pythons_and_numpys_read_what_is_sent(self):
         packed = pack({"a": np.arange(3.0), "b": np.float64(1)})
@@ -207,6 +272,14 @@ class Hooks(unittest.TestCase):
 
     def test_the_sitecustomize_that_it_hides_runs_too(self):
         self.assertEqual(self.run_python("", sitecustomize="print('mine')"), "mine\n")
+
+    def test_gymnasium_stands_for_gym_where_there_is_none(self):
+        text = "import gym; print(gym.whose); import gymnasium; print(gymnasium.whose)"
+        self.assertEqual(self.run_python(text, gymnasium="whose = 'theirs'"), "theirs\ntheirs\n")
+        self.assertEqual(self.run_python("import gym; print(gym.whose)", gym="whose = 'mine'",
+                                         gymnasium="whose = 'theirs'"), "mine\n")
+        text = "try:\n    import gym\nexcept ImportError as error:\n    print(error.name)"
+        self.assertEqual(self.run_python(text), "gym\n")
 
     def test_another_grpc_does_not_stop_the_agent(self):
         said = self.run_python("import grpc; print(grpc.other)", grpc="other = 1")

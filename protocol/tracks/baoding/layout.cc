@@ -48,7 +48,8 @@ const TrackKind& BaodingTrack() {
                                   .layout = BaodingLayout,
                                   .no_facts = BaodingFacts(),
                                   .max_steps = MaxStepsKey,
-                                  .tables = nullptr};
+                                  .tables = nullptr,
+                                  .template_year = 2022};
   return track;
 }
 

@@ -30,7 +30,7 @@ const TrackKind& LocomotionTrack() {
                                   .no_facts = LocomotionFacts(),
                                   .max_steps = locomotion::MaxSteps,
                                   .tables = LegSetTables,
-                                  .in_template_2024 = true};
+                                  .template_year = 2024};
   return track;
 }
 

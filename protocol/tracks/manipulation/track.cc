@@ -9,7 +9,7 @@ const TrackKind& ManipulationTrack() {
                                   .no_facts = ManipulationFacts(),
                                   .max_steps = MaxStepsKey,
                                   .tables = nullptr,
-                                  .in_template_2024 = true};
+                                  .template_year = 2024};
   return track;
 }
 

@@ -65,7 +65,8 @@ const TrackKind& RelocationTrack() {
                                   .layout = RelocationLayout,
                                   .no_facts = RelocationFacts(),
                                   .max_steps = MaxStepsKey,
-                                  .tables = nullptr};
+                                  .tables = nullptr,
+                                  .template_year = 2023};
   return track;
 }
 

@@ -62,7 +62,8 @@ const TrackKind& ReorientationTrack() {
                                   .layout = ReorientationLayout,
                                   .no_facts = ReorientationFacts(),
                                   .max_steps = MaxStepsKey,
-                                  .tables = nullptr};
+                                  .tables = nullptr,
+                                  .template_year = 2022};
   return track;
 }
 

@@ -1,8 +1,9 @@
 """Python imports this in the agent's process, before the agent, where PYTHONPATH leads to it. It
 makes an agent repeatable that knows nothing of seeds: random, numpy.random, torch, tensorflow and
-unseeded spaces of gymnasium are seeded with each episode's policy seed (0 before the first). And it
-skips the minute in which agents of 2024 wait for their environment's container, which is there
-already. Whatever fails here must not keep the agent from running."""
+unseeded spaces of gymnasium are seeded with each episode's policy seed (0 before the first). It
+skips the minute in which agents wait for their environment's container, which is there already. And
+it has gymnasium stand for gym, which the templates up to 2023 import, where there is no gym. Whatever
+fails here must not keep the agent from running."""
 
 import importlib.abc
 import importlib.machinery
@@ -112,10 +113,31 @@ class _HookOnImport(importlib.abc.MetaPathFinder):
             try:
                 _HOOKS[name](module)
             except Exception as error:
-                print("template-2024: can't seed {} ({})".format(name, error), file=sys.stderr)
+                print("template: can't seed {} ({})".format(name, error), file=sys.stderr)
 
         spec.loader.exec_module = execute_and_hook
         return spec
+
+
+class _Gym(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """gym and its modules: those of gymnasium, which has the same spaces."""
+
+    def find_spec(self, name, _path=None, _target=None):
+        top, _, rest = name.partition(".")
+        if top != "gym":
+            return None
+        if not rest and (importlib.machinery.PathFinder.find_spec("gym")
+                         or not importlib.machinery.PathFinder.find_spec("gymnasium")):
+            return None
+        if rest and sys.modules["gym"] is not sys.modules.get("gymnasium"):
+            return None
+        return importlib.machinery.ModuleSpec(name, self)
+
+    def create_module(self, spec):
+        return importlib.import_module("gymnasium" + spec.name[len("gym"):])
+
+    def exec_module(self, module):
+        pass
 
 
 def _skip_long_sleeps():
@@ -141,7 +163,8 @@ try:
 
     myograde_seeding.seed(0)
     sys.meta_path.insert(0, _HookOnImport())
+    sys.meta_path.insert(0, _Gym())
     _skip_long_sleeps()
 except Exception as error:
-    print("template-2024: the agent is not seeded ({})".format(error), file=sys.stderr)
+    print("template: the agent is not seeded ({})".format(error), file=sys.stderr)
 _run_the_next_one()

@@ -1,4 +1,4 @@
-"""The gRPC service evaluation.Environment of the 2024 template. Each method takes and returns one
+"""The gRPC service evaluation.Environment of the templates. Each method takes and returns one
 message with one field, the bytes `SerializedEntity` with the number 1: on the wire the same as
 protobuf's own BytesValue. evaluation.proto has the service for reference."""
 
@@ -13,8 +13,9 @@ from connection import EvaluationOver, Stop
 from environment import Refused, environment_of
 from pickles import pack, unpack
 
-# The template's addresses are localhost and environment, 8085 for manipulation and 8086 for
-# locomotion; each agent is served on both.
+# The templates' addresses are localhost and environment, 8085 for a challenge's first task
+# (reorientation, relocation, manipulation) and 8086 for its second (Baoding balls, chase-tag,
+# locomotion); each agent is served on both.
 _PORTS = (8085, 8086)
 _HOSTS = ("127.0.0.1", "[::1]")
 _SERVICE = "evaluation.Environment"
@@ -22,12 +23,12 @@ SEED_KEY = "myograde-policy-seed"
 
 
 class Service:
-    """Serves one agent. One thread answers all calls, one after the other, as the template's
-    environment does."""
+    """Serves one agent. One thread answers all calls, one after the other, as the templates'
+    environments do."""
 
-    def __init__(self, track, extra_observations):
+    def __init__(self, name, track, extra_observations):
         self._stop = Stop()
-        self._environment = environment_of(track, extra_observations, self._stop)
+        self._environment = environment_of(name, track, extra_observations, self._stop)
         self._server = grpc.server(futures.ThreadPoolExecutor(max_workers=1),
                                    options=[("grpc.so_reuseport", 0)])
         methods = {name: self._handler(name) for name in self._environment.CALLS}
@@ -74,5 +75,5 @@ class Service:
 
 
 def refuse(context, code, sentence):
-    print(f"template-2024: {sentence}", file=sys.stderr, flush=True)
+    print(f"template: {sentence}", file=sys.stderr, flush=True)
     context.abort(code, sentence)

@@ -1,8 +1,9 @@
-"""The adapter template-2024: plays an agent that was written for the agent template of MyoChallenge
-2024. The grader's bridge starts it in the participant's sandbox, in the place of a policy:
+"""The adapters template-2022, template-2023 and template-2024: plays an agent that was written for
+the agent template of a MyoChallenge. The grader's bridge starts it in the participant's sandbox, in
+the place of a policy:
 
-    python3 -I FOLDER --track KIND [--runtime FOLDER ...] [--env NAME=VALUE ...] [--cwd FOLDER]
-        [--extra-observations] [--image] -- COMMAND ...
+    python3 -I FOLDER --name ADAPTER --track KIND [--runtime FOLDER ...] [--env NAME=VALUE ...]
+        [--cwd FOLDER] [--extra-observations] [--image] -- COMMAND ...
 
 It serves the template's gRPC service on the ports 8085 and 8086 of this machine, starts COMMAND,
 the agent, and speaks LCM with the grader. It ends when the agent ends, with its exit status, or
@@ -24,7 +25,8 @@ class AskedToEnd(Exception):
 
 
 def parse(arguments):
-    parser = argparse.ArgumentParser(prog="template-2024")
+    parser = argparse.ArgumentParser(prog="template")
+    parser.add_argument("--name", required=True)  # as policy.json has it
     parser.add_argument("--track", required=True)
     parser.add_argument("--runtime", action="append", default=[])
     parser.add_argument("--env", action="append", default=[])
@@ -61,7 +63,7 @@ def main():
     use_runtimes(options.runtime)
     from service import Service  # what it imports is in the runtimes
 
-    service = Service(options.track, options.extra_observations)
+    service = Service(options.name, options.track, options.extra_observations)
 
     def on_term(_signal, _frame):
         service.stop()

@@ -65,6 +65,6 @@ class Agent:
             os.chdir(folder)
             os.execvpe(command[0], command, environment)
         except OSError as error:
-            print(f"template-2024: the agent {command[0]} can't be started: {error.strerror}",
+            print(f"template: the agent {command[0]} can't be started: {error.strerror}",
                   file=sys.stderr, flush=True)
         os._exit(127)

@@ -1,4 +1,4 @@
-"""The prosthetic leg's parameter sets as the template's agents give them, and which of them is in
+"""The prosthetic leg's parameter sets as agents of 2024 give them, and which of them is in
 force.
 
 In the official environment an upload fills a library of four sets, and change_osl_mode copies one

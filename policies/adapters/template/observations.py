@@ -1,5 +1,5 @@
-"""What the official environments of 2024 observe, from the grader's observation: the same names,
-shapes and types. Joint angles and velocities are as the rule profile reports them."""
+"""What the official environments observe, from the grader's observation: the same names, shapes and
+types. Joint angles and velocities are as the rule profile reports them."""
 
 import numpy as np
 
@@ -16,14 +16,14 @@ class Observations:
 
     track = ""
     integers = ()  # entries that the official environment counts in integers
-    extra = ()  # names and sizes beyond the graded observation
     defaults = ()
+    older_names = {}  # of the template's year, and what the grader calls the same
+    reward_weights = {}  # of the distance that an entry is
 
     def __init__(self, extra_observations):
-        graded = myograde.track(self.track).observation
-        self._parts = [(part.name, part.size) for part in graded.values()]
-        if extra_observations:
-            self._parts += self.extra
+        track = myograde.track(self.track)
+        parts = [*track.observation.values(), *(track.extra.values() if extra_observations else ())]
+        self._parts = [(part.name, part.size) for part in parts]
         self._values = np.zeros(sum(size for _, size in self._parts))
 
     def default_keys(self):
@@ -39,19 +39,22 @@ class Observations:
         self._values = np.array(values)
 
     def by_name(self):
-        """A new dictionary of arrays of one dimension."""
+        """A new dictionary of arrays, of one dimension but for the tag game's "task"."""
         entries, offset = {}, 0
         for name, size in self._parts:
             entries[name] = self._values[offset:offset + size].copy()
             offset += size
         for name in self.integers:
             entries[name] = entries[name].astype(np.int64)
-        return self.completed(entries)
+        entries = self.completed(entries)
+        entries.update({old: entries[new] for old, new in self.older_names.items() if new in entries})
+        return entries
 
     def vector(self, keys):
         """float32, as the official environments round what they return; by_name() does not."""
         entries = self.by_name()
-        return np.concatenate([np.zeros(0), *(entries[key] for key in keys)]).astype(np.float32)
+        parts = [np.zeros(0), *(entries[key].ravel() for key in keys)]
+        return np.concatenate(parts).astype(np.float32)
 
     def completed(self, entries):
         """With what follows from the entries."""
@@ -59,14 +62,57 @@ class Observations:
 
     def reward(self):
         """The official environment's, with its own weights."""
-        raise NotImplementedError
+        entries = self.by_name()
+        return float(sum(weight * np.linalg.norm(entries[name])
+                         for name, weight in self.reward_weights.items()))
+
+
+class Reorientation(Observations):
+    """In 2022 the name hand_qpos meant the angles without the last joint, as in the graded vector."""
+
+    track = "reorientation"
+    defaults = ("hand_qpos", "hand_qvel", "obj_pos", "goal_pos", "pos_err", "obj_rot", "goal_rot",
+                "rot_err")
+    older_names = {"t": "time", "hand_qpos": "hand_qpos_noMD5"}
+    reward_weights = {"pos_err": -100.0, "rot_err": -1.0}
+
+
+class Baoding(Observations):
+    track = "baoding"
+    defaults = ("hand_pos", "object1_pos", "object1_velp", "object2_pos", "object2_velp",
+                "target1_pos", "target2_pos", "target1_err", "target2_err")
+    older_names = {"t": "time"}
+    reward_weights = {"target1_err": -5.0, "target2_err": -5.0}
+
+
+class Relocation(Observations):
+    track = "relocation"
+    defaults = ("hand_qpos", "hand_qvel", "obj_pos", "goal_pos", "pos_err", "obj_rot", "goal_rot",
+                "rot_err")
+    reward_weights = {"pos_err": -100.0, "rot_err": -1.0}
+
+
+class ChaseTag(Observations):
+    track = "chasetag"
+    defaults = ("internal_qpos", "internal_qvel", "grf", "torso_angle", "opponent_pose",
+                "opponent_vel", "model_root_pos", "model_root_vel", "muscle_length",
+                "muscle_velocity", "muscle_force")
+
+    def completed(self, entries):
+        if "task" in entries:
+            entries["task"] = entries["task"].astype(np.int16).reshape(1, 1)
+        return entries
+
+    def reward(self):
+        """The distance to the opponent; a loss ends the episode and comes after the last
+        observation."""
+        entries = self.by_name()
+        return -0.1 * np.linalg.norm(entries["model_root_pos"] - entries["opponent_pose"][:2])
 
 
 class Manipulation(Observations):
     track = "manipulation"
     integers = ("touching_body",)
-    extra = (("max_force", 1), *((name, 3) for name in (
-        "palm_pos", *_FINGERS, "Rpalm_pos", "MPL_ori", "MPL_ori_err", "obj_pos")))
     defaults = ("time", "myohand_qpos", "myohand_qvel", "pros_hand_qpos", "pros_hand_qvel",
                 "object_qpos", "object_qvel", "touching_body")
 

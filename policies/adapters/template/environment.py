@@ -3,25 +3,25 @@
 import numpy as np
 
 import myograde
+from challenges import CHALLENGES
 from connection import Connection, EvaluationOver
 from leg_sets import Leg
-from observations import Locomotion, Manipulation
-
-OBSERVATIONS = {"manipulation": Manipulation, "locomotion": Locomotion}
-_ARM_ACTIONS, _MUSCLES, _LEG_ACTUATORS = 80, 54, 56
 
 
 class Refused(Exception):
     """What the agent asked for can't be done; the sentence says why."""
 
 
-def environment_of(track, extra_observations, stop):
-    """The environment of a kind of track, with all that the official one observes or what the
-    graded observation has. SystemExit with a sentence if the template has none."""
-    if track not in OBSERVATIONS:
-        raise SystemExit(f"error: the template of 2024 has no environment for the track {track}; "
-                         f"it has {' and '.join(sorted(OBSERVATIONS))}")
-    return Environment(track, OBSERVATIONS[track](extra_observations), stop)
+def environment_of(name, track, extra_observations, stop):
+    """The environment that the adapter `name` has for a kind of track, with all that the official one
+    observes or what the graded observation has. SystemExit with a sentence if it has none."""
+    challenge = CHALLENGES[name]
+    environments = {observations.track: observations for observations in challenge.environments}
+    if track not in environments:
+        raise SystemExit(f"error: {name} has no environment for the track {track}; it has "
+                         f"{' and '.join(sorted(environments))}")
+    observations = environments[track](extra_observations)
+    return Environment(name, challenge.reset_pair, observations, stop)
 
 
 class Environment:
@@ -32,13 +32,15 @@ class Environment:
     CALLS = ("act_on_environment", "change_osl_mode", "get_action_space", "get_observation_space",
              "get_obsdict", "get_output_keys", "reset", "set_environment_keys", "set_output_keys")
 
-    def __init__(self, track, observations, stop):
-        self._track, self._stop = track, stop
+    def __init__(self, name, reset_pair, observations, stop):
+        self._name, self._reset_pair, self._stop = name, reset_pair, stop
         self._connection = None
         self._observations = observations
         self._keys = self._observations.default_keys()
         self._direct = False
-        self._leg = Leg()
+        action = myograde.track(observations.track).action
+        self._leg = Leg() if "leg_set" in action else None
+        self._actions = action.size - (1 if self._leg else 0)
         self._uploaded = False  # since the episode began
         self._steps = 0
         self._feedback = None  # of the episode's end; None while it is played
@@ -46,10 +48,9 @@ class Environment:
         self.policy_seed = 0
 
     def get_action_space(self, _nothing):
-        if self._track == "manipulation":
-            return _ARM_ACTIONS
-        # The official environment declares two more entries when actions are direct and uses 54.
-        return _LEG_ACTUATORS if self._direct else _MUSCLES
+        # With the leg, the official environment declares two more entries when actions are direct, and
+        # does not use them.
+        return self._actions + (2 if self._leg and self._direct else 0)
 
     def get_observation_space(self, _nothing):
         return self._observations.vector(self._keys).size
@@ -78,7 +79,7 @@ class Environment:
         self.set_output_keys(settings.get("obs_keys", self._keys))
 
     def change_osl_mode(self, mode):
-        if self._track != "locomotion":
+        if not self._leg:
             raise Refused("there is no prosthetic leg in this track")
         self._leg.change(int(np.ravel(mode)[0]))
         return {"feedback": True}
@@ -86,13 +87,13 @@ class Environment:
     def reset(self, leg_sets):
         """Begins the next episode. One that is played is given up, unless nothing happened in it:
         then it begins again."""
-        if leg_sets is not None and self._track == "locomotion":
+        if leg_sets is not None and self._leg:
             self._leg.upload(leg_sets)
             self._uploaded = True
         if self._connection is None or self._steps > 0 or self._feedback or self._uploaded:
             self._begin()
-        # As Gymnasium's environments answer.
-        return self._observations.vector(self._keys), {}
+        first = self._observations.vector(self._keys)
+        return (first, {}) if self._reset_pair else first
 
     def act_on_environment(self, action):
         """Plays a step; after the episode's end, tells that again. The grader does not send the
@@ -122,12 +123,10 @@ class Environment:
             values = np.asarray(action, dtype=float).ravel()
         except (TypeError, ValueError) as error:
             raise Refused(f"an action is a vector of numbers ({error})") from error
-        arm = self._track == "manipulation"
-        needed = _ARM_ACTIONS if arm else _MUSCLES
-        if values.size < needed or (arm and values.size > needed):
-            raise Refused(f"an action has {needed} entries, this one has {values.size}")
-        values = values[:needed].tolist()
-        return values if arm else [*values, float(self._leg.selected)]
+        if values.size < self._actions or (not self._leg and values.size > self._actions):
+            raise Refused(f"an action has {self._actions} entries, this one has {values.size}")
+        values = values[:self._actions].tolist()
+        return [*values, float(self._leg.selected)] if self._leg else values
 
     def _choose(self, direct):
         if self._connection is not None and direct != self._direct:
@@ -136,11 +135,10 @@ class Environment:
 
     def _begin(self):
         if self._connection is None:
-            self._connection = Connection("template-2024", self._direct, self._stop)
+            self._connection = Connection(self._name, self._direct, self._stop)
             self._observations.expect(
                 myograde.policy.layout.layout_of(self._connection.welcome.observation_parts))
-        leg = self._track == "locomotion"
-        sets = self._leg.begin(self._connection.welcome.profile) if leg else []
+        sets = self._leg.begin(self._connection.welcome.profile) if self._leg else []
         self._observations.take(self._connection.begin_episode(sets))
         self.policy_seed = self._connection.policy_seed
         self._steps, self._feedback, self._uploaded = 0, None, False
