@@ -58,8 +58,8 @@ std::string MissingLibrary(const std::string& line) {
   return line.substr(begin, line.find(": ", begin) - begin);
 }
 
-// Whether a submission holds the generated code of a MyoChallenge's agent template, whose agents speak gRPC.
-// Looks at so many names that it takes no time.
+// Whether a submission holds the generated code of a MyoChallenge's agent template, whose agents
+// speak gRPC. Looks at so many names that it takes no time.
 bool HoldsTemplate(const std::string& folder) {
   constexpr int kMostNames = 20'000;
   constexpr int kMostDepth = 5;
@@ -271,8 +271,9 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
   if ((seen.outcome == Outcome::kCrash || seen.outcome == Outcome::kInitTimeout) &&
       order.adapter.empty() && order.track.kind->template_year != 0 &&
       HoldsTemplate(context_.stage.PathOf(order.artefact_dir))) {
-    absl::StrAppend(&seen.detail, "; it holds the agent template of a MyoChallenge, whose agents need an "
-                                  "adapter: submit it with \"adapter\": \"template-",
+    absl::StrAppend(&seen.detail,
+                    "; it holds the agent template of a MyoChallenge, whose agents need an "
+                    "adapter: submit it with \"adapter\": \"template-",
                     order.track.kind->template_year, "\" in policy.json");
   }
   seen.stderr_tail = err_.tail(err_mark_);

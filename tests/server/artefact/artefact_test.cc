@@ -201,7 +201,9 @@ TEST(ReadManifest, IsStrict) {
   EXPECT_EQ(ManifestComplaint(start + "false}"), "");
   EXPECT_THAT(ManifestComplaint(start + "1}"), HasSubstr("\"extra_observations\" must be"));
   const std::string agent = R"({"name": "a", "command": ["./policy"], "adapter": )";
-  EXPECT_EQ(ManifestComplaint(agent + "\"template-2024\"}"), "");
+  for (const char* right : {"2022", "2023", "2024"}) {
+    EXPECT_EQ(ManifestComplaint(agent + "\"template-" + right + "\"}"), "");
+  }
   for (const char* wrong : {"\"template-1999\"", "\"\"", "1", "[\"template-2024\"]", "null"}) {
     EXPECT_THAT(ManifestComplaint(agent + wrong + "}"), HasSubstr("\"adapter\"")) << wrong;
   }

@@ -5,7 +5,9 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -64,17 +66,33 @@ TEST(PackArtefact, AGivenNameComesOverTheSubmissions) {
   for (const std::string& bad : {std::string(65, 'x'), std::string(" "), std::string("a\nb")}) {
     EXPECT_THAT(name_of(temp / "named", bad), HasSubstr("the name ")) << bad;
   }
+  MakeFile(temp / "older/policy.json", R"({"name": "old", "command": ["./policy"], "adapter":
+      "template-2022"})",
+           0644);
+  MakeFile(temp / "older/policy", "#!/bin/sh\n", 0755);
+  EXPECT_EQ(PackArtefact(temp / "older", temp / "packed", {})->runtimes,
+            std::vector<std::string>{"template-2024"});
   // What the adapter runs in is among the runtimes that are asked for before anything is sent.
   EXPECT_EQ(PackArtefact(temp / "named", temp / "packed", {})->runtimes,
             (std::vector<std::string>{"torch-cpu", "template-2024"}));
 }
 
 TEST(Adapters, PlayOnlyTracksOfTheirTemplate) {
+  const std::map<std::string_view, std::string> theirs = {
+      {"reorientation", "template-2022"}, {"baoding", "template-2022"},
+      {"relocation", "template-2023"},    {"chasetag", "template-2023"},
+      {"manipulation", "template-2024"},  {"locomotion", "template-2024"}};
   for (const TrackKind* track : AllTracks()) {
-    const absl::Status checked = CheckAdapter("template-2024", *track);
-    EXPECT_EQ(checked.ok(), track->name == "manipulation" || track->name == "locomotion") << track->name;
+    const auto own = theirs.find(track->name);
+    for (const std::string& adapter : AdapterNames()) {
+      EXPECT_EQ(CheckAdapter(adapter, *track).ok(), own != theirs.end() && own->second == adapter)
+          << adapter << " on " << track->name;
+    }
     EXPECT_TRUE(CheckAdapter("", *track).ok());
   }
+  EXPECT_THAT(
+      std::string(CheckAdapter("template-2022", *FindTrack("locomotion")).message()),
+      HasSubstr("is \"template-2022\", which does not support tracks of the kind \"locomotion\""));
   EXPECT_THAT(std::string(CheckAdapter("template-2024", *FindTrack("elbow")).message()),
               HasSubstr("does not support tracks of the kind \"elbow\""));
 }

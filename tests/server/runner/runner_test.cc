@@ -56,6 +56,11 @@ TEST_F(RunnerTest, AnAgentOfTheTemplateIsToldOfItsAdapter) {
   const std::string& detail = outcomes.episodes[0].fault.detail;
   EXPECT_THAT(detail, HasSubstr("the last line of its stderr: grpc: unavailable;"));
   EXPECT_THAT(detail, HasSubstr("\"adapter\": \"template-2024\""));
+  LeaseOrder older = Order("baoding", 1);
+  older.command = order.command;
+  const Outcomes balls = Play(older);
+  ASSERT_EQ(balls.episodes.size(), 1u);
+  EXPECT_THAT(balls.episodes[0].fault.detail, HasSubstr("\"adapter\": \"template-2022\""));
 }
 
 TEST_F(RunnerTest, AnImageThatCantBeShownIsTheParticipantsFault) {
