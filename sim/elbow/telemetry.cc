@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <numbers>
+#include <vector>
 
 #include "sim/elbow/environment.h"
+#include "sim/model/model.h"
 
 namespace myograde::sim {
 namespace elbow {
@@ -31,6 +33,18 @@ class ElbowTelemetry final : public Telemetry {
     const double values[] = {Degrees(data.qpos[0]), Degrees(target), Degrees(-now.pose),
                              -now.act_reg};
     std::copy(std::begin(values), std::end(values), out.begin());
+  }
+
+  std::vector<TargetPose> Targets() const override {
+    const auto& environment = static_cast<const Environment&>(environment_);
+    const mjModel& model = environment.model();
+    const DataPtr there(mj_copyData(nullptr, &model, &environment.data()));
+    there->qpos[0] = environment_.target();
+    mj_kinematics(&model, there.get());
+    TargetPose pose = {.body = model.jnt_bodyid[0]};
+    mju_copy3(pose.position.data(), there->xpos + 3 * pose.body);
+    mju_copy4(pose.rotation.data(), there->xquat + 4 * pose.body);
+    return {pose};
   }
 
   double ToleranceOf(std::string_view series) const override {

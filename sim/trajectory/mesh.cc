@@ -4,12 +4,13 @@
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <set>
 #include <span>
 #include <utility>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <absl/container/flat_hash_map.h>
+#include <absl/container/flat_hash_set.h>
 
 namespace myograde::sim {
 namespace {
@@ -18,8 +19,7 @@ using Eigen::Vector3f;
 
 constexpr int kSides = 32;         // of round shapes, around
 constexpr int kArcs = 8;           // of a hemisphere, from its equator to its pole
-constexpr float kSmooth = 0.766F;  // cosine of the sharpest smooth edge
-constexpr int kFinestGrid = 4096;  // cells along a mesh's longest side
+constexpr float kSmooth = 0.5F;    // cosine of the sharpest smooth edge
 
 Vector3f At(const Mesh& mesh, uint32_t point) {
   return Vector3f::Map(mesh.points[point].data());
@@ -111,34 +111,6 @@ Mesh Ellipsoid(const mjtNum radii[3]) {
   return mesh;
 }
 
-// The mesh with one point for each cell of a grid: the first that falls into it.
-Mesh Clustered(const Mesh& mesh, int cells) {
-  Vector3f low = At(mesh, 0), high = low;
-  for (uint32_t i = 0; i < mesh.points.size(); ++i) {
-    low = low.cwiseMin(At(mesh, i));
-    high = high.cwiseMax(At(mesh, i));
-  }
-  const float side = std::max((high - low).maxCoeff() / static_cast<float>(cells), 1e-9F);
-  Mesh out;
-  std::map<std::array<int, 3>, uint32_t> kept;
-  std::vector<uint32_t> becomes;
-  for (uint32_t i = 0; i < mesh.points.size(); ++i) {
-    const Eigen::Vector3i cell = ((At(mesh, i) - low) / side).cast<int>();
-    const auto [entry, is_new] = kept.try_emplace({cell.x(), cell.y(), cell.z()},
-                                                  static_cast<uint32_t>(out.points.size()));
-    if (is_new) out.points.push_back(mesh.points[i]);
-    becomes.push_back(entry->second);
-  }
-  std::set<std::array<uint32_t, 3>> seen;
-  for (const auto& face : mesh.faces) {
-    std::array<uint32_t, 3> now = {becomes[face[0]], becomes[face[1]], becomes[face[2]]};
-    if (now[0] == now[1] || now[1] == now[2] || now[2] == now[0]) continue;
-    std::rotate(now.begin(), std::min_element(now.begin(), now.end()), now.end());
-    if (seen.insert(now).second) out.faces.push_back(now);
-  }
-  return out;
-}
-
 // Twice the area long.
 Vector3f FaceNormal(const Mesh& mesh, const std::array<uint32_t, 3>& face) {
   const Vector3f a = At(mesh, face[0]);
@@ -194,14 +166,46 @@ Mesh BuildMesh(const mjModel& model, int geom) {
   }
 }
 
-Mesh Simplified(Mesh mesh, size_t most) {
-  int cells = kFinestGrid;
-  Mesh smaller = mesh;
-  while (smaller.faces.size() > most && cells > 8) {
-    cells = cells * 4 / 5;
-    smaller = Clustered(mesh, cells);
+double SizeOf(const Mesh& mesh) {
+  if (mesh.points.empty()) return 0;
+  Vector3f low = At(mesh, 0), high = low;
+  for (uint32_t i = 0; i < mesh.points.size(); ++i) {
+    low = low.cwiseMin(At(mesh, i));
+    high = high.cwiseMax(At(mesh, i));
   }
-  return smaller;
+  return (high - low).maxCoeff();
+}
+
+Mesh Simplified(const Mesh& mesh, double side) {
+  absl::flat_hash_map<std::array<int, 3>, uint32_t> cells;
+  std::vector<uint32_t> cell_of;
+  std::vector<Vector3f> sums;
+  std::vector<float> counts;
+  for (uint32_t i = 0; i < mesh.points.size(); ++i) {
+    const Eigen::Vector3i cell = (At(mesh, i) / static_cast<float>(side)).array().floor().cast<int>();
+    const auto [entry, is_new] = cells.try_emplace({cell.x(), cell.y(), cell.z()},
+                                                   static_cast<uint32_t>(sums.size()));
+    if (is_new) {
+      sums.push_back(Vector3f::Zero());
+      counts.push_back(0);
+    }
+    sums[entry->second] += At(mesh, i);
+    ++counts[entry->second];
+    cell_of.push_back(entry->second);
+  }
+  Mesh out;
+  for (size_t i = 0; i < sums.size(); ++i) {
+    const Vector3f mean = sums[i] / counts[i];
+    out.points.push_back({mean.x(), mean.y(), mean.z()});
+  }
+  absl::flat_hash_set<std::array<uint32_t, 3>> seen;
+  for (const auto& face : mesh.faces) {
+    std::array<uint32_t, 3> now = {cell_of[face[0]], cell_of[face[1]], cell_of[face[2]]};
+    if (now[0] == now[1] || now[1] == now[2] || now[2] == now[0]) continue;
+    std::rotate(now.begin(), std::min_element(now.begin(), now.end()), now.end());
+    if (seen.insert(now).second) out.faces.push_back(now);
+  }
+  return out;
 }
 
 Mesh WithNormals(const Mesh& mesh) {

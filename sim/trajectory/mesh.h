@@ -19,11 +19,14 @@ struct Mesh {
 // no faces.
 Mesh BuildMesh(const mjModel& model, int geom);
 
-// The same with at most `most` faces: points that are near to each other become one, and faces that
-// vanish by it go.
-Mesh Simplified(Mesh mesh, size_t most);
+// Its longest extent along an axis, in m.
+double SizeOf(const Mesh& mesh);
 
-// Gives it normals: smooth where faces meet at less than 40 degrees; along sharper edges points are
+// The same with one point for each cube of a grid, whose side is `side` m: the mean of those that are in
+// it. Faces that vanish by it go, and of equal ones all but one.
+Mesh Simplified(const Mesh& mesh, double side);
+
+// Gives it normals: smooth where faces meet at less than 60 degrees; along sharper edges points are
 // doubled.
 Mesh WithNormals(const Mesh& mesh);
 

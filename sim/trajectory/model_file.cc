@@ -23,8 +23,14 @@ namespace {
 using Json = nlohmann::json;
 
 // Raise it with any change of what the file has.
-constexpr int kModelFileRevision = 2;
+constexpr int kModelFileRevision = 3;
 constexpr size_t kKeyDigits = 16;
+// Meshes are simplified on grids with a side of kFinest times a power of kCoarser times the cube root of the
+// mesh's size: what is small is looked at from near, but not as much nearer as it is smaller.
+constexpr double kFinest = 1e-3;      // m^(2/3)
+constexpr double kCoarser = 1.04;
+constexpr int kMostCoarser = 100;     // the largest power
+constexpr size_t kFewFaces = 400;     // of a mesh that stays as it is
 constexpr int kMostVisibleGroup = 2;  // later ones are for collisions and marks
 constexpr double kSquare = 1;         // m, side of the floor's squares
 // From MuJoCo's axes (z up) to those of glTF (y up): a quarter turn about x.
@@ -62,7 +68,9 @@ Placement PlaceOf(const mjModel& model, const Figure& figure, int geom) {
 // Puts the shapes of a model into a file.
 class ModelFile {
  public:
-  ModelFile(const mjModel& model, const Figure& figure) : model_(model), figure_(figure) {}
+  // `coarseness`: of meshes, in m^(2/3).
+  ModelFile(const mjModel& model, const Figure& figure, double coarseness)
+      : model_(model), figure_(figure), coarseness_(coarseness) {}
 
   std::string Write(const Json& extras) {
     const std::vector<Placement> places = FirstPlaces();
@@ -121,13 +129,17 @@ class ModelFile {
     const std::pair key(asset ? model_.geom_dataid[geom] : -1 - geom, material);
     const auto found = meshes_.find(key);
     if (found != meshes_.end()) return found->second;
-    const Mesh mesh = Simplified(BuildMesh(model_, geom), kMostFacesOfMesh);
+    Mesh mesh = BuildMesh(model_, geom);
+    if (mesh.faces.size() > kFewFaces) {
+      mesh = Simplified(mesh, coarseness_ * std::cbrt(SizeOf(mesh)));
+    }
     return meshes_[key] =
                mesh.faces.empty() ? -1 : glb_.AddMesh(WithNormals(mesh), material);
   }
 
   const mjModel& model_;
   const Figure& figure_;
+  const double coarseness_;
   const std::set<int> wraps_ = WrapGeoms(model_);
   GlbWriter glb_;
   std::map<std::pair<int, int>, int> meshes_;  // by mesh asset (or geom) and material
@@ -187,13 +199,28 @@ std::string ModelFileKey(const ModelSource& source) {
 absl::StatusOr<std::string> MakeModelFile(const mjModel& model, std::string_view track,
                                           const std::string& key, const CameraView& view) {
   ASSIGN_OR_RETURN(const Figure figure, BuildFigure(model));
-  return ModelFile(model, figure)
-      .Write({{"format", 1},
-              {"track", track},
-              {"model", key},
-              {"camera", CameraToJson(view)},
-              {"muscles", MusclesToJson(model, figure)},
-              {"floor", FloorToJson(model)}});
+  const Json extras = {{"format", 1},
+                       {"track", track},
+                       {"model", key},
+                       {"camera", CameraToJson(view)},
+                       {"muscles", MusclesToJson(model, figure)},
+                       {"floor", FloorToJson(model)}};
+  // As fine as fits.
+  std::string best;
+  for (int low = 0, high = kMostCoarser; low < high;) {
+    const int middle = (low + high) / 2;
+    std::string file = ModelFile(model, figure, kFinest * std::pow(kCoarser, middle)).Write(extras);
+    if (file.size() > kMostModelFileBytes) {
+      low = middle + 1;
+    } else {
+      high = middle;
+      best = std::move(file);
+    }
+  }
+  if (!best.empty()) return best;
+  return absl::ResourceExhaustedError(
+      absl::StrCat("the model of track \"", std::string(track), "\" has too many shapes for a file of ",
+                   kMostModelFileBytes, " bytes"));
 }
 
 }  // namespace myograde::sim

@@ -12,14 +12,14 @@
 
 namespace myograde::sim {
 
-// The most triangles that a mesh of the model keeps.
-inline constexpr size_t kMostFacesOfMesh = 24'000;
+inline constexpr size_t kMostModelFileBytes = 1'000'000;
 
 // Identifies the model file of a track: 16 hexadecimal digits, other ones for other sources, patches
 // or contents of the file.
 std::string ModelFileKey(const ModelSource& source);
 
-// The file's bytes: the same for the same arguments. Errors: as BuildFigure.
+// The file's bytes, at most kMostModelFileBytes: the same for the same arguments. Errors: as BuildFigure;
+// ResourceExhaustedError: it has too many shapes.
 absl::StatusOr<std::string> MakeModelFile(const mjModel& model, std::string_view track,
                                           const std::string& key, const CameraView& view);
 

@@ -185,21 +185,27 @@ void TrajectoryRecorder::Capture(const mjData& data) {
 }
 
 void TrajectoryRecorder::CaptureParts(const mjData& data) {
-  const size_t last = rotations_.size() - (frames_ > 0 ? 4 * figure_.parts.size() : 0);
+  targets_ = telemetry_->Targets();
   for (size_t i = 0; i < figure_.parts.size(); ++i) {
-    const mjtNum* position = data.xpos + 3 * figure_.parts[i];
+    mjtNum position[3];
+    mju_copy3(position, data.xpos + 3 * figure_.parts[i]);
     const int from = figure_.from[i];
-    for (int axis = 0; axis < 3; ++axis) {
-      const mjtNum origin = from < 0 ? 0 : data.xpos[3 * figure_.parts[from] + axis];
-      positions_.push_back(static_cast<float>(position[axis] - origin));
-    }
-    // A quaternion and its negative are the same rotation: the one that is nearer to the last.
-    const mjtNum* rotation = data.xquat + 4 * figure_.parts[i];
-    double same = 0;
-    for (int k = 0; k < 4 && frames_ > 0; ++k) same += rotation[k] * rotations_[last + 4 * i + k];
-    for (int k = 0; k < 4; ++k) {
-      rotations_.push_back(static_cast<float>(same < 0 ? -rotation[k] : rotation[k]));
-    }
+    if (from >= 0) mju_subFrom3(position, data.xpos + 3 * figure_.parts[from]);
+    CapturePose(position, data.xquat + 4 * figure_.parts[i]);
+  }
+  for (const TargetPose& target : targets_) {
+    CapturePose(target.position.data(), target.rotation.data());
+  }
+}
+
+void TrajectoryRecorder::CapturePose(const mjtNum position[3], const mjtNum rotation[4]) {
+  positions_.insert(positions_.end(), position, position + 3);
+  // A quaternion and its negative are the same rotation: the one that is nearer to the last.
+  const size_t before = rotations_.size() - 4 * (figure_.parts.size() + targets_.size());
+  double same = 0;
+  for (size_t k = 0; k < 4 && frames_ > 0; ++k) same += rotation[k] * rotations_[before + k];
+  for (int k = 0; k < 4; ++k) {
+    rotations_.push_back(static_cast<float>(same < 0 ? -rotation[k] : rotation[k]));
   }
 }
 
@@ -253,7 +259,7 @@ absl::StatusOr<std::string> TrajectoryRecorder::Finish() {
 }
 
 void TrajectoryRecorder::AddPoses(ArrayBlock& arrays) const {
-  const size_t parts = figure_.parts.size();
+  const size_t parts = figure_.parts.size() + targets_.size();
   AddRanged(arrays, "position", NumberType::kU16, positions_, 3 * parts);
   const ChannelRange unit[] = {{-1, 1}};
   arrays.Add("rotation", NumberType::kU16, ByChannel(rotations_, 4 * parts), 4 * parts, unit);
@@ -309,15 +315,17 @@ Json TrajectoryRecorder::AddTerrain(ArrayBlock& arrays) const {
 
 Json TrajectoryRecorder::PartsToJson() const {
   Json parts = Json::array();
-  const mjModel& model = environment_.model();
-  for (size_t i = 0; i < figure_.parts.size(); ++i) {
-    const int body = figure_.parts[i];
-    Json part = {{"name", mj_id2name(&model, mjOBJ_BODY, body)}};
-    if (figure_.from[i] >= 0) part["from"] = figure_.from[i];
+  const auto add = [&](int body) -> Json& {
+    Json part = {{"name", mj_id2name(&environment_.model(), mjOBJ_BODY, body)}};
     const std::array<double, 3> scale = telemetry_->ScaleOf(body);
     if (scale != std::array<double, 3>{1, 1, 1}) part["scale"] = scale;
-    parts.push_back(std::move(part));
+    return parts.emplace_back(std::move(part));
+  };
+  for (size_t i = 0; i < figure_.parts.size(); ++i) {
+    Json& part = add(figure_.parts[i]);
+    if (figure_.from[i] >= 0) part["from"] = figure_.from[i];
   }
+  for (const TargetPose& target : targets_) add(target.body)["target"] = true;
   return parts;
 }
 

@@ -53,6 +53,7 @@ class TrajectoryRecorder final : public EpisodeRecorder {
 
   void Capture(const mjData& data);
   void CaptureParts(const mjData& data);
+  void CapturePose(const mjtNum position[3], const mjtNum rotation[4]);
   void CaptureMuscles(const mjData& data);
   void CaptureContacts(const mjData& data);
   double Now() const;
@@ -84,6 +85,7 @@ class TrajectoryRecorder final : public EpisodeRecorder {
   std::vector<float> series_;
   std::vector<double> sample_;
   std::vector<TrajectoryEvent> events_;
+  std::vector<TargetPose> targets_;  // of the last frame
 };
 
 }  // namespace myograde::sim

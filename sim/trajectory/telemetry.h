@@ -33,6 +33,13 @@ struct TrajectoryEvent {
   std::string unit = {};  // of the value
 };
 
+// Where a body should be: a viewer draws its shapes there as well.
+struct TargetPose {
+  int body = -1;                         // of the model
+  std::array<double, 3> position = {};   // m, in the world
+  std::array<double, 4> rotation = {};   // w, x, y, z
+};
+
 // Looks on while one environment plays one episode.
 class Telemetry {
  public:
@@ -42,6 +49,9 @@ class Telemetry {
 
   // The series' values in the state after the last reset or step; `out` has an entry for each.
   virtual void Sample(std::span<double> out) const = 0;
+
+  // The targets now that no body of the model shows; of the same bodies each time.
+  virtual std::vector<TargetPose> Targets() const { return {}; }
 
   // How far from a series what should follow it may be, in its unit; 0: it is no target.
   virtual double ToleranceOf(std::string_view series) const {
