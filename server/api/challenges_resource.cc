@@ -1,5 +1,6 @@
 #include "server/api/resources.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -116,6 +117,7 @@ ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
         {{"challenge", challenge.name},
          {"title", challenge.title},
          {"text", challenge.text},
+         {"logo", !challenge.logo.empty()},
          {"phases", std::move(phases)}});
   }
   Json former = Json::array();  // that only the store knows
@@ -230,10 +232,28 @@ ApiResult ChooseSubmission(const ApiContext& context, const Request& request, co
                     {"changed", changed}}};
 }
 
+absl::Status SendLogo(const ApiContext& context, const Request& request, Response& response) {
+  RETURN_IF_ERROR(CheckParameters(request, {}));
+  const auto& all = context.phases.challenges();
+  const auto found = std::find_if(all.begin(), all.end(), [&](const ChallengeConfig& challenge) {
+    return challenge.name == request.matches[1] && !challenge.logo.empty();
+  });
+  if (found == all.end()) {
+    return absl::NotFoundError(absl::StrCat("there is no logo of a challenge \"",
+                                            std::string(request.matches[1]), "\""));
+  }
+  response.SetHeader("Cache-Control", "no-cache");
+  response.SetHeader("X-Content-Type-Options", "nosniff");
+  response.SetContent(found->logo, "image/png");
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void AddChallenges(Routes& routes, const ApiContext& context) {
   routes.Get("/v1/challenges", Action::kReadChallenge, Bind(context, ListChallenges));
+  routes.GetFile(R"(/v1/challenges/([a-z0-9-]{1,64})/logo[.]png)", Action::kReadChallenge,
+                 Bind(context, SendLogo));
   routes.Post(R"(/v1/submissions/(\d{1,18})/choose)", Action::kChoose,
               Bind(context, ChooseSubmission));
   for (const auto& [verb, event] :

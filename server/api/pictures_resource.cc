@@ -7,7 +7,9 @@
 #include <set>
 #include <string>
 #include <tuple>
+#include <vector>
 
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
@@ -62,37 +64,55 @@ class PublicReplays {
   // `context` must outlive it.
   explicit PublicReplays(const ApiContext& context) : context_(context) {}
 
-  // Boards that can't be read are left out.
   Json List(const Transaction& reader) {
     Json list = Json::array();
-    const auto add = [&](const TrackPtr& live) {
-      absl::StatusOr<Json> replay = Of(reader, live);
-      if (replay.ok() && !replay->is_null()) list.push_back(*std::move(replay));
-    };
-    for (const PhasePtr& phase : context_.phases.entries()) add(phase->track);
-    for (const auto& [name, offer] : context_.tracks.entries()) {
-      add(offer.profiles.at(offer.default_profile));
-    }
+    for (const KeptBoards::Text& text : Texts(reader)) list.push_back(Json::parse(*text));
     return list;
   }
 
   // MissingLog unless the list has the log's episode.
   absl::Status Require(const Transaction& reader, const std::string& log) {
-    for (const Json& replay : List(reader)) {
-      if (replay["log"] == log) return absl::OkStatus();
+    // As it stands in a text that Json wrote: in a name, quotes would be escaped.
+    const std::string entry = absl::StrCat(R"("log":")", log, "\"");
+    for (const KeptBoards::Text& text : Texts(reader)) {
+      if (absl::StrContains(*text, entry)) return absl::OkStatus();
     }
     return MissingLog(log);
   }
 
  private:
-  // The best episode of the leader, or else of the first baseline. Null: there is none to watch.
-  absl::StatusOr<Json> Of(const Transaction& reader, const TrackPtr& live) {
+  // Boards that can't be read or have none are left out.
+  std::vector<KeptBoards::Text> Texts(const Transaction& reader) {
+    std::vector<KeptBoards::Text> texts;
+    const auto add = [&](const TrackPtr& live) {
+      absl::StatusOr<KeptBoards::Text> text = Of(reader, live);
+      if (text.ok() && !(*text)->empty()) texts.push_back(*std::move(text));
+    };
+    for (const PhasePtr& phase : context_.phases.entries()) add(phase->track);
+    for (const auto& [name, offer] : context_.tracks.entries()) {
+      add(offer.profiles.at(offer.default_profile));
+    }
+    return texts;
+  }
+
+  // What the list has of a board, kept until the store changes; "": nothing.
+  absl::StatusOr<KeptBoards::Text> Of(const Transaction& reader, const TrackPtr& live) {
     ASSIGN_OR_RETURN(const BoardQuery asked, PublicBoard(reader, context_, live));
-    const Track& track = *asked.track;
-    if (!IsReplayPublic(reader, context_, track.config)) return Json();
-    const std::string key = absl::StrCat(track.config.hash, "/", asked.view());
+    if (!IsReplayPublic(reader, context_, asked.track->config)) {
+      return std::make_shared<const std::string>();
+    }
+    const std::string key = absl::StrCat(asked.track->config.hash, "/", asked.view());
     const int64_t changes = reader.BoardChanges();
-    if (const auto found = kept_.Find(key, changes)) return Json::parse(*found);
+    if (const KeptBoards::Text found = kept_.Find(key, changes)) return found;
+    ASSIGN_OR_RETURN(const Json replay, Replay(reader, asked));
+    const auto kept = std::make_shared<const std::string>(replay.is_null() ? "" : replay.dump());
+    kept_.Keep(key, changes, kept);
+    return kept;
+  }
+
+  // The best episode of the leader, or else of the first baseline. Null: there is none to watch.
+  absl::StatusOr<Json> Replay(const Transaction& reader, const BoardQuery& asked) {
+    const Track& track = *asked.track;
     ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, track, asked.moment()));
     ASSIGN_OR_RETURN(const Leaderboard board, BoardOf(source, track, asked.rules->rules));
     if (board.rows.empty()) return Json();
@@ -106,13 +126,11 @@ class PublicReplays {
     RETURN_IF_ERROR(AddSummary(track, rows, judged, summary));
     if (summary["highlights"].empty()) return Json();
     const Json& episode = *summary["highlights"].begin();  // "best" or "only"
-    const Json made = {{"phase", TextOrNull(track.config.phase)}, {"track", track.config.id},
-                       {"profile", track.config.profile}, {"team", first.team},
-                       {"submission", first.submission}, {"name", first.artefact_name},
-                       {"baseline", baseline}, {"episode", episode["index"]},
-                       {"log", episode["log"]["sha256"]}};
-    kept_.Keep(key, changes, std::make_shared<const std::string>(made.dump()));
-    return made;
+    return Json{{"phase", TextOrNull(track.config.phase)}, {"track", track.config.id},
+                {"profile", track.config.profile}, {"team", first.team},
+                {"submission", first.submission}, {"name", first.artefact_name},
+                {"baseline", baseline}, {"episode", episode["index"]},
+                {"log", episode["log"]["sha256"]}};
   }
 
   const ApiContext& context_;

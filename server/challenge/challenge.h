@@ -61,6 +61,7 @@ struct ChallengeConfig {
   std::string where;  // the file, for messages
   std::string title;
   nlohmann::json text = nlohmann::json::array();  // what its host says on the first page: MarkdownTree
+  std::string logo = {};  // a PNG; "": none
   std::vector<PhaseConfig> phases;
 };
 
@@ -72,7 +73,7 @@ inline constexpr size_t kMaxTitleBytes = 200;
 ChallengeConfig ReadChallenge(const nlohmann::json& json, const std::string& name,
                               const std::string& where, std::vector<std::string>& mistakes);
 
-// Sets `text` to that of the file NAME.md beside the challenge file NAME.json, if there is one.
+// Sets `text` and `logo` to what NAME.md and NAME.png beside the challenge file NAME.json have, if there are such files.
 void ReadChallengeText(const std::string& file, ChallengeConfig& challenge,
                        std::vector<std::string>& mistakes);
 

@@ -27,6 +27,8 @@ namespace fs = std::filesystem;
 
 constexpr size_t kMaxChallengeBytes = 4u << 20;
 constexpr size_t kMaxTextBytes = 64u << 10;
+constexpr size_t kMaxLogoBytes = 256u << 10;
+constexpr std::string_view kPngSignature = "\x89PNG\r\n\x1a\n";
 constexpr std::array<std::string_view, 4> kStateNames = {"upcoming", "open", "paused", "closed"};
 
 std::string CantBeRead(const std::string& dir, const std::error_code& error) {
@@ -104,14 +106,19 @@ std::set<std::string> FileConfigsBehind(const std::vector<BoardConfigRow>& rows)
 
 void ReadChallengeText(const std::string& file, ChallengeConfig& challenge,
                        std::vector<std::string>& mistakes) {
-  const fs::path path = fs::path(file).replace_extension(".md");
-  std::error_code error;
-  if (!fs::exists(path, error)) return;
-  const absl::StatusOr<std::string> text = ReadFile(path.string(), kMaxTextBytes);
-  if (!text.ok()) {
-    mistakes.emplace_back(text.status().message());
-  } else {
-    challenge.text = MarkdownTree(*text);
+  const auto read = [&](const char* extension, size_t most) {
+    const std::string path = fs::path(file).replace_extension(extension).string();
+    std::error_code error;
+    if (!fs::exists(path, error)) return std::string();
+    absl::StatusOr<std::string> bytes = ReadFile(path, most);
+    if (!bytes.ok()) mistakes.emplace_back(bytes.status().message());
+    return bytes.ok() ? *std::move(bytes) : std::string();
+  };
+  challenge.text = MarkdownTree(read(".md", kMaxTextBytes));
+  challenge.logo = read(".png", kMaxLogoBytes);
+  if (!challenge.logo.empty() && !challenge.logo.starts_with(kPngSignature)) {
+    mistakes.push_back(absl::StrCat(fs::path(file).replace_extension(".png").string(),
+                                    ": the challenge's logo is no PNG; convert it to one"));
   }
 }
 

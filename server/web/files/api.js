@@ -105,7 +105,7 @@ function wait(seconds, signal) {
   });
 }
 
-// The body of an answer, of at most so many bytes.
+// The body of an answer, of at most so many bytes. onProgress(bytes, first part) is told of each part.
 async function bodyOf(answer, most, onProgress) {
   const parts = [];
   let received = 0;
@@ -119,7 +119,7 @@ async function bodyOf(answer, most, onProgress) {
       throw new ApiError(0, "too_large", `The server sent more than ${most} bytes.`);
     }
     parts.push(value);
-    onProgress(received);
+    onProgress(received, parts[0]);
   }
   return new Blob(parts).arrayBuffer();
 }
@@ -127,7 +127,7 @@ async function bodyOf(answer, most, onProgress) {
 const MOST_WAIT_MS = 1800000;
 
 // A file, which the server may have to make first: until then onWait({state, place}) is told how that
-// stands, and while it arrives onProgress(bytes). `received`: how many bytes came over the network, as far as the browser tells.
+// stands, and while it arrives onProgress (bodyOf). `received`: how many bytes came over the network, as far as the browser tells.
 export async function download(path, {signal, most, onWait = () => {}, onProgress = () => {}}) {
   const begin = performance.now();
   for (;;) {

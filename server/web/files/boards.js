@@ -116,7 +116,8 @@ function challengePart(challenge, now, tracks, titled, replay) {
   return {filled, element: h("section", {class: "challenge"},
     !titled && h("h2", null, visible(challenge.title)),
     h("div", {class: `hero${replay ? " with-replay" : ""}`},
-      h("div", null, challenge.text.length > 0 && hostText(challenge.text), actions()),
+      h("div", null, challenge.logo && h("img", {class: "logo", alt: `Logo of ${visible(challenge.title)}`,
+        src: `/v1/challenges/${encodeURIComponent(challenge.challenge)}/logo.png`}), challenge.text.length > 0 && hostText(challenge.text), actions()),
       h("div", null, replay, coming && h("p", {class: "coming"}, coming), timeline(phases, now), counts)),
     h("h2", {class: titled ? null : "hidden"}, "Boards"), cards)};
 }

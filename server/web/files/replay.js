@@ -8,6 +8,7 @@ import {keepMoment, momentAsked} from "./replay_address.js";
 import {compare} from "./replay_compare.js";
 import {Controls, eventTable, keyList, seconds} from "./replay_controls.js";
 import {MOST_BYTES, readTrajectory} from "./replay_file.js";
+import {Film, filmType} from "./replay_film.js";
 import {graphs} from "./replay_graphs.js";
 import {Player, makeViews} from "./replay_player.js";
 import {filesOf, publicReplays, replayAddress} from "./replays.js";
@@ -63,12 +64,14 @@ function about(one) {
   ].filter((pair) => pair[1] !== null)));
 }
 
-function actions(views, episodes, clock) {
+function fileName({track, episode}, ...more) {
+  return [track, ...(episode === null ? [] : [`episode-${episode}`]), ...more].join("-").replace(/[^\w.-]/g, "_");
+}
+
+function actions(views, episodes, clock, film) {
   const save = () => views.forEach(async (view, place) => {
-    const {track, episode} = episodes[place].trajectory;
-    const words = [track, episode === null ? null : `episode-${episode}`, `${clock.time.toFixed(2)}s`]
-      .filter((word) => word !== null).join("-").replace(/[^\w.-]/g, "_");
-    saveFile(await view.picture(), `${words}${place ? `-${place + 1}` : ""}.png`, "image/png");
+    const words = fileName(episodes[place].trajectory, `${clock.time.toFixed(2)}s`, ...(place ? [place + 1] : []));
+    saveFile(await view.picture(), `${words}.png`, "image/png");
   });
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
   return {look: each((view, from) => view.lookFrom(from)),
@@ -77,7 +80,7 @@ function actions(views, episodes, clock) {
       view.following = on;
     }),
     muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on)),
-    save: views.length > 0 && save};
+    save: views.length > 0 && save, film};
 }
 
 // What a frame takes, for those who want to know: of the scripts, without the graphics card's part.
@@ -117,9 +120,11 @@ function stageOf(episodes, hosts, why) {
 function legend(episodes) {
   const strong = Math.max(...episodes.map((one) => one.trajectory.strongForce));
   const muscles = episodes.some((one) => one.trajectory.muscles.length > 0);
+  const targets = episodes.some((one) => one.trajectory.bodies.some((body) => body.target));
   return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
     h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
-  strong > 0 && `Arrows: contact forces; the longest stands for ${number(strong, 0)} N, one of half its length for a quarter.`);
+  strong > 0 && `Arrows: contact forces; the longest stands for ${number(strong, 0)} N, one of half its length for a quarter. `,
+  targets && "Translucent: the target.");
 }
 
 // The episodes before and after this one, as far as the reader may see them.
@@ -149,7 +154,10 @@ async function build(main, title, episodes, tell, signal) {
     keep?.();
   };
   const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, again, signal);
-  const controls = new Controls(episodes, clock, viewpoints, actions(views, episodes, clock), again);
+  const film = views.length && clock.duration && filmType() ? new Film(clock, views, episodes.map((one) => `${one.label}, ${
+    visible(one.trajectory.track)}${one.trajectory.episode === null ? "" : `, episode ${whole(one.trajectory.episode)}`}`),
+  fileName(episodes[0].trajectory)) : null;
+  const controls = new Controls(episodes, clock, viewpoints, actions(views, episodes, clock, film), again);
   const wanted = momentAsked();
   if (wanted.camera) views.forEach((view) => view.placeCamera(wanted.camera));
   clock.seek(wanted.time ?? 0);
@@ -170,7 +178,7 @@ async function build(main, title, episodes, tell, signal) {
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `
         + `${bytes(one.received)} of poses, ${whole(one.trajectory.frames)} frames, `
         + `${whole(one.trajectory.steps)} steps`).join("; "))));
-  player = new Player(clock, views, [drawn, events], controls, meter);
+  player = new Player(clock, views, [drawn, events], controls, meter, film);
   hosts.forEach((host) => host.addEventListener("pointerdown", again));
   // A moment that somebody shared stands still.
   if (wanted.time === null && views.length && !matchMedia("(prefers-reduced-motion: reduce)").matches) controls.toggle();
@@ -182,7 +190,8 @@ export async function show(main, query) {
   const words = h("span", {role: "status"}, "Loading the poses…");
   const title = h("h1", null, wanted.length > 1 ? "Two replays" : "Replay");
   document.title = "Replay – MyoGrade";
-  replace(main, title, h("p", {class: "loading"}, h("progress", {"aria-label": "Loading"}), " ", words));
+  const bar = h("progress", {"aria-label": "Loading"});
+  replace(main, title, h("p", {class: "loading"}, bar, " ", words));
   const leaving = new AbortController();
   let player = null;
   addEventListener("pagehide", () => {
@@ -191,8 +200,10 @@ export async function show(main, query) {
   }, {once: true});
   // A page that a browser kept has nothing to show any more.
   addEventListener("pageshow", (event) => event.persisted && location.reload());
-  const tell = (text) => {
+  const tell = (text, part) => {
     if (words.textContent !== text) words.textContent = text;
+    if (part > 0) bar.value = part;
+    else bar.removeAttribute("value");
   };
   const episodes = labelled(await Promise.all(wanted.map((one) => load(one, tell, leaving.signal))));
   const [first] = episodes;

@@ -90,7 +90,8 @@ export function keyList() {
 }
 
 // Buttons and bar for a clock. `can` are the actions on the views: look(name), turn(azimuth, elevation,
-// nearer), follow(on) if `canFollow`, muscles(on), forces(on), save(); without views they are left out.
+// nearer), follow(on) if `canFollow`, muscles(on), forces(on), save(), film (a Film or null); without views they are
+// left out.
 export class Controls {
   constructor(episodes, clock, viewpoints, can, onChange) {
     this.clock = clock;
@@ -114,16 +115,29 @@ export class Controls {
       loop: tick("Loop", false, (on) => {
         clock.loop = on;
       })};
-    this.element = h("div", {class: "controls"}, this.bar.element, h("div", {class: "row"},
+    this.steering = h("div", null, this.bar.element, h("div", {class: "row"},
       this.play,
       button("−1 frame", "One frame back (←)", () => this.step(-1)),
       button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
       viewpoints.length > 0 && [this.view.label, can.canFollow && this.ticks.follow.label,
         this.ticks.muscles.label, this.ticks.forces.label], this.ticks.loop.label,
       can.save && button("Save picture", "Saves what the view shows as a PNG", can.save),
+      can.film && button("Save film", "Plays the episode from its start to its end and saves that as a film", () => this.record()),
       document.fullscreenEnabled && button("Full screen", "Full screen (X)", () => this.fullScreen())));
+    this.element = h("div", {class: "controls"}, this.steering, can.film?.element);
     this.told = -Infinity;
     this.show(true);
+  }
+
+  // While a film is recorded, nothing else steers the clock.
+  async record() {
+    const asked = document.activeElement;
+    this.steering.inert = true;
+    await this.can.film.record().finally(() => {
+      this.steering.inert = false;
+      asked.focus();
+      this.changed();
+    });
   }
 
   fullScreen() {
@@ -175,7 +189,7 @@ export class Controls {
 
   // Does what a key asks for; whether it asks for anything.
   key(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey) return false;
+    if (event.ctrlKey || event.altKey || event.metaKey || this.steering.inert) return false;
     const inButton = event.target.matches?.("button, summary, a");
     if (event.target.matches?.("select, textarea, input:not([type=checkbox]):not([type=range])")) {
       return false;

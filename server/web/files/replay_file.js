@@ -72,7 +72,8 @@ function readBodies(head) {
     object(body, "a body");
     return {name: text(body.name, "a body's name"),
       from: body.from === undefined ? null : whole(body.from, place - 1, "a body's \"from\""),
-      scale: body.scale === undefined ? null : vector(body.scale, 3, "a body's scale")};
+      scale: body.scale === undefined ? null : vector(body.scale, 3, "a body's scale"),
+      target: body.target === true};
   });
 }
 

@@ -171,3 +171,71 @@ export function floorMesh({height, square, halfSize}, colors) {
   mesh.receiveShadow = true;
   return mesh;
 }
+
+// The shapes of a body once more, translucent: where it should come to. Beside it in the scene.
+export function targetOf(node) {
+  const copy = node.clone();
+  const material = new three.MeshStandardMaterial({color: 0x1f9d5c, transparent: true, opacity: 0.4, depthWrite: false,
+    roughness: 0.8});
+  copy.traverse((part) => {
+    if (!part.isMesh) return;
+    part.material = material;
+    part.castShadow = false;
+  });
+  node.parent.add(copy);
+  return copy;
+}
+
+const MARK_M = 5;       // from one to the next
+const MARK_WIDE_M = 0.04;
+const MARK_ABOVE_M = 0.012;
+const NUMBER_M = 0.32;  // high
+
+function numberAt(text, color, place) {
+  const canvas = document.createElement("canvas");
+  canvas.width = 192;
+  canvas.height = 64;
+  const context = canvas.getContext("2d");
+  Object.assign(context, {font: "600 48px system-ui, sans-serif", fillStyle: color, textAlign: "center",
+    textBaseline: "middle"});
+  context.fillText(text, 96, 34);
+  const map = new three.CanvasTexture(canvas);
+  map.colorSpace = three.SRGBColorSpace;
+  const sprite = new three.Sprite(new three.SpriteMaterial({map, transparent: true}));
+  sprite.scale.set(3 * NUMBER_M, NUMBER_M, 1);
+  sprite.position.set(...place);
+  return sprite;
+}
+
+// Lines across a terrain every few metres of the course (courseOf of replay_map.js), with their numbers beside it.
+export function courseMarks({rows, columns, low, high, heights}, {axis, way, start}, color) {
+  const sides = [columns, rows];
+  const cell = (of, value) => Math.round((value - low[of]) / (high[of] - low[of]) * (sides[of] - 1));
+  const across = 1 - axis;
+  const group = new three.Group();
+  const points = [];
+  for (let far = 0; ; far += MARK_M) {
+    const along = start + way * far;
+    if (along < low[axis] || along > high[axis]) break;
+    const at = (place, shift) => {
+      const own = [cell(axis, along), place];
+      const [column, row] = axis ? [own[1], own[0]] : own;
+      const x = low[across] + (high[across] - low[across]) * place / (sides[across] - 1);
+      const z = heights[column * rows + row] + MARK_ABOVE_M;
+      return axis ? [x, along + shift, z] : [along + shift, x, z];
+    };
+    for (let place = 0; place + 1 < sides[across]; place += 1) {
+      const [a, b, c, d] = [[place, -1], [place + 1, -1], [place, 1], [place + 1, 1]]
+        .map(([one, side]) => at(one, side * MARK_WIDE_M / 2));
+      points.push(...a, ...b, ...d, ...a, ...d, ...c);
+    }
+    const edge = at(sides[across] - 1, 0);
+    edge[across] += NUMBER_M;
+    edge[2] += 0.6 * NUMBER_M;
+    group.add(numberAt(`${far} m`, color, edge));
+  }
+  const geometry = new three.BufferGeometry();
+  geometry.setAttribute("position", new three.BufferAttribute(new Float32Array(points), 3));
+  group.add(new three.Mesh(geometry, new three.MeshBasicMaterial({color, side: three.DoubleSide})));
+  return group;
+}

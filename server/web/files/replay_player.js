@@ -15,7 +15,12 @@ function whyNot(error) {
   return "The view in 3D failed. Graphs and events below show the episode.";
 }
 
-// The views in 3D, or none and why.
+// How many bytes a model file has in all, as its head says: what arrives is unpacked, of which HTTP tells no size.
+function wholeModel(head) {
+  return head.byteLength < 12 ? Infinity : new DataView(head.buffer, head.byteOffset).getUint32(8, true);
+}
+
+// The views in 3D, or none and why. tell(words, part): how far it is, of 1, if that is known.
 export async function makeViews(episodes, hosts, tell, again, signal) {
   let drawing;
   try {
@@ -35,7 +40,8 @@ export async function makeViews(episodes, hosts, tell, again, signal) {
       if (!models.has(track)) {
         models.set(track, (await download(`/v1/models/${encodeURIComponent(track)}.glb`,
           {signal, most: MOST_BYTES, onWait: () => tell("The model's shapes are made…"),
-            onProgress: (received) => tell(`Loading the model: ${bytes(received)}…`)})).data);
+            onProgress: (received, head) => tell(`Loading the model: ${bytes(received)}…`,
+              received / wholeModel(head))})).data);
       }
       const onMove = (moved) => {
         views.forEach((view) => view !== moved && view.lookLike(moved));
@@ -54,8 +60,9 @@ export async function makeViews(episodes, hosts, tell, again, signal) {
 
 // Runs the clock and draws while something changes.
 export class Player {
-  constructor(clock, views, parts, controls, meter) {
-    Object.assign(this, {clock, views, parts, controls, meter, changed: true, before: null, told: 0,
+  // `film` of replay_film.js, or null.
+  constructor(clock, views, parts, controls, meter, film = null) {
+    Object.assign(this, {clock, views, parts, controls, meter, film, changed: true, before: null, told: 0,
       slow: 0, spared: 0});
     this.request = requestAnimationFrame((now) => this.frame(now));
   }
@@ -74,6 +81,7 @@ export class Player {
     this.controls.show(told);
     this.parts.forEach((part) => part.show(this.clock.time, told));
     for (const view of this.views) view.draw(this.clock.time);
+    this.film?.add();
     this.meter.add(performance.now() - begin, this.views);
     this.spare(ran ? passed : 0);
   }

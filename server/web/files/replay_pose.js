@@ -68,7 +68,8 @@ export function pointOn(pose, body, x, y, z, out, at) {
 // which muscle of the trajectory each is. `fixed(body, at)` gives a point of a body that never moves in
 // the world, as a list.
 export function boundPaths(muscles, trajectory, fixed) {
-  const indices = new Map(trajectory.bodies.map((body, place) => [body.name, place]));
+  const indices = new Map(trajectory.bodies.map((body, place) => [body.name, place])
+    .filter(([, place]) => !trajectory.bodies[place].target));
   const bound = (point) => {
     if (point.body === null) return {body: -1, wrap: point.wrap, at: point.at};
     if (indices.has(point.body)) {

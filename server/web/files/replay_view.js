@@ -4,14 +4,15 @@ import * as three from "./three.js";
 import * as gltf from "./three_gltf_loader.js";
 import * as orbit from "./three_orbit_controls.js";
 import {FileError, readModelExtras} from "./replay_file.js";
-import {Arrows, Tubes, floorMesh, terrainMesh} from "./replay_parts.js";
+import {courseOf} from "./replay_map.js";
+import {Arrows, Tubes, courseMarks, floorMesh, targetOf, terrainMesh} from "./replay_parts.js";
 import {boundPaths, followedPath, frameAt, mostSegments, pointAt, posesAt, segmentsAt}
   from "./replay_pose.js";
 
 const MOST_CONTACTS = 12;
 const SCENERY_M = 2;  // fixed shapes that are larger are the room around, which hides what happens
-const LIGHT = {ground: 0xe6eaf4, squares: [0xd3d9e8, 0xbfc8dc], sky: 2.1};
-const DARK = {ground: 0x151927, squares: [0x3a4158, 0x30374c], sky: 1.5};
+const LIGHT = {ground: 0xe6eaf4, squares: [0xd3d9e8, 0xbfc8dc], sky: 2.1, marks: "#39425c"};
+const DARK = {ground: 0x151927, squares: [0x3a4158, 0x30374c], sky: 1.5, marks: "#c3cbe0"};
 
 // Whether this browser draws in 3D.
 export function canDraw() {
@@ -120,15 +121,19 @@ export class View {
     this.scene.add(this.arrows.group);
     const {terrain} = this.trajectory;
     const {floor} = model.extras;
-    if (terrain) this.scene.add(terrainMesh(terrain, style.squares));
-    else if (floor) this.scene.add(floorMesh(floor, style.squares));
+    if (terrain) {
+      this.scene.add(terrainMesh(terrain, style.squares), courseMarks(terrain, courseOf(this.trajectory), style.marks));
+    } else if (floor) this.scene.add(floorMesh(floor, style.squares));
   }
 
   addBodies(nodes) {
     const {bodies} = this.trajectory;
     this.pose = {position: new Float32Array(3 * bodies.length),
       rotation: new Float32Array(4 * bodies.length)};
-    this.nodes = bodies.map((body) => nodes.get(body.name) ?? null);
+    this.nodes = bodies.map((body) => {
+      const node = nodes.get(body.name) ?? null;
+      return node && body.target ? targetOf(node) : node;
+    });
     bodies.forEach((body, place) => {
       if (body.scale) this.nodes[place]?.scale.set(...body.scale);
     });
@@ -291,11 +296,18 @@ export class View {
     this.fit();
   }
 
+  // Draws in this size, {width, height} in pixels, until null gives it that of its place again.
+  holdSize(size) {
+    this.held = size;
+    this.fit();
+  }
+
   fit() {
-    const {clientWidth: width, clientHeight: height} = this.host;
+    const {clientWidth, clientHeight} = this.host;
+    const {width, height} = this.held ?? {width: clientWidth, height: clientHeight};
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, this.most));
-    this.renderer.setSize(width, height);
+    this.renderer.setPixelRatio(this.held ? 1 : Math.min(devicePixelRatio, this.most));
+    this.renderer.setSize(width, height, !this.held);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     if (this.time !== undefined) this.draw(this.time);

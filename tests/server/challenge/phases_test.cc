@@ -154,6 +154,22 @@ TEST_F(PhasesFolder, EveryFileIsLoaded) {
   EXPECT_EQ(phases->challenges()[0].name, "autumn");
 }
 
+TEST_F(PhasesFolder, AHostMayGiveATextAndALogo) {
+  Write("spring.json", ChallengeJson({PhaseJson("a")}).dump());
+  EXPECT_TRUE(LoadPhases(dir_)->challenges()[0].logo.empty());
+  Write("spring.md", "Be *quick*.");
+  const std::string logo = "\x89PNG\r\n\x1a\n and so on";
+  Write("spring.png", logo);
+  const absl::StatusOr<Phases> phases = LoadPhases(dir_);
+  ASSERT_TRUE(phases.ok()) << phases.status();
+  EXPECT_EQ(phases->challenges()[0].logo, logo);
+  EXPECT_EQ(phases->challenges()[0].text.size(), 1u);
+  Write("spring.png", "<svg onload=\"alert(1)\"/>");
+  EXPECT_THAT(Mistake(), HasSubstr("spring.png: the challenge's logo is no PNG"));
+  Write("spring.png", logo + std::string(256 << 10, 'x'));
+  EXPECT_THAT(Mistake(), HasSubstr("spring.png"));
+}
+
 TEST_F(PhasesFolder, AMissingFolderIsNoChallenge) {
   const auto phases = LoadPhases(dir_ + "/none");
   ASSERT_TRUE(phases.ok()) << phases.status();

@@ -3,7 +3,9 @@ open, frozen and still to come, at three widths."""
 
 import datetime
 import json
+import struct
 import unittest
+import zlib
 
 from browser_test import TEAM, WIDTHS, BrowserCase
 from world import MARKUP, MODES, TRACK
@@ -14,6 +16,16 @@ TEXT = f"""Hand a **box** over, {MARKUP} with [rules](/docs) and a [trap](javasc
 
 1. one
 """
+
+
+def png(width, height):
+    """A picture of one colour."""
+    def chunk(kind, data):
+        return (struct.pack(">I", len(data)) + kind + data
+                + struct.pack(">I", zlib.crc32(kind + data)))
+    rows = (b"\0" + b"\x1f\x6f\xeb" * width) * height
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+            + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
 def moment(days):
@@ -39,6 +51,7 @@ class Home(BrowserCase):
         (folder / "cup.json").write_text(json.dumps({"form": 1, "title": "A cup", "phases": phases}),
                                          encoding="utf-8")
         (folder / "cup.md").write_text(TEXT, encoding="utf-8")
+        (folder / "cup.png").write_bytes(png(300, 80))
 
     @classmethod
     def setUpClass(cls):
@@ -68,6 +81,8 @@ class Home(BrowserCase):
         page = self.page()
         self.open(page, "/")
         self.assertEqual(self.texts(page, "h1"), ["A cup"])
+        page.wait("document.querySelector('.logo').naturalWidth === 300")
+        self.assertEqual(page.evaluate("document.querySelector('.logo').alt"), "Logo of A cup")
         self.assertEqual(self.texts(page, ".host-text strong"), ["box"])
         self.assertEqual(page.evaluate("[...document.querySelectorAll('.host-text a')].map((one) => "
                                        "one.getAttribute('href'))"), ["/docs"])

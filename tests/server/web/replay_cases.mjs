@@ -153,6 +153,17 @@ test("names are names, whatever objects have of their own", () => {
   assert.equal(eventWords(made.events[0]), "toString: <b>⟨U+202E⟩x");
 });
 
+test("a target is a body of its own, on which no muscle is", () => {
+  const made = read(changed((head) => {
+    head.bodies[1].target = true;
+    head.bodies[1].name = "root";
+  }));
+  assert.deepEqual(made.bodies.map((body) => body.target), [false, true]);
+  const [{path: [point]}] = boundPaths([{name: "flexor", radius: 1, path: [{body: "root", wrap: null, at: [0, 0, 0]}]}],
+    made, () => []);
+  assert.equal(point.body, 0);
+});
+
 test("what a model tells is checked", () => {
   const extras = JSON.parse(fs.readFileSync("extras.json"));
   assert.equal(readModelExtras(extras).muscles.length, 2);
