@@ -1,5 +1,6 @@
 // A film of a replay, which the browser records while it plays from its start to its end.
 import {h} from "./dom.js";
+import {number} from "./format.js";
 import {seconds} from "./replay_controls.js";
 import {save} from "./sheet.js";
 
@@ -98,7 +99,7 @@ export class Film {
       context.fillText(seconds(clock.time), SIZE.width - MARGIN, height - STRIP / 2);
     });
     this.bar.value = clock.time / clock.duration;
-    const words = `The film is recorded as it plays: ${Math.floor(clock.time)} of ${Math.ceil(clock.duration)} s`;
+    const words = `The film is recorded as it plays: ${number(clock.time, 1)} of ${number(clock.duration, 1)} s`;
     if (this.words.textContent !== words) this.words.textContent = words;
     if (clock.ended) setTimeout(this.end, STILL_MS, true);
   }
