@@ -4,6 +4,7 @@ import {number, visible} from "./format.js";
 import {SPEEDS} from "./replay_clock.js";
 
 const JUMP_S = 0.5;
+const BRIEF_S = 0.05;
 
 export function seconds(time) {
   return `${number(time, 2)} s`;
@@ -38,12 +39,23 @@ export function eventWords(event) {
     ? ` (${value})` : ""].join("");
 }
 
+// Without the states that do not last: a threshold may be crossed to and fro in some control steps.
+export function lasting(events) {
+  let next = Infinity;
+  return events.toReversed().filter(({kind, time}) => {
+    if (kind !== "leg_state") return true;
+    const lasts = next - time >= BRIEF_S;
+    next = time;
+    return lasts;
+  }).reverse();
+}
+
 // The bar of an episode's time, with a line of marks for each episode.
 function bar(episodes, clock, onSeek) {
   const slider = h("input", {type: "range", min: 0, max: clock.duration, step: "any", value: 0,
     "aria-label": "Time", oninput: () => onSeek(Number(slider.value))});
   const marks = episodes.map((one) => h("div", {class: `marks ${one.mark}`, "aria-hidden": "true"},
-    one.trajectory.events.map((event) => {
+    lasting(one.trajectory.events).map((event) => {
       const mark = h("span", {class: `mark ${event.kind.replace(/[^a-z_]/g, "")}`,
         title: `${seconds(event.time)}: ${eventWords(event)}`});
       mark.style.left = `${100 * Math.min(Math.max(event.time / (clock.duration || 1), 0), 1)}%`;
@@ -54,7 +66,7 @@ function bar(episodes, clock, onSeek) {
 
 // All events, each of which can be gone to: the replay for those who don't see it.
 export function eventTable(episodes, onSeek) {
-  const all = episodes.flatMap((one) => one.trajectory.events.map((event) => ({one, event})))
+  const all = episodes.flatMap((one) => lasting(one.trajectory.events).map((event) => ({one, event})))
     .sort((a, b) => a.event.time - b.event.time);
   if (!all.length) return {element: h("p", {class: "quiet"}, "Nothing was noted."), show() {}};
   const several = episodes.length > 1;

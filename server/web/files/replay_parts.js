@@ -189,7 +189,7 @@ export function targetOf(node) {
 const MARK_M = 5;       // from one to the next
 const MARK_WIDE_M = 0.04;
 const MARK_ABOVE_M = 0.012;
-const NUMBER_M = 0.32;  // high
+const NUMBER_M = 0.24;  // high
 
 function numberAt(text, color, place) {
   const canvas = document.createElement("canvas");

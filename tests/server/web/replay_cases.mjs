@@ -8,7 +8,7 @@ import test from "node:test";
 import {parseJson} from "./api.js";
 import {pairedDifference, pairsOf} from "./comparison.js";
 import {Clock} from "./replay_clock.js";
-import {eventWords} from "./replay_controls.js";
+import {eventWords, lasting} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
 import {valueAt} from "./replay_graphs.js";
 import {courseOf} from "./replay_map.js";
@@ -151,6 +151,12 @@ test("names are names, whatever objects have of their own", () => {
   }));
   assert.equal(made.bodies[0].name, "__proto__");
   assert.equal(eventWords(made.events[0]), "toString: <b>⟨U+202E⟩x");
+});
+
+test("states that do not last are left out", () => {
+  const events = [[0.01, "leg_state"], [0.02, "leg_state"], [0.03, "target"], [0.05, "leg_state"], [0.1, "leg_state"],
+    [0.5, "target"]].map(([time, kind]) => ({time, kind}));
+  assert.deepEqual(lasting(events).map(({time}) => time), [0.03, 0.05, 0.1, 0.5]);
 });
 
 test("a target is a body of its own, on which no muscle is", () => {
