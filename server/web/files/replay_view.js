@@ -70,7 +70,8 @@ function lookDirection(camera) {
 }
 
 const POINTS = {side: [0, -10], front: [90, -10], back: [-90, -10], top: [0, -85]};
-export const VIEWPOINTS = ["start", ...Object.keys(POINTS)];
+export const VIEWPOINTS = ["start", ...Object.keys(POINTS), "close-up"];
+const CLOSE = 0.35;  // of the first view's distance
 
 export class View {
   // Draws into `host`, an element with a size. `model` of readModel, which belongs to the view from
@@ -162,14 +163,29 @@ export class View {
     this.lookFrom("start");
   }
 
-  // From one of VIEWPOINTS, at the distance of the first view.
+  // From one of VIEWPOINTS, at the distance of the first view; the close-up is of what touches now.
   lookFrom(name) {
     const direction = lookDirection(name in POINTS
       ? {azimuth: POINTS[name][0], elevation: POINTS[name][1]} : this.first);
     this.follow(this.time ?? 0);
-    this.controls.target.copy(this.target);
-    this.camera.position.copy(this.target).addScaledVector(direction, -this.first.distance);
+    const close = name === "close-up";
+    this.controls.target.copy(close && this.touching() || this.target);
+    this.camera.position.copy(this.controls.target).addScaledVector(direction, -this.first.distance * (close ? CLOSE : 1));
     this.update();
+  }
+
+  // The middle of the contacts, each as much as its force; null without one.
+  touching() {
+    const {first, values} = this.trajectory.contacts;
+    const frame = frameAt(this.trajectory, this.time ?? 0);
+    const middle = new three.Vector3();
+    let whole = 0;
+    for (let i = first[frame]; i < first[frame + 1]; i += 1) {
+      const force = Math.hypot(...values.subarray(6 * i + 3, 6 * i + 6));
+      middle.addScaledVector(new three.Vector3(...values.subarray(6 * i, 6 * i + 3)), force);
+      whole += force;
+    }
+    return whole > 0 ? middle.divideScalar(whole) : null;
   }
 
   // Where the camera is around what it looks at: azimuth and elevation in degrees, and the distance in m.

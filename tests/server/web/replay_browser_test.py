@@ -122,7 +122,7 @@ class Looks(ReplayCase):
         page = self.page()
         self.open(page, f"/replay?log={A}")
         seen = set()
-        for change in ("", "slider.value = 3.24", "choose(1)", "choose(2)", "look('top')"):
+        for change in ("", "slider.value = 3.24", "choose(1)", "choose(2)", "look('top')", "look('close-up')"):
             page.evaluate("(() => { const slider = document.querySelector('.timebar input');"
                           "const choose = (place) => document.querySelectorAll("
                           "'.controls input[type=checkbox]')[place].click();"
@@ -132,7 +132,7 @@ class Looks(ReplayCase):
                           "slider.dispatchEvent(new Event('input')); })()")
             self.settled(page)
             seen.add(self.picture(page))
-        self.assertEqual(len(seen), 5)
+        self.assertEqual(len(seen), 6)
         page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
         self.assertIn("triangles", page.evaluate("document.querySelector('details.more:last-of-type')"
                                                  ".innerText"))
