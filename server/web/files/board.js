@@ -44,7 +44,7 @@ function notices(board) {
     board.complete ? " for everybody but organisers: you see all of it. "
       : ": what ended later is shown once the phase is published. "] : null;
   const other = board.config !== board.config_in_force
-    ? "This board is under a config that is not in force any more. " : null;
+    ? "This board is under a config that is no longer in force. " : null;
   const text = [past, frozen, other].filter((one) => one);
   return text.length ? h("p", {class: "notice"}, text) : null;
 }
