@@ -3,6 +3,7 @@
 #include <array>
 
 #include "scoring/baoding/track.h"
+#include "scoring/chasetag/track.h"
 #include "scoring/elbow/track.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
@@ -13,7 +14,8 @@ namespace myograde::scoring {
 
 std::span<const ScoredTrack* const> ScoredTracks() {
   static const std::array all = {&ScoredManipulation(), &ScoredLocomotion(), &ScoredElbow(),
-                                 &ScoredReorientation(), &ScoredBaoding(), &ScoredRelocation()};
+                                 &ScoredReorientation(), &ScoredBaoding(), &ScoredRelocation(),
+                                 &ScoredChaseTag()};
   return all;
 }
 

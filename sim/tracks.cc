@@ -8,12 +8,14 @@
 
 #include "protocol/base/status_macros.h"
 #include "protocol/tracks/baoding/track.h"
+#include "protocol/tracks/chasetag/track.h"
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
 #include "protocol/tracks/relocation/track.h"
 #include "protocol/tracks/reorientation/track.h"
 #include "sim/baoding/baoding.h"
+#include "sim/chasetag/chasetag.h"
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
 #include "sim/elbow/readings.h"
@@ -45,6 +47,8 @@ std::span<const SimulatedTrack> SimulatedTracks() {
                      BaodingRewardTerms(), BaodingReadings, WatchBaoding},
       SimulatedTrack{&RelocationTrack(), &RelocationModel(), &RelocationView(), MakeRelocation,
                      RelocationRewardTerms(), RelocationReadings, WatchRelocation},
+      SimulatedTrack{&ChaseTagTrack(), &ChaseTagModel(), &ChaseTagView(), MakeChaseTag,
+                     ChaseTagRewardTerms(), ChaseTagReadings, WatchChaseTag},
       SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
                      ElbowRewardTerms(), ElbowReadings, WatchElbow},
   };

@@ -138,8 +138,10 @@ def file_pages(source, day):
                            "THE TRACK REORIENTATION"),
             *from_markdown(section_of(configs / "README.md", "## The track baoding", "## The track relocation"),
                            "THE TRACK BAODING"),
-            *from_markdown(section_of(configs / "README.md", "## The track relocation", "## How to add a track"),
-                           "THE TRACK RELOCATION")]),
+            *from_markdown(section_of(configs / "README.md", "## The track relocation", "## The track chasetag"),
+                           "THE TRACK RELOCATION"),
+            *from_markdown(section_of(configs / "README.md", "## The track chasetag", "## How to add a track"),
+                           "THE TRACK CHASETAG")]),
         "myograde-challenge": ("a challenge of the MyoGrade server", "/etc/myograde/challenges/NAME.json", [
             start("Phases with seeds, times and quotas of their own. " + schema("challenge")),
             *from_markdown(section_of(configs / "challenges/README.md", ""), "FORM AND KEYS")]),

@@ -5,6 +5,7 @@
 #include <variant>
 
 #include "protocol/tracks/baoding/details.h"
+#include "protocol/tracks/chasetag/details.h"
 #include "protocol/tracks/elbow/details.h"
 #include "protocol/tracks/locomotion/details.h"
 #include "protocol/tracks/manipulation/details.h"
@@ -15,7 +16,8 @@ namespace myograde {
 
 // The registry of details: one alternative per track, in the order of TrackFacts.
 using TrackDetails = std::variant<ManipulationDetails, LocomotionDetails, ElbowDetails,
-                                  ReorientationDetails, BaodingDetails, RelocationDetails>;
+                                  ReorientationDetails, BaodingDetails, RelocationDetails,
+                                  ChaseTagDetails>;
 
 // None: no step was played, or the record is of an earlier version.
 using EpisodeDetails = std::optional<TrackDetails>;

@@ -12,6 +12,7 @@
 #include "protocol/base/fault_evidence.h"
 #include "protocol/base/outcome.h"
 #include "protocol/tracks/baoding/facts.h"
+#include "protocol/tracks/chasetag/facts.h"
 #include "protocol/tracks/elbow/facts.h"
 #include "protocol/tracks/episode_details.h"
 #include "protocol/tracks/locomotion/facts.h"
@@ -23,7 +24,7 @@ namespace myograde {
 
 // The registry of facts: one alternative per track.
 using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts, ReorientationFacts,
-                                BaodingFacts, RelocationFacts>;
+                                BaodingFacts, RelocationFacts, ChaseTagFacts>;
 
 // Entries of the longest action.
 inline constexpr int kMaxActionSize = []<typename... Facts>(std::variant<Facts...>*) {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "protocol/tracks/baoding/track.h"
+#include "protocol/tracks/chasetag/track.h"
 #include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
@@ -35,7 +36,8 @@ constexpr TrackFacts* kEveryFacts = nullptr;
 std::span<const TrackKind* const> AllTracks() {
   // The warm-up comes last: "myograde try" plays it where no track is named.
   static const std::array all = {&ManipulationTrack(), &LocomotionTrack(), &ReorientationTrack(),
-                                 &BaodingTrack(), &RelocationTrack(), &ElbowTrack()};
+                                 &BaodingTrack(), &RelocationTrack(), &ChaseTagTrack(),
+                                 &ElbowTrack()};
   return all;
 }
 

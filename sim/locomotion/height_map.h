@@ -4,21 +4,11 @@
 
 #include <span>
 
-#include <Eigen/Core>
-
 #include "sim/locomotion/rules.h"
 #include "sim/locomotion/terrain.h"
+#include "sim/model/height_map.h"
 
 namespace myograde::sim {
-
-inline constexpr int kHeightMapSize = 10;
-
-// Where the person is: x and y of the root in m and its normalised quaternion
-// (w, x, y, z); the root's x axis looks ahead.
-struct Pose {
-  Eigen::Vector2d place;
-  const double* quaternion;
-};
 
 // As the official code does it: 0.5 m pitch, 2.5 m ahead and left of the
 // person to 2.0 m behind and right, raw heights of the field in m, looked up

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
@@ -99,12 +100,24 @@ class ScratchFolder {
 };
 
 bool IsXml(std::string_view path) { return path.ends_with(".xml"); }
+bool IsByteArray(std::string_view path) { return path.ends_with(".npy"); }
+
+// A pinned array of bytes in NumPy's format as a custom text of the model, in hexadecimal digits under
+// its file's name: an episode can't read files.
+std::string AsText(std::string_view path, std::string_view file) {
+  constexpr size_t kHeaderSize = 8, kHeader = 10;  // offsets: its size in two bytes, its beginning
+  const size_t header = static_cast<uint8_t>(file[kHeaderSize]) +
+                        256 * static_cast<size_t>(static_cast<uint8_t>(file[kHeaderSize + 1]));
+  return absl::StrCat("<custom><text name=\"", fs::path(path).stem().string(), "\" data=\"",
+                      absl::BytesToHexString(std::string(file.substr(kHeader + header))), "\"/></custom>\n");
+}
 
 // Fills `scratch` with patched XML files and links to everything else.
 absl::Status FillScratch(const ModelSource& source, const std::string& package_dir,
                          const fs::path& scratch) {
   std::string main;
   std::string assets;
+  std::string texts;
   for (const Pin& pin : Pins(source.pins)) {
     ASSIGN_OR_RETURN(auto text, ReadPinned(pin, package_dir));
     const fs::path to = scratch / pin.path;
@@ -115,6 +128,8 @@ absl::Status FillScratch(const ModelSource& source, const std::string& package_d
       main = std::move(text);
     } else if (pin.path == source.actuator_file) {
       assets = std::move(text);
+    } else if (IsByteArray(pin.path)) {
+      texts += AsText(pin.path, text);
     } else if (IsXml(pin.path)) {
       if (auto status = WriteFile(to, text); !status.ok()) return status;
     } else {
@@ -122,6 +137,7 @@ absl::Status FillScratch(const ModelSource& source, const std::string& package_d
       if (error) return absl::UnavailableError(absl::StrCat("can't create ", to.string()));
     }
   }
+  if (!texts.empty()) RETURN_IF_ERROR(InsertBefore(main, "<worldbody>", texts));
   RETURN_IF_ERROR(source.patch == nullptr ? absl::OkStatus() : source.patch(main, assets));
   if (auto status = WriteFile(scratch / source.main_file, main); !status.ok()) return status;
   return WriteFile(scratch / source.actuator_file, assets);

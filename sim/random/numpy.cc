@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cassert>
+#include <cmath>
 
 namespace myograde::sim {
 namespace {
@@ -71,6 +72,38 @@ uint128 Advance(uint128 state, uint128 increment) {
 
 constexpr double kTwoPowMinus53 = 1.0 / 9007199254740992.0;
 
+// The ziggurat of the normal distribution: 256 layers of equal area under exp(-x^2 / 2), the lowest
+// of which has the tail. NumPy has these numbers as tables. They come out of the published
+// recurrence (Marsaglia and Tsang 2000) in double precision, with one density rounded up.
+struct Ziggurat {
+  static constexpr int kLayers = 256;
+  static constexpr double kTail = 3.6541528853610088;            // where the tail begins
+  static constexpr double kArea = 0.0049286732339746518877;      // of a layer
+  static constexpr double kSteps = 4503599627370496;             // 2^52, in a layer's width
+
+  std::array<double, kLayers> step;     // a layer's width / 2^52
+  std::array<uint64_t, kLayers> inside;  // below this many steps x is surely under the curve
+  std::array<double, kLayers> density;  // at a layer's width
+
+  Ziggurat() {
+    constexpr int kRoundedUp = 38;
+    double x = kTail;
+    for (int i = kLayers - 1; i > 0; --i) {
+      if (i < kLayers - 1) x = std::sqrt(-2 * std::log(kArea / x + density[i + 1]));
+      step[i] = x / kSteps;
+      density[i] = std::exp(-0.5 * x * x);
+      if (i == kRoundedUp) density[i] = std::nextafter(density[i], 1.0);
+    }
+    step[0] = kArea / density[kLayers - 1] / kSteps;
+    density[0] = 1;
+    inside[0] = static_cast<uint64_t>(std::llrint(kTail / step[0]));
+    inside[1] = 0;
+    for (int i = 2; i < kLayers; ++i) {
+      inside[i] = static_cast<uint64_t>(std::llrint(step[i - 1] * kSteps / step[i]));
+    }
+  }
+};
+
 }  // namespace
 
 NumpyGenerator::NumpyGenerator(uint64_t seed) {
@@ -113,6 +146,30 @@ uint32_t NumpyGenerator::Integers(uint32_t n) {
     while (static_cast<uint32_t>(product) < threshold) product = uint64_t{Next32()} * n;
   }
   return static_cast<uint32_t>(product >> 32);
+}
+
+double NumpyGenerator::Normal(double scale) {
+  static const Ziggurat ziggurat;
+  for (;;) {
+    const uint64_t bits = Next64();
+    const size_t layer = bits & 0xff;
+    const uint64_t steps = bits >> 9 & ((uint64_t{1} << 52) - 1);
+    double x = static_cast<double>(steps) * ziggurat.step[layer];
+    if (bits & 0x100) x = -x;
+    if (steps < ziggurat.inside[layer]) return scale * x;
+    if (layer == 0) {
+      double beyond;
+      double height;
+      do {
+        beyond = -(1 / Ziggurat::kTail) * std::log1p(-Random());
+        height = -std::log1p(-Random());
+      } while (height + height <= beyond * beyond);
+      beyond += Ziggurat::kTail;
+      return scale * (steps & 0x100 ? -beyond : beyond);
+    }
+    const double drop = ziggurat.density[layer - 1] - ziggurat.density[layer];
+    if (drop * Random() + ziggurat.density[layer] < std::exp(-0.5 * x * x)) return scale * x;
+  }
 }
 
 LegacyNumpyGenerator::LegacyNumpyGenerator(uint32_t seed) {

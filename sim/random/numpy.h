@@ -19,6 +19,7 @@ class NumpyGenerator {
   double Random();               // [0, 1), 53 bits
   double Uniform(double low, double high);
   uint32_t Integers(uint32_t n);  // integers(0, n), choice(n): Lemire's method. REQUIRES n > 0
+  double Normal(double scale);    // normal(0, scale): Marsaglia and Tsang's ziggurat of 256 layers
 
   // 128-bit state and increment as NumPy shows them in bit_generator.state.
   unsigned __int128 state() const { return state_; }

@@ -16,13 +16,13 @@ trap 'rm -rf "$scratch"' EXIT
 "$here/../../docker/make_venv.sh" "$official" "$here/requirements.txt"
 
 "$official/bin/python" -B -W ignore "$here/record.py" --out "$scratch/golden" "$@"
-for track in elbow reorientation baoding relocation; do
+for track in elbow reorientation baoding relocation chasetag; do
   "$official/bin/python" -B -W ignore "$here/record_$track.py" --out "$scratch/golden" "$@"
 done
 status=0
-for test in manipulation_test locomotion_test elbow_test reorientation_test baoding_test relocation_test; do
+for test in manipulation_test locomotion_test elbow_test reorientation_test baoding_test relocation_test chasetag_test; do
   MYOGRADE_GOLDEN=$scratch/golden "$build/tests/$test" --gtest_brief=1 \
-    --gtest_filter='ManipulationGolden.ResetsStatesAndStepsAgree:LocomotionGolden*:ElbowGolden*:ReorientationGolden*:BaodingGolden*:RelocationGolden*' || status=1
+    --gtest_filter='ManipulationGolden.ResetsStatesAndStepsAgree:LocomotionGolden*:ElbowGolden*:ReorientationGolden*:BaodingGolden*:RelocationGolden*:ChaseTagGolden*' || status=1
 done
 if [ "$status" != 0 ]; then
   kept=${TMPDIR:-/tmp}/myograde-differential-$$

@@ -226,7 +226,7 @@ class Pages(unittest.TestCase):
         allowed = int(re.search(r"^LimitNOFILE=(\d+)$", unit, re.MULTILINE)[1])
         slots, in_a_message = 8, 253
         for track in ("manipulation", "locomotion", "elbow", "reorientation", "baoding",
-                      "relocation"):
+                      "relocation", "chasetag"):
             budgets = json.loads((SOURCE / f"configs/tracks/{track}.json").read_text())["budgets"]
             self.assertGreaterEqual(
                 allowed, budgets["open_files"] + slots * budgets["tasks"] * in_a_message, track)

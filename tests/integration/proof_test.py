@@ -10,7 +10,7 @@ import subprocess
 
 from system import BIN, POLICIES, SOURCE, SystemTest, track_config
 
-TRACKS = ("manipulation", "locomotion", "elbow", "reorientation", "baoding", "relocation")
+TRACKS = ("manipulation", "locomotion", "elbow", "reorientation", "baoding", "relocation", "chasetag")
 CACHE = os.environ["MYOGRADE_CACHE"]
 GOLDEN = SOURCE / "tests/golden/submissions"
 

@@ -17,7 +17,7 @@ except ImportError:
     sys.exit("the Python package jsonschema is missing; install Debian's python3-jsonschema")
 
 TRACKS = ("manipulation", "locomotion")  # with tables of the whole config in configs/README.md
-OTHERS = ("elbow", "reorientation", "baoding", "relocation")  # with tables of their own: the rules in sim/<track>/README.md
+OTHERS = ("elbow", "reorientation", "baoding", "relocation", "chasetag")  # with tables of their own: the rules in sim/<track>/README.md
 SECTIONS = ("budgets", "rules", "scoring")
 # Values that are leaves of a config although they are objects.
 WHOLE = {"seeds", "practice_seeds"}

@@ -61,6 +61,7 @@ class InFolder(unittest.TestCase):
                  "reorientation": {"max_steps": steps},
                  "baoding": {"max_steps": steps},
                  "relocation": {"max_steps": steps},
+                 "chasetag": {"max_steps": steps},
                  "locomotion": {"end": {"time_limit_s": steps / 200}}}[track]
         file = self.folder / f"{track}-{steps}.json"
         file.write_text(json.dumps({"extends": track, "rules": rules}))

@@ -224,8 +224,8 @@ class Digests(InFolder):
             self.assertTrue(told["equal"])
             self.assertEqual({track: (each["equal"], each["steps"], each["detail"])
                               for track, each in told["tracks"].items()},
-                             {"baoding": (True, 20, ""), "elbow": (True, 50, ""),
-                              "locomotion": (True, 120, ""), "manipulation": (True, 100, ""),
+                             {"baoding": (True, 20, ""), "chasetag": (True, 50, ""),
+                              "elbow": (True, 50, ""), "locomotion": (True, 120, ""), "manipulation": (True, 100, ""),
                               "relocation": (True, 50, ""), "reorientation": (True, 50, "")})
 
     def assert_fits(self, schema, text):

@@ -42,8 +42,8 @@ class InFolder(unittest.TestCase):
 
 class Kit(unittest.TestCase):
     def test_vectors_are_split_and_joined_by_name(self):
-        self.assertEqual(set(tracks()), {"baoding", "elbow", "locomotion", "manipulation", "relocation",
-                                         "reorientation"})
+        self.assertEqual(set(tracks()), {"baoding", "chasetag", "elbow", "locomotion", "manipulation",
+                                         "relocation", "reorientation"})
         for name in tracks():
             track = myograde.track(name)
             for layout in (track.observation, track.action):

@@ -34,7 +34,8 @@ const json kSections = json::parse(R"json({
                             "physiological": {"qualify_m": 30, "means": "steps"}}},
   "reorientation": {"solved_steps": 6, "team": "best"},
   "baoding": {"horizon_steps": 200, "solved_steps": 6, "team": "best"},
-  "relocation": {"solved_steps": 6, "team": "best"}
+  "relocation": {"solved_steps": 6, "team": "best"},
+  "chasetag": {"full_time_s": 20, "team": "best"}
 })json");
 
 absl::StatusOr<TrackScoring> Parsed(const std::string& track, const json& section) {
@@ -62,6 +63,7 @@ const Bounds kBounds[] = {
     {"elbow", "/solved_steps", 1, 1'000'000, 0, 1'000'001},
     {"reorientation", "/solved_steps", 1, 1'000'000, 0, 1'000'001},
     {"relocation", "/solved_steps", 1, 1'000'000, 0, 1'000'001},
+    {"chasetag", "/full_time_s", 1e-3, 1e6, 0.99e-3, 1.01e6},
     {"baoding", "/horizon_steps", 1, 1'000'000, 0, 1'000'001},
     {"baoding", "/solved_steps", 1, 1'000'000, 0, 1'000'001},
     {"elbow", "/full_time_s", 1e-3, 1e6, 0.99e-3, 1.01e6},
@@ -296,6 +298,7 @@ TEST(ScoredTracks, RankByTheirNumbersInOrder) {
   EXPECT_EQ(RankedNames(*FindScoredTrack("reorientation")), "score,effort");
   EXPECT_EQ(RankedNames(*FindScoredTrack("baoding")), "score,effort");
   EXPECT_EQ(RankedNames(*FindScoredTrack("relocation")), "score,effort");
+  EXPECT_EQ(RankedNames(*FindScoredTrack("chasetag")), "score,effort");
   EXPECT_EQ(RankedNames(*FindScoredTrack("locomotion")),
             "distance_m,time_s,effort,pain,effort_over_steps,pain_over_steps");
   EXPECT_EQ(FindScoredTrack("elbows"), nullptr);
@@ -322,6 +325,7 @@ TEST(ScoredTracks, SayHowManyDigitsPeopleSee) {
   EXPECT_THAT(digits("reorientation"), ElementsAre(4, 6, 4, 4, 4, 4));
   EXPECT_THAT(digits("baoding"), ElementsAre(4, 6, 4, 4, 4));
   EXPECT_THAT(digits("relocation"), ElementsAre(4, 6, 4, 4, 4, 4));
+  EXPECT_THAT(digits("chasetag"), ElementsAre(4, 6, 4, 4, 4, 4));
   EXPECT_THAT(digits("manipulation"), ElementsAre(4, 6, 4, 4, 1, 1, 6));
   EXPECT_THAT(digits("locomotion"), ElementsAre(4, 4, 6, 6, 4, 4, 4, 6, 6));
 }

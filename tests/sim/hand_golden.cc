@@ -66,7 +66,9 @@ void CompareSeen(GoldenTable& table, const Environment& env, const TrackKind& ki
                  const json& want, const char* vector, const std::string& prefix,
                  const std::string& where) {
   const auto tolerance = [](std::string_view key) {
-    return key == "hand_qvel" || key.ends_with("_velp") ? kSpeeds : kState;
+    const bool fast = key.ends_with("_qvel") || key.ends_with("_velp") || key == "model_root_vel" ||
+                      key == "muscle_velocity" || key == "muscle_force" || key == "grf";
+    return fast ? kSpeeds : kState;
   };
   if (want.contains("obs_extra")) {
     CompareShown(table, ShownByName(env, kind), want["obs_extra"], tolerance, prefix, where);

@@ -1,5 +1,6 @@
 #include <array>
 
+#include "protocol/tracks/height_cells.h"
 #include "protocol/tracks/locomotion/track.h"
 
 namespace myograde {
@@ -50,26 +51,6 @@ constexpr Bounds kSpeed{-100, 100};      // m/s and rad/s: far beyond ordinary p
 constexpr Bounds kClipped{-100, 100};    // muscle velocities and forces are clipped to these
 constexpr Bounds kForce{-1e5, 1e5};      // N
 
-// "row0_col0" to "row9_col9".
-const std::vector<std::string>& CellNames() {
-  static const std::vector<std::string> names = [] {
-    std::vector<std::string> result;
-    for (int row = 0; row < 10; ++row) {
-      for (int column = 0; column < 10; ++column) {
-        result.push_back("row" + std::to_string(row) + "_col" + std::to_string(column));
-      }
-    }
-    return result;
-  }();
-  return names;
-}
-
-std::vector<Entry> Cells(Bounds bounds) {
-  std::vector<Entry> cells;
-  for (const std::string& name : CellNames()) cells.push_back({name, bounds});
-  return cells;
-}
-
 std::vector<Entry> JointVelocities() {
   std::vector<Entry> entries(std::begin(kJoints), std::end(kJoints));
   for (Entry& entry : entries) entry.bounds = kSpeed;
@@ -117,7 +98,7 @@ VectorLayout Observation() {
         "Heights of the ground on a grid around the pelvis in the heading's frame, row by row, the "
         "first row farthest ahead, the first column leftmost. Profile paper: cells of 0.2 m, "
         "relative to the ground under the pelvis; myosuite: 0.5 m apart, raw heights of the field.",
-        Cells({-5, 5}));
+        HeightCells({-5, 5}));
   return v;
 }
 

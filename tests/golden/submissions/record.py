@@ -11,7 +11,7 @@ import sys
 
 SHAPES = {"manipulation": (3, 400, 80), "locomotion": (3, 400, 55),
           "elbow": (3, 100, 6), "reorientation": (3, 150, 39), "baoding": (3, 200, 39),
-          "relocation": (3, 150, 63)}
+          "relocation": (3, 150, 63), "chasetag": (3, 150, 80)}
 
 
 def actions(episodes, steps, entries):

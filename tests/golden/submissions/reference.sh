@@ -10,10 +10,10 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cp -r "$source/configs" "$work/configs"
 mkdir -p "$source/configs/reference"
-for track in manipulation locomotion elbow reorientation baoding relocation; do
+for track in manipulation locomotion elbow reorientation baoding relocation chasetag; do
   case $track in
     manipulation) rules='{"max_steps": 100}' ;;
-    elbow | reorientation | baoding | relocation) rules='{"max_steps": 50}' ;;
+    elbow | reorientation | baoding | relocation | chasetag) rules='{"max_steps": 50}' ;;
     locomotion) rules='{"end": {"time_limit_s": 1}}' ;;
   esac
   printf '{"extends": "%s", "seeds": [20241201], "episodes_per_lease": 1, "rules": %s}' \

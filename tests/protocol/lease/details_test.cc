@@ -42,7 +42,8 @@ TrackDetails Empty(const TrackKind& track) {
   if (AreFactsOf(track, ElbowFacts())) return ElbowDetails();
   if (AreFactsOf(track, ReorientationFacts())) return ReorientationDetails();
   if (AreFactsOf(track, BaodingFacts())) return BaodingDetails();
-  return RelocationDetails();
+  if (AreFactsOf(track, RelocationFacts())) return RelocationDetails();
+  return ChaseTagDetails();
 }
 
 nlohmann::json RecordOf(const EpisodeFacts& facts) {

@@ -15,6 +15,7 @@ ENVIRONMENTS = {
     "myograde/Reorientation-v0": "reorientation",
     "myograde/Baoding-v0": "baoding",
     "myograde/Relocation-v0": "relocation",
+    "myograde/ChaseTag-v0": "chasetag",
 }
 
 
