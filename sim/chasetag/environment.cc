@@ -235,7 +235,8 @@ void ChaseTagEnvironment::ObserveState(std::span<double> out) const {
 }
 
 void ChaseTagEnvironment::ObserveExtra(std::span<double> out) const {
-  out[0] = data_->time;
+  // In a lost chase the official dictionary says the limit.
+  out[0] = measured_steps_ > 0 ? std::get<ChaseTagFacts>(facts_.track).reported_time : data_->time;
   out[1] = chases_ ? 0 : 1;
   OfficialHeightMap(field_.grid(), {Vector2d::Map(data_->qpos), data_->qpos + 3}, out.subspan(2));
 }

@@ -1,7 +1,7 @@
 """Records the official environment of chase-tag into golden files of chosen or random seeds.
 
-The same as record.py for the track chasetag; the files have the form of tests/golden. The first steps
-are recorded in full, of later ones the contacts and the rewards, and each hundredth state.
+The same as record.py for the track chasetag; the files have the form of tests/golden, but not every
+step has its state, dictionary and action.
 
 usage: record_chasetag.py --out DIR [--seeds N | --seed S ...] [--steps N]
                           [--actions KIND ...] [--formula]
@@ -16,7 +16,10 @@ from official import (extras, fields, file_record, make, parser, plain, record, 
 
 NAME = "myoChallengeChaseTagP2eval-v0"
 MUSCLES = 80
-IN_FULL = 20  # steps
+# Steps whose state is recorded, and those whose dictionary is, too; so are every hundredth and the
+# last. All have their contacts, opponent and rewards.
+STATES = {0, 1, 2, 3, 4, 9, 14, 19}
+DICTIONARIES = {0, 9, 19}
 AT_REST = 1   # the opponent that this seed constructs does not move, so nothing of it is seen
 
 
@@ -90,13 +93,13 @@ def record_chase(gymnasium, versions, seed, steps, kind):
         played = step_record(wrapped, ACTIONS[kind](step, generator))
         times.append(float(np.squeeze(env.obs_dict["time"])))
         over = played["terminated"] or played["truncated"]
-        if step < IN_FULL or over:
+        if step in DICTIONARIES or over:
             played["obs_extra"] = extras(env.obs_dict, squeeze=True)
         else:
             del played["obs"]
         if kind in ("sine", "rest"):  # these follow from the step
             del played["action"]
-        if step < IN_FULL or step % 100 == 99 or over:
+        if step in STATES or step % 100 == 99 or over:
             played |= state(env)
         else:
             played |= contacts(env) | opponent(env)
@@ -120,7 +123,7 @@ def files(gymnasium, versions, seed, args):
 
 
 if __name__ == "__main__":
-    options = parser(__doc__.split("\n", 1)[0], 2000, "the sine actions alone")
+    options = parser(__doc__.split("\n", 1)[0], 150, "the sine actions alone")
     options.add_argument("--actions", choices=ACTIONS, action="append",
                          help="which actions (default: sine and uniform)")
     record(options, files)

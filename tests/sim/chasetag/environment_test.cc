@@ -240,10 +240,10 @@ TEST(ChaseTagOpponent, IsRepelledByThePersonAndTheWalls) {
   EXPECT_EQ(repelled.opponent.velocity().x(), 1) << "as fast as it may";
   moved_with({0, 0, 0}, {3, 1.5});
   EXPECT_EQ(repelled.opponent.velocity().x(), 0.3) << "the person is hardly in reach";
-  // Away from (1, 1) is the heading 5/4 pi + 1.57: the turn makes the wrapped angle grow to it.
-  for (const double angle : {0.1, 5.0}) {
+  // Away from (1, 1) it is turned by -3/4 pi + 1.57, which is 5.5: the wrapped angle goes there.
+  for (const double angle : {0.1, 5.0, 6.0}) {
     moved_with({0, 0, angle}, {1, 1});
-    EXPECT_EQ(repelled.opponent.velocity().y(), angle < 0.79 ? 1 : -1) << angle;
+    EXPECT_EQ(repelled.opponent.velocity().y(), angle < 5.5 ? 1 : -1) << angle;
   }
   moved_with({0, 0, 0}, {5, 5});
   EXPECT_EQ(std::abs(repelled.opponent.velocity().y()), 1) << "nothing in reach: at random";
@@ -315,7 +315,7 @@ TEST(ChaseTagEnd, AFallLosesTheChaseOnly) {
     env->data().qpos[2] = 2;
     env->SynchroniseState();
     EXPECT_EQ(env->Step(Rest()).ended, seed == kChase);
-    if (seed == kChase) EXPECT_EQ(env->facts().end, ChaseTagEnd::kFell);
+    EXPECT_EQ(env->facts().end == ChaseTagEnd::kFell, seed == kChase);
   }
 }
 

@@ -95,7 +95,7 @@ TEST(ChaseTagGolden, ModelDrawsResetsAndEpisodesAgree) {
     const int all = static_cast<int>(reset.at("steps").size());
     std::printf("%s: %s, %d of %d steps\n", file.name.c_str(), env->chases() ? "chase" : "evade",
                 steps, all);
-    if (steps < all) continue;
+    if (steps < all || !reset.at("steps").back().at("terminated").get<bool>()) continue;
     EpisodeFacts facts = env->facts();
     const auto verdict = scoring::Judge(facts, scoring::ChaseTagJudging{});
     const json& metrics = file.json.at("metrics");
