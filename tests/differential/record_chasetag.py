@@ -123,7 +123,7 @@ def files(gymnasium, versions, seed, args):
 
 
 if __name__ == "__main__":
-    options = parser(__doc__.split("\n", 1)[0], 150, "the sine actions alone")
+    options = parser(__doc__.split("\n", 1)[0], 60, "the sine actions alone")
     options.add_argument("--actions", choices=ACTIONS, action="append",
                          help="which actions (default: sine and uniform)")
     record(options, files)
