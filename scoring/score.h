@@ -45,8 +45,9 @@ struct ScoredEpisode {
 
 // A fault has the outcome that its evidence names, and a score of 0. An episode that was played is
 // a success if `rule` says so, however it ended; else it failed by how it ended: time, given-up, or
-// the reason in the place of a track's own end; an end beyond the reasons is only that of a success.
-// An end that the track does not have is kGraderError. `rule` makes a ScoredEpisode of the facts.
+// the reason in the place of a track's own end; an end beyond the reasons is only that of a
+// success. An end that the track does not have is kGraderError. `rule` makes a ScoredEpisode of the
+// facts.
 template <typename Facts, typename Rule>
 Verdict JudgeByScore(const EpisodeFacts& episode, const Rule& rule) {
   const std::optional<Facts> facts = FactsOf<Facts>(episode);

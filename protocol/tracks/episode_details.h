@@ -15,9 +15,9 @@
 namespace myograde {
 
 // The registry of details: one alternative per track, in the order of TrackFacts.
-using TrackDetails = std::variant<ManipulationDetails, LocomotionDetails, ElbowDetails,
-                                  ReorientationDetails, BaodingDetails, RelocationDetails,
-                                  ChaseTagDetails>;
+using TrackDetails =
+    std::variant<ManipulationDetails, LocomotionDetails, ElbowDetails, ReorientationDetails,
+                 BaodingDetails, RelocationDetails, ChaseTagDetails>;
 
 // None: no step was played, or the record is of an earlier version.
 using EpisodeDetails = std::optional<TrackDetails>;

@@ -7,10 +7,16 @@ namespace chasetag {
 namespace {
 
 constexpr auto kMetrics = ScoreMetrics({
-    {.name = "reported_time_s", .title = "reported time", .unit = "s",
-     .shown = Metric::Shown::kAlways, .spread = true},
-    {.name = "final_distance_m", .title = "final distance", .unit = "m",
-     .shown = Metric::Shown::kAlways, .spread = true},
+    {.name = "reported_time_s",
+     .title = "reported time",
+     .unit = "s",
+     .shown = Metric::Shown::kAlways,
+     .spread = true},
+    {.name = "final_distance_m",
+     .title = "final distance",
+     .unit = "m",
+     .shown = Metric::Shown::kAlways,
+     .spread = true},
 });
 
 absl::StatusOr<TrackScoring> Parse(const nlohmann::json& scoring, const std::string& where) {

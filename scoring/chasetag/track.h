@@ -19,9 +19,9 @@ struct ChaseTagMetric : ScoreMetric {
   };
 };
 
-// See JudgeByScore. With t the episode's time in s, to hundredths: a tag scores 1 - t / full_time_s,
-// a lost chase 0; evading scores t / full_time_s, however the episode ended, unless the policy gave
-// up.
+// See JudgeByScore. With t the episode's time in s, to hundredths: a tag scores 1 - t /
+// full_time_s, a lost chase 0; evading scores t / full_time_s, however the episode ended, unless
+// the policy gave up.
 Verdict Judge(const EpisodeFacts& facts, const ChaseTagJudging& rules);
 
 }  // namespace myograde::scoring

@@ -38,8 +38,8 @@ double ToHundredths(double seconds) { return std::nearbyint(seconds * 100) / 100
 
 absl::StatusOr<std::unique_ptr<Environment>> MakeChaseTag(const TrackConfig& config,
                                                           const std::string& cache_dir) {
-  auto rules = ParseChaseTagRules(
-      config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
+  auto rules = ParseChaseTagRules(config.rules,
+                                  absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
   if (!rules.ok()) return rules.status();
   ASSIGN_OR_RETURN(auto model, LoadModel(ChaseTagModel(), cache_dir));
   return ChaseTagEnvironment::Make(*rules, std::move(model));
@@ -94,10 +94,12 @@ ChaseTagEnvironment::ChaseTagEnvironment(const ChaseTagRules& rules, ModelPtr mo
       first_observation_(static_cast<size_t>(observation_size())),
       joint_ranges_(*model_, kJointIds) {
   facts_.track = ChaseTagFacts{};
+  trees_.emplace(*model_, std::vector<int>());  // for the order of contacts alone
   model_->geom_pos[3 * scene_.field_geom + 2] = 0;  // m: the official code lifts it by 5 mm
 }
 
 void ChaseTagEnvironment::Reset(uint64_t seed) {
+  const TreeSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   field_.Draw(rules_, generator_);
   chases_ = generator_.Integers(2) == 0;
@@ -132,9 +134,10 @@ void ChaseTagEnvironment::DrawStart() {
     start_qpos_[i] = qpos[i] + generator_.Normal(rules_.start_noise);
   }
   start_qpos_[2] = qpos[2];
-  Eigen::Vector4d quaternion = Eigen::Vector4d::Map(
-      rules_.orientation_with_noise ? start_qpos_.data() + 3 : qpos + 3);
-  for (size_t i = 0; i < 2; ++i) start_qpos_[i] = generator_.Uniform(-rules_.start_m, rules_.start_m);
+  Eigen::Vector4d quaternion =
+      Eigen::Vector4d::Map(rules_.orientation_with_noise ? start_qpos_.data() + 3 : qpos + 3);
+  for (size_t i = 0; i < 2; ++i)
+    start_qpos_[i] = generator_.Uniform(-rules_.start_m, rules_.start_m);
   const double heading = generator_.Uniform(0, 2 * std::numbers::pi);
   quaternion.normalize();
   Rotation rotation;
@@ -180,8 +183,7 @@ void ChaseTagEnvironment::Measure(StepResult& result) {
   const bool first = measured_steps_ == 1;
   joint_ranges_.Add(*data_, first);
   facts.final_distance = now.distance;
-  facts.smallest_distance =
-      first ? now.distance : std::min(facts.smallest_distance, now.distance);
+  facts.smallest_distance = first ? now.distance : std::min(facts.smallest_distance, now.distance);
   facts.solved = now.solved;
   if (now.solved && !solved_time_) solved_time_ = data_->time;
   facts.reported_time = chases_ && now.lost ? rules_.time_limit_s : data_->time;

@@ -17,8 +17,8 @@ namespace myograde::sim {
 // Where things are in the model.
 struct ChaseTagScene {
   int root_body, pelvis_body, right_foot_body, left_foot_body, head_site, field_geom;
-  std::array<int, 4> touch;    // in sensordata, in the order of the observation
-  std::string relief;          // bytes, row by row
+  std::array<int, 4> touch;  // in sensordata, in the order of the observation
+  std::string relief;        // bytes, row by row
 };
 
 // InternalError names what the model lacks.
@@ -46,13 +46,13 @@ class ChaseTagEnvironment final : public MuscleEnvironment {
 
   // The official quantities of a state.
   struct Official {
-    double distance;        // m, from the pelvis to the opponent, in the plane
-    bool touched;           // the opponent is near enough for a tag
-    bool out;               // of bounds
+    double distance;  // m, from the pelvis to the opponent, in the plane
+    bool touched;     // the opponent is near enough for a tag
+    bool out;         // of bounds
     bool fallen;
-    bool over;              // the time limit is reached
-    bool solved, lost;      // flags; both may be set
-    double score;           // of the state, 'sparse'
+    bool over;          // the time limit is reached
+    bool solved, lost;  // flags; both may be set
+    double score;       // of the state, 'sparse'
   };
   Official official() const;
   bool chases() const { return chases_; }  // the person, in this episode

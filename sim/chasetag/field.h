@@ -43,9 +43,9 @@ class ChaseTagField {
   void DrawHills(const ChaseTagRules& rules, NumpyGenerator& generator);
   void DrawRoughness(const ChaseTagRules& rules, NumpyGenerator& generator);
 
-  Patch hills_;   // of height 1
-  Patch relief_;  // of height 1
-  Patch drawn_;   // the patch being drawn
+  Patch hills_;                                                       // of height 1
+  Patch relief_;                                                      // of height 1
+  Patch drawn_;                                                       // the patch being drawn
   Eigen::Array<float, kSamples, kSamples, Eigen::RowMajor> heights_;  // m
 };
 

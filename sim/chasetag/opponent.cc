@@ -80,9 +80,7 @@ void BrownNoise::Restart(NumpyGenerator& generator) {
 // The inverse Fourier transform at one place, from small terms to large ones.
 Vector2d BrownNoise::Sample(NumpyGenerator& generator) {
   if (next_ == kSamples) Restart(generator);
-  const auto cosine = [&](int64_t phase) {
-    return cosine_[static_cast<size_t>(phase % kSamples)];
-  };
+  const auto cosine = [&](int64_t phase) { return cosine_[static_cast<size_t>(phase % kSamples)]; };
   Eigen::Array2d sum = real_.col(kFrequencies - 1) * (next_ % 2 == 0 ? 0.5 : -0.5);
   for (int i = kFrequencies - 2; i > 0; --i) {
     const int64_t phase = int64_t{i} * next_;
@@ -141,8 +139,7 @@ void Opponent::Move(const Vector2d& pelvis, double period, NumpyGenerator& gener
   Place(pose, data);
 }
 
-Vector2d Opponent::Decide(const Vector3d& pose, const Vector2d& pelvis,
-                          NumpyGenerator& generator) {
+Vector2d Opponent::Decide(const Vector3d& pose, const Vector2d& pelvis, NumpyGenerator& generator) {
   switch (policy_) {
     case OpponentPolicy::kAtTheEdge:
     case OpponentPolicy::kStationary:
@@ -161,8 +158,7 @@ Vector2d Opponent::Decide(const Vector3d& pose, const Vector2d& pelvis,
 }
 
 // Away from the mean of what is near, the faster the nearer it is; at random where nothing is.
-Vector2d Opponent::Escape(const Vector3d& pose, const Vector2d& pelvis,
-                          NumpyGenerator& generator) {
+Vector2d Opponent::Escape(const Vector3d& pose, const Vector2d& pelvis, NumpyGenerator& generator) {
   constexpr double kReach = 3.5;  // m
   constexpr double kStrength = 20;
   Vector2d sum = Vector2d::Zero();

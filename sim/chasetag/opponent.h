@@ -14,8 +14,8 @@
 namespace myograde::sim {
 
 // Two independent series of noise with a spectral density of 1 / f^2 and a variance of 1, as the
-// package pink draws them: one spectrum for 2,000 samples. Draws are NumPy's to the bit, samples are
-// sums in an order of our own.
+// package pink draws them: one spectrum for 2,000 samples. Draws are NumPy's to the bit, samples
+// are sums in an order of our own.
 class BrownNoise {
  public:
   BrownNoise();

@@ -21,12 +21,12 @@ struct ChaseTagRules {
   // Ends. From time_limit_s on the chaser has lost and the evader won.
   double time_limit_s;
   double tag_distance_m;  // of the pelvis to the opponent, in the plane
-  double bounds_m;        // out of bounds: the pelvis is farther than this from the middle, on an axis
-  double fall_height_m;   // fallen: the head is less than this above the middle of the feet
+  double bounds_m;  // out of bounds: the pelvis is farther than this from the middle, on an axis
+  double fall_height_m;  // fallen: the head is less than this above the middle of the feet
 
   // The start, drawn per episode.
-  double start_m;      // x and y lie within plus and minus this
-  double start_noise;  // standard deviation of each coordinate, m or rad
+  double start_m;           // x and y lie within plus and minus this
+  double start_noise;       // standard deviation of each coordinate, m or rad
   double spawn_distance_m;  // the opponent starts at least so far away
 
   // The opponent: how often the person chases each of the first four policies, and speeds in m/s

@@ -33,10 +33,10 @@ class ChaseTelemetry final : public Telemetry {
   }
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
-    target_.Add(environment_.official().touched, time_s,
-                environment_.chases() ? "The person tags the opponent"
-                                      : "The opponent catches the person",
-                "They are apart", events);
+    target_.Add(
+        environment_.official().touched, time_s,
+        environment_.chases() ? "The person tags the opponent" : "The opponent catches the person",
+        "They are apart", events);
   }
 
  private:
@@ -48,8 +48,11 @@ class ChaseTelemetry final : public Telemetry {
 }  // namespace chasetag
 
 const CameraView& ChaseTagView() {
-  static const CameraView view = {.body = "root", .look_at = {0, 0, -0.1}, .distance_m = 5,
-                                  .azimuth_deg = 90, .elevation_deg = -20};
+  static const CameraView view = {.body = "root",
+                                  .look_at = {0, 0, -0.1},
+                                  .distance_m = 5,
+                                  .azimuth_deg = 90,
+                                  .elevation_deg = -20};
   return view;
 }
 

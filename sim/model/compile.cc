@@ -1,5 +1,8 @@
 #include "sim/model/compile.h"
 
+#include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 #include <stdlib.h>
 
 #include <filesystem>
@@ -8,10 +11,6 @@
 #include <system_error>
 #include <utility>
 #include <vector>
-
-#include <absl/strings/escaping.h>
-#include <absl/strings/str_cat.h>
-#include <absl/strings/str_format.h>
 
 #include "protocol/base/file.h"
 #include "protocol/base/set_up.h"
@@ -102,14 +101,15 @@ class ScratchFolder {
 bool IsXml(std::string_view path) { return path.ends_with(".xml"); }
 bool IsByteArray(std::string_view path) { return path.ends_with(".npy"); }
 
-// A pinned array of bytes in NumPy's format as a custom text of the model, in hexadecimal digits under
-// its file's name: an episode can't read files.
+// A pinned array of bytes in NumPy's format as a custom text of the model, in hexadecimal digits
+// under its file's name: an episode can't read files.
 std::string AsText(std::string_view path, std::string_view file) {
   constexpr size_t kHeaderSize = 8, kHeader = 10;  // offsets: its size in two bytes, its beginning
   const size_t header = static_cast<uint8_t>(file[kHeaderSize]) +
                         256 * static_cast<size_t>(static_cast<uint8_t>(file[kHeaderSize + 1]));
   return absl::StrCat("<custom><text name=\"", fs::path(path).stem().string(), "\" data=\"",
-                      absl::BytesToHexString(std::string(file.substr(kHeader + header))), "\"/></custom>\n");
+                      absl::BytesToHexString(std::string(file.substr(kHeader + header))),
+                      "\"/></custom>\n");
 }
 
 // Fills `scratch` with patched XML files and links to everything else.

@@ -77,13 +77,13 @@ constexpr double kTwoPowMinus53 = 1.0 / 9007199254740992.0;
 // recurrence (Marsaglia and Tsang 2000) in double precision, with one density rounded up.
 struct Ziggurat {
   static constexpr int kLayers = 256;
-  static constexpr double kTail = 3.6541528853610088;            // where the tail begins
-  static constexpr double kArea = 0.0049286732339746518877;      // of a layer
-  static constexpr double kSteps = 4503599627370496;             // 2^52, in a layer's width
+  static constexpr double kTail = 3.6541528853610088;        // where the tail begins
+  static constexpr double kArea = 0.0049286732339746518877;  // of a layer
+  static constexpr double kSteps = 4503599627370496;         // 2^52, in a layer's width
 
-  std::array<double, kLayers> step;     // a layer's width / 2^52
+  std::array<double, kLayers> step;      // a layer's width / 2^52
   std::array<uint64_t, kLayers> inside;  // below this many steps x is surely under the curve
-  std::array<double, kLayers> density;  // at a layer's width
+  std::array<double, kLayers> density;   // at a layer's width
 
   Ziggurat() {
     constexpr int kRoundedUp = 38;

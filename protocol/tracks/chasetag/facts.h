@@ -10,9 +10,9 @@ namespace myograde {
 
 struct ChaseTagEnd {
   static constexpr EpisodeEnd kFell{"fell"};
-  static constexpr EpisodeEnd kCaught{"caught"};               // the opponent reached the evader
+  static constexpr EpisodeEnd kCaught{"caught"};  // the opponent reached the evader
   static constexpr EpisodeEnd kOutOfBounds{"out-of-bounds"};
-  static constexpr EpisodeEnd kTagged{"tagged"};               // the chaser reached the opponent
+  static constexpr EpisodeEnd kTagged{"tagged"};  // the chaser reached the opponent
 };
 
 struct ChaseTagReason {

@@ -1,4 +1,5 @@
-// Both legs: joints and muscles in the order of the model's positions and of the official actuators.
+// Both legs: joints and muscles in the order of the model's positions and of the official
+// actuators.
 #pragma once
 
 #include "protocol/tracks/hand.h"

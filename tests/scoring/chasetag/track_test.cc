@@ -25,7 +25,9 @@ EpisodeFacts Played(bool evades, EpisodeEnd end, bool solved) {
   return facts;
 }
 
-double ScoreOf(const EpisodeFacts& facts) { return Judge(facts, kRules).metrics[At::kScore].value(); }
+double ScoreOf(const EpisodeFacts& facts) {
+  return Judge(facts, kRules).metrics[At::kScore].value();
+}
 
 TEST(ChaseTagJudge, AChaseScoresTheTimeThatATagLeaves) {
   const EpisodeFacts tagged = Played(false, ChaseTagEnd::kTagged, true);

@@ -1,5 +1,5 @@
-// Episodes of chase-tag: what is drawn, the field, the opponent, observations, ends, and each switch
-// of the rules.
+// Episodes of chase-tag: what is drawn, the field, the opponent, observations, ends, and each
+// switch of the rules.
 #include "sim/chasetag/environment.h"
 
 #include <gmock/gmock.h>
@@ -20,8 +20,8 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kOpponent = 64, kRoot = 69;     // in the observation
-constexpr uint64_t kChase = 1, kEvade = 0;    // seeds of the two tasks
+constexpr int kOpponent = 64, kRoot = 69;   // in the observation
+constexpr uint64_t kChase = 1, kEvade = 0;  // seeds of the two tasks
 
 const std::vector<double>& Rest() {
   static const std::vector<double> rest(80, -1.0);
@@ -94,8 +94,8 @@ TEST(ChaseTagField, HasLevelHillyAndRoughPatchesAndNowAndThenTheRelief) {
   int most_hilly = 0;
   for (int i = 0; i < 40; ++i) {
     field.Draw(rules, generator);
-    const auto heights = Eigen::Map<const Eigen::Array<float, 100, 100, Eigen::RowMajor>>(
-        field.heights().data());
+    const auto heights =
+        Eigen::Map<const Eigen::Array<float, 100, 100, Eigen::RowMajor>>(field.heights().data());
     lowest = std::min(lowest, heights.minCoeff());
     highest = std::max(highest, heights.maxCoeff());
     EXPECT_EQ(heights.row(99).abs().maxCoeff(), 0);

@@ -73,10 +73,10 @@ GoldenFile WithActions(GoldenFile file) {
 }
 
 TEST(ChaseTagGolden, ARecordingHasTheWholeDictionary) {
-  ExpectWholeDictionary(
-      ChaseFiles(), {"time", "internal_qpos", "internal_qvel", "grf", "torso_angle",
-                     "muscle_length", "muscle_velocity", "muscle_force", "act", "opponent_pose",
-                     "opponent_vel", "model_root_pos", "model_root_vel", "task", "hfield"});
+  ExpectWholeDictionary(ChaseFiles(),
+                        {"time", "internal_qpos", "internal_qvel", "grf", "torso_angle",
+                         "muscle_length", "muscle_velocity", "muscle_force", "act", "opponent_pose",
+                         "opponent_vel", "model_root_pos", "model_root_vel", "task", "hfield"});
 }
 
 TEST(ChaseTagGolden, ModelDrawsResetsAndEpisodesAgree) {
@@ -90,8 +90,7 @@ TEST(ChaseTagGolden, ModelDrawsResetsAndEpisodesAgree) {
         [&](const json& model) {
           CompareModel(table, *env, model, file.name);
           return false;
-        },
-        /*in_order=*/false);
+        });
     const int all = static_cast<int>(reset.at("steps").size());
     std::printf("%s: %s, %d of %d steps\n", file.name.c_str(), env->chases() ? "chase" : "evade",
                 steps, all);

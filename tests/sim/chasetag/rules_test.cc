@@ -52,15 +52,22 @@ TEST(ChaseTagRules, EveryKeyIsRequiredAndNoOtherIsTaken) {
 }
 
 TEST(ChaseTagRules, ValuesOutOfRangeAreNamed) {
-  const std::pair<const char*, json> mistakes[] = {
-      {"max_steps", 0},          {"time_limit_s", 0},
-      {"tag_distance_m", 0},     {"bounds_m", 0.5},
-      {"start_m", 6},            {"start_noise", -0.1},
-      {"spawn_distance_m", 6},   {"opponent_shares", {0.5, 0.5, 0.5, 0}},
-      {"opponent_shares", {1}},  {"chase_speed", {5, 1}},
-      {"random_speed", {-2}},    {"repelled_speed", {-1, 1}},
-      {"hills_m", {0.2, 0.1}},   {"relief_share", 1.1},
-      {"start_patch_mirrored", 1}, {"actions_unclipped", nullptr}};
+  const std::pair<const char*, json> mistakes[] = {{"max_steps", 0},
+                                                   {"time_limit_s", 0},
+                                                   {"tag_distance_m", 0},
+                                                   {"bounds_m", 0.5},
+                                                   {"start_m", 6},
+                                                   {"start_noise", -0.1},
+                                                   {"spawn_distance_m", 6},
+                                                   {"opponent_shares", {0.5, 0.5, 0.5, 0}},
+                                                   {"opponent_shares", {1}},
+                                                   {"chase_speed", {5, 1}},
+                                                   {"random_speed", {-2}},
+                                                   {"repelled_speed", {-1, 1}},
+                                                   {"hills_m", {0.2, 0.1}},
+                                                   {"relief_share", 1.1},
+                                                   {"start_patch_mirrored", 1},
+                                                   {"actions_unclipped", nullptr}};
   for (const auto& [key, value] : mistakes) {
     json rules = ChaseConfig().rules;
     rules[key] = value;
