@@ -85,11 +85,9 @@ TEST(ChaseTagGolden, ModelDrawsResetsAndEpisodesAgree) {
   for (const GoldenFile& recorded : ChaseFiles()) {
     const GoldenFile file = WithActions(recorded);
     const json& reset = file.json.at("resets").at(0);
-    const int steps = CompareEpisode(
-        table, *env, ChaseTagTrack(), file,
-        [&](const json& model) {
+    const int steps =
+        CompareEpisode(table, *env, ChaseTagTrack(), file, [&](const json& model) {
           CompareModel(table, *env, model, file.name);
-          return false;
         });
     const int all = static_cast<int>(reset.at("steps").size());
     std::printf("%s: %s, %d of %d steps\n", file.name.c_str(), env->chases() ? "chase" : "evade",
