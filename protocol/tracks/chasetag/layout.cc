@@ -73,7 +73,8 @@ const TrackKind& ChaseTagTrack() {
                                   .layout = ChaseTagLayout,
                                   .no_facts = ChaseTagFacts(),
                                   .max_steps = MaxStepsKey,
-                                  .tables = nullptr};
+                                  .tables = nullptr,
+                                  .template_year = 2023};
   return track;
 }
 
