@@ -75,10 +75,11 @@ debian(server DIRECTORY policies/runtimes DESTINATION ${share})
 debian(server DIRECTORY ${CMAKE_BINARY_DIR}/docs DESTINATION ${share} OPTIONAL)
 debian(server DIRECTORY ${CMAKE_BINARY_DIR}/adapters DESTINATION ${share}
        PATTERN "*.stamp" EXCLUDE PATTERN __pycache__ EXCLUDE)
-foreach(policy scripted-elbow baseline-manipulation baseline-locomotion)
+foreach(policy scripted-elbow baseline-manipulation baseline-locomotion baseline-baoding)
   set(folder lib/myograde/policies/${policy})
   install(TARGETS policy_${policy} RUNTIME DESTINATION ${folder} COMPONENT server EXCLUDE_FROM_ALL)
-  debian(server FILES ${CMAKE_BINARY_DIR}/policies/${policy}/policy.json DESTINATION ${folder})
+  debian(server DIRECTORY ${CMAKE_BINARY_DIR}/policies/${policy}/ DESTINATION ${folder}
+         FILES_MATCHING PATTERN "*.json")
 endforeach()
 debian(server FILES ${CMAKE_BINARY_DIR}/openapi.json DESTINATION ${share})
 set(units ${here}/systemd)

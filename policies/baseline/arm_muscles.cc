@@ -87,13 +87,13 @@ void ArmAllocator::Allocate(const ArmState& state, const ArmTorques& goal, const
   // Torque of each muscle at full activation, and what is missing of the goal.
   std::array<Arms, kArmMuscles> torque{};
   ArmTorques missing = goal;
-  std::array<ActivationBounds, kArmMuscles> bounds;
+  std::array<ActivationBounds, kArmMuscles> bounds{};
   const std::vector<ArmMuscle>& muscles = ArmTable();
-  for (int i = 0; i < kArmMuscles; ++i) {
+  for (int i = first_; i < kArmMuscles; ++i) {
     const ArmMuscle& muscle = muscles[i];
     const Arms arms = ArmsOf(muscle, state);
     const MusclePull pull = PullNow(muscle, arms, state);
-    bounds[i] = Reachable(state.activation[i], kArmControlStep);
+    bounds[i] = Reachable(state.activation[i], control_step_);
     last_[i] = std::clamp(last_[i], bounds[i].low, bounds[i].high);
     for (int j = 0; j < muscle.terms.joints(); ++j) {
       torque[i][j] = -arms[j] * pull.active;
@@ -102,7 +102,7 @@ void ArmAllocator::Allocate(const ArmState& state, const ArmTorques& goal, const
   }
   ShareTorques(muscles, torque, bounds, weight, effort_, kArmSweeps, missing, last_);
   for (int i = 0; i < kArmMuscles; ++i) {
-    excitations[i] = Excitation(state.activation[i], last_[i], kArmControlStep);
+    excitations[i] = Excitation(state.activation[i], last_[i], control_step_);
   }
 }
 

@@ -12,6 +12,7 @@
 namespace myograde::baseline {
 
 inline constexpr int kArmMuscles = 63;
+inline constexpr int kHandMuscle = 24;  // the first that the forearm and the hand have
 // The independent joints: elevation plane, elevation and rotation of the shoulder, elbow,
 // pronation, two of the wrist, four of the thumb and four of each finger.
 inline constexpr int kArmJoints = 27;
@@ -35,8 +36,10 @@ ArmTorques MuscleTorques(const ArmState& state);
 // search starts from.
 class ArmAllocator {
  public:
-  // `effort`: what a squared activation costs, in squared N m of missed torque.
-  explicit ArmAllocator(double effort) : effort_(effort) {}
+  // `effort`: what a squared activation costs, in squared N m of missed torque. `control_step` in
+  // s. The muscles before `first` are not there: a hand alone has only those from kHandMuscle on.
+  explicit ArmAllocator(double effort, double control_step = kArmControlStep, int first = 0)
+      : effort_(effort), control_step_(control_step), first_(first) {}
 
   void Reset() { last_.fill(0); }
 
@@ -47,7 +50,8 @@ class ArmAllocator {
                 std::span<double, kArmMuscles> excitations);
 
  private:
-  double effort_;
+  double effort_, control_step_;
+  int first_;
   std::array<double, kArmMuscles> last_{};
 };
 

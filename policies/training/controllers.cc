@@ -4,10 +4,15 @@
 #include <cstddef>
 #include <span>
 
+#include "policies/baseline/juggler.h"
 #include "policies/baseline/reacher.h"
 #include "policies/baseline/reacher_parameters.h"
 #include "policies/baseline/walker.h"
 
+using myograde::baseline::Juggler;
+using myograde::baseline::JugglerParameters;
+using myograde::baseline::kHandActions;
+using myograde::baseline::kJugglerObservation;
 using myograde::baseline::kReacherAction;
 using myograde::baseline::kReacherObservation;
 using myograde::baseline::kWalkerAction;
@@ -77,6 +82,20 @@ void reacher_act(void* reacher, const double* observation, double* action) {
   static_cast<Reacher*>(reacher)->Act(
       std::span<const double, kReacherObservation>(observation, kReacherObservation),
       std::span<double, kReacherAction>(action, kReacherAction));
+}
+
+size_t juggler_parameter_count() { return JugglerParameters().size(); }
+const char* juggler_parameter_name(size_t i) { return JugglerParameters()[i].name; }
+void juggler_parameter_info(size_t i, double* out) { CopyInfo(JugglerParameters()[i], out); }
+void* juggler_make(const double* numbers) {
+  return new Juggler({numbers, JugglerParameters().size()});
+}
+void juggler_free(void* juggler) { delete static_cast<Juggler*>(juggler); }
+void juggler_reset(void* juggler) { static_cast<Juggler*>(juggler)->Reset(); }
+void juggler_act(void* juggler, const double* observation, double* action) {
+  static_cast<Juggler*>(juggler)->Act(
+      std::span<const double, kJugglerObservation>(observation, kJugglerObservation),
+      std::span<double, kHandActions>(action, kHandActions));
 }
 
 }  // extern "C"

@@ -16,7 +16,7 @@ from myograde.policy.leg import STATES, Joint, LegSet, LegState, Threshold
 
 # A threshold that nothing reaches: the sets' states are all the same, and stay where they are.
 NEVER = (Threshold("load", -1e9, above=False),)
-CONTROLLERS = ("walker", "reacher")
+CONTROLLERS = ("walker", "reacher", "juggler")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,3 +127,10 @@ class Reacher(Controller):
 
     name = "reacher"
     action_size = 80
+
+
+class Juggler(Controller):
+    """The controller of the track baoding."""
+
+    name = "juggler"
+    action_size = 39

@@ -31,7 +31,12 @@ REACH = slice(216, 219)     # from the hand to the box, m
 RESTING = 1.134             # height of the standing box, m
 LIFTED = 0.065              # m above that
 BOTH_S = 1.0                # s
-PROFILES = {"walker": "paper", "reacher": "paper"}  # what each plays unless told otherwise
+JUGGLER_STEP = 0.025  # s
+JUGGLER_S = 5.0       # s, that an episode takes
+NEAR = 0.02           # m, from its target, that the score of a ball falls by a factor of e
+BALLS_MISSING = slice(41, 47)  # from both balls to their targets, m
+# What each plays unless told otherwise.
+PROFILES = {"walker": "paper", "reacher": "paper", "juggler": "official"}
 PR_SET_PDEATHSIG = 1
 
 
@@ -40,7 +45,8 @@ class Result:
     """What came of an episode."""
 
     score: float
-    distance: float  # m: how far the walker got, or the lifted box on its way to the goal
+    distance: float  # m: how far the walker got, or the lifted box on its way to the goal; of a
+    # juggler, the share of solved steps
     time: float  # s
     end: str
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
@@ -76,7 +82,7 @@ def prepare(library: pathlib.Path, controller: str = "walker", profile: str = ""
 
 def environment(controller: str, profile: str, config: str) -> Any:
     """One environment, as `prepare` says. WrongUse if profile or config is none."""
-    track = {"walker": "Locomotion", "reacher": "Manipulation"}[controller]
+    track = {"walker": "Locomotion", "reacher": "Manipulation", "juggler": "Baoding"}[controller]
     return myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
                         profile=profile or PROFILES[controller], config=config or None)
 
@@ -88,7 +94,8 @@ def workers(args: argparse.Namespace) -> ProcessPoolExecutor:
         played = environment(args.controller, args.profile, args.config)
     except WrongUse as error:
         raise SystemExit(str(error)) from error
-    kind = {"walker": controllers.Walker, "reacher": controllers.Reacher}[args.controller]
+    kind = {"walker": controllers.Walker, "reacher": controllers.Reacher,
+            "juggler": controllers.Juggler}[args.controller]
     if played.single_action_space.shape != (kind.action_size,):
         raise SystemExit(f"{args.config}: the {args.controller} does not play this track")
     played.close()
@@ -116,7 +123,7 @@ def tilt_of(pelvis: np.ndarray) -> str:
 
 def play(job: tuple[np.ndarray, int, float]) -> Result:
     """One episode: parameters, seed, and the most seconds that it may take."""
-    return {"walker": walk, "reacher": reach}[_controller](*job)
+    return {"walker": walk, "reacher": reach, "juggler": juggle}[_controller](*job)
 
 
 def walk(numbers: np.ndarray, seed: int, seconds: float) -> Result:
@@ -186,3 +193,23 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
              - 3 * min(nearest, 0.4))
     return Result(score, progress, steps * REACHER_STEP, end, "beside",
                   lifted=bool(height > LIFTED), success=success, both=both, given=given > 50)
+
+
+def juggle(numbers: np.ndarray, seed: int, seconds: float) -> Result:
+    """An episode of the juggler. The score leads the balls near their targets."""
+    juggler = controllers.Juggler(_library, numbers)
+    observations, _ = _envs.reset(seed=[seed])
+    juggler.reset()
+    actions = np.zeros((1, juggler.action_size))
+    end, near, steps = "time", 0.0, 0
+    most = round(min(seconds, JUGGLER_S) / JUGGLER_STEP)
+    for steps in range(1, most + 1):
+        juggler.act(observations[0], actions[0])
+        observations, _, terminated, truncated, info = _envs.step(actions)
+        missing = np.linalg.norm(observations[0, BALLS_MISSING].reshape(2, 3), axis=1)
+        near += float(np.mean(np.exp(-missing / NEAR)))
+        if terminated[0] or truncated[0]:
+            end = str(info["end"][0])
+            break
+    solved = int(info["facts"]["solved_steps"][0]) / most
+    return Result(solved + 0.5 * near / most, solved, steps * JUGGLER_STEP, end, "falling")

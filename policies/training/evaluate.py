@@ -68,8 +68,10 @@ def main() -> int:
     with episodes.workers(args) as pool:
         results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
+    juggles = args.controller == "juggler"
     figure: dict[str, Any] = {
-        "distance_m": round(mean, 3), "standard_error_m": round(error, 3),
+        "solved" if juggles else "distance_m": round(mean, 4 if juggles else 3),
+        "standard_error" if juggles else "standard_error_m": round(error, 4 if juggles else 3),
         "profile": args.profile or episodes.PROFILES[args.controller],
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
         "ends": episodes.counts(r.end for r in results)}
@@ -80,16 +82,17 @@ def main() -> int:
                             ("touched_by_both", sum(r.both for r in results))):
             figure[name] = count
             figure[f"{name}_wilson95"] = [round(x, 3) for x in wilson(count, len(results))]
-    else:
+    elif args.controller == "walker":
         fallen = [r for r in results if r.end == "fell"]
         figure["falls"] = episodes.counts(r.tilt for r in fallen)
         figure["falls_by_course"] = {
             course: episodes.counts(r.tilt for r in fallen if r.course == course)
             for course in episodes.COURSES}
     print(json.dumps(figure))
+    unit = "" if juggles else " m"
     for start in sorted({r.start for r in results}):
         mine = [r for r in results if r.start == start]
-        print(f"{start}: {len(mine)} episodes, {spread([r.distance for r in mine])[0]:.2f} m in "
+        print(f"{start}: {len(mine)} episodes, {spread([r.distance for r in mine])[0]:.2f}{unit} in "
               f"{spread([r.time for r in mine])[0]:.2f} s")
     if args.write is not None:
         content = {"command": args.command, "figure": figure,

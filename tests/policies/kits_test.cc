@@ -181,6 +181,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Bundled{"scripted-manipulation", {"./scripted-manipulation"}},
                       Bundled{"scripted-locomotion", {"./scripted-locomotion"}},
                       Bundled{"baseline-locomotion", {"./baseline-locomotion"}},
+                      Bundled{"baseline-baoding", {"./baseline-baoding"}},
                       Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}),
     [](const auto& test) {
       std::string name = test.param.folder;

@@ -1,0 +1,106 @@
+#include "policies/baseline/juggler.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+#include <string>
+#include <utility>
+
+namespace myograde::baseline {
+namespace {
+
+constexpr double kWholeTurn = 0.5;  // rad: from here on the balls are turned as fast as they can be
+constexpr double kLength = 0.01;    // m, the unit of places
+constexpr double kMost = 3;         // of a feature
+constexpr size_t kBall1 = 23, kBall2 = 29, kTarget1 = 35, kTarget2 = 38, kHandActivations = 47;
+
+struct JointStart {
+  const char* name;
+  double angle;  // rad
+};
+
+// A cupped hand, its palm up.
+constexpr std::array<JointStart, kHandAngles> kStart = {{
+    {"pronation", -1.57},    {"deviation", 0},       {"wrist", 0},        {"thumb_abduction", 0.3},
+    {"thumb_flexion", 0.2},  {"thumb_middle", 0},    {"thumb_tip", 0},    {"index_base", 0.3},
+    {"index_abduction", 0},  {"index_middle", 0.5},  {"index_tip", 0.5},  {"middle_base", 0.3},
+    {"middle_abduction", 0}, {"middle_middle", 0.5}, {"middle_tip", 0.5}, {"ring_base", 0.3},
+    {"ring_abduction", 0},   {"ring_middle", 0.5},   {"ring_tip", 0.5},   {"little_base", 0.3},
+    {"little_abduction", 0}, {"little_middle", 0.5}, {"little_tip", 0.5},
+}};
+
+// Joints that a feature moves together: one, and those from `second` on half as far.
+struct Group {
+  const char* name;
+  int first, second, end;
+};
+constexpr std::array<Group, 9> kGroups = {{{"deviation", 1, 0, 0},
+                                           {"wrist", 2, 0, 0},
+                                           {"thumb_abduction", 3, 0, 0},
+                                           {"thumb_flexion", 4, 0, 0},
+                                           {"thumb_bend", 5, 6, 7},
+                                           {"index", 7, 9, 11},
+                                           {"middle", 11, 13, 15},
+                                           {"ring", 15, 17, 19},
+                                           {"little", 19, 21, 23}}};
+
+// The double angle at which the balls lie, as they are alike; how far they have to be turned around
+// each other, also times that; how far their middle is from where it should be. Each is about 1 at
+// most.
+constexpr std::array<const char*, 7> kFeatures = {"lie_cos",  "lie_sin", "turn", "turn_cos",
+                                                  "turn_sin", "x",       "y"};
+
+std::array<double, kFeatures.size()> FeaturesOf(
+    std::span<const double, kJugglerObservation> observation) {
+  const auto place = [&](size_t at) {
+    return Eigen::Vector2d(observation[at], observation[at + 1]);
+  };
+  const Eigen::Vector2d first = place(kBall1), second = place(kBall2);
+  const Eigen::Vector2d target1 = place(kTarget1), target2 = place(kTarget2);
+  const Eigen::Vector2d balls = first - second, targets = target1 - target2;
+  const Eigen::Vector2d missing = (target1 + target2 - first - second) / 2 / kLength;
+  const double lie = std::atan2(balls.y(), balls.x());
+  const double way = std::remainder(std::atan2(targets.y(), targets.x()) - lie, 2 * M_PI);
+  const double turn = std::tanh(way / kWholeTurn);
+  const double c = std::cos(2 * lie), s = std::sin(2 * lie);
+  return {c, s, turn, turn * c, turn * s, missing.x(), missing.y()};
+}
+
+}  // namespace
+
+std::span<const ParameterInfo> JugglerParameters() {
+  static std::deque<std::string> names;  // which the infos point into
+  static const std::vector<ParameterInfo> infos = [] {
+    std::vector<ParameterInfo> made;
+    const auto add = [&](std::string name, double start, double deviation) {
+      const char* kept = names.emplace_back(std::move(name)).c_str();
+      made.push_back({kept, start, deviation, -2, 2});
+    };
+    for (const JointStart& joint : kStart) add(joint.name, joint.angle, 0.15);
+    for (const char* feature : kFeatures) {
+      for (const Group& group : kGroups) add(std::string(feature) + "_" + group.name, 0, 0.1);
+    }
+    return made;
+  }();
+  return infos;
+}
+
+void Juggler::Act(std::span<const double, kJugglerObservation> observation,
+                  std::span<double, kHandActions> action) {
+  HandPosture target;
+  std::copy_n(numbers_.begin(), kHandAngles, target.begin());
+  auto number = numbers_.begin() + kHandAngles;
+  for (const double feature : FeaturesOf(observation)) {
+    for (const Group& group : kGroups) {
+      const double change = std::clamp(feature, -kMost, kMost) * *number++;
+      target[group.first] += change;
+      for (int j = group.second; j < group.end; ++j) target[j] += change / 2;
+    }
+  }
+  hand_.Follow(observation.first<kHandAngles>(),
+               observation.subspan<kHandActivations, kHandActions>(), target, action);
+}
+
+}  // namespace myograde::baseline
