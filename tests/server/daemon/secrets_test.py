@@ -274,7 +274,8 @@ class Withheld(SecretsCase):
         for path, (_, text) in self.all_answers("alpha", submission).items():
             self.assertNotIn(b"hello from the policy", text, path)
             self.assertNotIn(b"signal 11", text, path)
-            self.assertNotIn(b"ended as", text, path)
+            if path != "/v1/openapi.json":  # which has the words in an example
+                self.assertNotIn(b"ended as", text, path)
         for method, part in (("GET", "receipt"), ("POST", "rerun")):
             status, code, message = self.refused(
                 "alpha", method, f"/v1/submissions/{submission}/{part}",
