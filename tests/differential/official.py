@@ -85,6 +85,38 @@ def _offsets(env):
     return table
 
 
+# --- tracks of muscles ---------------------------------------------------
+
+def muscle_actions(muscles, digits=None):
+    """Kinds of actions `act(step, generator)`; random ones are rounded to so many `digits`."""
+    def uniform(largest):
+        return lambda _step, generator: (
+            generator.uniform(-largest, largest, muscles) if digits is None
+            else generator.uniform(-largest, largest, muscles).round(digits))
+
+    return {
+        "sine": lambda step, _generator: np.sin(0.1 * step + np.arange(muscles)),
+        "uniform": uniform(1.0),
+        "wide": uniform(2.0),  # also out of the declared range, which the official code does not clip
+        "rest": lambda _step, _generator: np.full(muscles, -1.0),
+    }
+
+
+def model_fields(env, *more):
+    """What the physics reads of every body, joint and muscle."""
+    return fields(env.sim.model, (
+        "body_mass", "body_inertia", "body_ipos", "jnt_range", "dof_M0", "dof_invweight0",
+        "actuator_acc0", "actuator_lengthrange", "tendon_length0", *more))
+
+
+def contacts(env):
+    return {"contacts": [[int(c.geom1), int(c.geom2)] for c in env.sim.data.contact]}
+
+
+def state(env, *more):
+    return fields(env.sim.data, ("time", "qpos", "qvel", "act", "ctrl", "nefc", *more)) | contacts(env)
+
+
 # --- parts of a file -----------------------------------------------------
 
 def reset_record(env, index=0):
@@ -152,3 +184,16 @@ def record(options, files):
         for name, content in files(gymnasium, versions, seed, args):
             (args.out / name).write_text(json.dumps(content))
             print(f"recorded {name}", flush=True)
+
+
+def record_actions(options, actions, files, default=None):
+    """As record, of chosen kinds of `actions`: `files` gets their names as args.actions. `default`: the kinds
+    that are played unless told otherwise."""
+    default = default or list(actions)
+    options.add_argument("--actions", choices=actions, action="append",
+                         help=f"which actions (default: {', '.join(default)})")
+
+    def of_kinds(gymnasium, versions, seed, args):
+        args.actions = args.actions or (["sine"] if args.formula else default)
+        return files(gymnasium, versions, seed, args)
+    record(options, of_kinds)

@@ -9,7 +9,7 @@ usage: record_baoding.py --out DIR [--seeds N | --seed S ...] [--steps N]
 import numpy as np
 
 import hand
-from official import make, parser, plain
+from official import make, parser, plain, record_actions
 
 NAME = "myoChallengeBaodingP2-v1"
 MADE_WITH = 0  # the constructor draws too, and places what the first observation shows
@@ -59,4 +59,4 @@ def files(gymnasium, versions, seed, args):
 
 if __name__ == "__main__":
     options = parser(__doc__.split("\n", 1)[0], 200, "the sine actions alone")
-    hand.record_actions(options, ACTIONS, files)
+    record_actions(options, ACTIONS, files)

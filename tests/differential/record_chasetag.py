@@ -11,8 +11,8 @@ import hashlib
 
 import numpy as np
 
-from official import (extras, fields, file_record, make, parser, plain, record, reset_record,
-                      step_record)
+from official import (contacts, extras, file_record, make, model_fields, muscle_actions, parser, plain,
+                      record_actions, reset_record, state, step_record)
 
 NAME = "myoChallengeChaseTagP2eval-v0"
 MUSCLES = 80
@@ -21,56 +21,26 @@ MUSCLES = 80
 STATES = {0, 1, 2, 3, 4, 9, 14, 19}
 DICTIONARIES = {0, 9, 19}
 AT_REST = 1   # the opponent that this seed constructs does not move, so nothing of it is seen
-
-
-# --- actions -------------------------------------------------------------
-
-def sine(step, _generator):
-    return np.sin(0.1 * step + np.arange(MUSCLES))
-
-
-def uniform(_step, generator):
-    return generator.uniform(-1.0, 1.0, MUSCLES).round(3)
-
-
-def wide(_step, generator):
-    """Also out of the declared range, which the official code does not clip."""
-    return generator.uniform(-2.0, 2.0, MUSCLES).round(3)
-
-
-def rest(_step, _generator):
-    """The person falls, and may lie there until the time is over."""
-    return np.full(MUSCLES, -1.0)
-
-
-ACTIONS = {"sine": sine, "uniform": uniform, "wide": wide, "rest": rest}
+ACTIONS = muscle_actions(MUSCLES, digits=3)
 
 
 # --- the environment -----------------------------------------------------
-
-def contacts(env):
-    return {"contacts": [[int(c.geom1), int(c.geom2)] for c in env.sim.data.contact]}
-
 
 def opponent(env):
     return {"opponent": plain(np.concatenate([env.opponent.get_opponent_pose(),
                                               env.opponent.opponent_vel]))}
 
 
-def state(env):
-    return (fields(env.sim.data, ("time", "qpos", "qvel", "act", "ctrl", "nefc")) | contacts(env)
-            | opponent(env))
+def chase_state(env):
+    return state(env) | opponent(env)
 
 
 def model_record(env):
     """What the physics reads, and what the reset drew."""
-    model = env.sim.model
     heights = np.array(env.heightfield.hfield.data, dtype=np.float32)
     noise = env.opponent.noise_process
     return {
-        **fields(model, ("body_mass", "body_inertia", "body_ipos", "jnt_range", "dof_M0",
-                         "dof_invweight0", "actuator_acc0", "actuator_lengthrange",
-                         "tendon_length0")),
+        **model_fields(env),
         "heights_sha256": hashlib.sha256(heights.tobytes()).hexdigest(),
         "policy": env.opponent.opponent_policy,
         "chase_velocity": float(env.opponent.chase_velocity),
@@ -85,7 +55,7 @@ def record_chase(gymnasium, versions, seed, steps, kind):
         **reset_record(wrapped),
         "model": model_record(env),
         "obs_dict": extras(env.obs_dict, squeeze=False),
-        "state_after_reset": state(env),
+        "state_after_reset": chase_state(env),
     }
     generator = np.random.Generator(np.random.PCG64([seed, 2023]))
     times = []
@@ -100,7 +70,7 @@ def record_chase(gymnasium, versions, seed, steps, kind):
         if kind in ("sine", "rest"):  # these follow from the step
             del played["action"]
         if step in STATES or step % 100 == 99 or over:
-            played |= state(env)
+            played |= chase_state(env)
         else:
             played |= contacts(env) | opponent(env)
         reset["steps"].append(played)
@@ -117,13 +87,11 @@ def record_chase(gymnasium, versions, seed, steps, kind):
 
 
 def files(gymnasium, versions, seed, args):
-    for kind in args.actions or (["sine"] if args.formula else ["sine", "uniform"]):
+    for kind in args.actions:
         yield (f"chasetag_{kind}_seed{seed}.json",
                record_chase(gymnasium, versions, seed, args.steps, kind))
 
 
 if __name__ == "__main__":
     options = parser(__doc__.split("\n", 1)[0], 60, "the sine actions alone")
-    options.add_argument("--actions", choices=ACTIONS, action="append",
-                         help="which actions (default: sine and uniform)")
-    record(options, files)
+    record_actions(options, ACTIONS, files, default=["sine", "uniform"])

@@ -9,46 +9,16 @@ usage: record_relocation.py --out DIR [--seeds N | --seed S ...] [--steps N]
 
 import numpy as np
 
-from official import (extras, fields, file_record, make, parser, plain, record, reset_record,
-                      step_record)
+from official import (contacts, extras, file_record, make, model_fields, muscle_actions, parser, plain,
+                      record_actions, reset_record, state, step_record)
 
 NAME = "myoChallengeRelocateP2eval-v0"
 MUSCLES = 63
 IN_FULL = 20  # steps
-
-
-# --- actions -------------------------------------------------------------
-
-def sine(step, _generator):
-    return np.sin(0.1 * step + np.arange(MUSCLES))
-
-
-def uniform(_step, generator):
-    return generator.uniform(-1.0, 1.0, MUSCLES).round(3)
-
-
-def wide(_step, generator):
-    """Also out of the declared range, which the official code does not clip."""
-    return generator.uniform(-2.0, 2.0, MUSCLES).round(3)
-
-
-def rest(_step, _generator):
-    """The arm hangs down and the object falls."""
-    return np.full(MUSCLES, -1.0)
-
-
-ACTIONS = {"sine": sine, "uniform": uniform, "wide": wide, "rest": rest}
+ACTIONS = muscle_actions(MUSCLES, digits=3)
 
 
 # --- the environment -----------------------------------------------------
-
-def contacts(env):
-    return {"contacts": [[int(c.geom1), int(c.geom2)] for c in env.sim.data.contact]}
-
-
-def state(env):
-    return fields(env.sim.data, ("time", "qpos", "qvel", "act", "ctrl", "nefc")) | contacts(env)
-
 
 def model_record(env):
     """What the physics reads, after the reset's draws."""
@@ -56,9 +26,7 @@ def model_record(env):
     first = model.body_geomadr[env.object_bid]
     geoms = slice(first, first + model.body_geomnum[env.object_bid])
     return {
-        **fields(model, ("body_mass", "body_inertia", "body_ipos", "jnt_range", "dof_M0",
-                         "dof_invweight0", "actuator_acc0", "actuator_lengthrange",
-                         "tendon_length0")),
+        **model_fields(env),
         "goal_pos": plain(np.array(model.body_pos[env.goal_bid])),
         "goal_quat": plain(np.array(model.body_quat[env.goal_bid])),
         "object_pos": plain(np.array(model.body_pos[env.object_bid])),
@@ -99,13 +67,11 @@ def record_object(gymnasium, versions, seed, steps, kind):
 
 
 def files(gymnasium, versions, seed, args):
-    for kind in args.actions or (["sine"] if args.formula else ACTIONS):
+    for kind in args.actions:
         yield (f"relocation_{kind}_seed{seed}.json",
                record_object(gymnasium, versions, seed, args.steps, kind))
 
 
 if __name__ == "__main__":
     options = parser(__doc__.split("\n", 1)[0], 150, "the sine actions alone")
-    options.add_argument("--actions", choices=ACTIONS, action="append",
-                         help="which actions (default: all kinds)")
-    record(options, files)
+    record_actions(options, ACTIONS, files)

@@ -9,7 +9,7 @@ usage: record_reorientation.py --out DIR [--seeds N | --seed S ...] [--steps N]
 import numpy as np
 
 import hand
-from official import make, parser, plain
+from official import make, parser, plain, record_actions
 
 NAME = "myoChallengeDieReorientP2-v0"
 
@@ -38,4 +38,4 @@ def files(gymnasium, versions, seed, args):
 
 if __name__ == "__main__":
     options = parser(__doc__.split("\n", 1)[0], 150, "the sine actions alone")
-    hand.record_actions(options, hand.ACTIONS, files)
+    record_actions(options, hand.ACTIONS, files)
