@@ -4,10 +4,11 @@ import json
 
 from markdown.extensions.toc import slugify
 
+from bundle import operations, resolved
+
 ROLES = {"public": "everybody", "participant": "participants, of their own teams", "organiser": "organisers",
          "operator": "operators"}
 KINDS = {"boolean": "`true` or `false`", "array": "a list", "object": "an object", "string": ""}
-METHODS = ("get", "post")
 LARGEST = 2**63 - 1
 LONG_LINE = 80
 
@@ -23,17 +24,11 @@ def table(head, rows):
 class Page:
     def __init__(self, document):
         self.document = document
-        self.operations = sorted((path, method, item[method], item.get("parameters", []))
-                                 for path, item in document["paths"].items() for method in METHODS if method in item)
+        self.operations = sorted(((path, method, operation) for method, path, operation in operations(document)),
+                                 key=lambda one: one[:2])
 
     def resolved(self, value):
-        """What a reference names, under what stands beside the reference."""
-        while "$ref" in value:
-            found = self.document
-            for word in value["$ref"].split("/")[1:]:
-                found = found[word]
-            value = {**found, **{key: entry for key, entry in value.items() if key != "$ref"}}
-        return value
+        return resolved(self.document, value)
 
     def row(self, name, notes, meaning, schema):
         """A parameter or key: its name with notes; what it means and which values it takes."""
@@ -88,20 +83,21 @@ class Page:
     def text(self, head):
         """The page, which begins with `head`."""
         def name(path, method):
-            return f"`{method.upper()} {path}`"
+            return f"`{method} {path}`"
 
         lines = [head.strip(), ""]
         for role, whom in ROLES.items():
             lines += table([f"for {whom}", "what it does"], [
                 [f"[{name(path, method)}](#{slugify(name(path, method), '-')})", operation["summary"]]
-                for path, method, operation, _ in self.operations if operation["x-role"] == role])
+                for path, method, operation in self.operations if operation["x-role"] == role])
         for tag in self.document["tags"]:
             lines += [f"## {tag['name']}", "", tag["description"], ""]
-            for path, method, operation, parameters in self.operations:
+            for path, method, operation in self.operations:
                 if operation["tags"] == [tag["name"]]:
                     lines += [f"### {name(path, method)}", "",
                               f"**{operation['summary']}.** For {ROLES[operation['x-role']]}.", "",
-                              *self.parameters(parameters + operation.get("parameters", [])),
+                              *self.parameters([*self.document["paths"][path].get("parameters", []),
+                                                *operation.get("parameters", [])]),
                               *(self.body(operation["requestBody"]) if "requestBody" in operation else []),
                               operation.get("description", ""), "", *self.answers(operation)]
         return "\n".join(lines) + "\n"

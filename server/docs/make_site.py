@@ -21,11 +21,11 @@ import subprocess
 import sys
 import tempfile
 
-from addresses import Page
 from help import Help, helps_below
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.append(str(HERE.parent / "api/openapi"))
+from addresses import Page  # noqa: E402
 from bundle import bundle  # noqa: E402
 
 FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)

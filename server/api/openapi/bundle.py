@@ -91,6 +91,16 @@ def add_errors(document):
                                                      "content": {"application/json": error}}
 
 
+def resolved(document, value):
+    """What a reference names in the document, under what stands beside the reference."""
+    while "$ref" in value:
+        found = document
+        for word in value["$ref"].split("/")[1:]:
+            found = found[word]
+        value = {**found, **{key: entry for key, entry in value.items() if key != "$ref"}}
+    return value
+
+
 def operations(document):
     """Triples of each operation: method, path, and the operation itself."""
     for path, item in document.get("paths", {}).items():

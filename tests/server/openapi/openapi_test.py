@@ -3,11 +3,15 @@ need and the codes that README.md lists."""
 
 import json
 import re
+import sys
 import unittest
 
 import jsonschema
 
 from world import BIN, SOURCE, World
+
+sys.path.append(str(SOURCE / "server/api/openapi"))
+from bundle import resolved  # noqa: E402
 
 METHODS = ("get", "post", "put", "patch", "delete")
 BUILT = BIN.parent / "openapi.json"
@@ -136,13 +140,7 @@ class Document(unittest.TestCase):
         self.assertEqual(self.document["info"]["version"], self.world.get("/v1/health")["version"])
 
     def resolved(self, value):
-        """What a reference names, under what stands beside it."""
-        while "$ref" in value:
-            found = self.document
-            for word in value["$ref"].split("/")[1:]:
-                found = found[word]
-            value = {**found, **{key: entry for key, entry in value.items() if key != "$ref"}}
-        return value
+        return resolved(self.document, value)
 
 
 if __name__ == "__main__":
