@@ -31,18 +31,17 @@ absl::StatusOr<std::unique_ptr<BaodingEnvironment>> BaodingEnvironment::Make(
 
 BaodingEnvironment::BaodingEnvironment(const BaodingRules& rules, ModelPtr model, DataPtr data,
                                        const BallScene& scene)
-    : HandEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
-                      std::move(model), std::move(data)),
+    : HandEnvironment(kPhysicsSteps, rules, std::move(model), std::move(data)),
       rules_(rules),
       scene_(scene),
       first_path_(DrawFirstPath(rules)) {
   facts_.track = BaodingFacts{};
-  const bool fixed = rules_.search_boxes_fixed;
-  trees_.emplace(*model_, fixed ? std::vector(scene_.bodies.begin(), scene_.bodies.end()) : std::vector<int>());
+  if (!rules_.search_boxes_fixed) return;
+  trees_.emplace(*model_, std::vector(scene_.bodies.begin(), scene_.bodies.end()));
 }
 
 void BaodingEnvironment::Reset(uint64_t seed) {
-  const TreeSearch search(trees_);
+  const ContactSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   variation_ = DrawBallVariation(rules_, scene_, generator_);
   ApplyBallVariation(variation_, rules_, scene_, *model_, *data_);
@@ -77,7 +76,7 @@ void BaodingEnvironment::Measure(StepResult& result) {
   const Official now = official();
   auto& facts = std::get<BaodingFacts>(facts_.track);
   facts.distance_sum += (now.distances[0] + now.distances[1]) / 2;
-  MeasureFlags<BaodingFacts>(now.solved, now.dropped, rules_.max_steps, result);
+  MeasureFlags<BaodingFacts>(now.solved, now.dropped, result);
 }
 
 BaodingEnvironment::Official BaodingEnvironment::official() const {
@@ -98,10 +97,9 @@ void BaodingEnvironment::Observe(std::span<double> out) const {
   assert(static_cast<int>(out.size()) == observation_size());
   using Eigen::VectorXd;
   const Official now = official();
-  const double period = rules_.velocities_times_step ? control_period() : 1;
   const auto velocity = [&](int ball) {
     const int joint = model_->body_jntadr[scene_.bodies[ball]];
-    return VectorXd::Map(data_->qvel + model_->jnt_dofadr[joint], 3) * period;
+    return VectorXd::Map(data_->qvel + model_->jnt_dofadr[joint], 3) * velocity_scale();
   };
   VectorXd::Map(out.data(), std::ssize(out)) << VectorXd::Map(data_->qpos, kHandJointCount),
       SiteOf(*data_, scene_.sites[0]), velocity(0), SiteOf(*data_, scene_.sites[1]), velocity(1),

@@ -41,7 +41,6 @@ class BaodingEnvironment final : public HandEnvironment {
   BaodingEnvironment(const BaodingRules& rules, ModelPtr model, DataPtr data,
                      const BallScene& scene);
   void Measure(StepResult& result) override;
-  double control_period() const { return model_->opt.timestep * kPhysicsSteps; }
   // Puts the bodies for pictures to where the targets are, without evaluating the state again.
   void ShowTargets();
 

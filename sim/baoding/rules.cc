@@ -9,7 +9,7 @@ absl::StatusOr<BaodingRules> ParseBaodingRules(const nlohmann::json& json,
   constexpr NumberRange kRadius = {0, 0.1};
   ConfigReader reader(json, where);
   BaodingRules rules = {};
-  rules.max_steps = reader.Integer("max_steps", 1, 1'000'000);
+  ReadEpisodeRules(reader, rules);
   rules.x_radius_m = reader.Range("x_radius_m", kRadius);
   rules.y_radius_m = reader.Range("y_radius_m", kRadius);
   rules.period_s = reader.Range("period_s", {0.1, 1000});
@@ -25,9 +25,6 @@ absl::StatusOr<BaodingRules> ParseBaodingRules(const nlohmann::json& json,
   rules.bounding_radius_fixed = reader.Boolean("bounding_radius_fixed");
   rules.search_boxes_fixed = reader.Boolean("search_boxes_fixed");
   rules.targets_late = reader.Boolean("targets_late");
-  rules.velocities_times_step = reader.Boolean("velocities_times_step");
-  rules.actions_unclipped = reader.Boolean("actions_unclipped");
-  rules.warnings_reset_simulation = reader.Boolean("warnings_reset_simulation");
   if (auto status = reader.Finish(); !status.ok()) return status;
   return rules;
 }

@@ -11,11 +11,11 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "sim/model/episode_rules.h"
+
 namespace myograde::sim {
 
-struct BaodingRules {
-  int64_t max_steps;
-
+struct BaodingRules : EpisodeRules {
   // Drawn per episode, uniformly from [low, high] or within nominal +- change.
   std::array<double, 2> x_radius_m;  // of the targets' ellipse in the palm's frame
   std::array<double, 2> y_radius_m;
@@ -35,9 +35,6 @@ struct BaodingRules {
   bool bounding_radius_fixed;
   bool search_boxes_fixed;
   bool targets_late;
-  bool velocities_times_step;
-  bool actions_unclipped;
-  bool warnings_reset_simulation;
 };
 
 // Strict: every key must be there, none may be unknown, numbers have ranges.

@@ -83,8 +83,7 @@ absl::StatusOr<std::unique_ptr<ChaseTagEnvironment>> ChaseTagEnvironment::Make(
 
 ChaseTagEnvironment::ChaseTagEnvironment(const ChaseTagRules& rules, ModelPtr model, DataPtr data,
                                          const ChaseTagScene& scene)
-    : MuscleEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
-                        std::move(model), std::move(data)),
+    : MuscleEnvironment(kPhysicsSteps, rules, std::move(model), std::move(data)),
       rules_(rules),
       scene_(scene),
       field_(scene.relief),
@@ -94,12 +93,11 @@ ChaseTagEnvironment::ChaseTagEnvironment(const ChaseTagRules& rules, ModelPtr mo
       first_observation_(static_cast<size_t>(observation_size())),
       joint_ranges_(*model_, kJointIds) {
   facts_.track = ChaseTagFacts{};
-  trees_.emplace(*model_, std::vector<int>());  // for the order of contacts alone
   model_->geom_pos[3 * scene_.field_geom + 2] = 0;  // m: the official code lifts it by 5 mm
 }
 
 void ChaseTagEnvironment::Reset(uint64_t seed) {
-  const TreeSearch search(trees_);
+  const ContactSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   field_.Draw(rules_, generator_);
   chases_ = generator_.Integers(2) == 0;
@@ -151,7 +149,7 @@ void ChaseTagEnvironment::DrawStart() {
 }
 
 StepResult ChaseTagEnvironment::Step(std::span<const double> action) {
-  opponent_.Move(Pelvis(), model_->opt.timestep * kPhysicsSteps, generator_, *data_);
+  opponent_.Move(Pelvis(), control_period(), generator_, *data_);
   return MuscleEnvironment::Step(action);
 }
 
@@ -217,7 +215,6 @@ void ChaseTagEnvironment::Observe(std::span<double> out) const {
 
 // Order and sizes: protocol/tracks/chasetag/layout.cc.
 void ChaseTagEnvironment::ObserveState(std::span<double> out) const {
-  const double period = rules_.velocities_times_step ? model_->opt.timestep * kPhysicsSteps : 1;
   Eigen::Vector4d touch;
   for (size_t i = 0; i < scene_.touch.size(); ++i) {
     touch[static_cast<Eigen::Index>(i)] = data_->sensordata[scene_.touch[i]];
@@ -229,7 +226,7 @@ void ChaseTagEnvironment::ObserveState(std::span<double> out) const {
     return numbers.max(-100).min(100).matrix().eval();
   };
   VectorXd::Map(out.data(), std::ssize(out)) << VectorXd::Map(data_->qpos + kRootQpos, kJointCount),
-      VectorXd::Map(data_->qvel + kRootQvel, kJointCount) * period, touch,
+      VectorXd::Map(data_->qvel + kRootQvel, kJointCount) * velocity_scale(), touch,
       Eigen::Vector4d::Map(data_->xquat + 4 * scene_.pelvis_body), Opponent::PoseOf(*data_),
       opponent_.velocity(), Vector2d::Map(data_->qpos), Vector2d::Map(data_->qvel),
       of_muscles(data_->actuator_length).matrix(), clipped(of_muscles(data_->actuator_velocity)),

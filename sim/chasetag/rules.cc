@@ -13,7 +13,7 @@ absl::StatusOr<ChaseTagRules> ParseChaseTagRules(const nlohmann::json& json,
   constexpr NumberRange kShare = {0, 1};
   ConfigReader reader(json, where);
   ChaseTagRules rules = {};
-  rules.max_steps = reader.Integer("max_steps", 1, 1'000'000);
+  ReadEpisodeRules(reader, rules);
   rules.time_limit_s = reader.Number("time_limit_s", {0.01, 3600});
   rules.tag_distance_m = reader.Number("tag_distance_m", {1e-4, 10});
   rules.bounds_m = reader.Number("bounds_m", {1, 10});
@@ -38,9 +38,6 @@ absl::StatusOr<ChaseTagRules> ParseChaseTagRules(const nlohmann::json& json,
   rules.first_observation_before_opponent = reader.Boolean("first_observation_before_opponent");
   rules.start_patch_mirrored = reader.Boolean("start_patch_mirrored");
   rules.opponent_speed_unclipped = reader.Boolean("opponent_speed_unclipped");
-  rules.velocities_times_step = reader.Boolean("velocities_times_step");
-  rules.actions_unclipped = reader.Boolean("actions_unclipped");
-  rules.warnings_reset_simulation = reader.Boolean("warnings_reset_simulation");
   if (auto status = reader.Finish(); !status.ok()) return status;
   return rules;
 }

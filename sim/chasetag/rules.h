@@ -10,14 +10,14 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "sim/model/episode_rules.h"
+
 namespace myograde::sim {
 
 // What the opponent does. The first four are for a person who chases, the last for one who evades.
 enum class OpponentPolicy { kAtTheEdge, kStationary, kRandom, kRepelled, kChasing };
 
-struct ChaseTagRules {
-  int64_t max_steps;
-
+struct ChaseTagRules : EpisodeRules {
   // Ends. From time_limit_s on the chaser has lost and the evader won.
   double time_limit_s;
   double tag_distance_m;  // of the pelvis to the opponent, in the plane
@@ -48,9 +48,6 @@ struct ChaseTagRules {
   bool first_observation_before_opponent;
   bool start_patch_mirrored;
   bool opponent_speed_unclipped;
-  bool velocities_times_step;
-  bool actions_unclipped;
-  bool warnings_reset_simulation;
 };
 
 // Strict: every key must be there, none may be unknown, numbers have ranges.

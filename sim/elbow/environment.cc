@@ -44,8 +44,7 @@ absl::StatusOr<std::unique_ptr<ElbowEnvironment>> ElbowEnvironment::Make(const E
 }
 
 ElbowEnvironment::ElbowEnvironment(const ElbowRules& rules, ModelPtr model, DataPtr data)
-    : MuscleEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
-                        std::move(model), std::move(data)),
+    : MuscleEnvironment(kPhysicsSteps, rules, std::move(model), std::move(data)),
       rules_(rules),
       joint_ranges_(*model_, {0}) {
   facts_.track = ElbowFacts{};
@@ -113,10 +112,9 @@ EpisodeDetails ElbowEnvironment::details() const {
 // Order and sizes: protocol/tracks/elbow/layout.cc.
 void ElbowEnvironment::Observe(std::span<double> out) const {
   assert(static_cast<int>(out.size()) == observation_size());
-  const double period = model_->opt.timestep * kPhysicsSteps;
   Eigen::VectorXd::Map(out.data(), std::ssize(out)) << data_->qpos[0],
-      rules_.velocities_times_step ? data_->qvel[0] * period : data_->qvel[0],
-      target_ - data_->qpos[0], Eigen::VectorXd::Map(data_->act, kMuscleCount);
+      data_->qvel[0] * velocity_scale(), target_ - data_->qpos[0],
+      Eigen::VectorXd::Map(data_->act, kMuscleCount);
 }
 
 void ElbowEnvironment::ObserveExtra(std::span<double> out) const {

@@ -37,16 +37,13 @@ void ReadHold(ConfigReader& reader, ElbowRules& rules) {
 absl::StatusOr<ElbowRules> ParseElbowRules(const nlohmann::json& json, const std::string& where) {
   ConfigReader reader(json, where);
   ElbowRules rules = {};
-  rules.max_steps = reader.Integer("max_steps", 1, kMostElbowSteps);
+  ReadEpisodeRules(reader, rules);
   rules.end_rule = reader.Choice("end_rule", {"held", "time"}) == "held"
                        ? ElbowRules::EndRule::kHeld
                        : ElbowRules::EndRule::kTime;
   ReadTarget(reader, rules);
   ReadHold(reader, rules);
   rules.solved_distance_rad = reader.Number("solved_distance_rad", kElbowTolerance);
-  rules.velocities_times_step = reader.Boolean("velocities_times_step");
-  rules.actions_unclipped = reader.Boolean("actions_unclipped");
-  rules.warnings_reset_simulation = reader.Boolean("warnings_reset_simulation");
   if (auto status = reader.Finish(); !status.ok()) return status;
   return rules;
 }

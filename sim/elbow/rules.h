@@ -10,16 +10,17 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "sim/model/episode_rules.h"
+
 namespace myograde::sim {
 
-struct ElbowRules {
+struct ElbowRules : EpisodeRules {
   enum class EndRule {
     kHeld,  // "held": the target was held for hold_steps steps
     kTime,  // "time": nothing but max_steps
   };
 
   // The episode's end.
-  int64_t max_steps;
   EndRule end_rule;
 
   // The target is drawn uniformly from this range. The start is drawn from the
@@ -31,12 +32,6 @@ struct ElbowRules {
   int64_t hold_steps;
 
   double solved_distance_rad;  // the official flag: the error is below it
-
-  // Where the official environment does what nobody would expect, each on or
-  // off (README.md tells each).
-  bool velocities_times_step;
-  bool actions_unclipped;
-  bool warnings_reset_simulation;
 };
 
 // Strict: every key must be there, none may be unknown, numbers have ranges.

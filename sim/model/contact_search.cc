@@ -13,7 +13,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-thread_local const BoundingTrees* search = nullptr;
+thread_local bool sorted = false;
+thread_local const BoundingTrees* trees = nullptr;
 
 bool Touches(const mjModel& model, int geom) {
   return model.geom_contype[geom] != 0 || model.geom_conaffinity[geom] != 0;
@@ -84,7 +85,7 @@ bool MayTouch(const mjModel& model, int geom1, int geom2) {
 // 1: the pair is left out.
 int Filter(const mjModel* model, mjData* data, int geom1, int geom2) {
   if (!MayTouch(*model, geom1, geom2)) return 1;
-  return search != nullptr && !search->Reach(*model, *data, geom1, geom2) ? 1 : 0;
+  return trees != nullptr && !trees->Reach(*model, *data, geom1, geom2) ? 1 : 0;
 }
 
 // 3.1.2 sorts them by their shapes, once a pair's simpler shape has become the first. 2.2.2 lists
@@ -216,18 +217,23 @@ bool BoundingTrees::Reach(const mjModel& model, const mjData& data, int geom1, i
   }
 }
 
-TreeSearch::TreeSearch(const std::optional<BoundingTrees>& trees)
-    : before_(std::exchange(contact_search::search, trees.has_value() ? &*trees : nullptr)) {
+ContactSearch::ContactSearch(const std::optional<BoundingTrees>& trees)
+    : sorted_before_(std::exchange(contact_search::sorted, true)),
+      trees_before_(
+          std::exchange(contact_search::trees, trees.has_value() ? &*trees : nullptr)) {
   if (!trees.has_value()) return;
-  // It stays: without a search it does what MuJoCo does.
+  // It stays: without trees it does what MuJoCo does.
   static const bool installed = (mjcb_contactfilter = contact_search::Filter) != nullptr;
   static_cast<void>(installed);
 }
 
-TreeSearch::~TreeSearch() { contact_search::search = before_; }
+ContactSearch::~ContactSearch() {
+  contact_search::sorted = sorted_before_;
+  contact_search::trees = trees_before_;
+}
 
 void Forward(const mjModel& model, mjData& data) {
-  if (contact_search::search == nullptr) return mj_forward(&model, &data);
+  if (!contact_search::sorted) return mj_forward(&model, &data);
   // mj_fwdPosition, with the contacts sorted before anything is made of them.
   mj_kinematics(&model, &data);
   mj_comPos(&model, &data);
@@ -245,7 +251,7 @@ void Forward(const mjModel& model, mjData& data) {
 }
 
 void Integrate(const mjModel& model, mjData& data) {
-  if (contact_search::search == nullptr) return mj_step(&model, &data);
+  if (!contact_search::sorted) return mj_step(&model, &data);
   mj_checkPos(&model, &data);
   mj_checkVel(&model, &data);
   Forward(model, data);

@@ -42,24 +42,23 @@ class BoundingTrees {
   std::vector<Path> paths_;                  // of geoms; empty for those that touch nothing
 };
 
-// While it lives, Forward and Integrate search for contacts along the trees in this thread; without
-// trees, or without a TreeSearch, they are mj_forward and mj_step.
-class TreeSearch {
+// While it lives, Forward and Integrate have the contacts of MuJoCo 3.1.2 in this thread: in its
+// order, on which the last digits of the solver depend, and only those that a search along `trees`
+// finds, if there are some.
+class ContactSearch {
  public:
-  explicit TreeSearch(const std::optional<BoundingTrees>& trees);
-  ~TreeSearch();
-  TreeSearch(const TreeSearch&) = delete;
-  TreeSearch& operator=(const TreeSearch&) = delete;
+  explicit ContactSearch(const std::optional<BoundingTrees>& trees);
+  ~ContactSearch();
+  ContactSearch(const ContactSearch&) = delete;
+  ContactSearch& operator=(const ContactSearch&) = delete;
 
  private:
-  const BoundingTrees* before_;
+  bool sorted_before_;
+  const BoundingTrees* trees_before_;
 };
 
-// mj_forward, with the contacts of each two bodies in the order of MuJoCo 3.1.2, on which the last
-// digits of the solver depend.
+// mj_forward and, REQUIRES: Euler's integrator, mj_step; without a ContactSearch nothing else.
 void Forward(const mjModel& model, mjData& data);
-
-// mj_step with the same order. REQUIRES: Euler's integrator.
 void Integrate(const mjModel& model, mjData& data);
 
 }  // namespace myograde::sim

@@ -16,8 +16,9 @@ namespace myograde::sim {
 template <size_t joints>
 class FlaggedEnvironment : public MuscleEnvironment {
  protected:
-  FlaggedEnvironment(const Play& play, ModelPtr model, DataPtr data)
-      : MuscleEnvironment(play, std::move(model), std::move(data)), joint_ranges_(*model_) {}
+  FlaggedEnvironment(int physics_steps, const EpisodeRules& rules, ModelPtr model, DataPtr data)
+      : MuscleEnvironment(physics_steps, rules, std::move(model), std::move(data)),
+        joint_ranges_(*model_) {}
 
   // As MuscleEnvironment::BeginEpisode.
   void BeginEpisode(TrackFacts nothing_measured) {
@@ -28,14 +29,14 @@ class FlaggedEnvironment : public MuscleEnvironment {
   // Measures the state after a step, whose official flags are given, and ends the episode when it
   // is over. The track's own end is that by dropping.
   template <typename Facts>
-  void MeasureFlags(bool solved, bool dropped, int64_t max_steps, StepResult& result) {
+  void MeasureFlags(bool solved, bool dropped, StepResult& result) {
     auto& facts = std::get<Facts>(facts_.track);
     joint_ranges_.Add(*data_, measured_steps_ == 1);
     facts.solved = solved;
     facts.solved_steps += solved;
     if (solved && !solved_time_) solved_time_ = data_->time;
     facts.effort_sum += MuscleEffort(*model_, *data_);
-    result.ended = dropped || facts_.steps >= max_steps;
+    result.ended = dropped || facts_.steps >= episode_rules_.max_steps;
     if (result.ended) facts_.end = dropped ? Facts::kEnds.front() : EpisodeEnd::kTime;
   }
 

@@ -9,8 +9,12 @@
 
 namespace myograde::sim {
 
-MuscleEnvironment::MuscleEnvironment(const Play& play, ModelPtr model, DataPtr data)
-    : model_(std::move(model)), data_(std::move(data)), play_(play) {}
+MuscleEnvironment::MuscleEnvironment(int physics_steps, const EpisodeRules& rules, ModelPtr model,
+                                     DataPtr data)
+    : episode_rules_(rules),
+      model_(std::move(model)),
+      data_(std::move(data)),
+      physics_steps_(physics_steps) {}
 
 void MuscleEnvironment::BeginEpisode(TrackFacts nothing_measured) {
   Forward(*model_, *data_);
@@ -24,9 +28,9 @@ void MuscleEnvironment::BeginEpisode(TrackFacts nothing_measured) {
 StepResult MuscleEnvironment::Step(std::span<const double> action) {
   assert(static_cast<int>(action.size()) == action_size());
   SetControls(action);
-  const TreeSearch search(trees_);
-  StepResult result = PlayControlStep(*model_, *data_, play_.physics_steps,
-                                      play_.warnings_reset_simulation);
+  const ContactSearch search(trees_);
+  StepResult result = PlayControlStep(*model_, *data_, physics_steps_,
+                                      episode_rules_.warnings_reset_simulation);
   ++facts_.steps;
   facts_.sim_time = data_->time;
   if (!result.unstable && !result.overflow) {
@@ -41,7 +45,7 @@ void MuscleEnvironment::SetControls(std::span<const double> action) {
   const bool normalized = convention_ == ActionConvention::kNormalized;
   for (size_t i = 0; i < action.size(); ++i) {
     double value = action[i];
-    if (!play_.actions_unclipped) {
+    if (!episode_rules_.actions_unclipped) {
       value = std::clamp(value, normalized ? -1.0 : 0.0, 1.0);
       facts_.clipped += value != action[i];
     }
@@ -50,7 +54,7 @@ void MuscleEnvironment::SetControls(std::span<const double> action) {
 }
 
 void MuscleEnvironment::SynchroniseState() {
-  const TreeSearch search(trees_);
+  const ContactSearch search(trees_);
   Forward(*model_, *data_);
   CopyState(*model_, *data_, state_);
 }

@@ -6,6 +6,7 @@
 
 #include "sim/environment.h"
 #include "sim/model/contact_search.h"
+#include "sim/model/episode_rules.h"
 #include "sim/model/model.h"
 #include "sim/random/numpy.h"
 
@@ -31,13 +32,14 @@ class MuscleEnvironment : public Environment {
   void SynchroniseState();
 
  protected:
-  // How a profile plays: physics steps in a control step, and two official defects.
-  struct Play {
-    int physics_steps;
-    bool actions_unclipped;
-    bool warnings_reset_simulation;
-  };
-  MuscleEnvironment(const Play& play, ModelPtr model, DataPtr data);
+  // `physics_steps`: in a control step.
+  MuscleEnvironment(int physics_steps, const EpisodeRules& rules, ModelPtr model, DataPtr data);
+
+  double control_period() const { return model_->opt.timestep * physics_steps_; }  // s
+  // What observed velocities of joints are multiplied by: the control period, or nothing.
+  double velocity_scale() const {
+    return episode_rules_.velocities_times_step ? control_period() : 1;
+  }
 
   // The end of a reset, which placed the model in `data`: evaluates the state twice, as the official
   // code does, and clears the facts.
@@ -46,18 +48,19 @@ class MuscleEnvironment : public Environment {
   // Adds the state after a step to facts_. Sets `ended`, and the facts' end with it.
   virtual void Measure(StepResult& result) = 0;
 
+  const EpisodeRules episode_rules_;
   ModelPtr model_;
   DataPtr data_;
   NumpyGenerator generator_{0};
   EpisodeFacts facts_;
   int64_t measured_steps_ = 0;  // of the episode
-  // By which contacts are searched for in steps; a reset begins a TreeSearch of its own.
+  // By which contacts are searched for in steps; a reset begins a ContactSearch of its own.
   std::optional<BoundingTrees> trees_;
 
  private:
   void SetControls(std::span<const double> action);
 
-  Play play_;
+  int physics_steps_;
   ActionConvention convention_ = ActionConvention::kNormalized;
   std::vector<double> state_;
 };

@@ -31,21 +31,20 @@ absl::StatusOr<std::unique_ptr<RelocationEnvironment>> RelocationEnvironment::Ma
 
 RelocationEnvironment::RelocationEnvironment(const RelocationRules& rules, ModelPtr model,
                                              DataPtr data, const RelocationScene& scene)
-    : FlaggedEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
-                         std::move(model), std::move(data)),
+    : FlaggedEnvironment(kPhysicsSteps, rules, std::move(model), std::move(data)),
       rules_(rules),
       scene_(scene),
       first_observation_(static_cast<size_t>(observation_size())) {
   facts_.track = RelocationFacts{};
-  const bool fixed = rules_.search_boxes_fixed;
-  trees_.emplace(*model_, fixed ? std::vector{scene_.object_body} : std::vector<int>());
+  if (!rules_.search_boxes_fixed) return;
+  trees_.emplace(*model_, std::vector{scene_.object_body});
   for (int i = 0; i < RelocationVariation::kShapes; ++i) {
     trees_->SetGeomBox(scene_.first_geom + i, rules_.half_size_high_m);
   }
 }
 
 void RelocationEnvironment::Reset(uint64_t seed) {
-  const TreeSearch search(trees_);
+  const ContactSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   draws_ = 0;
   do {
@@ -84,7 +83,7 @@ void RelocationEnvironment::Measure(StepResult& result) {
   facts.final_rotation_error = now.turn;
   facts.final_reach = now.reach;
   facts.smallest_reach = first ? now.reach : std::min(facts.smallest_reach, now.reach);
-  MeasureFlags<RelocationFacts>(now.solved, now.dropped, rules_.max_steps, result);
+  MeasureFlags<RelocationFacts>(now.solved, now.dropped, result);
 }
 
 RelocationEnvironment::Official RelocationEnvironment::official() const {
@@ -111,9 +110,8 @@ void RelocationEnvironment::Observe(std::span<double> out) const {
 void RelocationEnvironment::ObserveState(std::span<double> out) const {
   using Eigen::VectorXd;
   const Official now = official();
-  const double period = rules_.velocities_times_step ? model_->opt.timestep * kPhysicsSteps : 1;
   VectorXd::Map(out.data(), std::ssize(out)) << VectorXd::Map(data_->qpos, kArmJointCount - 1),
-      VectorXd::Map(data_->qvel, kArmJointCount) * period, SiteOf(*data_, scene_.object_site),
+      VectorXd::Map(data_->qvel, kArmJointCount) * velocity_scale(), SiteOf(*data_, scene_.object_site),
       SiteOf(*data_, scene_.goal_site), now.position_error, now.rotation, now.goal_rotation,
       now.rotation_error, VectorXd::Map(data_->act, kMuscleCount);
 }

@@ -22,7 +22,7 @@ absl::StatusOr<RelocationRules> ParseRelocationRules(const nlohmann::json& json,
     return high;
   };
   RelocationRules rules = {};
-  rules.max_steps = reader.Integer("max_steps", 1, 1'000'000);
+  ReadEpisodeRules(reader, rules);
   rules.goal_low_m = vector("goal_low_m", kPlace);
   rules.goal_high_m = above("goal_high_m", kPlace, rules.goal_low_m);
   rules.goal_rotation_rad = reader.Range("goal_rotation_rad", {-3.15, 3.15});
@@ -40,9 +40,6 @@ absl::StatusOr<RelocationRules> ParseRelocationRules(const nlohmann::json& json,
   rules.inertia_fixed = reader.Boolean("inertia_fixed");
   rules.search_boxes_fixed = reader.Boolean("search_boxes_fixed");
   rules.rotation_error_unwrapped = reader.Boolean("rotation_error_unwrapped");
-  rules.velocities_times_step = reader.Boolean("velocities_times_step");
-  rules.actions_unclipped = reader.Boolean("actions_unclipped");
-  rules.warnings_reset_simulation = reader.Boolean("warnings_reset_simulation");
   if (auto status = reader.Finish(); !status.ok()) return status;
   return rules;
 }

@@ -11,11 +11,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "sim/model/episode_rules.h"
+
 namespace myograde::sim {
 
-struct RelocationRules {
-  int64_t max_steps;
-
+struct RelocationRules : EpisodeRules {
   // Drawn per episode, uniformly between low and high.
   Eigen::Vector3d goal_low_m, goal_high_m;
   std::array<double, 2> goal_rotation_rad;  // of each Euler angle
@@ -38,9 +38,6 @@ struct RelocationRules {
   bool inertia_fixed;
   bool search_boxes_fixed;
   bool rotation_error_unwrapped;
-  bool velocities_times_step;
-  bool actions_unclipped;
-  bool warnings_reset_simulation;
 };
 
 // Strict: every key must be there, none may be unknown, numbers have ranges.

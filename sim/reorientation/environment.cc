@@ -31,17 +31,15 @@ absl::StatusOr<std::unique_ptr<ReorientationEnvironment>> ReorientationEnvironme
 
 ReorientationEnvironment::ReorientationEnvironment(const ReorientationRules& rules, ModelPtr model,
                                                    DataPtr data, DieScene scene)
-    : HandEnvironment({kPhysicsSteps, rules.actions_unclipped, rules.warnings_reset_simulation},
-                      std::move(model), std::move(data)),
+    : HandEnvironment(kPhysicsSteps, rules, std::move(model), std::move(data)),
       rules_(rules),
       scene_(std::move(scene)) {
   facts_.track = ReorientationFacts{};
-  const bool fixed = rules_.search_boxes_fixed;
-  trees_.emplace(*model_, fixed ? std::vector{scene_.die_body} : std::vector<int>());
+  if (rules_.search_boxes_fixed) trees_.emplace(*model_, std::vector{scene_.die_body});
 }
 
 void ReorientationEnvironment::Reset(uint64_t seed) {
-  const TreeSearch search(trees_);
+  const ContactSearch search(trees_);
   generator_ = NumpyGenerator(seed);
   variation_ = DrawDieVariation(rules_, scene_, generator_);
   ApplyDieVariation(variation_, rules_, scene_, *model_, *data_);
@@ -62,7 +60,7 @@ void ReorientationEnvironment::Measure(StepResult& result) {
   facts.final_rotation_error = now.turn;
   facts.smallest_rotation_error =
       first ? now.turn : std::min(facts.smallest_rotation_error, now.turn);
-  MeasureFlags<ReorientationFacts>(now.solved, now.dropped, rules_.max_steps, result);
+  MeasureFlags<ReorientationFacts>(now.solved, now.dropped, result);
 }
 
 ReorientationEnvironment::Official ReorientationEnvironment::official() const {
@@ -81,10 +79,9 @@ void ReorientationEnvironment::Observe(std::span<double> out) const {
   assert(static_cast<int>(out.size()) == observation_size());
   using Eigen::VectorXd;
   const Official now = official();
-  const double period = rules_.velocities_times_step ? model_->opt.timestep * kPhysicsSteps : 1;
   VectorXd::Map(out.data(), std::ssize(out))
       << VectorXd::Map(data_->qpos, kHandJointCount - 1),
-      VectorXd::Map(data_->qvel, kHandJointCount) * period, SiteOf(*data_, scene_.die_site),
+      VectorXd::Map(data_->qvel, kHandJointCount) * velocity_scale(), SiteOf(*data_, scene_.die_site),
       SiteOf(*data_, scene_.goal_site), now.position_error, now.rotation, now.goal_rotation,
       now.rotation_error, VectorXd::Map(data_->act, kHandMuscleCount);
 }

@@ -9,7 +9,7 @@ absl::StatusOr<ReorientationRules> ParseReorientationRules(const nlohmann::json&
   constexpr NumberRange kTolerance = {1e-4, 10};
   ConfigReader reader(json, where);
   ReorientationRules rules = {};
-  rules.max_steps = reader.Integer("max_steps", 1, 1'000'000);
+  ReadEpisodeRules(reader, rules);
   rules.goal_position_m = reader.Range("goal_position_m", {-1, 1});
   rules.goal_rotation_rad = reader.Range("goal_rotation_rad", {-3.15, 3.15});
   rules.friction_change = Eigen::Vector3d::Map(reader.Numbers("friction_change", 3, {0, 1}).data());
@@ -25,9 +25,6 @@ absl::StatusOr<ReorientationRules> ParseReorientationRules(const nlohmann::json&
   rules.bounding_radius_fixed = reader.Boolean("bounding_radius_fixed");
   rules.search_boxes_fixed = reader.Boolean("search_boxes_fixed");
   rules.rotation_error_unwrapped = reader.Boolean("rotation_error_unwrapped");
-  rules.velocities_times_step = reader.Boolean("velocities_times_step");
-  rules.actions_unclipped = reader.Boolean("actions_unclipped");
-  rules.warnings_reset_simulation = reader.Boolean("warnings_reset_simulation");
   if (auto status = reader.Finish(); !status.ok()) return status;
   return rules;
 }

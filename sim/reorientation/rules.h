@@ -11,11 +11,11 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "sim/model/episode_rules.h"
+
 namespace myograde::sim {
 
-struct ReorientationRules {
-  int64_t max_steps;
-
+struct ReorientationRules : EpisodeRules {
   // Drawn per episode, uniformly from [low, high] or within nominal +- change.
   std::array<double, 2> goal_position_m;    // on each axis, from the goal's place in the model
   std::array<double, 2> goal_rotation_rad;  // of each Euler angle
@@ -34,9 +34,6 @@ struct ReorientationRules {
   bool bounding_radius_fixed;
   bool search_boxes_fixed;
   bool rotation_error_unwrapped;
-  bool velocities_times_step;
-  bool actions_unclipped;
-  bool warnings_reset_simulation;
 };
 
 // Strict: every key must be there, none may be unknown, numbers have ranges.
