@@ -18,19 +18,40 @@ namespace {
 
 namespace fs = std::filesystem;
 
-absl::StatusOr<ReplayRecord> PlayOne(const fs::path& file, const ReferenceOptions& options,
-                                     const std::stop_token& stop) {
-  ASSIGN_OR_RETURN(std::string bytes, ReadLog(file));
+// How long a log that nobody asks for waits, so that the check does not take the processors from a
+// daemon's start.
+constexpr std::chrono::seconds kPause{5};
+
+struct Reference {
+  fs::path file;
+  LogHeader header;
+
+  std::string Kind() const { return std::string(header.track.kind->name); }
+};
+
+absl::StatusOr<Reference> ReadReference(const fs::path& file) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadLog(file));
   ASSIGN_OR_RETURN(EpisodeLog log, ParseEpisodeLog(bytes));
+  return Reference{file, std::move(log.header)};
+}
+
+absl::StatusOr<ReplayRecord> PlayOne(const Reference& reference, const ReferenceOptions& options,
+                                     const std::stop_token& stop) {
+  std::error_code error;
+  fs::remove_all(options.work_dir, error);
+  fs::create_directory(options.work_dir, error);
+  fs::permissions(options.work_dir, fs::perms::owner_all, error);
   ReplayOrder order;
-  order.track = log.header.track;
-  order.blocks = {{{{log.header.episode, log.header.seed, 0}}, {file}}};
+  order.track = reference.header.track;
+  order.blocks = {{{{reference.header.episode, reference.header.seed, 0}}, {reference.file}}};
   order.work_dir = options.work_dir;
   order.cache_dir = options.cache_dir;
   order.uid_base = options.uid;
-  ASSIGN_OR_RETURN(const std::vector<ReplayRecord> records,
-                   RunReplay(order, {.stopped = [&] { return stop.stop_requested(); }}));
-  return records.front();
+  const absl::StatusOr<std::vector<ReplayRecord>> records =
+      RunReplay(order, {.stopped = [&] { return stop.stop_requested(); }});
+  fs::remove_all(options.work_dir, error);
+  RETURN_IF_ERROR(records.status());
+  return records->front();
 }
 
 std::vector<fs::path> LogsIn(const std::string& folder) {
@@ -47,10 +68,8 @@ std::vector<fs::path> LogsIn(const std::string& folder) {
 
 std::string WhyUnreferenced(const std::string& folder, std::string_view kind) {
   for (const fs::path& file : LogsIn(folder)) {
-    const absl::StatusOr<std::string> bytes = ReadLog(file);
-    if (!bytes.ok()) continue;
-    const absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
-    if (log.ok() && log->header.track.kind->name == kind) return "";
+    const absl::StatusOr<Reference> reference = ReadReference(file);
+    if (reference.ok() && reference->Kind() == kind) return "";
   }
   return absl::StrCat("no reference episode in ", folder, " is of the environment ",
                       absl::string_view(kind.data(), kind.size()), ", so nothing shows that this host "
@@ -58,33 +77,58 @@ std::string WhyUnreferenced(const std::string& folder, std::string_view kind) {
 }
 
 absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
-                                          const std::stop_token& stop) {
-  std::error_code error;
-  const std::vector<fs::path> files = LogsIn(options.folder);
+                                          const std::stop_token& stop,
+                                          const ReferenceHooks& hooks) {
+  std::vector<fs::path> files = LogsIn(options.folder);
   if (files.empty()) {
     return absl::NotFoundError(absl::StrCat(options.folder, ": holds no reference episodes"));
   }
+  const auto named = [](const fs::path& file, const absl::Status& status) {
+    return absl::Status(status.code(),
+                        absl::StrCat(file.filename().string(), ": ", status.message()));
+  };
+  std::vector<Reference> left;
   for (const fs::path& file : files) {
-    fs::remove_all(options.work_dir, error);
-    fs::create_directory(options.work_dir, error);
-    fs::permissions(options.work_dir, fs::perms::owner_all, error);
-    const absl::StatusOr<ReplayRecord> record = PlayOne(file, options, stop);
-    fs::remove_all(options.work_dir, error);
-    const std::string name = file.filename();
-    if (!record.ok()) {
-      return absl::Status(record.status().code(),
-                          absl::StrCat(name, ": ", record.status().message()));
+    absl::StatusOr<Reference> reference = ReadReference(file);
+    if (!reference.ok()) return named(file, reference.status());
+    left.push_back(*std::move(reference));
+  }
+  while (!left.empty()) {
+    const std::string wanted = hooks.next ? hooks.next() : "";
+    const auto of = [&](const std::string& kind) {
+      return std::find_if(left.begin(), left.end(),
+                          [&](const Reference& each) { return each.Kind() == kind; });
+    };
+    const auto found = of(wanted);
+    const auto chosen = found == left.end() ? left.begin() : found;
+    const Reference reference = *chosen;
+    left.erase(chosen);
+    const absl::StatusOr<ReplayRecord> record = PlayOne(reference, options, stop);
+    if (!record.ok()) return named(reference.file, record.status());
+    if (!record->equal) {
+      return absl::StrCat("this host does not compute the states of the reference episode ",
+                          reference.file.filename().string(), " (", record->detail,
+                          "), so its results would not be those of others");
     }
-    if (record->equal) continue;
-    return absl::StrCat("this host does not compute the states of the reference episode ", name,
-                        " (", record->detail, "), so its results would not be those of others");
+    if (hooks.matched && of(reference.Kind()) == left.end()) hooks.matched(reference.Kind());
   }
   return std::string();
 }
 
 ReferenceCheck::ReferenceCheck(ReferenceOptions options)
     : options_(std::move(options)), thread_([this](const std::stop_token& stop) {
-        const absl::StatusOr<std::string> verdict = PlayReference(options_, stop);
+        const std::stop_callback wake(stop, [this] {
+          const MutexLock lock(mutex_);
+          changed_.NotifyAll();
+        });
+        const auto matched = [this](const std::string& kind) {
+          const MutexLock lock(mutex_);
+          asked_.erase(kind);
+          matched_.insert(kind);
+          changed_.NotifyAll();
+        };
+        const absl::StatusOr<std::string> verdict = PlayReference(
+            options_, stop, {.next = [&] { return NextKind(stop); }, .matched = matched});
         if (!verdict.ok() && !stop.stop_requested()) {
           spdlog::warn("the reference episodes could not be played: {}",
                        std::string(verdict.status().message()));
@@ -93,17 +137,27 @@ ReferenceCheck::ReferenceCheck(ReferenceOptions options)
         }
         const MutexLock lock(mutex_);
         verdict_ = verdict.ok() ? *verdict : "";
-        known_.NotifyAll();
+        changed_.NotifyAll();
       }) {}
 
-std::optional<std::string> ReferenceCheck::Result(std::string_view kind,
-                                                  absl::Duration timeout) const {
+std::string ReferenceCheck::NextKind(const std::stop_token& stop) {
+  const auto deadline = std::chrono::steady_clock::now() + kPause;
+  const MutexLock lock(mutex_);
+  while (asked_.empty() && !stop.stop_requested() && changed_.WaitUntil(mutex_, deadline)) {
+  }
+  return asked_.empty() ? "" : *asked_.begin();
+}
+
+std::optional<std::string> ReferenceCheck::Result(std::string_view kind, absl::Duration timeout) {
   if (std::string why = WhyUnreferenced(options_.folder, kind); !why.empty()) return why;
   const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
   const MutexLock lock(mutex_);
-  while (!verdict_.has_value() && known_.WaitUntil(mutex_, deadline)) {
+  if (matched_.find(kind) == matched_.end()) asked_.emplace(kind);
+  changed_.NotifyAll();
+  while (!verdict_.has_value() && matched_.find(kind) == matched_.end() &&
+         changed_.WaitUntil(mutex_, deadline)) {
   }
-  return verdict_;
+  return verdict_.has_value() || matched_.find(kind) == matched_.end() ? verdict_ : "";
 }
 
 }  // namespace myograde::server

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -27,26 +29,37 @@ struct ReferenceOptions {
 // computes: no log of `folder` is of it. "": there is one.
 std::string WhyUnreferenced(const std::string& folder, std::string_view kind);
 
+struct ReferenceHooks {
+  std::function<std::string()> next;  // the environment whose logs come before others; "": any
+  std::function<void(const std::string& kind)> matched;  // all logs of an environment did
+};
+
 // Plays every log of the folder, until `stop`. "" if all matched, else which did not and how. An
 // error says why the check could not be made.
 absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
-                                          const std::stop_token& stop);
+                                          const std::stop_token& stop,
+                                          const ReferenceHooks& hooks = {});
 
-// Runs PlayReference on its own thread, from construction to destruction.
+// Runs PlayReference on its own thread, from construction to destruction: what is asked for at once,
+// the rest at leisure.
 class ReferenceCheck {
  public:
   explicit ReferenceCheck(ReferenceOptions options);
 
   // Waits for the verdict: nullopt if it is not known in time; "" if the host may grade ranked
-  // submissions of the environment `kind`; else why not. A check that could not be made does not block
-  // grading: whatever prevents it prevents leases as well.
-  std::optional<std::string> Result(std::string_view kind, absl::Duration timeout) const;
+  // submissions of the environment `kind`; else why not, which may be another environment's log. A
+  // check that could not be made does not block grading: whatever prevents it prevents leases as well.
+  std::optional<std::string> Result(std::string_view kind, absl::Duration timeout);
 
  private:
+  std::string NextKind(const std::stop_token& stop);
+
   const ReferenceOptions options_;
-  mutable Mutex mutex_;
-  mutable Condition known_;
-  std::optional<std::string> verdict_ ABSL_GUARDED_BY(mutex_);
+  Mutex mutex_;
+  Condition changed_;
+  std::set<std::string, std::less<>> asked_ ABSL_GUARDED_BY(mutex_);  // and not matched yet
+  std::set<std::string, std::less<>> matched_ ABSL_GUARDED_BY(mutex_);
+  std::optional<std::string> verdict_ ABSL_GUARDED_BY(mutex_);  // of all logs
   std::jthread thread_;
 };
 
