@@ -237,7 +237,9 @@ void ChaseTagEnvironment::ObserveExtra(std::span<double> out) const {
   // In a lost chase the official dictionary says the limit.
   out[0] = measured_steps_ > 0 ? std::get<ChaseTagFacts>(facts_.track).reported_time : data_->time;
   out[1] = chases_ ? 0 : 1;
-  OfficialHeightMap(field_.grid(), {Vector2d::Map(data_->qpos), data_->qpos + 3}, out.subspan(2));
+  OfficialHeightMap(field_.grid(), {Vector2d::Map(data_->qpos), data_->qpos + 3},
+                    out.subspan(2, out.size() - 7));
+  Eigen::Vector<double, 5>::Map(out.last(5).data()) << Opponent::PoseOf(*data_), opponent_.velocity();
 }
 
 std::span<const RewardTerm> ChaseTagRewardTerms() {

@@ -11,6 +11,9 @@
 #include "sim/relocation/relocation.h"
 
 namespace myograde::sim {
+
+using Eigen::VectorXd;
+
 absl::StatusOr<std::unique_ptr<Environment>> MakeRelocation(const TrackConfig& config,
                                                             const std::string& cache_dir) {
   auto rules = ParseRelocationRules(
@@ -108,18 +111,23 @@ void RelocationEnvironment::Observe(std::span<double> out) const {
 
 // Order and sizes: protocol/tracks/relocation/layout.cc.
 void RelocationEnvironment::ObserveState(std::span<double> out) const {
-  using Eigen::VectorXd;
-  const Official now = official();
   VectorXd::Map(out.data(), std::ssize(out)) << VectorXd::Map(data_->qpos, kArmJointCount - 1),
-      VectorXd::Map(data_->qvel, kArmJointCount) * velocity_scale(), SiteOf(*data_, scene_.object_site),
-      SiteOf(*data_, scene_.goal_site), now.position_error, now.rotation, now.goal_rotation,
-      now.rotation_error, VectorXd::Map(data_->act, kMuscleCount);
+      VectorXd::Map(data_->qvel, kArmJointCount) * velocity_scale(), ObjectAndGoal(),
+      VectorXd::Map(data_->act, kMuscleCount);
 }
 
 void RelocationEnvironment::ObserveExtra(std::span<double> out) const {
-  Eigen::VectorXd::Map(out.data(), std::ssize(out)) << data_->time,
-      Eigen::VectorXd::Map(data_->qpos, kArmJointCount), SiteOf(*data_, scene_.palm_site),
-      official().reach_error;
+  VectorXd::Map(out.data(), std::ssize(out)) << data_->time,
+      VectorXd::Map(data_->qpos, kArmJointCount), SiteOf(*data_, scene_.palm_site),
+      official().reach_error, ObjectAndGoal();
+}
+
+Eigen::Vector<double, 18> RelocationEnvironment::ObjectAndGoal() const {
+  const Official now = official();
+  Eigen::Vector<double, 18> out;
+  out << SiteOf(*data_, scene_.object_site), SiteOf(*data_, scene_.goal_site), now.position_error,
+      now.rotation, now.goal_rotation, now.rotation_error;
+  return out;
 }
 
 std::span<const RewardTerm> RelocationRewardTerms() {

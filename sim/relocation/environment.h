@@ -50,6 +50,7 @@ class RelocationEnvironment final
                         const RelocationScene& scene);
   void PlaceArm();
   void ObserveState(std::span<double> out) const;
+  Eigen::Vector<double, 18> ObjectAndGoal() const;  // obj_pos to rot_err of the observation
   void Measure(StepResult& result) override;
 
   RelocationRules rules_;

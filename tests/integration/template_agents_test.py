@@ -25,6 +25,7 @@ class TemplateAgents(SystemTest):
         "short-die": track_config("reorientation"),
         "short-balls": track_config("baoding"),
         "short-bin": track_config("relocation"),
+        "short-tag": track_config("chasetag"),
     }
 
     @classmethod
@@ -83,15 +84,24 @@ class TemplateAgents(SystemTest):
                 self.assertIn(f"keys: {keys}", said)
                 self.assertEqual(said[-1], "all trials are over", said)
 
-    def test_an_agent_of_2023_of_zeros_is_the_zero_policy(self):
-        agent = self.agent("agent_2023", "8085", "63", "hand_qpos", "hand_qvel", "obj_pos",
-                           "goal_pos", "pos_err", "obj_rot", "goal_rot", "rot_err",
-                           adapter="template-2023")
-        mine = self.play(agent, "short-bin", "official")
-        self.assertEqual([row["digest"] for row in mine["episodes"]],
-                         self.digests(POLICIES / "zero", "short-bin", "official"))
-        said = mine["output"][0]["stderr_tail"].splitlines()
-        self.assertEqual(said[-1], "all trials are over", said)
+    def test_agents_of_2023_of_zeros_are_the_zero_policy(self):
+        # The dictionary is of the state where the first observation is not: in each episode of the
+        # tag game, and where the object was drawn twice.
+        for track, port, muscles, others, keys in (
+                ("short-bin", "8085", "63", 2, ("hand_qpos", "hand_qvel", "obj_pos", "goal_pos",
+                                                "pos_err", "obj_rot", "goal_rot", "rot_err")),
+                ("short-tag", "8086", "80", 3, (
+                    "internal_qpos", "internal_qvel", "grf", "torso_angle", "opponent_pose",
+                    "opponent_vel", "model_root_pos", "model_root_vel", "muscle_length",
+                    "muscle_velocity", "muscle_force"))):
+            with self.subTest(track=track):
+                agent = self.agent("agent_2023", port, muscles, *keys, adapter="template-2023")
+                mine = self.play(agent, track, "official")
+                self.assertEqual([row["digest"] for row in mine["episodes"]],
+                                 self.digests(POLICIES / "zero", track, "official"))
+                said = mine["output"][0]["stderr_tail"].splitlines()
+                self.assertEqual(said[-2:], [f"{others} first observations of other states",
+                                             "all trials are over"], said)
 
     def test_an_agent_that_needs_finger_tips_and_forces(self):
         agent = self.agent("fingers_agent", files=["hand.json"], env={"POLICY_LOCAL": "1"})

@@ -56,7 +56,7 @@ class Environment:
         return self._observations.vector(self._keys).size
 
     def get_obsdict(self, _nothing):
-        return self._observations.by_name()
+        return self._observations.by_name(of_state=True)
 
     def get_output_keys(self, _nothing):
         return list(self._keys)

@@ -38,12 +38,17 @@ class Observations:
     def take(self, values):
         self._values = np.array(values)
 
-    def by_name(self):
-        """A new dictionary of arrays, of one dimension but for the tag game's "task"."""
+    def by_name(self, of_state=False):
+        """A new dictionary of arrays, of one dimension but for the tag game's "task". `of_state`: as
+        the official dictionary, which does not repeat a first observation that is of another state."""
         entries, offset = {}, 0
         for name, size in self._parts:
             entries[name] = self._values[offset:offset + size].copy()
             offset += size
+        for name in [name for name in entries if name.startswith("state_")]:
+            value = entries.pop(name)
+            if of_state:
+                entries[name.removeprefix("state_")] = value
         for name in self.integers:
             entries[name] = entries[name].astype(np.int64)
         entries = self.completed(entries)

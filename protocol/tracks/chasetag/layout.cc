@@ -55,6 +55,12 @@ VectorLayout Extra() {
         "Heights of the field on a grid around the root, 0.2 m apart, in the heading's frame, row "
         "by row, the first row 1 m ahead, the first column 1 m to the left.",
         HeightCells({-1, 1}));
+  v.Add("state_opponent_pose", "m, rad",
+        "opponent_pose of the state. These two are what the official dictionary has when the first "
+        "observation shows zeros, and repeat the graded parts otherwise.",
+        {{"x", kPlace}, {"y", kPlace}, {"angle", {-kPi, kPi}}});
+  v.Add("state_opponent_vel", "m/s, rad/s", "opponent_vel of the state.",
+        {{"ahead", {0, 100}}, {"turn", kSpeed}});
   return v;
 }
 

@@ -47,6 +47,17 @@ VectorLayout Extra() {
         AllOf(kArmJoints));
   v.Add("palm_pos", "m", "The palm in the world.", place);
   v.Add("reach_err", "m", "From the object to the palm: palm_pos minus obj_pos.", place);
+  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, {-kPi, kPi});
+  v.Add("state_obj_pos", "m",
+        "obj_pos of the state. These six are what the official dictionary has when the first "
+        "observation is of another draw, and repeat the graded parts otherwise.",
+        place);
+  v.Add("state_goal_pos", "m", "goal_pos of the state.", place);
+  v.Add("state_pos_err", "m", "pos_err of the state.", place);
+  v.Add("state_obj_rot", "rad", "obj_rot of the state.", angles);
+  v.Add("state_goal_rot", "rad", "goal_rot of the state.", angles);
+  v.Add("state_rot_err", "rad", "rot_err of the state.",
+        LayoutEntries(kAngles, {-2 * kPi, 2 * kPi}));
   return v;
 }
 

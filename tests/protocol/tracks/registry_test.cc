@@ -74,13 +74,13 @@ TEST(Tracks, FactsKeepTheirTrackInRecords) {
 
 TEST(Tracks, WordsOfAllTracksAreRead) {
   for (const char* word : {"", "time", "given-up", "dropped", "force", "handover", "contact",
-                           "phantom", "fell", "off-track"}) {
+                           "phantom", "fell", "off-track", "caught", "out-of-bounds"}) {
     const auto reason = ParseFailureReason(word);
     ASSERT_TRUE(reason.has_value()) << word;
     EXPECT_EQ(reason->name(), word);
   }
   for (const char* word : {"time", "given-up", "fault", "placed", "dropped", "phantom", "finished",
-                           "fell", "off-track"}) {
+                           "fell", "off-track", "tagged", "caught", "out-of-bounds"}) {
     ASSERT_TRUE(ParseEpisodeEnd(word).has_value()) << word;
     EXPECT_EQ(ParseEpisodeEnd(word)->name(), word);
   }

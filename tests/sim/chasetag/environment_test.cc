@@ -267,10 +267,11 @@ TEST(ChaseTagObservation, HasOfficialOrderAndScales) {
   }
   EXPECT_EQ(Vector2d::Map(seen.data() + kRoot), Root(*official));
   EXPECT_EQ(seen.back(), official->data().act[79]);
-  std::vector<double> extra(102);
+  std::vector<double> extra(107);
   official->ObserveExtra(extra);
   EXPECT_EQ(extra[0], official->data().time);
   EXPECT_EQ(extra[1], 1) << "evades";
+  EXPECT_TRUE(std::equal(extra.begin() + 102, extra.end(), seen.begin() + kOpponent));
 }
 
 TEST(ChaseTagEnd, ATagWinsTheChaseAndLosesTheEvasion) {
@@ -383,7 +384,7 @@ TEST(ChaseTagLayout, NamesWhatTheModelHasInItsOrder) {
   const auto env = MakeChase();
   ASSERT_EQ(layout.observation.size(), env->observation_size());
   ASSERT_EQ(layout.action.size(), env->action_size());
-  ASSERT_EQ(layout.extra.size(), 102);
+  ASSERT_EQ(layout.extra.size(), 107);
   EXPECT_EQ(layout.direct_bounds.size(), 80);
   EXPECT_DOUBLE_EQ(ChaseTagTrack().control_period_s,
                    ChaseTagEnvironment::kPhysicsSteps * env->model().opt.timestep);

@@ -167,10 +167,11 @@ TEST(RelocationObservation, LeavesOutTheLastJointAndScalesVelocities) {
     EXPECT_EQ(Observed(*plain)[37 + i], plain->data().qvel[i]);
     EXPECT_DOUBLE_EQ(seen[37 + i], 0.01 * official->data().qvel[i]);
   }
-  std::vector<double> extra(45);
+  std::vector<double> extra(63);
   official->ObserveExtra(extra);
   EXPECT_EQ(extra[0], official->data().time);
   EXPECT_EQ(extra[38], official->data().qpos[37]);
+  EXPECT_TRUE(std::equal(extra.begin() + 45, extra.end(), seen.begin() + 75));
 }
 
 TEST(RelocationObservation, AnglesAreTheShorterWayRoundWhereTheRulesSaySo) {
@@ -262,7 +263,7 @@ TEST(RelocationLayout, NamesWhatTheModelHasInItsOrder) {
   const auto env = MakeObject();
   ASSERT_EQ(layout.observation.size(), env->observation_size());
   ASSERT_EQ(layout.action.size(), env->action_size());
-  ASSERT_EQ(layout.extra.size(), 45);
+  ASSERT_EQ(layout.extra.size(), 63);
   EXPECT_EQ(layout.direct_bounds.size(), 63);
   EXPECT_DOUBLE_EQ(RelocationTrack().control_period_s,
                    RelocationEnvironment::kPhysicsSteps * env->model().opt.timestep);
