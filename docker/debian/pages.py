@@ -114,6 +114,13 @@ def section_of(path, first, last=None):
     return text[start:place_of(last, start) if last else None]
 
 
+def track_sections(path):
+    """What the document says of each track: its sections "## The track NAME", which follow each other."""
+    headings = re.findall(r"^## The track \w+$|^## How to add a track$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return [part for first, last in zip(headings, headings[1:])
+            for part in from_markdown(section_of(path, first, last), first.removeprefix("## ").upper())]
+
+
 def file_pages(source, day):
     """{name: page} of each file that somebody may write."""
     configs, share = source / "configs", "/usr/share/myograde/schema"
@@ -132,16 +139,7 @@ def file_pages(source, day):
                   + schema("track")),
             *from_markdown(section_of(configs / "README.md", "## Track configs", "## Reference episodes"),
                            "FORM AND KEYS"),
-            *from_markdown(section_of(configs / "README.md", "## The track elbow", "## The track reorientation"),
-                           "THE TRACK ELBOW"),
-            *from_markdown(section_of(configs / "README.md", "## The track reorientation", "## The track baoding"),
-                           "THE TRACK REORIENTATION"),
-            *from_markdown(section_of(configs / "README.md", "## The track baoding", "## The track relocation"),
-                           "THE TRACK BAODING"),
-            *from_markdown(section_of(configs / "README.md", "## The track relocation", "## The track chasetag"),
-                           "THE TRACK RELOCATION"),
-            *from_markdown(section_of(configs / "README.md", "## The track chasetag", "## How to add a track"),
-                           "THE TRACK CHASETAG")]),
+            *track_sections(configs / "README.md")]),
         "myograde-challenge": ("a challenge of the MyoGrade server", "/etc/myograde/challenges/NAME.json", [
             start("Phases with seeds, times and quotas of their own. " + schema("challenge")),
             *from_markdown(section_of(configs / "challenges/README.md", ""), "FORM AND KEYS")]),
