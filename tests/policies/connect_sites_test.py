@@ -1,4 +1,4 @@
-"""What leaderboards elsewhere show: packed scores, the check of their order, and Codabench's scoring program."""
+"""What leaderboards elsewhere show, the check of their order, and Codabench's scoring program."""
 
 import io
 import json
@@ -13,84 +13,31 @@ import unittest.mock
 
 from connect_support import COLUMNS, LONG_S, SOURCE, WithBoth
 from myograde.client import WrongUse
-from myograde.connect import codabench, mapping, settings
-from myograde.connect.check import check
+from myograde.connect import codabench, settings
 from myograde.connect.settings import Settings
+from myograde.connect.verdict import check, columns_of
 from support.submission import played_by_stand_in as manifest
-
-TIERED = {"line_successes": 90, "line_episodes": 100, "bands": "time", "band_factor": 1.1, "ties": "time"}
-DISTANCE = {"time_from_m": 20, "distance_band": 0}
-
-
-def result(successes=0, time_s=None, effort=None, distance_m=None, **more):
-    return {"episodes": 100, "successes": successes, "success_rate": successes / 100, "time_s": time_s,
-            "effort": effort, "distance_m": distance_m, "spread": {}, **more}
-
-
-class Scores(unittest.TestCase):
-    def assert_falls(self, rules, results, openers=()):
-        scores = [mapping.score(rules, one, openers) for one in results]
-        self.assertEqual(scores, sorted(set(scores), reverse=True))
-
-    def test_tiers(self):
-        below = [result(89, 3.0, 0.1), result(89, 3.1, 0.01), result(89, 3.1, 0.02), result(89, None, 0.02),
-                 result(12, 9.9, 0.5), result(0, 10, 0.5), result(0, 10, None)]
-        self.assert_falls(TIERED, [result(90, 2.19, 0.01), result(99, 2.0, 0.02), result(100, 2.2, 0.03),
-                                   result(90, 2.21, 0.01), result(90, 9.0, 0.01), *below], [2.0])
-        # A result that is not on the board, and in none of its bands, has its own.
-        self.assertLess(mapping.score(TIERED, result(90, 2.2, 0.01)), mapping.score(TIERED, result(90, 2.0, 0.03)))
-        self.assert_falls({**TIERED, "ties": "acceptance"}, [result(50), result(49)])
-        by_success = {**TIERED, "bands": "success"}
-        self.assert_falls(by_success, [result(91, 1, 0.01), result(100, 1, 0.02), result(90, 1, 0.001)], [1.0])
-
-    def test_distances(self):
-        self.assert_falls(DISTANCE, [result(distance_m=43.5, time_s=30), result(distance_m=20.5, time_s=10),
-                                     result(distance_m=20.5, time_s=11), result(distance_m=19.0, time_s=1)])
-        self.assertEqual(mapping.score(DISTANCE, result(distance_m=3, time_s=1)),
-                         mapping.score(DISTANCE, result(distance_m=3, time_s=2)))
-        self.assert_falls({**DISTANCE, "distance_band": 0.05}, [
-            result(distance_m=39, time_s=20), result(distance_m=40, time_s=30), result(distance_m=30, time_s=1),
-            result(distance_m=19.5, time_s=1)], [1 / 40])
-        steps = {"qualify_m": 20, "means": "steps"}
-        self.assert_falls(steps, [result(distance_m=20, pain_over_steps=of, effort_over_steps=effort)
-                                  for of, effort in ((0.1, 0.5), (0.2, 0.1), (0.2, 0.2))] + [result(distance_m=19)])
-
-    def test_boards_without_rules_go_by_the_mean_score(self):
-        results = [{"score": score, "effort": effort} for score, effort in ((1, 0.5), (0.87, 0.1), (0.87, 0.2), (0, 0.1))]
-        self.assert_falls(None, results)
-        self.assertEqual(mapping.openers_of({"rules": None, "rows": [{"band": 1, "aggregate": results[0]}]}), [])
-
-    def test_bands_are_those_of_the_board(self):
-        times = [1.0, 1.7, 1.9, 2.0, 2.3, 2.6, 3.0, 3.4, 20.0, 2000.0]
-        self.assert_falls(TIERED, [result(90, time_s, 0.1) for time_s in times], [2.0, 3.0])
-        rows = [{"band": band, "aggregate": result(90, time_s)} for band, time_s in (
-            (1, 2.2), (1, 2.0), (2, 2.21), (3, 9), (None, 1))] + [{"band": 0, "aggregate": result(20, 0.5)}]
-        self.assertEqual(mapping.openers_of({"rules": TIERED, "rows": rows}), [2.0, 2.21, 9])
-        physiological = {"qualify_m": 20, "means": "steps"}
-        self.assertEqual(mapping.openers_of({"rules": physiological, "rows": [
-            {"band": 1, "aggregate": result(distance_m=30)}]}), [])
-
-    def test_columns_that_no_result_has(self):
-        with self.assertRaisesRegex(WrongUse, 'shows "speed", but there are score, distance_m, effort,'):
-            mapping.value("speed", result(), {})
-        self.assertIsNone(mapping.value("effort", result(), {}))
 
 
 class Manual(WithBoth):
     def test_the_file_on_the_page_can_be_read(self):
         (text,) = re.findall(r"^```json\n(.*?)^```$", (SOURCE / "configs/EVALAI.md").read_text(), re.MULTILINE | re.DOTALL)
-        value = json.loads(text)
         (self.folder / "page.json").write_text(text)
         page = Settings(str(self.folder / "page.json"))
         self.assertEqual((page.evalai.challenge, list(page.phases)), (2222, ["4001", "4002"]))
-        metrics = {**result(effort=0.1, time_s=1.0), "spread": {"success_rate": {}, "time_s": {}, "distance_m": {}}}
-        for phase in value["phases"].values():
-            for of in phase["splits"]["test"].values():
-                mapping.value(of, metrics, {"score": 1})
+        aggregate = {"success_rate": 0.9, "effort": 0.1, "time_s": None, "distance_m": 25.0, "spread": {
+            "success_rate": {"low": 0.85, "high": 0.95}, "time_s": {}, "distance_m": {"low": 24.0, "high": 28.0}}}
+        first, second = (columns_of(page.phases[pk], aggregate, {"score": 90.5})["test"] for pk in page.phases)
+        self.assertEqual({label: round(number, 9) for label, number in first.items()},
+                         {"Score": 90.5, "Success": 0.9, "Success error": 0.05, "Effort": 0.1})
+        self.assertEqual(second, {"Score": 90.5, "Distance": 25.0, "Distance error": 2.0})
+        with self.assertRaisesRegex(WrongUse, 'phases, 4002: a column shows "distance_m", but there are score, success_rate'):
+            columns_of(page.phases["4002"], {"success_rate": 0.9, "spread": {}}, {"score": 90.5})
         text = (SOURCE / "configs/EVALAI.md").read_text()
         for shape in (settings.FILE, settings.EVALAI, settings.MYOGRADE, settings.PHASE):
             for key in shape:
                 self.assertRegex(text, rf"`(evalai\.|myograde\.)?{key}`|`{key}\.|\"{key}\"")
+
 
 class Checks(WithBoth):
     def test_it_says_where_the_order_differs_and_how_to_mend_it(self):

@@ -22,8 +22,8 @@ SCHEMA = {"labels": list(COLUMNS), "default_order_by": "Score"}
 FAST = 0.05  # s between two looks
 
 
-class WithBoth(unittest.TestCase):
-    """A daemon with a challenge of two phases for each class, and an EvalAI for each test."""
+class WithChallenge(unittest.TestCase):
+    """A daemon with a challenge of two phases for each class."""
 
     @classmethod
     def setUpClass(cls):
@@ -45,6 +45,13 @@ class WithBoth(unittest.TestCase):
         cls.daemon.configure(slots=2)
         cls.daemon.start()
         cls.client = Client(data=cls.daemon.data)
+
+    def here(self, team, phase=None):
+        return sorted(self.client.submissions(team=team, phase=phase), key=lambda known: known["submission"])
+
+
+class WithBoth(WithChallenge):
+    """And an EvalAI for each test."""
 
     def setUp(self):
         patch = unittest.mock.patch.multiple(worker, LONGEST_WAIT_S=FAST)
@@ -86,6 +93,3 @@ class WithBoth(unittest.TestCase):
     def all_over(self):
         return not self.evalai.messages and all(
             found["status"] in ("finished", "failed", "cancelled") for found in self.evalai.submissions.values())
-
-    def here(self, team, phase=None):
-        return sorted(self.client.submissions(team=team, phase=phase), key=lambda known: known["submission"])

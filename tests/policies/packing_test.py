@@ -1,5 +1,6 @@
 """What the Python client makes of a submission before it is sent. Needs no server."""
 
+import contextlib
 import io
 import json
 import os
@@ -11,7 +12,7 @@ import tempfile
 import unittest
 import zipfile
 
-from myograde.client import WrongUse, flat
+from myograde.client import MyogradeError, WrongUse, flat, marks_of, numbers_of
 from myograde.client.archive import pack
 from support import images
 
@@ -47,6 +48,29 @@ class Packing(unittest.TestCase):
             link.external_attr = (stat.S_IFLNK | 0o777) << 16
             archive.writestr(link, b"a" * 5000)
         self.assertIn("the link far is too long", self.refused(self.folder / "link.zip"))
+
+    def test_a_zip_archive_that_is_too_large_or_broken(self):
+        whole = io.BytesIO()
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("policy.json", b"{}" + b" " * 9998)
+        (self.folder / "a.zip").write_bytes(whole.getvalue())
+        pack(self.folder / "a.zip", io.BytesIO(), largest_bytes=10_000)
+        with self.assertRaisesRegex(WrongUse, "a.zip: unpacked, it has more than 9999 bytes; make it smaller"):
+            pack(self.folder / "a.zip", io.BytesIO(), largest_bytes=9_999)
+        for place in range(0, len(whole.getvalue()), 3):  # whatever the decompressor says to it
+            torn = bytearray(whole.getvalue())
+            torn[place] ^= 0xff
+            (self.folder / "a.zip").write_bytes(torn)
+            with contextlib.suppress(WrongUse):
+                pack(self.folder / "a.zip", io.BytesIO())
+        (self.folder / "a.zip").write_bytes(whole.getvalue()[:50] + b"torn" + whole.getvalue()[54:])
+        self.assertIn("a.zip: can't be read as a zip archive", self.refused(self.folder / "a.zip"))
+
+    def test_a_full_disk_is_not_the_submissions_fault(self):
+        (self.folder / "policy.json").write_text("{}")
+        with open("/dev/full", "wb", buffering=0) as target, self.assertRaisesRegex(MyogradeError, "No space left .*TMPDIR") as full:
+            pack(self.folder, target)
+        self.assertNotIsInstance(full.exception, WrongUse)
 
     def test_the_same_folder_makes_the_same_bytes(self):
         (self.folder / "policy.json").write_text("{}")
@@ -102,6 +126,15 @@ class Packing(unittest.TestCase):
 
     def test_records_are_flat(self):
         self.assertEqual(flat({"a": {"b": {"c": 1}}, "d": [1], "e": {}}), {"a.b.c": 1, "d": [1]})
+
+    def test_numbers_and_marks(self):
+        spread = {"success_rate": {"deviation": 0.1, "low": 0.25, "high": 0.75}, "time_s": None}
+        self.assertEqual(numbers_of({"success_rate": 0.5, "time_s": None, "score": float("inf"), "spread": spread}),
+                         {"success_rate": 0.5, "time_s": None, "score": None, "success_rate.error": 0.25,
+                          "time_s.error": None})
+        acts = [{"mark": mark, "set": is_set, "reason": reason} for mark, is_set, reason in (
+            ("hidden", True, "a"), ("baseline", True, "b"), ("hidden", False, "c"), ("baseline", True, "d"))]
+        self.assertEqual(marks_of({"marks": acts}), {"baseline": acts[-1]})
 
 
 if __name__ == "__main__":

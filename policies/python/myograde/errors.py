@@ -8,9 +8,13 @@ from typing import Any
 class MyogradeError(Exception):
     """The base class of all errors of this package."""
 
+    passes = True  # whether the same may succeed a little later
+
 
 class WrongUse(MyogradeError, ValueError):
     """An argument, file or setting that can't be used."""
+
+    passes = False
 
 
 class Unreachable(MyogradeError):
@@ -28,6 +32,7 @@ class ServerError(MyogradeError):
         super().__init__(message)
         self.status = status  # of HTTP
         self.code = code  # such as "unknown_track"; server/api/README.md lists them
+        self.passes = code == "paused" or status in (408, 429) or status >= 500
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Otherwise an exception is rebuilt from only its text, as in a process of a pool.

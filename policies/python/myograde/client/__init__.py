@@ -10,8 +10,10 @@
 
 from ..errors import DeadlinePassed, MyogradeError, ServerError, Unreachable, WrongUse
 from .client import FINAL_STATES, Client
-from .records import flat
+from .ranking import band_openers, packed_score
+from .records import flat, marks_of, numbers_of
 from .server import Server, choose_server
 
 __all__ = ["FINAL_STATES", "Client", "DeadlinePassed", "MyogradeError", "Server", "ServerError",
-           "Unreachable", "WrongUse", "choose_server", "flat"]
+           "Unreachable", "WrongUse", "band_openers", "choose_server", "flat", "marks_of", "numbers_of",
+           "packed_score"]

@@ -3,6 +3,7 @@ breaks one; only mistakes that would make a wrong archive are found here."""
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -10,23 +11,27 @@ import pathlib
 import shutil
 import stat
 import tarfile
+import tempfile
 import zipfile
 from typing import BinaryIO
 
-from ..errors import WrongUse
+from ..errors import MyogradeError, WrongUse
 
 SENT_AS_THEY_ARE = (".tar", ".tar.gz", ".tgz", ".tar.zst", ".tzst", ".tar.xz", ".txz", ".tar.bz2",
                     ".tbz2", ".tbz")
 COMPRESSED = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")
 MAX_LINK_BYTES = 4096
 MANIFESTS = ("policy.json", "./policy.json")
+DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
-def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None) -> None:
+def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None, *,
+         largest_bytes: int | None = None) -> None:
     """Writes to `target` a tar of the submission at `path`: a folder with a policy.json, one
     executable file, or an archive (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip) of such a folder or of a
     container image. `name` replaces the name in policy.json, or the name that an image was saved with.
-    WrongUse names what can't be packed."""
+    WrongUse names what can't be packed, such as a zip archive whose files have more than `largest_bytes` together;
+    MyogradeError if this computer's disk is at fault."""
     source = pathlib.Path(path)
     if name == "":
         raise WrongUse("the name is empty; give 1 to 64 bytes, or None for the submission's own")
@@ -38,10 +43,14 @@ def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None
         elif _is_tar(source):
             _pack_tar(source, target, name)
         elif _is_zip(source):
-            _pack_zip(source, target, name)
+            _pack_zip(source, target, name, largest_bytes)
         else:
             _pack_program(source, target, name or source.name[:64])
+        target.flush()
     except OSError as error:
+        if error.errno in DISK_ERRORS:
+            raise MyogradeError(f"{source}: can't be packed ({error.strerror}); see to the disk of "
+                                f"{tempfile.gettempdir()} (TMPDIR)") from error
         raise WrongUse(f"{error.filename or source}: can't be packed ({error.strerror})") from error
 
 
@@ -178,9 +187,12 @@ def _pack_image(file: pathlib.Path, target: BinaryIO, name: str) -> None:
         _add(archive, "policy.json", about)
 
 
-def _pack_zip(file: pathlib.Path, target: BinaryIO, new_name: str | None) -> None:
+def _pack_zip(file: pathlib.Path, target: BinaryIO, new_name: str | None, largest_bytes: int | None) -> None:
     try:
         with zipfile.ZipFile(file) as source, _writer(target) as archive:
+            # No file is unpacked beyond the size that the archive says it has.
+            if largest_bytes is not None and sum(entry.file_size for entry in source.infolist()) > largest_bytes:
+                raise WrongUse(f"{file}: unpacked, it has more than {largest_bytes} bytes; make it smaller")
             for entry in source.infolist():
                 mode = entry.external_attr >> 16  # 0 if it was packed elsewhere than on Unix
                 name = entry.filename.rstrip("/")
@@ -195,7 +207,9 @@ def _pack_zip(file: pathlib.Path, target: BinaryIO, new_name: str | None) -> Non
                          linkname=source.read(entry).decode("utf-8"))
                 else:
                     _add(archive, name, source.open(entry), size=entry.file_size, mode=_mode(mode))
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, UnicodeDecodeError) as error:
+    except (OSError, WrongUse):
+        raise
+    except Exception as error:  # whatever the decompressors of Python's library make of a broken archive
         raise WrongUse(f"{file}: can't be read as a zip archive ({error}); pack it again, without "
                        "a password") from error
 

@@ -12,17 +12,21 @@ from typing import Any, Callable, Iterator, Sequence
 
 from ..errors import DeadlinePassed, ServerError, Unreachable, WrongUse
 from .archive import pack, runtimes_of
-from .records import Record, board_record, episode_record, flat
+from .ranking import packed_score
+from .records import Record, board_record, episode_record, flat, marks_of
 from .server import Server, choose_server
 from .transport import ANSWER_S, UPLOAD_S, Lost, Transport, size_of
 
 Json = dict[str, Any]
 FINAL_STATES = frozenset(("done", "failed", "cancelled", "grader_error"))
+# Events of the public record after which any board may be another.
+CHANGES = ("banned", "unbanned", "published", "revealed", "applied", "dropped")
 # Each poll takes processor time from the policies that are graded.
 SHORTEST_POLL_S, LONGEST_POLL_S, POLLS_IN_A_WAIT = 0.25, 1.0, 20
 PATIENCE_S = 30.0  # with a server that does not answer while a submission is followed
 TRIES, BEFORE_RETRY_S = 3, 1.0  # a daemon that was restarted in between is there again
 PAGE = 1000
+MAX_PRINTED = 64 << 10
 
 
 class Client:
@@ -49,6 +53,12 @@ class Client:
     def whoami(self) -> Json:
         """Who the caller is to the server: `role`, `teams`, `token`."""
         return self._get("/v1/whoami")
+
+    def require_organiser(self) -> None:
+        """WrongUse if the server takes the caller for less."""
+        if (role := self.whoami().get("role")) not in ("organiser", "operator"):
+            raise WrongUse(f"{self.server} takes this for a {role}, but it acts for every team: give it an organiser's "
+                           "token (myograde token create)")
 
     def tracks(self) -> list[Record]:
         """One record for each profile of each track that can be submitted to."""
@@ -83,17 +93,17 @@ class Client:
                                     episodes=episodes, seeds=seeds, key=secrets.token_hex(16))
 
     def upload(self, path: str | os.PathLike[str], *, team: str, track: str | None = None,
-               phase: str | None = None, name: str | None = None,
-               check_runtimes: bool = True) -> Json:
+               phase: str | None = None, name: str | None = None, check_runtimes: bool = True,
+               largest_bytes: int | None = None) -> Json:
         """Only uploads; the answer has the id of the content under "artefact". WrongUse, with nothing sent, if the
-        server lacks a runtime; without `check_runtimes`, for a stranger's archive, only the server opens it."""
+        server lacks a runtime, or if a zip archive unpacks to more than `largest_bytes`. Without `check_runtimes`, for
+        a stranger's archive, only the server opens a tar. MyogradeError if there is no space to pack it."""
         track = self.track_of(track, phase)
         if check_runtimes:
             self._check_runtimes(runtimes_of(path))
         query = urllib.parse.urlencode({"team": team, "track": track})
         with tempfile.TemporaryFile() as archive:
-            pack(path, archive, name)
-            archive.flush()
+            pack(path, archive, name, largest_bytes=largest_bytes)
 
             def send() -> Json:
                 archive.seek(0)
@@ -140,7 +150,7 @@ class Client:
                                         timeout_s=max(1.0, min(left, ANSWER_S))),
                     state=str, episodes=dict)
             except (Unreachable, ServerError) as error:
-                if not _passes(error) or time.monotonic() - heard > PATIENCE_S:
+                if not error.passes or time.monotonic() - heard > PATIENCE_S:
                     raise
             else:
                 heard = time.monotonic()
@@ -182,11 +192,17 @@ class Client:
                     profile: str | None = None, board: str | None = None) -> list[Record]:
         """One record for each row of a board, best first: `rank` (None for baselines), `team`,
         `submission`, `name` and the metrics."""
+        board_of_all = self.board(track=track, phase=phase, profile=profile, board=board)
+        return [board_record(row) for row in board_of_all["rows"]]
+
+    def board(self, *, track: str | None = None, phase: str | None = None,
+              profile: str | None = None, board: str | None = None) -> Json:
+        """A board as a whole: `rows` as they are answered, `rules`, `config`, `columns` and more. packed_score() makes
+        of it, and of a result, one number that sorts as the board does."""
         if (track is None) == (phase is None):
             raise WrongUse("give the track or the phase of the leaderboard")
         query = _query(track=track, phase=phase, profile=profile, board=board)
-        rows = self._get(f"/v1/leaderboard?{query}", rows=list)["rows"]
-        return [board_record(row) for row in rows]
+        return self._get(f"/v1/leaderboard?{query}", rows=list)
 
     def submissions(self, *, team: str | None = None, track: str | None = None,
                     profile: str | None = None, phase: str | None = None,
@@ -202,9 +218,137 @@ class Client:
             if before is None:
                 return
 
+    def page_of(self, submission: int, pages: str | None = None) -> str:
+        """Where people see a submission: on this server, or where its `pages` are. "" if that is the socket of this
+        host."""
+        root = pages or ("" if self.server.socket else str(self.server))
+        return f"{root.rstrip('/')}/submission?id={submission}" if root else ""
+
     def receipt(self, submission: int) -> Json:
         """The signed receipt, which `myograde verify` checks."""
         return self._get(f"{_address(submission)}/receipt")
+
+    # --- for organisers, and for sites that show results elsewhere ---
+
+    def counting_result(self, submission: int) -> Json:
+        """The result that counts, as show() has it: that of the latest rejudge in force, else the original one."""
+        return self._counting_result(self.status(submission))
+
+    def _counting_result(self, status: Json) -> Json:
+        counts = {None: status["evaluation"]}  # by rejudge, oldest first
+        for evaluation in status["evaluations"]:
+            number = evaluation["rejudge"]
+            if number and number not in counts and evaluation["state"] in ("done", "failed"):
+                rejudge = self._get(f"/v1/rejudges/{number}")
+                if rejudge["state"] == "applied" and rejudge["purpose"] == "rules":
+                    counts[number] = evaluation["evaluation"]  # the first of its repetitions
+        return self._get(f"/v1/evaluations/{[*counts.values()][-1]}")
+
+    def kept_off(self, submission: int) -> list[str]:
+        """What keeps a submission off boards, each as words with the reason: marks, and its team's ban."""
+        return self._kept_off(self.status(submission))
+
+    def _kept_off(self, status: Json) -> list[str]:
+        team, acts = self.team(status["team"]), {
+            f"{mark} by the organisers": act for mark, act in marks_of(status).items() if mark != "baseline"}
+        if team["banned"]:
+            bans = [act for act in team["events"] if act["event"] == "banned"]
+            acts["the organisers have banned the team"] = bans[-1]
+        return [f"{what}: {act['reason'] or 'no reason given'}" for what, act in acts.items()]
+
+    def ending(self, submission: int) -> Json | None:
+        """How a submission ended, as its team may see it; None while it has not. `kind` is finished, failed, or
+        cancelled, also by what keeps it off boards; `why` is the reason, or ""; `words` say the same in lines; `shown`
+        says of aggregate, outcomes and output whether its phase shows them; `stdout` and `stderr` are what the policy
+        printed last, if that is shown, in at most 64 KiB; `result` is the one that counts, whole."""
+        status = self.status(submission)
+        if status["state"] not in FINAL_STATES:
+            return None
+        result, kept_off = self._counting_result(status), self._kept_off(status)
+        withheld = [phase for phase in self.phases()
+                    if phase["phase"] == status["phase"] and not (phase["published"] or phase["revealed"])]
+        shown = {part: not withheld or withheld[0][f"show.{part}"] for part in ("aggregate", "outcomes", "output")}
+        kind = {"done": "finished", "cancelled": "cancelled"}.get(result["state"], "failed")
+        printed = {of: "".join(f"\nepisodes {block['first']} to {block['last']}:\n{block[f'{of}_tail']}"
+                               for block in result["output"] if shown["output"] and block[f"{of}_tail"])[:MAX_PRINTED]
+                   for of in ("stdout", "stderr")}
+        kind, why = ("cancelled", kept_off[-1]) if kept_off else (kind, result["reason"] or "")
+        words = [f"MyoGrade's submission {submission} is {kind} ({result['state']}): {result['episodes']['done']} of "
+                 f"{result['episodes']['total']} episodes were played.", why]
+        if shown["outcomes"]:
+            words.append(", ".join(f"{outcome}: {count}" for outcome, count in sorted(result["outcomes"].items())))
+        return {"kind": kind, "why": why, "words": list(filter(None, words)), "shown": shown, "result": result,
+                **printed}
+
+    def out_of_order(self, board: Json) -> list[tuple[str, str, bool]]:
+        """Teams that stand next to each other on a board (board()), the better first, but the other way round where one
+        sorts by packed_score(), of equal scores the newest first, and shows of each team the first; and whether their
+        scores are equal."""
+        best: dict[str, tuple[float, int]] = {}
+        where = {key: board[key] for key in ("phase", "track", "profile")}
+        for known in self.submissions(**where, state="done"):
+            number, team = known["submission"], known["team"]
+            result = self.counting_result(number) if known["ranked"] and not self.kept_off(number) else None
+            if result and result["hashes"]["config"] == board["config"]:
+                entry = packed_score(board, result["aggregate"]), number
+                best[team] = max(entry, best.get(team, entry))
+        here = [row["team"] for row in board["rows"] if row["team"] in best and not row["baseline"]]
+        return [(above, below, best[above][0] == best[below][0])
+                for above, below in zip(here, here[1:]) if best[above] < best[below]]
+
+    def changed_since(self, size: int | None) -> tuple[int, set[int] | None]:
+        """The size of the public record, and the submissions whose place on boards may have changed since it had `size`
+        entries; None if that may be any, as after a ban, a rejudge, or with a `size` of None. Results that are new, and
+        bands that they move (band_openers), are not told."""
+        now = self._get("/v1/record/head", head=dict)["head"]["size"]
+        acts = [entry["entry"] for entry in self.record(size)] if size not in (None, now) else []
+        if size is None or any(act["kind"] == "config" or act.get("event") in CHANGES for act in acts):
+            return now, None
+        return now, {act["submission"] for act in acts if act["kind"] == "marked"}
+
+    def record(self, first: int = 0) -> Iterator[Json]:
+        """The entries of the public record from the one with the index `first` on; pages are fetched as needed."""
+        while entries := self._get(f"/v1/record?from={first}&limit={PAGE}", entries=list)["entries"]:
+            yield from entries
+            first = entries[-1]["index"] + 1
+
+    def withdraw(self, submission: int, reason: str) -> None:
+        """Takes a submission off boards at its team's wish: cancels it if no episode has ended, else hides it, as a
+        cancel would then keep its content from being graded again. Practice that has begun is left alone."""
+        status = self.status(submission)
+        if status["state"] not in FINAL_STATES and status["episodes"]["done"] == 0:
+            self.cancel(submission, reason)
+        elif status["ranked"]:
+            self.mark(submission, "hidden", reason=reason)
+
+    def readmit(self, submission: int, reason: str) -> None:
+        """Shows again what withdraw() has hidden for a reason that begins with `reason`."""
+        hidden = marks_of(self.status(submission)).get("hidden")
+        if hidden and (hidden["reason"] or "").startswith(reason):
+            self.mark(submission, "hidden", hold=False)
+
+    def mark(self, submission: int, mark: str, *, hold: bool = True, reason: str | None = None) -> Json:
+        """Marks a submission as `hidden`, `disqualified` or `baseline`, or with `hold=False` takes the mark away."""
+        return self._post(f"{_address(submission)}/marks", {
+            "mark": mark, "set": hold, **({} if reason is None else {"reason": reason})}, retry=False)
+
+    def team(self, name: str) -> Json:
+        """A team, by its present name or a former one: `banned`, `members`, `events` and more."""
+        return self._get(f"/v1/teams/{urllib.parse.quote(name, safe='')}", events=list)
+
+    def make_team(self, *names: str, reason: str) -> Json:
+        """Makes a team under the first of `names` that is allowed and nobody else's, or returns the one that was made
+        before for the same `reason`, so that a lost answer does no harm. ServerError if there is no such name."""
+        for name in names:
+            try:
+                return self._post("/v1/teams", {"team": name, "reason": reason}, retry=False)
+            except ServerError as error:
+                known = self.team(name) if error.code == "conflict" else {"events": []}
+                if any(act["event"] == "created" and act["reason"] == reason for act in known["events"]):
+                    return known
+                if error.code not in ("bad_request", "conflict", "look_alike") or name == names[-1]:
+                    raise
+        raise WrongUse("give at least one name for the team")
 
     # --- requests ---
 
@@ -267,11 +411,6 @@ def _with_retries(send: Callable[[], Json]) -> Json:
                 raise
             time.sleep(BEFORE_RETRY_S)
     raise AssertionError("not reached")
-
-
-def _passes(error: Exception) -> bool:
-    """Whether the same request may succeed a little later."""
-    return not isinstance(error, ServerError) or error.status == 429 or error.status >= 500
 
 
 def _address(submission: int) -> str:

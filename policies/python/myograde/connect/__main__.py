@@ -8,13 +8,13 @@ import signal
 import sys
 
 from ..errors import MyogradeError, WrongUse
-from . import check, codabench
+from . import codabench, verdict
 from .settings import Settings
 from .worker import Worker
 
 VERBS = {
     "evalai": (lambda settings: Worker(settings).run(), "take submissions from EvalAI's queue until SIGTERM"),
-    "check": (check.check, "say where EvalAI's order would differ from the boards; exit status 1 if it does"),
+    "check": (verdict.check, "say where EvalAI's order would differ from the boards; exit status 1 if it does"),
     "score": (codabench.score, "be the scoring program of a Codabench bundle", "INPUT", "OUTPUT")}
 
 

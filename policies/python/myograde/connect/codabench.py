@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import json
 import pathlib
@@ -30,9 +31,7 @@ def score(settings: Settings, given: pathlib.Path, output: pathlib.Path) -> int:
     worker = WORKER.search(MOUNTS.read_text(encoding="utf-8"))
     if worker is None:
         raise WrongUse("this host does not tell whose submission it is, as a compute worker of Codabench does")
-    if key not in settings.phases:
-        raise WrongUse(f'{settings.file}: "phases" has no "{key}"')
-    client, target, (user, number) = settings.client(), settings.phases[key], worker.groups()
+    client, target, (user, number) = settings.client(), settings.target(key), worker.groups()
     where = {"team": settings.teams.get(user, f"Codabench user {user}"), "track": target.track, "phase": target.phase}
     (submission / "metadata").unlink(missing_ok=True)  # the compute worker's own
     for path in filter(pathlib.Path.is_file, submission.rglob("*")):  # zip archives lost what makes a file a program
@@ -42,27 +41,25 @@ def score(settings: Settings, given: pathlib.Path, output: pathlib.Path) -> int:
     artefact = client.upload(files[0] if len(files) == 1 else submission, check_runtimes=False, **where)["artefact"]
     made = client.submit_artefact(artefact, profile=target.profile, episodes=target.episodes, **where,
                                   key=f"Codabench/{number}/{artefact}")["submission"]
-    page, ended = settings.page(client, made), None
+    page, ended = client.page_of(made, settings.myograde.pages), None
     print(f"MyoGrade's submission {made}", page, flush=True)
     while ended is None:
         time.sleep(1)
-        try:
+        with contextlib.suppress(Unreachable):  # the compute worker ends this at the phase's execution_time_limit
             ended = verdict.judge(client, target, made, page)
-        except Unreachable:
-            pass  # it may be there again; the compute worker ends this at the phase's execution_time_limit
     scores = {re.sub(r"\W+", "_", label).strip("_").lower(): number
-              for columns in ended.columns.values() for label, number in columns.items()}
-    rows = list(scores.items()) if ended.show["aggregate"] else []
-    if ended.show["outcomes"]:
-        result = client.ask(f"/v1/evaluations/{ended.result['evaluation']}?episodes=1&details=0")
+              for columns in ended["columns"].values() for label, number in columns.items()}
+    rows = list(scores.items()) if ended["shown"]["aggregate"] else []
+    if ended["shown"]["outcomes"]:
+        result = client.ask(f"/v1/evaluations/{ended['result']['evaluation']}?episodes=1&details=0")
         rows += [(f"episode {row['index']}", f"{row['outcome']} {row['reason']}") for row in result["episode_rows"]]
-    texts = {"title": f"Submission {made} is {ended.status}", "page": page,
-             "stdout": ended.stdout, "stderr": ended.stderr}
+    texts = {"title": f"Submission {made} is {ended['kind']}", "page": page,
+             "stdout": ended["stdout"], "stderr": ended["stderr"]}
     (output / "detailed_results.html").write_text(PAGE.format(
         rows="".join(f"<tr><td>{html.escape(name)}<td>{html.escape(str(value))}" for name, value in rows),
         **{name: html.escape(text) for name, text in texts.items()}), encoding="utf-8")
-    print(ended.stdout)
-    print(ended.stderr, file=sys.stderr)
-    if ended.status == "finished":
+    print(ended["stdout"])
+    print(ended["stderr"], file=sys.stderr)
+    if ended["kind"] == "finished":
         (output / "scores.json").write_text(json.dumps(scores))
-    return 0 if ended.status == "finished" else 1
+    return 0 if ended["kind"] == "finished" else 1

@@ -6,7 +6,6 @@ import http.client
 import json
 import pathlib
 import time
-import urllib.error
 import urllib.parse
 import urllib.request
 from typing import Any, Optional
@@ -23,7 +22,7 @@ class EvalaiError(MyogradeError):
     """EvalAI refuses a request."""
 
 
-class NotNow(MyogradeError):
+class NotNow(Unreachable):
     """EvalAI answers nobody, or not us: nothing can be done with it for `pause_s` seconds."""
 
     def __init__(self, message: str, pause_s: float = PAUSE_S) -> None:
@@ -83,7 +82,7 @@ class Evalai:
                 if size < length <= largest_bytes:
                     raise http.client.IncompleteRead(b"", length - size)
         except (OSError, ValueError, http.client.HTTPException) as error:
-            status = error.code if isinstance(error, urllib.error.HTTPError) else 0
+            status = getattr(error, "code", 0)  # of HTTP
             if 400 <= status < 500 and status != 429:
                 raise WrongUse(f"the submission's file is gone from EvalAI (HTTP status {status})") from None
             raise EvalaiError(f"{parts.netloc}: a submission's file can't be had ({error})") from None

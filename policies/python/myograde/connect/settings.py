@@ -43,6 +43,7 @@ def _phase(value: Any, where: str) -> SimpleNamespace:
     for split, columns in phase.splits.items():
         if not isinstance(columns, dict) or not all(isinstance(of, str) for of in columns.values()):
             raise WrongUse(f'{where}, splits, {split}: must say of each label what it shows, as a text')
+    phase.where = where
     return phase
 
 
@@ -75,12 +76,11 @@ class Settings:
         here = self.myograde
         made = Client(here.server, token=self.secret(here.token_file) if here.token_file else None,
                       ca_file=self.file.parent / here.ca_file if here.ca_file else None)
-        if (role := made.whoami().get("role")) not in ("organiser", "operator"):
-            raise WrongUse(f"{self.file}, myograde: {made.server} takes this for a {role}, but it acts for every "
-                           "team: give it an organiser's token (myograde token create)")
+        made.require_organiser()
         return made
 
-    def page(self, client: Client, number: int) -> str:
-        """Where people see a submission; "" if nobody said where the server's pages are."""
-        root = self.myograde.pages or ("" if client.server.socket else str(client.server))
-        return f"{root.rstrip('/')}/submission?id={number}" if root else ""
+    def target(self, key: str) -> SimpleNamespace:
+        """What the phase of another site stands for here."""
+        if key not in self.phases:
+            raise WrongUse(f"phase {key} is not graded here; tell the organisers, whose {self.file.name} lacks it")
+        return self.phases[key]

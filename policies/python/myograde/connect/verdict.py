@@ -1,78 +1,72 @@
-"""How a submission ended here, as it is to be shown elsewhere."""
+"""What leaderboards elsewhere show of a submission here, and where they would have another order than the boards."""
 
 from __future__ import annotations
 
-import urllib.parse
 from types import SimpleNamespace
-from typing import Any, Optional
+from typing import Any, Mapping, Optional
 
-from ..client import FINAL_STATES, Client
-from . import mapping
+from ..client import Client, ServerError, WrongUse, numbers_of, packed_score
+from .evalai import Evalai
+from .settings import Settings
 
 Json = dict[str, Any]
-MAX_OUTPUT = 64 << 10
-
-
-def marks_of(status: Json) -> dict[str, Json]:
-    """The marks in force of a submission, and the act by which each is."""
-    return {mark: act for mark, act in {act["mark"]: act for act in status["marks"]}.items() if act["set"]}
 
 
 def boards_of(client: Client, target: SimpleNamespace) -> dict[str, Json]:
-    """The boards whose scores are shown, by what the columns say: `score` or `score.BOARD`."""
+    """The boards whose scores are shown, by what the columns say: `score` or `score.BOARD`. WrongUse if the server has
+    no such phase, track, profile or board."""
     shown = {of for columns in target.splits.values() for of in columns.values() if of.split(".")[0] == "score"}
-    named = {key: of for key in ("phase", "track", "profile") if (of := getattr(target, key))}
-    return {of: client.ask("/v1/leaderboard?" + urllib.parse.urlencode(
-        {**named, "board": of.partition(".")[2] or "main"})) for of in sorted(shown)}
+    try:
+        return {of: client.board(phase=target.phase, track=target.track, profile=target.profile,
+                                 board=of.partition(".")[2] or "main") for of in sorted({"score", *shown})}
+    except ServerError as error:
+        if error.status != 400:
+            raise
+        raise WrongUse(f"{target.where}: {error}") from error
 
 
-def counting_result(client: Client, status: Json) -> Json:
-    """The result that counts: that of the latest rejudge in force, else the original one."""
-    counts = {None: status["evaluation"]}
-    for evaluation in status["evaluations"]:
-        number = evaluation["rejudge"]
-        if number and number not in counts and evaluation["state"] in ("done", "failed"):
-            rejudge = client.ask(f"/v1/rejudges/{number}")
-            if rejudge["state"] == "applied" and rejudge["purpose"] == "rules":
-                counts[number] = evaluation["evaluation"]  # the first of its repetitions
-    return client.ask(f"/v1/evaluations/{[*counts.values()][-1]}")
-
-
-def columns_of(client: Client, target: SimpleNamespace, aggregate: Json) -> dict[str, dict[str, float]]:
-    """What each split's leaderboard shows; a number that the result does not have is left out."""
-    scores = {of: mapping.score(board["rules"], aggregate, mapping.openers_of(board))
-              for of, board in boards_of(client, target).items()}
-    return {split: {label: number for label, of in columns.items()
-                    if (number := mapping.value(of, aggregate, scores)) is not None}
+def columns_of(target: SimpleNamespace, aggregate: Json, scores: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """What each split's leaderboard shows. A number that the result does not have is left out."""
+    known = {**numbers_of(aggregate), **scores}
+    for of in (of for columns in target.splits.values() for of in columns.values()):
+        if of not in known:
+            raise WrongUse(f'{target.where}: a column shows "{of}", but there are {", ".join(sorted(known))}')
+    return {split: {label: known[of] for label, of in columns.items() if known[of] is not None}
             for split, columns in target.splits.items()}
 
 
-def judge(client: Client, target: SimpleNamespace, number: int, page: str) -> Optional[SimpleNamespace]:
-    """None while it has not ended. `status` is finished, failed or cancelled; `columns` are by split and label;
-    `show` has the parts of results that the phase shows its teams; `stderr` begins with the reason if it is not
-    finished; `result` is that of the evaluation that counts."""
-    status = client.status(number)
-    if status["state"] not in FINAL_STATES:
+def judge(client: Client, target: SimpleNamespace, number: int, page: str) -> Optional[Json]:
+    """How it ended (Client.ending()), with its `columns` by split and label, a `stdout` that begins with its words and
+    its page, and a `stderr` that begins with the reason; None while it has not ended."""
+    ended = client.ending(number)
+    if ended is None:
         return None
-    result = counting_result(client, status)
-    team = client.ask(f"/v1/teams/{urllib.parse.quote(status['team'], safe='')}")
-    withheld = [phase for phase in client.phases()
-                if phase["phase"] == status["phase"] and not (phase["published"] or phase["revealed"])]
-    show = {part: not withheld or withheld[0][f"show.{part}"] for part in ("aggregate", "outcomes", "output")}
-    kind, why = {"done": "finished", "cancelled": "cancelled"}.get(result["state"], "failed"), result["reason"] or ""
-    acts = {f"{mark} by the organisers": act for mark, act in marks_of(status).items() if mark != "baseline"}
-    if team["banned"]:
-        acts["the organisers have banned the team"] = [act for act in team["events"] if act["event"] == "banned"][-1]
-    for what, act in acts.items():
-        kind, why = "cancelled", f"{what}: {act['reason'] or 'no reason given'}"
-    lines = [f"MyoGrade's submission {number} is {kind} ({result['state']}): {result['episodes']['done']} of "
-             f"{result['episodes']['total']} episodes were played.", page, why]
-    if show["outcomes"]:
-        lines.append(", ".join(f"{outcome}: {count}" for outcome, count in sorted(result["outcomes"].items())))
-    stdout, stderr = ("".join(
-        f"\nepisodes {lease['first']} to {lease['last']}:\n{lease[tail]}"
-        for lease in result["output"] if show["output"] and lease[tail])[:MAX_OUTPUT]
-        for tail in ("stdout_tail", "stderr_tail"))
-    return SimpleNamespace(
-        status=kind, columns=columns_of(client, target, result["aggregate"]) if kind == "finished" else {}, show=show,
-        stdout="\n".join(filter(None, lines)) + stdout, stderr=why + stderr, result=result)
+    words, columns = ended["words"], {}
+    if ended["kind"] == "finished":
+        aggregate = ended["result"]["aggregate"]
+        scores = {of: packed_score(board, aggregate) for of, board in boards_of(client, target).items()}
+        columns = columns_of(target, aggregate, scores)
+    return {**ended, "columns": columns, "stderr": ended["why"] + ended["stderr"],
+            "stdout": "\n".join(filter(None, [words[0], page, *words[1:]])) + ended["stdout"]}
+
+
+def check(settings: Settings) -> int:
+    """Says before the first submission what would go wrong; 1 if there is anything to say."""
+    client, said, where = settings.client(), [], settings.evalai
+    there = Evalai(settings).ask("GET", f"challenges/{where.challenge}/challenge_phase_split") or [] if where else []
+    for pk, target in settings.phases.items():
+        schemas = [known["leaderboard_schema"] for known in there if str(known["challenge_phase"]) == pk]
+        for split, columns in target.splits.items():
+            place = f"phase {pk}, split {split}"
+            sorts = [columns.get(schema["default_order_by"], "") for schema in schemas
+                     if set(columns) <= set(schema["labels"])]
+            if where and not sorts:
+                said.append(f"{place}: no leaderboard of this phase on EvalAI has the labels {', '.join(columns)}")
+            elif where and not any(of.startswith("score") for of in sorts):
+                said.append(f"{place}: EvalAI sorts by what shows {sorts[0]!r} (default_order_by), which is no score")
+        for of, board in boards_of(client, target).items():
+            for above, below, equal in client.out_of_order(board):
+                why = ", as their scores are equal and the newer one comes first" if equal else ""
+                said.append(f"phase {pk}, {of}: here {above!r} stands above {below!r}, there below{why}")
+    print("\n".join(said) or "Leaderboards elsewhere would have the order of the boards here.")
+    return 1 if said else 0

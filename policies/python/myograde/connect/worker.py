@@ -4,7 +4,7 @@ killed at any moment."""
 
 from __future__ import annotations
 
-import errno
+import contextlib
 import hashlib
 import json
 import shutil
@@ -12,11 +12,10 @@ import sqlite3
 import sys
 import time
 import urllib.parse
-import zipfile
 from typing import Any
 
-from ..client import FINAL_STATES, MyogradeError, ServerError, WrongUse
-from . import mapping, verdict
+from ..client import MyogradeError, Unreachable, WrongUse, band_openers
+from . import verdict
 from .evalai import Evalai, EvalaiError
 from .settings import Settings
 
@@ -29,10 +28,13 @@ SCHEMA = """CREATE TABLE IF NOT EXISTS submission (
   starts INTEGER NOT NULL DEFAULT 0);
 CREATE TABLE IF NOT EXISTS team (pk INTEGER PRIMARY KEY, name TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS kept (name TEXT PRIMARY KEY, value TEXT NOT NULL)"""
+REPORT_AGAIN = """UPDATE submission SET step = 'grading' WHERE step = 'done' AND status != 'withdrawn'
+  AND phase IN (SELECT value FROM json_each(?)) AND number IS NOT NULL
+  AND (? OR number IN (SELECT value FROM json_each(?)))"""
 OPEN = ("submitted", "queued", "resuming", "running")
 SURVEY_S, LONGEST_WAIT_S, KEY_S, MESSAGES, MOST_STARTS = 900, 600, 20 * 3600, 3, 5
-CHANGES = ("banned", "unbanned", "published", "revealed", "applied", "dropped")  # events of the public record
-OURS = "Cancelled on EvalAI"  # how the reason of a mark begins that was set here
+NO_SERVER = ("no_token", "bad_token", "redirect", "unreadable")  # with such answers, nothing else works either
+OURS = "Cancelled on EvalAI"  # how the reason begins why something is withdrawn here
 
 
 class Worker:
@@ -46,24 +48,21 @@ class Worker:
         self.state = sqlite3.connect(file, isolation_level=None, timeout=1)
         self.state.row_factory = sqlite3.Row
         try:
-            self.state.execute("PRAGMA locking_mode = EXCLUSIVE")
-            self.state.executescript(f"BEGIN IMMEDIATE; {SCHEMA}; COMMIT")  # the lock is kept from here on
+            # The lock is kept from here on.
+            self.state.executescript(f"PRAGMA locking_mode = EXCLUSIVE; BEGIN IMMEDIATE; {SCHEMA}; COMMIT")
         except sqlite3.OperationalError as error:
             raise WrongUse(f"{file}: can't be used, perhaps as another connector works with it ({error})") from error
         self.surveyed_at, self.followed, self.trouble = -float(SURVEY_S), -1, ""
         self.receipts: dict[int, str] = {}  # by pk what deletes its message; a lost one comes again with the message
         self.waits: dict[int, tuple[int, float]] = {}  # by pk how often it was tried, and when it is tried again
-        tracks = {track["track"] for track in self.client.tracks()}
-        for pk, target in settings.phases.items():
-            if self.client.track_of(target.track, target.phase) not in tracks:
-                raise WrongUse(f'{settings.file}, phases, {pk}: {self.client.server} has no track "{target.track}"')
+        self.follow_record()  # now, as it finds what is wrong with the phases
 
     def run(self) -> None:
         while True:
             pause_s, trouble = self.settings.poll_s, ""
             try:
                 self.turn()
-            except MyogradeError as error:
+            except (MyogradeError, sqlite3.Error) as error:
                 pause_s, trouble = max(pause_s, getattr(error, "pause_s", 0)), f"{error}; it is tried again"
             if trouble != self.trouble:
                 print(trouble or "all is well again", file=sys.stderr, flush=True)
@@ -105,26 +104,18 @@ class Worker:
             self.rows("INSERT INTO submission (pk, phase) VALUES (?, ?)", pk, str(phase))
 
     def follow_record(self) -> None:
-        """Has reported again what marks, bans, rejudges, other columns or other bands may have changed."""
-        size = self.client.ask("/v1/record/head")["head"]["size"]
+        """Has reported again what marks, bans, rejudges, other columns or other bands may have changed. What EvalAI was
+        told already is not sent again."""
+        kept = dict(self.rows("SELECT name, value FROM kept"))
+        size, touched = self.client.changed_since(int(kept["record"]) if kept else None)
         if size == self.followed:
             return
-        boards = [verdict.boards_of(self.client, target) for target in self.settings.phases.values()]
-        bands = [mapping.openers_of(board) for shown in boards for board in shown.values()]
-        columns, kept = repr((self.settings.phases, bands)), dict(self.rows("SELECT name, value FROM kept"))
-        begin, touched, everything = int(kept.get("record", size)), set(), columns != kept.get("columns", columns)
-        while begin < size:
-            for entry in self.client.ask(f"/v1/record?from={begin}&limit=1000")["entries"]:
-                begin, act = entry["index"] + 1, entry["entry"]
-                touched.add(act["submission"] if act["kind"] == "marked" else None)
-                everything = everything or act["kind"] == "config" or act.get("event") in CHANGES
-        with self.state:
-            self.rows("BEGIN")
-            for row in self.rows("SELECT * FROM submission WHERE step = 'done' AND status != 'withdrawn'"):
-                if row["number"] and (everything or row["number"] in touched) and row["phase"] in self.settings.phases:
-                    self.save(row, "grading")
-            for name, value in (("record", begin), ("columns", columns)):
-                self.rows("INSERT OR REPLACE INTO kept VALUES (?, ?)", name, str(value))
+        bands = [band_openers(board) for target in self.settings.phases.values()
+                 for board in verdict.boards_of(self.client, target).values()]
+        columns = repr((self.settings.phases, bands))
+        everything = touched is None or columns != kept["columns"]
+        self.rows(REPORT_AGAIN, json.dumps([*self.settings.phases]), everything, json.dumps([*(touched or ())]))
+        self.rows("INSERT OR REPLACE INTO kept VALUES ('record', ?), ('columns', ?)", size, columns)
         self.followed = size  # what came meanwhile is read with the next turn
 
     def advance(self, pk: int) -> None:
@@ -132,33 +123,28 @@ class Worker:
         while self.waits.get(pk, (0, 0.0))[1] <= time.monotonic():
             (row,) = self.rows("SELECT * FROM submission WHERE pk = ?", pk)
             try:
-                if row["step"] == "done":
-                    return self.do_done(pk)
                 getattr(self, f"do_{row['step']}")(row)
-            except (WrongUse, ServerError, EvalaiError, KeyError, TypeError, ValueError) as error:
-                code, status = getattr(error, "code", ""), getattr(error, "status", 0)
-                full = getattr(error.__cause__, "errno", 0) in (errno.ENOSPC, errno.EDQUOT, errno.EIO)
-                passes = full or code == "paused" or status == 408 or status >= 429
-                if code in ("no_token", "bad_token"):
-                    raise  # nothing else works either
+                if row["step"] == "done":
+                    return
+            except (MyogradeError, OSError, LookupError, TypeError, ValueError) as error:
+                code = getattr(error, "code", "")
+                if code in NO_SERVER or isinstance(error, Unreachable):
+                    raise
                 if row["step"] == "sending" and code == "not_found":
                     self.save(row, "new")  # the upload was not kept for so long
-                elif row["step"] in ("new", "sending") and isinstance(error, (WrongUse, ServerError)) and not passes:
+                elif row["step"] in ("new", "sending") and not getattr(error, "passes", True):
                     self.save(row, "grading", refusal=str(error))
                 else:  # or an answer that none would expect
-                    self.later(row, error)
-
-    def later(self, row: Row, why: Exception) -> None:
-        tries = self.waits.get(row["pk"], (0, 0.0))[0]
-        wait_s = min(LONGEST_WAIT_S, self.settings.poll_s * 2 ** min(tries, 10))
-        print(f"EvalAI's submission {row['pk']}: {why}; trying again in {wait_s:.0f} s", file=sys.stderr, flush=True)
-        self.waits[row["pk"]] = tries + 1, time.monotonic() + wait_s
+                    tries = self.waits.get(pk, (0, 0.0))[0]
+                    wait_s = min(LONGEST_WAIT_S, self.settings.poll_s * 2 ** min(tries, 10))
+                    print(f"EvalAI's submission {pk}: {error}; trying again in {wait_s:.0f} s", file=sys.stderr,
+                          flush=True)
+                    self.waits[pk] = tries + 1, time.monotonic() + wait_s
 
     def save(self, row: Row, step: str, **values: Any) -> None:
-        values = {"step": step, **values}
         self.waits.pop(row["pk"], None)
-        self.rows(f"UPDATE submission SET {', '.join(f'{key} = ?' for key in values)} WHERE pk = ?",
-                  *values.values(), row["pk"])
+        self.rows(f"UPDATE submission SET step = ?{''.join(f', {key} = ?' for key in values)} WHERE pk = ?",
+                  step, *values.values(), row["pk"])
 
     def rows(self, sql: str, *values: Any) -> list[Row]:
         return self.state.execute(sql, values).fetchall()
@@ -167,20 +153,12 @@ class Worker:
         """What EvalAI says; what is gone there counts as cancelled."""
         return (self.evalai.ask("GET", f"jobs/submission/{pk}") or {"status": "cancelled"})["status"]
 
-    def mark_hidden(self, number: int, hidden: bool, **reason: str) -> None:
-        self.client.ask(f"/v1/submissions/{number}/marks", {"mark": "hidden", "set": hidden, **reason})
-
-    def target(self, row: Row) -> Any:
-        if row["phase"] not in self.settings.phases:
-            raise WrongUse(f"EvalAI's phase {row['phase']} is not graded here; tell the organisers")
-        return self.settings.phases[row["phase"]]
-
     def do_new(self, row: Row) -> None:
         """Fetches the file and uploads it."""
         found = self.evalai.ask("GET", f"jobs/submission/{row['pk']}")
         if found is None or found["status"] not in OPEN:
             return self.save(row, "done", status="withdrawn")
-        target, most = self.target(row), self.settings.largest_bytes
+        target, most = self.settings.target(row["phase"]), self.settings.largest_bytes
         team = self.team(found["participant_team"], found["participant_team_name"])
         folder = self.settings.file.with_suffix(".download")
         shutil.rmtree(folder, ignore_errors=True)
@@ -191,18 +169,10 @@ class Worker:
             if row["starts"] >= MOST_STARTS:
                 raise WrongUse(f"the connector was killed {MOST_STARTS} times as it packed this; tell the organisers")
             path = self.evalai.download(found["input_file"] or "", folder, most)
-            if zipfile.is_zipfile(path):
-                with zipfile.ZipFile(path) as archive:
-                    if sum(entry.file_size for entry in archive.infolist()) > most:
-                        raise WrongUse(f"unpacked, the submission has more than {most} bytes; make it smaller")
             artefact = self.client.upload(path, team=team, track=target.track, phase=target.phase,
-                                          check_runtimes=False)["artefact"]
+                                          check_runtimes=False, largest_bytes=most)["artefact"]
         except WrongUse as error:
-            raise WrongUse(str(error).replace(f"{folder}/", "")) from error.__cause__
-        except MyogradeError:
-            raise
-        except Exception as error:  # whatever Python's own library makes of a stranger's archive
-            raise WrongUse(f"the file can't be read as a submission ({error})") from error
+            raise WrongUse(str(error).replace(f"{folder}/", "")) from error
         finally:
             shutil.rmtree(folder, ignore_errors=True)
             self.rows("UPDATE submission SET starts = 0 WHERE pk = ?", row["pk"])
@@ -213,23 +183,13 @@ class Worker:
         if known := self.settings.teams.get(str(pk)) or dict(self.rows("SELECT pk, name FROM team")).get(pk):
             return known
         reason, name = f"EvalAI's participant team {pk} of {self.evalai.server}"[:200], " ".join(name.split())
-        for given in (name, f"{name} ({pk})", f"EvalAI team {pk}"):
-            try:
-                made = self.client.ask("/v1/teams", {"team": given, "reason": reason})
-            except ServerError as error:
-                if error.code not in ("bad_request", "conflict", "look_alike"):
-                    raise
-                if error.code != "conflict":
-                    continue
-                made = self.client.ask(f"/v1/teams/{urllib.parse.quote(given, safe='')}")  # by us, before a kill?
-            if any(act["event"] == "created" and act["reason"] == reason for act in made["events"]):
-                self.rows("INSERT INTO team VALUES (?, ?)", pk, made["team"])
-                return made["team"]
-        raise WrongUse(f"no team could be made for EvalAI's {name!r}; tell the organisers")
+        made = self.client.make_team(name, f"{name} ({pk})", f"EvalAI team {pk}", reason=reason)["team"]
+        self.rows("INSERT INTO team VALUES (?, ?)", pk, made)
+        return made
 
     def do_sending(self, row: Row) -> None:
         """Submits it. An answer that was lost is known by the key, for a day, and after that by the artefact."""
-        target, number = self.target(row), None
+        target, number = self.settings.target(row["phase"]), None
         where = {"team": row["team"], "track": target.track, "phase": target.phase}
         for known in self.client.submissions(**where) if time.time() - row["sent_at"] > KEY_S else ():
             if known["artefact"] == row["artefact"] and not self.rows(
@@ -239,9 +199,7 @@ class Worker:
             number = self.client.submit_artefact(
                 row["artefact"], **where, profile=target.profile, episodes=target.episodes,
                 key=f"{self.evalai.server}/{self.challenge}/{row['pk']}/{row['attempt']}")["submission"]
-        hidden = verdict.marks_of(self.client.status(number)).get("hidden")
-        if hidden and (hidden["reason"] or "").startswith(OURS):  # it is run again
-            self.mark_hidden(number, False)
+        self.client.readmit(number, OURS)  # if it is run again
         self.evalai.ask("PATCH", f"{self.challenge}/update_submission/",
                         {"submission": row["pk"], "submission_status": "running"})
         self.save(row, "grading", number=number)
@@ -251,17 +209,17 @@ class Worker:
         body = {"challenge_phase": row["phase"], "submission": row["pk"], "submission_status": "failed",
                 "stdout": " ", "stderr": row["refusal"]}
         if row["refusal"] is None:
-            page = self.settings.page(self.client, row["number"])
-            ended = verdict.judge(self.client, self.target(row), row["number"], page)
+            page = self.client.page_of(row["number"], self.settings.myograde.pages)
+            ended = verdict.judge(self.client, self.settings.target(row["phase"]), row["number"], page)
             if ended is None:
                 waiting = len(self.rows("SELECT 1 FROM submission WHERE step = 'grading'"))
                 self.waits[row["pk"]] = 0, time.monotonic() + self.settings.poll_s * (1 + waiting // 20)
                 return
-            results = [{"split": split, "show_to_participant": ended.show["aggregate"], "accuracies": columns}
-                       for split, columns in ended.columns.items()]
-            about = {"submission": row["number"], "page": page, "evaluation": ended.result["evaluation"],
-                     "hashes": ended.result["hashes"]}
-            body.update(submission_status=ended.status, stdout=ended.stdout, stderr=ended.stderr or " ",
+            results = [{"split": split, "show_to_participant": ended["shown"]["aggregate"], "accuracies": columns}
+                       for split, columns in ended["columns"].items()]
+            about = {"submission": row["number"], "page": page, "evaluation": ended["result"]["evaluation"],
+                     "hashes": ended["result"]["hashes"]}
+            body.update(submission_status=ended["kind"], stdout=ended["stdout"], stderr=ended["stderr"] or " ",
                         result=json.dumps(results), metadata=json.dumps(about))
         digest = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
         if digest != row["digest"]:
@@ -274,17 +232,11 @@ class Worker:
         """EvalAI has cancelled it, so it is taken back here, unless another one of EvalAI's is the same here."""
         same = "SELECT 1 FROM submission WHERE number = ? AND pk != ? AND status IS NOT 'withdrawn'"
         if row["number"] and not self.rows(same, row["number"], row["pk"]):
-            why, status = f"{OURS} (submission {row['pk']})", self.client.status(row["number"])
-            if status["state"] not in FINAL_STATES and status["episodes"]["done"] == 0:
-                self.client.cancel(row["number"], why)
-            elif status["ranked"]:  # a cancel after the first episode would keep the content from being graded again
-                self.mark_hidden(row["number"], True, reason=why)
+            self.client.withdraw(row["number"], f"{OURS} (submission {row['pk']})")
         self.save(row, "done", status="withdrawn")
 
-    def do_done(self, pk: int) -> None:
+    def do_done(self, row: Row) -> None:
         """EvalAI's queue need not deliver it any more."""
-        try:
-            if receipt := self.receipts.pop(pk, None):
+        with contextlib.suppress(EvalaiError):  # too old a receipt: the queue delivers the message again, with another
+            if receipt := self.receipts.pop(row["pk"], None):
                 self.evalai.ask("POST", f"jobs/queues/{self.queue}/", {"receipt_handle": receipt})
-        except EvalaiError:
-            pass  # a receipt that is too old: the queue delivers the message again, with another one
