@@ -210,7 +210,7 @@ class Trouble(WithBoth):
         self.evalai.files.clear()
         numbers = {gone: "gone from EvalAI"}
         for content, name, reason in ((b"x" * 100_001, "a.tar", "more than 100000 bytes"),
-                                      (bomb.getvalue(), "a.zip", "unpacked, the submission has more than"),
+                                      (bomb.getvalue(), "a.zip", "^a.zip: unpacked, it has more than 100000 bytes"),
                                       (torn, "a.zip", "can't be read"),
                                       (b"PK\3\4 no archive", "a.zip", "^a.zip: can't be read as a zip archive"),
                                       (b"[1, 2]", "results.json", "^results.json: is not a program"),
@@ -250,6 +250,8 @@ class Trouble(WithBoth):
             self.assertEqual(caught.exception.pause_s, 7)
         (self.folder / "evalai.token").write_text("another")
         self.assertRegex(self.kept_alive(made), "Token has expired")
+        (self.folder / "evalai.token").write_text("two\nlines")
+        self.assertRegex(self.kept_alive(made), "evalai.token: not a token")
         (self.folder / "evalai.token").unlink()
         self.assertRegex(self.kept_alive(made), "evalai.token: can't be read")
         (self.folder / "evalai.token").write_text(self.evalai.token)
@@ -328,6 +330,12 @@ class Trouble(WithBoth):
                                ({"evalai": {"challenge": 1, "queue": "q"}}, '"token_file" is missing')):
             with self.assertRaisesRegex(WrongUse, words):
                 self.settings(**changes)
+        for phase, words in (({"phase": "winter"}, 'no phase "winter"'), ({"track": "runing"}, 'no track "runing"'),
+                             ({"track": TRACK, "profile": "x"}, 'no profile "x"')):
+            settings = self.settings(phases={"3001": {**phase, "splits": {"test": COLUMNS}}})
+            settings.file = self.folder / f"{words}.json"  # so with a state of its own
+            with self.assertRaisesRegex(WrongUse, f"connect.json, phases, 3001: .*{words}"):
+                Worker(settings)
 
 
 class Kills(WithBoth):
@@ -407,7 +415,7 @@ class Kills(WithBoth):
             self.assertEqual(process.stderr.read(), "")
         done = subprocess.run([*words[:-1], str(self.folder / "none.json")], capture_output=True, text=True, timeout=LONG_S)
         self.assertEqual(done.returncode, 2)
-        self.assertRegex(done.stderr, r"^myograde.connect: error: .*none.json: can't be read")
+        self.assertRegex(done.stderr, r"^myograde.connect: error: .*none.json: can't be read as JSON \(No such file or directory\)$")
 
 
 if __name__ == "__main__":

@@ -288,8 +288,9 @@ class Client:
         where = {key: board[key] for key in ("phase", "track", "profile")}
         for known in self.submissions(**where, state="done"):
             number, team = known["submission"], known["team"]
-            result = self.counting_result(number) if known["ranked"] and not self.kept_off(number) else None
-            if result and result["hashes"]["config"] == board["config"]:
+            status = self.status(number)
+            result = self._counting_result(status)
+            if known["ranked"] and result["hashes"]["config"] == board["config"] and not self._kept_off(status):
                 entry = packed_score(board, result["aggregate"]), number
                 best[team] = max(entry, best.get(team, entry))
         here = [row["team"] for row in board["rows"] if row["team"] in best and not row["baseline"]]

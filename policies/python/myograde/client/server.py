@@ -100,11 +100,12 @@ def choose_server(server: str | None = None, *, socket: str | os.PathLike[str] |
     return dataclasses.replace(address, token=shown or "", ca_file=given_file or "")
 
 
-def check_token(token: str, what: str) -> None:
-    """WrongUse with `what` if this can't be a token."""
+def check_token(token: str, what: str) -> str:
+    """The token; WrongUse with `what` if this can't be one."""
     if not 0 < len(token) <= MAX_TOKEN or not all("!" <= sign <= "~" for sign in token):
         raise WrongUse(f"{what}: not a token, which is one word of at most {MAX_TOKEN} letters, digits and "
                        "punctuation marks, as the organiser gave it to you")
+    return token
 
 
 def login_file() -> pathlib.Path:

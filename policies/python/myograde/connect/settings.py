@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from ..client import Client
+from ..client.server import check_token
 from ..errors import WrongUse
 
 NEEDED = object()
@@ -55,7 +56,7 @@ class Settings:
         try:
             content = json.loads(self.file.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise WrongUse(f"{file}: can't be read ({error})") from error
+            raise WrongUse(f"{file}: can't be read as JSON ({getattr(error, 'strerror', error)})") from error
         top = _object(content, file, FILE)
         self.evalai = _object(top.evalai, f"{file}, evalai", EVALAI) if top.evalai else None
         self.myograde = _object(top.myograde, f"{file}, myograde", MYOGRADE)
@@ -67,9 +68,10 @@ class Settings:
     def secret(self, name: str) -> str:
         """What a token's file holds, read each time, so that it can be replaced."""
         try:
-            return (self.file.parent / name).read_text(encoding="utf-8").strip()
+            token = (self.file.parent / name).read_text(encoding="utf-8").strip()
         except (OSError, UnicodeDecodeError) as error:
-            raise WrongUse(f"{self.file.parent / name}: can't be read ({error})") from error
+            raise WrongUse(f"{self.file.parent / name}: can't be read ({getattr(error, 'strerror', error)})") from error
+        return check_token(token, str(self.file.parent / name))
 
     def client(self) -> Client:
         """The server's, as an organiser."""

@@ -19,7 +19,6 @@ from . import verdict
 from .evalai import Evalai, EvalaiError
 from .settings import Settings
 
-Row = sqlite3.Row
 # A row's steps: new, sending, grading or withdrawn, done. `status` is what EvalAI was told last, or "withdrawn" if
 # EvalAI itself has ended it.
 SCHEMA = """CREATE TABLE IF NOT EXISTS submission (
@@ -65,7 +64,7 @@ class Worker:
             except (MyogradeError, sqlite3.Error) as error:
                 pause_s, trouble = max(pause_s, getattr(error, "pause_s", 0)), f"{error}; it is tried again"
             if trouble != self.trouble:
-                print(trouble or "all is well again", file=sys.stderr, flush=True)
+                print(trouble or "all is well again", file=sys.stderr)
             self.trouble = trouble
             time.sleep(pause_s)
 
@@ -137,23 +136,22 @@ class Worker:
                 else:  # or an answer that none would expect
                     tries = self.waits.get(pk, (0, 0.0))[0]
                     wait_s = min(LONGEST_WAIT_S, self.settings.poll_s * 2 ** min(tries, 10))
-                    print(f"EvalAI's submission {pk}: {error}; trying again in {wait_s:.0f} s", file=sys.stderr,
-                          flush=True)
+                    print(f"EvalAI's submission {pk}: {error}; trying again in {wait_s:.0f} s", file=sys.stderr)
                     self.waits[pk] = tries + 1, time.monotonic() + wait_s
 
-    def save(self, row: Row, step: str, **values: Any) -> None:
+    def save(self, row: sqlite3.Row, step: str, **values: Any) -> None:
         self.waits.pop(row["pk"], None)
         self.rows(f"UPDATE submission SET step = ?{''.join(f', {key} = ?' for key in values)} WHERE pk = ?",
                   step, *values.values(), row["pk"])
 
-    def rows(self, sql: str, *values: Any) -> list[Row]:
+    def rows(self, sql: str, *values: Any) -> list[sqlite3.Row]:
         return self.state.execute(sql, values).fetchall()
 
     def status(self, pk: int) -> str:
         """What EvalAI says; what is gone there counts as cancelled."""
         return (self.evalai.ask("GET", f"jobs/submission/{pk}") or {"status": "cancelled"})["status"]
 
-    def do_new(self, row: Row) -> None:
+    def do_new(self, row: sqlite3.Row) -> None:
         """Fetches the file and uploads it."""
         found = self.evalai.ask("GET", f"jobs/submission/{row['pk']}")
         if found is None or found["status"] not in OPEN:
@@ -187,7 +185,7 @@ class Worker:
         self.rows("INSERT INTO team VALUES (?, ?)", pk, made)
         return made
 
-    def do_sending(self, row: Row) -> None:
+    def do_sending(self, row: sqlite3.Row) -> None:
         """Submits it. An answer that was lost is known by the key, for a day, and after that by the artefact."""
         target, number = self.settings.target(row["phase"]), None
         where = {"team": row["team"], "track": target.track, "phase": target.phase}
@@ -204,7 +202,7 @@ class Worker:
                         {"submission": row["pk"], "submission_status": "running"})
         self.save(row, "grading", number=number)
 
-    def do_grading(self, row: Row) -> None:
+    def do_grading(self, row: sqlite3.Row) -> None:
         """Reports its end, unless EvalAI has cancelled it or was told the same before."""
         body = {"challenge_phase": row["phase"], "submission": row["pk"], "submission_status": "failed",
                 "stdout": " ", "stderr": row["refusal"]}
@@ -228,14 +226,14 @@ class Worker:
             self.evalai.ask("PUT", f"{self.challenge}/update_submission/", body)
         self.save(row, "done", status=body["submission_status"], digest=digest)
 
-    def do_withdrawn(self, row: Row) -> None:
+    def do_withdrawn(self, row: sqlite3.Row) -> None:
         """EvalAI has cancelled it, so it is taken back here, unless another one of EvalAI's is the same here."""
         same = "SELECT 1 FROM submission WHERE number = ? AND pk != ? AND status IS NOT 'withdrawn'"
         if row["number"] and not self.rows(same, row["number"], row["pk"]):
             self.client.withdraw(row["number"], f"{OURS} (submission {row['pk']})")
         self.save(row, "done", status="withdrawn")
 
-    def do_done(self, row: Row) -> None:
+    def do_done(self, row: sqlite3.Row) -> None:
         """EvalAI's queue need not deliver it any more."""
         with contextlib.suppress(EvalaiError):  # too old a receipt: the queue delivers the message again, with another
             if receipt := self.receipts.pop(row["pk"], None):
