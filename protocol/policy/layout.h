@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <numbers>
 #include <span>
 #include <string>
 #include <string_view>
@@ -33,6 +34,13 @@ struct LayoutEntry {
   std::string_view name;
   Bounds bounds;
 };
+
+// What many tracks observe: a place's or a velocity's axes, Euler angles, and velocities.
+inline constexpr std::string_view kAxes[] = {"x", "y", "z"};
+inline constexpr std::string_view kAngles[] = {"roll", "pitch", "yaw"};
+inline constexpr Bounds kAnyAngle{-std::numbers::pi, std::numbers::pi};
+inline constexpr Bounds kAnyRotation{-2 * std::numbers::pi, 2 * std::numbers::pi};  // of two angles
+inline constexpr Bounds kSpeed{-100, 100};  // m/s and rad/s: far beyond ordinary play
 
 // Entries with the same bounds, one per name.
 std::vector<LayoutEntry> LayoutEntries(std::span<const std::string_view> names, Bounds bounds);

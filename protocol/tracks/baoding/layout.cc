@@ -5,8 +5,6 @@ namespace myograde {
 namespace baoding {
 namespace {
 
-constexpr std::string_view kAxes[] = {"x", "y", "z"};
-
 VectorLayout Observation() {
   const std::vector<LayoutEntry> place = LayoutEntries(kAxes, {-3, 3});  // m: well inside
   const std::vector<LayoutEntry> speed = LayoutEntries(kAxes, {-10, 10});

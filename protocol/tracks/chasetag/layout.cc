@@ -1,5 +1,3 @@
-#include <numbers>
-
 #include "protocol/tracks/chasetag/legs.h"
 #include "protocol/tracks/chasetag/track.h"
 #include "protocol/tracks/height_cells.h"
@@ -8,11 +6,9 @@ namespace myograde {
 namespace chasetag {
 namespace {
 
-constexpr Bounds kSpeed{-100, 100};  // m/s and rad/s: far beyond ordinary play
 constexpr Bounds kPlace{-10, 10};    // m: well beyond the field
 constexpr Bounds kForce{0, 1e5};     // N
 constexpr Bounds kClipped{-100, 100};
-constexpr double kPi = std::numbers::pi;
 
 VectorLayout Observation() {
   VectorLayout v;
@@ -29,7 +25,7 @@ VectorLayout Observation() {
   v.Add("opponent_pose", "m, rad",
         "Where the opponent is and how it is turned; at 0 rad it moves towards -y. The first "
         "observation of the profile that follows the official code shows zeros.",
-        {{"x", kPlace}, {"y", kPlace}, {"angle", {-kPi, kPi}}});
+        {{"x", kPlace}, {"y", kPlace}, {"angle", kAnyAngle}});
   v.Add("opponent_vel", "m/s, rad/s",
         "Its speed ahead and its turn. It moves at 2 m/s and 2 rad/s at most; in the profile that "
         "follows the official code larger numbers are what it wanted.",
@@ -58,7 +54,7 @@ VectorLayout Extra() {
   v.Add("state_opponent_pose", "m, rad",
         "opponent_pose of the state. These two are what the official dictionary has when the first "
         "observation shows zeros, and repeat the graded parts otherwise.",
-        {{"x", kPlace}, {"y", kPlace}, {"angle", {-kPi, kPi}}});
+        {{"x", kPlace}, {"y", kPlace}, {"angle", kAnyAngle}});
   v.Add("state_opponent_vel", "m/s, rad/s", "opponent_vel of the state.",
         {{"ahead", {0, 100}}, {"turn", kSpeed}});
   return v;

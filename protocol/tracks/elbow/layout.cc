@@ -11,7 +11,6 @@ constexpr std::string_view kMuscles[] = {"TRIlong",  "TRIlat",   "TRImed",
 // The joint's range is [0, 2.26893] rad; its upper stop yields by 0.12 rad when all flexors pull at
 // once.
 constexpr Bounds kAngle{-0.2, 2.5};
-constexpr Bounds kSpeed{-100, 100};  // rad/s: far beyond ordinary play
 
 VectorLayout Observation() {
   VectorLayout v;

@@ -47,7 +47,6 @@ constexpr std::string_view kMusclesByName[] = {
     "semiten_l", "soleus_l", "tfl_l", "tibant_l", "tibpost_l", "vasint_l", "vaslat_l", "vasmed_l",
 };
 
-constexpr Bounds kSpeed{-100, 100};      // m/s and rad/s: far beyond ordinary play
 constexpr Bounds kClipped{-100, 100};    // muscle velocities and forces are clipped to these
 constexpr Bounds kForce{-1e5, 1e5};      // N
 

@@ -34,12 +34,9 @@ constexpr Entry kServos[] = {
     {0, 0.34}}, {"A_pinky_MCP", {0, 1.6}},
 };
 
-constexpr std::string_view kAxes[] = {"x", "y", "z"};
-constexpr std::string_view kAngles[] = {"roll", "pitch", "yaw"};
 constexpr std::string_view kTouching[] = {"arm", "prosthesis", "start_pillar", "goal_pillar",
                                           "anything_else"};
 constexpr Bounds kPlace{-3, 3};      // m: everything happens well inside
-constexpr Bounds kSpeed{-100, 100};  // m/s and rad/s: far beyond ordinary play
 
 VectorLayout Observation() {
   VectorLayout v;

@@ -1,5 +1,3 @@
-#include <numbers>
-
 #include "protocol/tracks/arm.h"
 #include "protocol/tracks/relocation/track.h"
 
@@ -7,14 +5,9 @@ namespace myograde {
 namespace relocation {
 namespace {
 
-constexpr std::string_view kAxes[] = {"x", "y", "z"};
-constexpr std::string_view kAngles[] = {"roll", "pitch", "yaw"};
-constexpr Bounds kSpeed{-100, 100};  // rad/s: far beyond ordinary play
-constexpr double kPi = std::numbers::pi;
-
 VectorLayout Observation() {
   const std::vector<LayoutEntry> place = LayoutEntries(kAxes, {-3, 3});  // m: well inside
-  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, {-kPi, kPi});
+  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, kAnyAngle);
   VectorLayout v;
   v.Add("hand_qpos", "rad",
         "Joint angles of arm and hand, without the last joint of the little finger, which the "
@@ -34,7 +27,7 @@ VectorLayout Observation() {
   v.Add("rot_err", "rad",
         "goal_rot minus obj_rot, angle by angle; not wrapped in the profile that follows the "
         "official code.",
-        LayoutEntries(kAngles, {-2 * kPi, 2 * kPi}));
+        LayoutEntries(kAngles, kAnyRotation));
   v.Add("act", "1", "Activations of the muscles.", LayoutEntries(kArmMuscles, {0, 1}));
   return v;
 }
@@ -47,7 +40,7 @@ VectorLayout Extra() {
         AllOf(kArmJoints));
   v.Add("palm_pos", "m", "The palm in the world.", place);
   v.Add("reach_err", "m", "From the object to the palm: palm_pos minus obj_pos.", place);
-  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, {-kPi, kPi});
+  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, kAnyAngle);
   v.Add("state_obj_pos", "m",
         "obj_pos of the state. These six are what the official dictionary has when the first "
         "observation is of another draw, and repeat the graded parts otherwise.",
@@ -57,7 +50,7 @@ VectorLayout Extra() {
   v.Add("state_obj_rot", "rad", "obj_rot of the state.", angles);
   v.Add("state_goal_rot", "rad", "goal_rot of the state.", angles);
   v.Add("state_rot_err", "rad", "rot_err of the state.",
-        LayoutEntries(kAngles, {-2 * kPi, 2 * kPi}));
+        LayoutEntries(kAngles, kAnyRotation));
   return v;
 }
 

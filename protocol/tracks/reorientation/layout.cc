@@ -1,5 +1,3 @@
-#include <numbers>
-
 #include "protocol/tracks/hand.h"
 #include "protocol/tracks/reorientation/track.h"
 
@@ -7,14 +5,9 @@ namespace myograde {
 namespace reorientation {
 namespace {
 
-constexpr std::string_view kAxes[] = {"x", "y", "z"};
-constexpr std::string_view kAngles[] = {"roll", "pitch", "yaw"};
-constexpr Bounds kSpeed{-100, 100};  // rad/s: far beyond ordinary play
-constexpr double kPi = std::numbers::pi;
-
 VectorLayout Observation() {
   const std::vector<LayoutEntry> place = LayoutEntries(kAxes, {-3, 3});  // m: well inside
-  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, {-kPi, kPi});
+  const std::vector<LayoutEntry> angles = LayoutEntries(kAngles, kAnyAngle);
   VectorLayout v;
   v.Add("hand_qpos_noMD5", "rad",
         "Joint angles of the hand, without the last joint of the little finger, which the official "
@@ -34,7 +27,7 @@ VectorLayout Observation() {
   v.Add("rot_err", "rad",
         "goal_rot minus obj_rot, angle by angle; not wrapped in the profile that follows the "
         "official code.",
-        LayoutEntries(kAngles, {-2 * kPi, 2 * kPi}));
+        LayoutEntries(kAngles, kAnyRotation));
   v.Add("act", "1", "Activations of the muscles.", LayoutEntries(kHandMuscles, {0, 1}));
   return v;
 }
