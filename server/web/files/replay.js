@@ -80,6 +80,7 @@ function actions(views, episodes, clock, film) {
       view.following = on;
     }),
     muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on)),
+    names: views.some((view) => view.trajectory.contacts.bodiesOf) && each((view, on) => view.showNames(on)),
     save: views.length > 0 && save, film};
 }
 
@@ -124,7 +125,8 @@ function legend(episodes) {
   return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
     h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
   strong > 0 && `Arrows: contact forces; the longest stands for ${number(strong, 0)} N, one of half its length for a quarter. `,
-  targets && "Translucent: the target.");
+  targets && "Translucent: the target. ",
+  [...new Set(episodes.map((one) => visible(one.trajectory.legend)))].join(" "));
 }
 
 // The episodes before and after this one, as far as the reader may see them.

@@ -11,7 +11,7 @@ import {Clock} from "./replay_clock.js";
 import {eventWords, lasting} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
 import {valueAt} from "./replay_graphs.js";
-import {courseOf} from "./replay_map.js";
+import {courseOf, isCourse} from "./replay_map.js";
 import {target} from "./sign_in.js";
 import {parcelOf} from "./submit.js";
 import {boundPaths, followedPath, frameAt, framesAt, mostSegments, pointAt, posesAt, segmentsAt}
@@ -379,6 +379,21 @@ test("a series may be a target in another's graph", () => {
   for (const wrong of [{graph: 7}, {tolerance: "wide"}, {tolerance: null}]) {
     assert.throws(() => read(changed((head) => Object.assign(head.series[1], wrong))), FileError);
   }
+});
+
+test("bodies that touch are named, if the file names them", () => {
+  const {contacts} = read(bytes);
+  assert.deepEqual([0, 1].map(contacts.bodiesOf), [["root", ""], ["arm", "root"]]);
+  assert.equal(read(changed((head) => { delete head.arrays.contact_body; })).contacts.bodiesOf, null);
+  for (const lie of [(head) => { head.bodies.pop(); }, (head) => { head.arrays.contact_body.length -= 1; },
+    (head) => { head.arrays.contact_body = null; }]) {
+    assert.throws(() => read(changed(lie)), FileError);
+  }
+});
+
+test("a field is no course", () => {
+  assert.ok(isCourse({low: [-1.5, -60], high: [1.5, 60]}));
+  assert.ok(!isCourse({low: [-6, -6], high: [6, 6]}));
 });
 
 test("a course goes to the right from where the episode starts", () => {
