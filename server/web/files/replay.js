@@ -174,7 +174,8 @@ async function build(main, title, episodes, tell, signal) {
   const box = h("section", {class: "replay", "aria-label": "Replay"}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
   const own = episodes.length === 1 ? episodes[0] : null;
   const numbered = own?.status && Number.isInteger(own.trajectory.episode);
-  replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), numbered && neighbours(own),
+  replace(main, title, h("div", {class: "row over-view"}, h("div", {class: "abouts"}, episodes.map(about)),
+    numbered && neighbours(own)),
     h("div", {class: "replay-and-graphs"}, box, drawn.element),
     numbered && compare(own.status, {log: own.log, index: own.trajectory.episode}), h("h2", null, "Events"), events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `

@@ -14,10 +14,9 @@ function button(words, title, onclick, more = {}) {
   return h("button", {type: "button", title, onclick, ...more}, words);
 }
 
-function choice(words, attributes, options, onChange) {
-  const element = h("select", {...attributes, onchange: () => onChange(element.value)},
+function choice(words, options, onChange) {
+  return h("select", {"aria-label": words, title: words, onchange: (event) => onChange(event.target.value)},
     options.map(([value, text]) => h("option", {value}, text)));
-  return {element, label: h("label", {class: "inline"}, words, " ", element)};
 }
 
 function tick(words, checked, onChange) {
@@ -112,15 +111,16 @@ export class Controls {
     this.play = button("Play", "Space", () => this.toggle(), {class: "main"});
     this.time = h("output", {class: "time", "aria-live": "off"});
     this.bar = bar(episodes, clock, (time) => this.seek(time));
-    this.speed = choice("Speed", {}, SPEEDS.map((speed) => [speed, `${speed}×`]), (value) => {
+    this.speed = choice("Speed", SPEEDS.map((speed) => [speed, `${speed}×`]), (value) => {
       clock.speed = Number(value);
     });
-    this.speed.element.value = "1";
+    this.speed.value = "1";
     const changes = (act) => (value) => {
       act(value);
       this.changed();
     };
-    this.view = choice("View", {}, viewpoints.map((name) => [name, name]), changes(can.look));
+    this.view = choice("View", viewpoints.map((name) => [name, name === "close-up" ? name : `${name} view`]),
+      changes(can.look));
     this.ticks = {follow: tick("Follow", true, changes(can.follow)),
       muscles: tick("Muscles", true, changes(can.muscles)),
       forces: tick("Forces", true, changes(can.forces)),
@@ -130,12 +130,12 @@ export class Controls {
       })};
     this.steering = h("div", null, this.bar.element, h("div", {class: "row"},
       this.play,
-      button("−1 frame", "One frame back (←)", () => this.step(-1)),
-      button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
-      viewpoints.length > 0 && [this.view.label, can.canFollow && this.ticks.follow.label,
+      button("−1", "One frame back (←)", () => this.step(-1)),
+      button("+1", "One frame on (→)", () => this.step(1)), this.time, this.speed,
+      viewpoints.length > 0 && [this.view, can.canFollow && this.ticks.follow.label,
         this.ticks.muscles.label, this.ticks.forces.label, can.names && this.ticks.names.label], this.ticks.loop.label,
-      can.save && button("Save picture", "Saves what the view shows as a PNG", can.save),
-      can.film && button("Save film", "Plays the episode from its start to its end and saves that as a film", () => this.record()),
+      can.save && button("↓ Picture", "Saves what the view shows as a PNG", can.save),
+      can.film && button("↓ Film", "Plays the episode from its start to its end and saves that as a film", () => this.record()),
       document.fullscreenEnabled && button("Full screen", "Full screen (X)", () => this.fullScreen())));
     this.element = h("div", {class: "controls"}, this.steering, can.film?.element);
     this.told = -Infinity;
@@ -180,7 +180,7 @@ export class Controls {
   }
 
   lookFrom(name) {
-    this.view.element.value = name;
+    this.view.value = name;
     this.can.look(name);
   }
 
@@ -196,7 +196,7 @@ export class Controls {
     const words = clock.running ? "Pause" : "Play";
     if (this.play.textContent !== words) this.play.textContent = words;
     if (!told) return;
-    this.time.textContent = `${seconds(clock.time)} of ${seconds(clock.duration)}`;
+    this.time.textContent = `${number(clock.time, 2)} of ${seconds(clock.duration)}`;
     this.bar.slider.setAttribute("aria-valuetext", seconds(clock.time));
   }
 
@@ -214,7 +214,7 @@ export class Controls {
       : this.step(way));
     const faster = (by) => {
       this.clock.faster(by);
-      this.speed.element.value = String(this.clock.speed);
+      this.speed.value = String(this.clock.speed);
     };
     const acts = {" ": () => this.toggle(), ArrowLeft: () => jump(-1), ArrowRight: () => jump(1),
       Home: () => this.seek(0), End: () => this.seek(this.clock.duration),

@@ -114,7 +114,7 @@ export class View {
     world.traverse((part) => part.isMesh && prepare(part));
     nodes.get("static")?.traverse((part) => {
       if (!part.isMesh) return;
-      const size = new three.Box3().setFromObject(part).getSize(new three.Vector3());
+      const size = new three.Box3().setFromObject(part, true).getSize(new three.Vector3());
       part.visible = Math.max(size.x, size.y, size.z) <= SCENERY_M || size.z <= LOW_M;
     });
     this.addBodies(nodes);

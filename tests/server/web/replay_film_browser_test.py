@@ -53,8 +53,8 @@ class Films(FilmCase):
         page = self.page()
         page.call("Page.addScriptToEvaluateOnNewDocument", source="delete window.MediaRecorder;")
         self.open(page, f"/replay?log={SHORT}")
-        self.assertNotIn("Save film", page.text())
-        self.assertIn("Save picture", page.text())
+        self.assertNotIn("↓ Film", page.text())
+        self.assertIn("↓ Picture", page.text())
 
 
 class Drawn(FilmCase):
