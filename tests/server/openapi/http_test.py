@@ -5,7 +5,7 @@ import re
 import unittest
 
 from support.client import Connection
-from world import CHALLENGE, TRACK, World
+from world import TRACK, World, moment
 
 BOARD = f"/v1/leaderboard?track={TRACK}"
 LIST = "/v1/submissions"
@@ -15,7 +15,9 @@ LOGO = "/v1/challenges/cup/logo.png"
 class Http(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.world = World(CHALLENGE)
+        # On another track, whose own board it does not touch.
+        cls.world = World({"form": 1, "title": "A cup", "phases": [
+            {"name": "past", "title": "Past", "track": "elbow", "profile": "hold", "closes_at": moment(-2)}]})
         cls.addClassCleanup(cls.world.close)
         (cls.world.configs / "challenges/cup.png").write_bytes(b"\x89PNG\r\n\x1a\n and so on")
         cls.world.start()
