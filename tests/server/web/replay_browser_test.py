@@ -17,7 +17,9 @@ from world import BIN, MARKUP, SCRIPT, SOURCE
 
 A, B, GONE, SECRET, BROKEN, DAMAGED, HOSTILE, OTHER = (letter * 64 for letter in "ab0123cd")
 POLICIES = pathlib.Path(os.environ["MYOGRADE_TEST_POLICIES"])
-TRACKS = ("elbow", "locomotion", "manipulation")
+# Each with one policy of two.
+TRACKS = {"elbow": "scripted-elbow", "locomotion": "scripted-locomotion", "manipulation": "scripted-manipulation",
+          "chasetag": "zero"}
 READY = "document.getElementById('main')?.dataset.ready === 'yes'"
 
 
@@ -410,9 +412,9 @@ class RealEpisodes(unittest.TestCase):
         return made, row["log"]["sha256"]
 
     def test_every_track_is_played_and_drawn(self):
-        for track in TRACKS:
+        for track, policy in TRACKS.items():
             with self.subTest(track):
-                made, log = self.episode(track, f"scripted-{track}")
+                made, log = self.episode(track, policy)
                 other, second = self.episode(track, "random")
                 page = Page(self.browser)
                 self.addCleanup(page.close)
@@ -426,6 +428,9 @@ class RealEpisodes(unittest.TestCase):
                 self.assertEqual(page.evaluate("document.querySelectorAll('.notice').length"), 0)
                 self.assertIn("Walkers", page.text())
                 self.assertGreater(page.evaluate("document.querySelectorAll('.graph').length"), 3)
+                self.assertEqual(page.evaluate("document.querySelectorAll('.course-map').length"),
+                                 2 if track == "locomotion" else 0)
+                self.assertIn("Names", page.text())
                 page.evaluate("document.querySelectorAll('details').forEach((one) => {"
                               "one.open = true; })")
                 page.wait("Number(document.querySelector('[data-triangles]')?.dataset.triangles)"
