@@ -7,6 +7,7 @@ import test from "node:test";
 
 import {parseJson} from "./api.js";
 import {pairedDifference, pairsOf} from "./comparison.js";
+import {briefly} from "./format.js";
 import {Clock} from "./replay_clock.js";
 import {eventWords, lasting} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
@@ -379,6 +380,18 @@ test("a series may be a target in another's graph", () => {
   for (const wrong of [{graph: 7}, {tolerance: "wide"}, {tolerance: null}]) {
     assert.throws(() => read(changed((head) => Object.assign(head.series[1], wrong))), FileError);
   }
+});
+
+test("a board has the digits that tell its rows apart", () => {
+  const digits = (values, most = 6) => briefly({columns: [{name: "effort", digits: most}],
+    rows: values.map((effort) => ({aggregate: {effort}}))})[0].digits;
+  assert.equal(digits([0.3548, 0.4646, 0.5913]), 3);
+  assert.equal(digits([0.35481, 0.35482, 28.9]), 5);
+  assert.equal(digits([28.9089, 27.1, null]), 1);
+  assert.equal(digits([4000, 5000]), 0);
+  assert.equal(digits([0.2, 0.2]), 3);
+  assert.equal(digits([0.00001234, 0], 4), 4);
+  assert.equal(digits([0, null, undefined]), 0);
 });
 
 test("bodies that touch are named, if the file names them", () => {
