@@ -33,8 +33,9 @@ class ChaseTelemetry final : public Telemetry {
   }
 
   std::string_view Legend() const override {
-    return environment_.chases() ? "The pole with a ball is the opponent, which the person has to tag."
-                                 : "The pole with a ball is the opponent, from which the person has to escape.";
+    return environment_.chases()
+               ? "The pole with a ball is the opponent, which the person has to tag."
+               : "The pole with a ball is the opponent, from which the person has to escape.";
   }
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {

@@ -19,7 +19,7 @@ constexpr Colour kFloorLight = {0.72F, 0.75F, 0.78F};
 constexpr Colour kHorizon = {0.93F, 0.95F, 0.97F};
 constexpr Colour kZenith = {0.55F, 0.69F, 0.85F};
 
-// Of a floor below a height field that may be level with it: of two at one height now one, now the other is seen.
+// How far below a height field a floor is drawn: level with it, the two would flicker.
 constexpr float kBelowField = 0.005F;  // m
 
 enum Texture { kSky, kFloor };
