@@ -11,6 +11,7 @@
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
+#include "server/api/negotiation.h"
 #include "server/challenge/phases.h"
 
 namespace myograde::server {
@@ -244,7 +245,9 @@ absl::Status SendLogo(const ApiContext& context, const Request& request, Respons
   }
   response.SetHeader("Cache-Control", "no-cache");
   response.SetHeader("X-Content-Type-Options", "nosniff");
-  response.SetContent(found->logo, "image/png");
+  if (!AnswersWithTag(request, ComputeEntityTag(found->logo), response)) {
+    response.SetContent(found->logo, "image/png");
+  }
   return absl::OkStatus();
 }
 

@@ -70,10 +70,13 @@ bool TakesCoding(const Request& request, std::string_view coding) {
   return weight > 0 && weight >= weight_of("identity");
 }
 
-bool HasCurrent(const Request& request, std::string_view tag) {
+bool AnswersWithTag(const Request& request, const std::string& tag, Response& response) {
+  response.SetHeader("ETag", tag);
   const auto [begin, end] = request.headers.equal_range("if-none-match");
-  return std::any_of(begin, end,
-                     [&](const auto& header) { return NamesEntityTag(header.second, tag); });
+  const bool current = std::any_of(
+      begin, end, [&](const auto& header) { return NamesEntityTag(header.second, tag); });
+  if (current) response.status = 304;
+  return current;
 }
 
 }  // namespace myograde::server

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "server/http/request.h"
+#include "server/http/response.h"
 
 namespace myograde::server {
 
@@ -16,8 +17,8 @@ std::string ComputeEntityTag(std::string_view body);
 // the RFC asks for; what is not a list of tags has none.
 bool NamesEntityTag(std::string_view if_none_match, std::string_view tag);
 
-// Whether If-None-Match has a tag: what the client has is still current.
-bool HasCurrent(const Request& request, std::string_view tag);
+// Sets an answer's ETag. True: If-None-Match has it, so the answer is 304, without a body.
+bool AnswersWithTag(const Request& request, const std::string& tag, Response& response);
 
 // Whether Accept-Encoding takes a coding ("gzip", "zstd"), and does not prefer the answer as it is.
 bool TakesCoding(const Request& request, std::string_view coding);

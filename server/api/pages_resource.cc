@@ -42,11 +42,7 @@ void SendConstant(const Document& document, const Request& request, Response& re
   const bool packed = !document.packed.empty() && TakesCoding(request, "gzip");
   const std::string& tag = packed ? document.packed_tag : document.tag;
   response.SetHeader("Vary", "Accept-Encoding");
-  response.SetHeader("ETag", tag);
-  if (HasCurrent(request, tag)) {
-    response.status = 304;
-    return;
-  }
+  if (AnswersWithTag(request, tag, response)) return;
   if (packed) response.SetHeader("Content-Encoding", "gzip");
   response.SetContent(packed ? document.packed : document.text, document.type);
 }

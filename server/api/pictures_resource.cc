@@ -161,15 +161,11 @@ bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type
   auto found = files.Find(key, plain ? Packing::kPlain : gzip ? Packing::kGzip : Packing::kZstd);
   if (!found.has_value()) return false;
   if (unpack) found->tag.insert(found->tag.size() - 1, ".plain");
-  response.SetHeader("ETag", found->tag);
   response.SetHeader("Cache-Control",
                      key.kind == PictureKind::kModel ? "no-cache" : "private, no-cache");
   response.SetHeader("Vary", "Accept-Encoding, Authorization");
   response.SetHeader("X-Content-Type-Options", "nosniff");
-  if (HasCurrent(request, found->tag)) {
-    response.status = 304;
-    return true;
-  }
+  if (AnswersWithTag(request, found->tag, response)) return true;
   if (unpack) {
     const absl::StatusOr<std::string> packed = ReadFile(found->path);
     absl::StatusOr<std::string> bytes =

@@ -60,15 +60,10 @@ void SendResult(const Request& request, Response& response, const ApiResult& res
       answer.text == nullptr ? CanonicalJson(answer.body) + "\n" : *answer.text;
   if (!answer.tagged) return response.SetJson(answer.http, std::move(text));
   // It may be kept, as long as its holder asks each time whether it is still current.
-  const std::string tag = ComputeEntityTag(text);
-  response.SetHeader("ETag", tag);
   response.SetHeader("Cache-Control", "no-cache");
   response.SetHeader("Vary", "Authorization");
   response.SetHeader("X-Content-Type-Options", "nosniff");
-  if (HasCurrent(request, tag)) {
-    response.status = 304;
-    return;
-  }
+  if (AnswersWithTag(request, ComputeEntityTag(text), response)) return;
   response.status = answer.http;
   response.SetContent(std::move(text), "application/json");
 }

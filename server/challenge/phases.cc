@@ -118,7 +118,7 @@ void ReadChallengeText(const std::string& file, ChallengeConfig& challenge,
   challenge.logo = read(".png", kMaxLogoBytes);
   if (!challenge.logo.empty() && !challenge.logo.starts_with(kPngSignature)) {
     mistakes.push_back(absl::StrCat(fs::path(file).replace_extension(".png").string(),
-                                    ": the challenge's logo is no PNG; convert it to one"));
+                                    ": the challenge's logo is not a PNG; convert it to one"));
   }
 }
 

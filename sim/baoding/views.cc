@@ -31,6 +31,10 @@ class BallTelemetry final : public Telemetry {
     std::copy(std::begin(values), std::end(values), out.begin());
   }
 
+  std::string_view Legend() const override {
+    return "The small balls are the targets of the large ones.";
+  }
+
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
     target_.Add(environment_.official().solved, time_s, "Both balls are at their targets",
                 "A ball has left its target", events);

@@ -32,6 +32,12 @@ class ChaseTelemetry final : public Telemetry {
     std::copy(std::begin(values), std::end(values), out.begin());
   }
 
+  std::string_view Legend() const override {
+    return environment_.chases()
+               ? "The pole with a ball is the opponent, which the person has to tag."
+               : "The pole with a ball is the opponent, from which the person has to escape.";
+  }
+
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
     target_.Add(
         environment_.official().touched, time_s,
@@ -50,9 +56,9 @@ class ChaseTelemetry final : public Telemetry {
 const CameraView& ChaseTagView() {
   static const CameraView view = {.body = "root",
                                   .look_at = {0, 0, -0.1},
-                                  .distance_m = 5,
+                                  .distance_m = 7,
                                   .azimuth_deg = 90,
-                                  .elevation_deg = -20};
+                                  .elevation_deg = -25};
   return view;
 }
 

@@ -31,6 +31,8 @@ class ObjectTelemetry final : public Telemetry {
     std::copy(std::begin(values), std::end(values), out.begin());
   }
 
+  std::string_view Legend() const override { return "The goal is in the bin."; }
+
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
     target_.Add(environment_.official().solved, time_s, "The object is at the goal",
                 "The object has left the goal", events);

@@ -19,6 +19,9 @@ constexpr Colour kFloorLight = {0.72F, 0.75F, 0.78F};
 constexpr Colour kHorizon = {0.93F, 0.95F, 0.97F};
 constexpr Colour kZenith = {0.55F, 0.69F, 0.85F};
 
+// How far below a height field a floor is drawn: level with it, the two would flicker.
+constexpr float kBelowField = 0.005F;  // m
+
 enum Texture { kSky, kFloor };
 constexpr int kSkySide = 64;     // pixels, of each of a cube's faces
 constexpr int kFloorSide = 128;  // pixels
@@ -37,6 +40,7 @@ constexpr MaterialColour kMaterials[] = {
     {"pillar_goal", {0.36F, 0.60F, 0.44F}},
     {"prosthesis/MatMesh", {0.32F, 0.34F, 0.38F}},
     {"prosthesis/matmetal", {0.62F, 0.64F, 0.67F}},
+    {"matmyo", {0.83F, 0.38F, 0.20F}},
     {"matwood", {0.62F, 0.47F, 0.33F}},
     {"tabletop", {0.78F, 0.77F, 0.74F}},
 };
@@ -94,6 +98,7 @@ void ShowFloor(mjvGeom& geom) {
 void PaintGeom(const mjModel& model, mjvGeom& geom) {
   const int material = model.geom_matid[geom.objid];
   const int type = model.geom_type[geom.objid];
+  if (type == mjGEOM_PLANE && model.nhfield > 0) geom.pos[2] -= kBelowField;
   if (type == mjGEOM_HFIELD || type == mjGEOM_PLANE) return ShowFloor(geom);
   if (material < 0 && type == mjGEOM_MESH && IsDefault(geom.rgba)) return SetColour(geom, kBone);
   if (material < 0 || !IsWhite(geom.rgba)) return;

@@ -32,6 +32,8 @@ class DieTelemetry final : public Telemetry {
     std::copy(std::begin(values), std::end(values), out.begin());
   }
 
+  std::string_view Legend() const override { return "The die beside the hand shows the goal."; }
+
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
     target_.Add(environment_.official().solved, time_s, "The die is as the goal shows it",
                 "The die has left the goal", events);

@@ -23,7 +23,7 @@ namespace {
 using Json = nlohmann::json;
 
 // Raise it with any change of what the file has.
-constexpr int kModelFileRevision = 3;
+constexpr int kModelFileRevision = 4;
 constexpr size_t kKeyDigits = 16;
 // Meshes are simplified on grids with a side of kFinest times a power of kCoarser times the cube root of the
 // mesh's size: what is small is looked at from near, but not as much nearer as it is smaller.

@@ -20,6 +20,7 @@ constexpr double kRangeSteps = 1e6;     // per unit: ranges are rounded outwards
 constexpr double kWeakestForce = 0.01;  // N
 constexpr int kWrapChannels = 7;
 constexpr int kContactChannels = 6;
+constexpr int kContactBodies = 2;
 
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
@@ -57,6 +58,7 @@ double Rounded(double seconds) { return std::round(seconds * 1e6) / 1e6; }
 
 struct WorldContact {
   int index = 0;
+  int on = 0, by = 0;     // bodies
   double strength = 0;    // N
   mjtNum force[3] = {};   // N, in the world
 };
@@ -75,6 +77,8 @@ WorldContact ForceOf(const mjModel& model, const mjData& data, int index) {
   const bool on_second = model.body_weldid[second] != 0 &&
                          (model.body_weldid[first] == 0 || second > first);
   if (!on_second) mju_scl3(out.force, out.force, -1);
+  out.on = on_second ? second : first;
+  out.by = on_second ? first : second;
   out.strength = mju_norm3(out.force);
   return out;
 }
@@ -236,6 +240,9 @@ void TrajectoryRecorder::CaptureContacts(const mjData& data) {
       contacts_.push_back(static_cast<float>(x));
     }
     for (const mjtNum x : contact.force) contacts_.push_back(static_cast<float>(x));
+    for (const int body : {contact.on, contact.by}) {
+      contact_bodies_.push_back(static_cast<float>(figure_.part_of[body] + 1));
+    }
   }
 }
 
@@ -251,6 +258,7 @@ absl::StatusOr<std::string> TrajectoryRecorder::Finish() {
   AddSeries(arrays);
   const Json terrain = AddTerrain(arrays);
   Json head = Head(arrays);
+  if (!telemetry_->Legend().empty()) head["legend"] = telemetry_->Legend();
   head["terrain"] = terrain;
   std::string file = FileOf(head, arrays.bytes());
   if (file.size() <= kMostTrajectoryBytes) return file;
@@ -277,6 +285,9 @@ void TrajectoryRecorder::AddContacts(ArrayBlock& arrays) const {
   const ChannelRange whole[] = {{0, 255}};
   arrays.Add("contact_count", NumberType::kU8, contact_counts_, 1, whole);
   AddRanged(arrays, "contact", NumberType::kU16, contacts_, kContactChannels);
+  const ChannelRange index[] = {{0, 65535}};
+  arrays.Add("contact_body", NumberType::kU16, ByChannel(contact_bodies_, kContactBodies),
+             kContactBodies, index);
 }
 
 void TrajectoryRecorder::AddSeries(ArrayBlock& arrays) const {

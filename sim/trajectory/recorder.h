@@ -82,6 +82,7 @@ class TrajectoryRecorder final : public EpisodeRecorder {
   std::vector<float> wraps_;
   std::vector<float> contact_counts_;
   std::vector<float> contacts_;
+  std::vector<float> contact_bodies_;
   std::vector<float> series_;
   std::vector<double> sample_;
   std::vector<TrajectoryEvent> events_;

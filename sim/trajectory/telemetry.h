@@ -67,6 +67,9 @@ class Telemetry {
     (void)time_s, (void)events;
   }
 
+  // For people, in a sentence: what of the scene is not told by its look. "": nothing.
+  virtual std::string_view Legend() const { return {}; }
+
   // How much larger than in the model a body is in this episode, along its axes.
   virtual std::array<double, 3> ScaleOf(int body) const {
     (void)body;

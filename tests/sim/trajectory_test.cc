@@ -162,6 +162,7 @@ TEST_P(Trajectories, HaveFramesAndCurvesAtTheirRate) {
       EXPECT_LT(number, std::ssize(series["labels"])) << series;
     }
   }
+  EXPECT_EQ(read.head.value("legend", ""), track().telemetry(*environment_)->Legend());
   EXPECT_EQ(read.head["events"].back()["kind"], "end");
   EXPECT_EQ(read.head["events"].back()["text"], "given-up");
   const size_t muscles = read.head["muscles"].size();
@@ -234,6 +235,26 @@ TEST_P(Trajectories, HaveContactsThatCarryTheWeight) {
     contacts += static_cast<size_t>(count);
   }
   EXPECT_EQ(read.head["arrays"]["contact"]["length"], contacts);
+}
+
+TEST_P(Trajectories, NameTheBodiesThatTouch) {
+  const ReadTrajectory read = Read(PlayEpisode());
+  const auto figure = BuildFigure(model());
+  ASSERT_TRUE(figure.ok());
+  std::set<std::pair<int, int>> touching;
+  for (int i = 0; i < data().ncon; ++i) {
+    const mjContact& contact = data().contact[i];
+    touching.insert(std::minmax({figure->part_of[model().geom_bodyid[contact.geom1]] + 1,
+                                 figure->part_of[model().geom_bodyid[contact.geom2]] + 1}));
+  }
+  const std::vector<int> on = read.Numbers("contact_body", 0);
+  const std::vector<int> by = read.Numbers("contact_body", 1);
+  ASSERT_EQ(read.head["arrays"]["contact"]["length"], on.size());
+  const auto last = static_cast<size_t>(read.Numbers("contact_count", 0).back());
+  for (size_t i = on.size() - last; i < on.size(); ++i) {
+    EXPECT_GE(on[i], 1) << i;
+    EXPECT_TRUE(touching.contains(std::minmax({on[i], by[i]}))) << on[i] << ", " << by[i];
+  }
 }
 
 TEST_P(Trajectories, AreTheSameEachTime) { EXPECT_EQ(PlayEpisode(), PlayEpisode()); }

@@ -1,7 +1,7 @@
 // The table of a board: rows in bands, which can be sorted, filtered and looked into.
 import {get} from "./api.js";
 import {h, href, replace, table} from "./dom.js";
-import {heading, name, number, percent, visible, whole} from "./format.js";
+import {briefly, heading, measure, name, number, percent, visible, whole} from "./format.js";
 
 function probability(value) {
   return value < 0.001 ? "p < 0.001" : `p = ${number(value, 3)}`;
@@ -114,7 +114,8 @@ export class BoardTable {
 
   show(board, statistics) {
     const known = new Map((statistics?.rows ?? []).map((row) => [row.submission, row]));
-    this.metrics = [SUCCESS, ...board.columns];
+    this.metrics = [SUCCESS, ...briefly(board)];
+    this.exact = board.columns;
     this.groups = (statistics?.groups ?? []).some((group) => group.rows > 1);
     this.span = board.columns.length + 4 + (this.groups ? 1 : 0);
     this.bands = new Map(board.bands.map((band) => [band.band, band.words]));
@@ -145,8 +146,9 @@ export class BoardTable {
         h("span", {class: "policy"}, this.context.mayRead(row.team)
           ? h("a", {href: href("/submission", {id: row.submission})}, submission) : submission)),
       successCell(row, more?.intervals?.success_rate),
-      this.metrics.slice(1).map((metric) => valueCell(row, metric, more?.intervals?.[metric.name],
-        h("span", {class: "value"}, number(row.aggregate?.[metric.name], metric.digits)))),
+      this.metrics.slice(1).map((metric, column) => valueCell(row, metric, more?.intervals?.[metric.name],
+        h("span", {class: "value", title: measure(row.aggregate?.[metric.name], this.exact[column])},
+          number(row.aggregate?.[metric.name], metric.digits)))),
       h("td", {class: "ask page-only"}, button));
     return {row, place, element, why, group: more?.group ?? null,
       words: `${row.team}\n${row.name}`.toLowerCase()};

@@ -1,7 +1,7 @@
 // The first page: each challenge with what its host says, its phases over time, and the leaders of its boards.
 import {get, isOrganiser, token, whoami} from "./api.js";
 import {h, href, replace} from "./dom.js";
-import {boardTitle, dateTime, name, time, visible, whole} from "./format.js";
+import {boardTitle, briefly, dateTime, name, time, visible, whole} from "./format.js";
 import {homeReplay} from "./home_replay.js";
 import {hostText} from "./host_text.js";
 import {boardAddress, deciding, phaseWhen, rankedRows, successes} from "./places.js";
@@ -28,12 +28,13 @@ async function fillLeaders(box, query) {
       return [];
     }
     const ranked = rankedRows(board);
-    const decides = deciding(ranked[0] ?? {}, board.columns);
+    const columns = briefly(board);
+    const decides = deciding(ranked[0] ?? {}, columns);
     replace(box,
       h("p", {class: "quiet"}, `${board.rows.length} ${board.rows.length === 1 ? "entry" : "entries"}, with `
         + `success${decides ? ` and ${decides.title.toLowerCase()}, which decides` : ""}`),
       h("ol", {class: "leaders"}, board.rows.slice(0, SHOWN).map((row) =>
-        leader(row, board.columns))));
+        leader(row, columns))));
     return ranked.map((row) => row.team);
   } catch (error) {
     replace(box, h("p", {class: "problem"}, visible(error.message)));

@@ -1,6 +1,6 @@
 // Charts as SVG. Each says in words what it shows, for those who don't see it.
 import {h, s, table} from "./dom.js";
-import {number, whole} from "./format.js";
+import {briefly, measure, number, whole} from "./format.js";
 
 const WIDTH = 360;
 const HEIGHT = 150;
@@ -72,10 +72,10 @@ function figure(title, words, drawing, legend) {
 export function histogram(title, points, metric) {
   const values = points.map((point) => point.value).sort((a, b) => a - b);
   if (!values.length) return null;
-  const unit = metric.unit ? ` ${metric.unit}` : "";
-  const show = (value) => number(value, metric.digits) + unit;
-  const words = `${whole(values.length)} episodes, from ${show(values[0])} to `
-    + `${show(values.at(-1))}, median ${show(quantile(values, 0.5))}`;
+  const told = [values[0], values.at(-1), quantile(values, 0.5)];
+  const [brief] = briefly({columns: [metric], rows: told.map((value) => ({aggregate: {[metric.name]: value}}))});
+  const [lowest, highest, median] = told.map((value) => measure(value, brief));
+  const words = `${whole(values.length)} episodes, from ${lowest} to ${highest}, median ${median}`;
   const [low, high] = rangeOf(values);
   const x = (value) => LEFT + (WIDTH - 10 - LEFT) * (value - low) / (high - low);
   const bins = Array.from({length: BINS}, () => ({success: 0, other: 0}));

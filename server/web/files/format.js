@@ -32,6 +32,18 @@ export function measure(value, metric) {
   return number(value, metric.digits) + (metric.unit ? ` ${metric.unit}` : "");
 }
 
+// The columns of a board with as many digits as tell its rows apart, and no fewer than three that count.
+export function briefly({columns, rows}) {
+  return columns.map((metric) => {
+    const values = rows.map((row) => row.aggregate?.[metric.name]).filter(Number.isFinite);
+    const least = Math.min(...values.filter((value) => value).map(Math.abs));
+    const apart = (digits) => new Set(values.map((value) => value.toFixed(digits))).size;
+    let digits = Math.min(Math.max(2 - Math.floor(Math.log10(least)), 0), metric.digits);
+    while (digits < metric.digits && apart(digits) < apart(metric.digits)) digits += 1;
+    return {...metric, digits};
+  });
+}
+
 export function percent(part, of) {
   if (!of) return "–";
   const value = 100 * part / of;

@@ -1,7 +1,7 @@
 // Where a team stands on all boards, as everybody may see it.
 import {get} from "./api.js";
 import {h, href, table} from "./dom.js";
-import {boardTitle, dateTime, heading, measure, name, percent, time, visible, whole} from "./format.js";
+import {boardTitle, briefly, dateTime, heading, measure, name, percent, time, visible, whole} from "./format.js";
 
 // Every board that there is: {title, query, board, phase}, where `phase` is as the API tells of it, null for a
 // track's own. Those of phases come first, in the order of their challenges' files.
@@ -18,17 +18,22 @@ export async function allBoards() {
       .flatMap((one) => each(one.track, {track: one.track}, one.track, null))];
 }
 
-let titles = null;
+let known = null;
+
+// Phases by their ids, in the order of their challenges' files.
+export function phasesKnown() {
+  known ??= get("/v1/challenges").then(({challenges}) => new Map(challenges.flatMap((challenge) =>
+    challenge.phases.map((phase) => [phase.phase, phase]))), (error) => {
+    known = null;
+    throw error;
+  });
+  return known;
+}
 
 // What phases are called: a function from a row of the API, with its phase and track, to a text.
 export async function phaseTitles() {
-  titles ??= get("/v1/challenges").then(({challenges}) => new Map(challenges.flatMap((challenge) =>
-    challenge.phases.map((phase) => [phase.phase, phase.title]))), (error) => {
-    titles = null;
-    throw error;
-  });
-  const known = await titles;
-  return ({phase, track}) => visible(phase ? known.get(phase) ?? phase : track);
+  const phases = await phasesKnown();
+  return ({phase, track}) => visible(phase ? phases.get(phase)?.title ?? phase : track);
 }
 
 // Whether a phase takes submissions and whether its board moves, with the dates that matter.
@@ -72,7 +77,7 @@ export async function placesOf(team) {
 export function placesTable(places) {
   return table("Places", ["Board", "Rank#", "Policy", "Success#", "What decides"],
     places.flatMap(({title, query, board, answer, rows}) => rows.map((row) => {
-      const decides = deciding(row, answer.columns);
+      const decides = deciding(row, briefly(answer));
       return h("tr", null,
         h("th", {scope: "row"}, h("a", {href: href("/board", {...query, board})}, title),
           board !== "main" && [", ", boardTitle(board)]),

@@ -80,6 +80,7 @@ function actions(views, episodes, clock, film) {
       view.following = on;
     }),
     muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on)),
+    names: views.some((view) => view.trajectory.contacts.bodiesOf) && each((view, on) => view.showNames(on)),
     save: views.length > 0 && save, film};
 }
 
@@ -124,7 +125,8 @@ function legend(episodes) {
   return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
     h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
   strong > 0 && `Arrows: contact forces; the longest stands for ${number(strong, 0)} N, one of half its length for a quarter. `,
-  targets && "Translucent: the target.");
+  targets && "Translucent: the target. ",
+  [...new Set(episodes.map((one) => visible(one.trajectory.legend)))].join(" "));
 }
 
 // The episodes before and after this one, as far as the reader may see them.
@@ -172,7 +174,8 @@ async function build(main, title, episodes, tell, signal) {
   const box = h("section", {class: "replay", "aria-label": "Replay"}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
   const own = episodes.length === 1 ? episodes[0] : null;
   const numbered = own?.status && Number.isInteger(own.trajectory.episode);
-  replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), numbered && neighbours(own),
+  replace(main, title, h("div", {class: "row over-view"}, h("div", {class: "abouts"}, episodes.map(about)),
+    numbered && neighbours(own)),
     h("div", {class: "replay-and-graphs"}, box, drawn.element),
     numbered && compare(own.status, {log: own.log, index: own.trajectory.episode}), h("h2", null, "Events"), events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `

@@ -14,10 +14,9 @@ function button(words, title, onclick, more = {}) {
   return h("button", {type: "button", title, onclick, ...more}, words);
 }
 
-function choice(words, attributes, options, onChange) {
-  const element = h("select", {...attributes, onchange: () => onChange(element.value)},
+function choice(words, options, onChange) {
+  return h("select", {"aria-label": words, title: words, onchange: (event) => onChange(event.target.value)},
     options.map(([value, text]) => h("option", {value}, text)));
-  return {element, label: h("label", {class: "inline"}, words, " ", element)};
 }
 
 function tick(words, checked, onChange) {
@@ -29,13 +28,13 @@ const WHAT = {first_contact: "first contact", handover: "handover", release: "re
   goal_contact: "contact with the goal", peak_force: "peak force", leg_state: "state of the leg",
   fall: "fall", target: "target", end: "end"};
 
-// What an event is, in words: its kind and what the file says of it.
+// What an event is, in words: its kind and what the file says of it, unless that is a sentence of its own.
 export function eventWords(event) {
   const kind = Object.hasOwn(WHAT, event.kind) ? WHAT[event.kind]
     : visible(event.kind.replaceAll("_", " "));
   const said = visible(event.text);
   const value = event.value === null ? "" : `${number(event.value, 2)} ${visible(event.unit)}`.trim();
-  return [kind, said && said !== kind ? `: ${said}` : "", value && !said.includes(value)
+  return [/^\p{Lu}/u.test(said) ? said : said && said !== kind ? `${kind}: ${said}` : kind, value && !said.includes(value)
     ? ` (${value})` : ""].join("");
 }
 
@@ -90,7 +89,7 @@ const KEYS = [["Space", "play or pause"], ["← →", "a frame back or on"],
   ["Shift ← →", "half a second back or on"], ["Home, End", "to the start or the end"],
   ["< >", "slower or faster"], ["A D", "turn the view"], ["W S", "tilt the view"],
   ["+ −", "nearer or farther"], ["0", "the first view"], ["F", "follow or stand still"],
-  ["M", "muscles"], ["C", "contact forces"],
+  ["M", "muscles"], ["C", "contact forces"], ["N", "names of the bodies that touch"],
   ["L", "loop"], ["X", "full screen"]];
 
 export function keyList() {
@@ -102,7 +101,7 @@ export function keyList() {
 }
 
 // Buttons and bar for a clock. `can` are the actions on the views: look(name), turn(azimuth, elevation,
-// nearer), follow(on) if `canFollow`, muscles(on), forces(on), save(), film (a Film or null); without views they are
+// nearer), follow(on) if `canFollow`, muscles(on), forces(on), names(on) or false, save(), film (a Film or null); without views they are
 // left out.
 export class Controls {
   constructor(episodes, clock, viewpoints, can, onChange) {
@@ -112,29 +111,31 @@ export class Controls {
     this.play = button("Play", "Space", () => this.toggle(), {class: "main"});
     this.time = h("output", {class: "time", "aria-live": "off"});
     this.bar = bar(episodes, clock, (time) => this.seek(time));
-    this.speed = choice("Speed", {}, SPEEDS.map((speed) => [speed, `${speed}×`]), (value) => {
+    this.speed = choice("Speed", SPEEDS.map((speed) => [speed, `${speed}×`]), (value) => {
       clock.speed = Number(value);
     });
-    this.speed.element.value = "1";
+    this.speed.value = "1";
     const changes = (act) => (value) => {
       act(value);
       this.changed();
     };
-    this.view = choice("View", {}, viewpoints.map((name) => [name, name]), changes(can.look));
+    this.view = choice("View", viewpoints.map((name) => [name, name === "close-up" ? name : `${name} view`]),
+      changes(can.look));
     this.ticks = {follow: tick("Follow", true, changes(can.follow)),
       muscles: tick("Muscles", true, changes(can.muscles)),
       forces: tick("Forces", true, changes(can.forces)),
+      names: tick("Names", false, changes(can.names)),
       loop: tick("Loop", false, (on) => {
         clock.loop = on;
       })};
     this.steering = h("div", null, this.bar.element, h("div", {class: "row"},
       this.play,
-      button("−1 frame", "One frame back (←)", () => this.step(-1)),
-      button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
-      viewpoints.length > 0 && [this.view.label, can.canFollow && this.ticks.follow.label,
-        this.ticks.muscles.label, this.ticks.forces.label], this.ticks.loop.label,
-      can.save && button("Save picture", "Saves what the view shows as a PNG", can.save),
-      can.film && button("Save film", "Plays the episode from its start to its end and saves that as a film", () => this.record()),
+      button("−1", "One frame back (←)", () => this.step(-1)),
+      button("+1", "One frame on (→)", () => this.step(1)), this.time, this.speed,
+      viewpoints.length > 0 && [this.view, can.canFollow && this.ticks.follow.label,
+        this.ticks.muscles.label, this.ticks.forces.label, can.names && this.ticks.names.label], this.ticks.loop.label,
+      can.save && button("↓ Picture", "Saves what the view shows as a PNG", can.save),
+      can.film && button("↓ Film", "Plays the episode from its start to its end and saves that as a film", () => this.record()),
       document.fullscreenEnabled && button("Full screen", "Full screen (X)", () => this.fullScreen())));
     this.element = h("div", {class: "controls"}, this.steering, can.film?.element);
     this.told = -Infinity;
@@ -179,7 +180,7 @@ export class Controls {
   }
 
   lookFrom(name) {
-    this.view.element.value = name;
+    this.view.value = name;
     this.can.look(name);
   }
 
@@ -195,7 +196,7 @@ export class Controls {
     const words = clock.running ? "Pause" : "Play";
     if (this.play.textContent !== words) this.play.textContent = words;
     if (!told) return;
-    this.time.textContent = `${seconds(clock.time)} of ${seconds(clock.duration)}`;
+    this.time.textContent = `${number(clock.time, 2)} of ${seconds(clock.duration)}`;
     this.bar.slider.setAttribute("aria-valuetext", seconds(clock.time));
   }
 
@@ -213,7 +214,7 @@ export class Controls {
       : this.step(way));
     const faster = (by) => {
       this.clock.faster(by);
-      this.speed.element.value = String(this.clock.speed);
+      this.speed.value = String(this.clock.speed);
     };
     const acts = {" ": () => this.toggle(), ArrowLeft: () => jump(-1), ArrowRight: () => jump(1),
       Home: () => this.seek(0), End: () => this.seek(this.clock.duration),
@@ -222,6 +223,7 @@ export class Controls {
       s: () => this.can.turn(0, -10, 1), "+": () => this.can.turn(0, 0, 1.15),
       "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom("start"),
       f: () => this.flip("follow"), m: () => this.flip("muscles"), c: () => this.flip("forces"),
+      n: () => this.can.names && this.flip("names"),
       l: () => this.flip("loop"), x: () => this.fullScreen()};
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!act) return false;

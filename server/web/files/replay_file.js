@@ -207,14 +207,21 @@ function readWraps(head, rest, count, frames) {
   return made;
 }
 
-function readContacts(head, rest, frames) {
+function readContacts(head, rest, bodies, frames) {
   const {raw} = readArray(head, rest, "contact_count", "u8", 1, frames);
   const first = new Uint32Array(frames + 1);
   for (let frame = 0; frame < frames; frame += 1) {
     check(raw[frame] <= MOST.contacts, `a frame has more than ${MOST.contacts} contacts`);
     first[frame + 1] = first[frame] + raw[frame];
   }
-  return {first, values: values(head, rest, "contact", "u16", 6, first[frames])};
+  const count = first[frames];
+  // Two for each: the body that the force is on, and the other; 0 is the world. Older files don't tell.
+  const known = head.arrays.contact_body !== undefined;
+  const touching = known ? readArray(head, rest, "contact_body", "u16", 2, count).raw : new Uint16Array(0);
+  check(touching.every((one) => one <= bodies.length), "a contact is of a body that there is not");
+  const nameOf = (place) => (place ? bodies[place - 1].name : "");
+  return {first, values: values(head, rest, "contact", "u16", 6, count),
+    bodiesOf: known ? (contact) => [touching[contact], touching[count + contact]].map(nameOf) : null};
 }
 
 function readGraphs(head, rest, series, frames) {
@@ -249,12 +256,13 @@ export function readTrajectory(buffer) {
   const muscles = list(head.muscles, MOST.muscles, "muscles").map((one) => text(one, "a muscle"));
   const wraps = whole(head.wraps, MOST.wraps, "wraps");
   const terrain = readTerrain(head);
-  const contacts = readContacts(head, rest, frames);
+  const contacts = readContacts(head, rest, bodies, frames);
   return {track: text(head.track, "track"), model: text(head.model, "model"),
     episode: head.episode === null || head.episode === undefined ? null
       : finite(head.episode, "episode"),
     end: text(head.end, "end"), steps: finite(head.steps, "steps"), duration, period, frames, bodies,
     muscles, wraps, events: readEvents(head),
+    legend: head.legend === undefined ? "" : text(head.legend, "legend"),
     position: readPositions(head, rest, bodies, frames),
     rotation: readRotations(head, rest, bodies, frames),
     activation: values(head, rest, "activation", "u8", muscles.length, frames),

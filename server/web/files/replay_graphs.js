@@ -3,7 +3,7 @@
 import {label, rangeOf, ticks} from "./charts.js";
 import {h, s} from "./dom.js";
 import {number, visible} from "./format.js";
-import {courseMap} from "./replay_map.js";
+import {courseMap, isCourse} from "./replay_map.js";
 import {frameAt, framesAt} from "./replay_pose.js";
 
 const WIDTH = 360;
@@ -241,7 +241,8 @@ export function graphs(episodes, duration, onSeek) {
     series: one.trajectory.series.find((other) => other.name === name),
     guides: one.trajectory.series.filter((other) => guided(other) && other.graph === name)}))
     .filter((one) => one.series), long, onSeek));
-  all.unshift(...episodes.filter((one) => one.trajectory.terrain).map((one) => courseMap(one, episodes.length > 1)));
+  all.unshift(...episodes.filter(({trajectory}) => trajectory.terrain && isCourse(trajectory.terrain))
+    .map((one) => courseMap(one, episodes.length > 1)));
   all.push(...episodes.filter((one) => one.trajectory.muscles.length)
     .map((one) => muscleMap(one, episodes.length > 1, long, onSeek)));
   return {element: h("div", {class: "charts", tabindex: 0, role: "group", "aria-label": "Graphs"}, all.map((one) => one.element)),

@@ -10,6 +10,13 @@ const BASE = 42;       // below it are the marks
 const BEFORE_M = 2;    // of the terrain before the start
 const AHEAD_M = 8;     // after the farthest point
 const MOST_POINTS = 500;
+const LONG = 4;        // times as long as wide: less is a field, over which no way leads
+
+// Whether a terrain leads somewhere, so that metres along it tell how far an episode came.
+export function isCourse({low, high}) {
+  const sides = [0, 1].map((axis) => high[axis] - low[axis]);
+  return Math.max(...sides) >= LONG * Math.min(...sides);
+}
 
 // Where the terrain and the way are in the drawing: along the axis on which the terrain is longest, with the way to
 // the right. `along` is how far on it a point is from the start, in m.
@@ -50,7 +57,7 @@ function paint(canvas, {terrain}, course) {
   context.putImageData(image, 0, 0);
 }
 
-// The map of an episode that has a terrain, as graphs are: an element and show(time, told).
+// The map of an episode along a course, as graphs are: an element and show(time, told).
 export function courseMap(one, several) {
   const {trajectory} = one;
   const course = courseOf(trajectory);

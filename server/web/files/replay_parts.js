@@ -1,5 +1,6 @@
 // What a replay draws besides the bodies: muscles, forces, the ground.
 import * as three from "./three.js";
+import {visible} from "./format.js";
 
 const IDLE = new three.Color(0x7f93ad);
 const ACTIVE = new three.Color(0xe8321e);
@@ -79,13 +80,17 @@ export class Arrows {
 
   // Lengths grow with the square root of the force: the largest is many times as strong as most others, which would
   // not be seen beside it.
+  lengthOf(force) {
+    return this.strong > 0 ? this.longest * Math.min(Math.sqrt(force / this.strong), 1) : 0;
+  }
+
   // Shows the contacts `first` to `last`, without it, of 6 numbers each: point, force.
   show(values, first, last) {
     let count = 0;
     for (let i = first; i < last; i += 1) {
       const [x, y, z, fx, fy, fz] = values.subarray(6 * i, 6 * i + 6);
       const force = Math.hypot(fx, fy, fz);
-      const length = this.strong > 0 ? this.longest * Math.min(Math.sqrt(force / this.strong), 1) : 0;
+      const length = this.lengthOf(force);
       if (length < 0.4 * this.thick) continue;
       const whole = length / force;
       const part = Math.max(length - 4 * this.thick, 0.4 * length) / force;
@@ -172,6 +177,23 @@ export function floorMesh({height, square, halfSize}, colors) {
   return mesh;
 }
 
+// Words that face the reader, so high.
+function textSprite(text, color, high, more = {}) {
+  const canvas = document.createElement("canvas");
+  const context = canvas.getContext("2d");
+  const font = "600 48px system-ui, sans-serif";
+  context.font = font;
+  canvas.width = Math.min(Math.ceil(context.measureText(text).width) + 32, 2048);
+  canvas.height = 64;
+  Object.assign(context, {font, fillStyle: color, textAlign: "center", textBaseline: "middle"});
+  context.fillText(text, canvas.width / 2, 34, canvas.width);
+  const map = new three.CanvasTexture(canvas);
+  map.colorSpace = three.SRGBColorSpace;
+  const sprite = new three.Sprite(new three.SpriteMaterial({map, transparent: true, ...more}));
+  sprite.scale.set(high * canvas.width / canvas.height, high, 1);
+  return sprite;
+}
+
 // The shapes of a body once more, translucent: where it should come to. Beside it in the scene.
 export function targetOf(node) {
   const copy = node.clone();
@@ -186,23 +208,65 @@ export function targetOf(node) {
   return copy;
 }
 
+const MOST_NAMES = 5;
+const MOST_KEPT = 100;
+const NAME_HIGH = 0.024;  // of what is seen 1 m away
+
+// Beside the heads of the longest arrows the bodies that touch there, each pair once.
+export class Names {
+  constructor(arrows, color) {
+    Object.assign(this, {arrows, color, group: new three.Group(), known: new Map()});
+    this.group.visible = false;
+  }
+
+  // Of the contacts `first` to `last`, without it (readTrajectory).
+  show({values, bodiesOf}, first, last) {
+    for (const sprite of this.known.values()) sprite.visible = false;
+    const forces = Array.from({length: last - first}, (_, i) => ({contact: first + i,
+      force: Math.hypot(...values.subarray(6 * (first + i) + 3, 6 * (first + i) + 6))}));
+    let shown = 0;
+    for (const {contact, force} of forces.sort((a, b) => b.force - a.force)) {
+      if (shown === MOST_NAMES || !force) return;
+      const [on, by] = bodiesOf(contact);
+      const sprite = this.spriteOf(visible(by ? `${by} → ${on}` : on));
+      if (sprite.visible) continue;
+      const along = this.arrows.lengthOf(force) / force;
+      const [x, y, z, fx, fy, fz] = values.subarray(6 * contact, 6 * contact + 6);
+      sprite.position.set(x + fx * along, y + fy * along, z + fz * along);
+      sprite.visible = true;
+      shown += 1;
+    }
+  }
+
+  spriteOf(text) {
+    if (!this.known.has(text)) {
+      if (this.known.size === MOST_KEPT) this.forget();
+      const sprite = textSprite(text, this.color, NAME_HIGH, {sizeAttenuation: false, depthTest: false});
+      sprite.center.set(0, 0.5);
+      sprite.visible = false;
+      this.known.set(text, sprite);
+      this.group.add(sprite);
+    }
+    return this.known.get(text);
+  }
+
+  forget() {
+    for (const {material} of this.known.values()) {
+      material.map.dispose();
+      material.dispose();
+    }
+    this.known.clear();
+    this.group.clear();
+  }
+}
+
 const MARK_M = 5;       // from one to the next
 const MARK_WIDE_M = 0.04;
 const MARK_ABOVE_M = 0.012;
 const NUMBER_M = 0.24;  // high
 
 function numberAt(text, color, place) {
-  const canvas = document.createElement("canvas");
-  canvas.width = 192;
-  canvas.height = 64;
-  const context = canvas.getContext("2d");
-  Object.assign(context, {font: "600 48px system-ui, sans-serif", fillStyle: color, textAlign: "center",
-    textBaseline: "middle"});
-  context.fillText(text, 96, 34);
-  const map = new three.CanvasTexture(canvas);
-  map.colorSpace = three.SRGBColorSpace;
-  const sprite = new three.Sprite(new three.SpriteMaterial({map, transparent: true}));
-  sprite.scale.set(3 * NUMBER_M, NUMBER_M, 1);
+  const sprite = textSprite(text, color, NUMBER_M);
   sprite.position.set(...place);
   return sprite;
 }

@@ -4,13 +4,14 @@ import * as three from "./three.js";
 import * as gltf from "./three_gltf_loader.js";
 import * as orbit from "./three_orbit_controls.js";
 import {FileError, readModelExtras} from "./replay_file.js";
-import {courseOf} from "./replay_map.js";
-import {Arrows, Tubes, courseMarks, floorMesh, targetOf, terrainMesh} from "./replay_parts.js";
+import {courseOf, isCourse} from "./replay_map.js";
+import {Arrows, Names, Tubes, courseMarks, floorMesh, targetOf, terrainMesh} from "./replay_parts.js";
 import {boundPaths, followedPath, frameAt, mostSegments, pointAt, posesAt, segmentsAt}
   from "./replay_pose.js";
 
 const MOST_CONTACTS = 12;
-const SCENERY_M = 2;  // fixed shapes that are larger are the room around, which hides what happens
+const SCENERY_M = 2;  // fixed shapes that are larger are the room around, which hides what happens,
+const LOW_M = 0.75;    // unless they are low, as a fence
 const LIGHT = {ground: 0xe6eaf4, squares: [0xd3d9e8, 0xbfc8dc], sky: 2.1, marks: "#39425c"};
 const DARK = {ground: 0x151927, squares: [0x3a4158, 0x30374c], sky: 1.5, marks: "#c3cbe0"};
 
@@ -113,17 +114,19 @@ export class View {
     world.traverse((part) => part.isMesh && prepare(part));
     nodes.get("static")?.traverse((part) => {
       if (!part.isMesh) return;
-      const size = new three.Box3().setFromObject(part).getSize(new three.Vector3());
-      part.visible = Math.max(size.x, size.y, size.z) <= SCENERY_M;
+      const size = new three.Box3().setFromObject(part, true).getSize(new three.Vector3());
+      part.visible = Math.max(size.x, size.y, size.z) <= SCENERY_M || size.z <= LOW_M;
     });
     this.addBodies(nodes);
     this.addMuscles(model.extras.muscles, nodes);
     this.arrows = new Arrows(MOST_CONTACTS, 0.32 * this.first.distance, strong);
-    this.scene.add(this.arrows.group);
+    this.names = new Names(this.arrows, style.marks);
+    this.scene.add(this.arrows.group, this.names.group);
     const {terrain} = this.trajectory;
     const {floor} = model.extras;
     if (terrain) {
-      this.scene.add(terrainMesh(terrain, style.squares), courseMarks(terrain, courseOf(this.trajectory), style.marks));
+      this.scene.add(terrainMesh(terrain, style.squares));
+      if (isCourse(terrain)) this.scene.add(courseMarks(terrain, courseOf(this.trajectory), style.marks));
     } else if (floor) this.scene.add(floorMesh(floor, style.squares));
   }
 
@@ -261,9 +264,11 @@ export class View {
         this.tubes.segments));
     }
     if (this.arrows.group.visible) {
-      const {first, values} = trajectory.contacts;
+      const {contacts} = trajectory;
       const frame = frameAt(trajectory, time);
-      this.arrows.show(values, first[frame], first[frame + 1]);
+      const between = [contacts.first[frame], contacts.first[frame + 1]];
+      this.arrows.show(contacts.values, ...between);
+      if (this.names.group.visible) this.names.show(contacts, ...between);
     }
     this.follow(time);
     this.placeLights();
@@ -302,6 +307,13 @@ export class View {
 
   showForces(shown) {
     this.arrows.group.visible = shown;
+    this.showNames(this.named);
+  }
+
+  // Of the bodies at the arrows, if those are shown.
+  showNames(shown) {
+    this.named = shown;
+    this.names.group.visible = Boolean(shown && this.arrows.group.visible && this.trajectory.contacts.bodiesOf);
   }
 
   // Less beautiful, for computers that are slow to draw: 1 is without shadows, 2 also coarse.

@@ -2,7 +2,7 @@
 import {histogram, shares, strips} from "./charts.js";
 import {summaryCharts, times} from "./details.js";
 import {h, replace} from "./dom.js";
-import {bytes, episodesText, heading, measure, number, percent, visible, whole} from "./format.js";
+import {briefly, bytes, episodesText, heading, measure, number, percent, visible, whole} from "./format.js";
 import {kindOf, verdict} from "./grid.js";
 import {picture} from "./pictures.js";
 import {filesOf, replayAddress} from "./replays.js";
@@ -10,8 +10,8 @@ import {filesOf, replayAddress} from "./replays.js";
 const COURSES = ["flat", "hilly", "rough", "stairs", "mixed"];
 const FORCE = {name: "peak_force", title: "peak force", unit: "N", digits: 1};
 
-function tile(title, value, more) {
-  return h("div", {class: "tile"}, h("dt", null, title), h("dd", null, h("b", null, value),
+function tile(title, value, more, exact = null) {
+  return h("div", {class: "tile"}, h("dt", null, title), h("dd", null, h("b", {title: exact}, value),
     more && h("span", {class: "interval"}, more)));
 }
 
@@ -35,14 +35,14 @@ function playedTile(result) {
 function tiles(result) {
   const all = result.aggregate;
   if (!all) return null;
+  const brief = briefly({columns: result.metrics, rows: [result]});
   return h("dl", {class: "tiles"},
     tile("Success", percent(all.successes, all.episodes),
       `${whole(all.successes)} of ${whole(all.episodes)} episodes`),
     playedTile(result),
-    result.metrics.filter((metric) => typeof all[metric.name] === "number"
-      && metric.name !== "success_rate").map((metric) =>
-      tile(heading({...metric, unit: ""}), measure(all[metric.name], metric),
-        spread(all, metric))));
+    brief.map((metric, place) => typeof all[metric.name] === "number" && metric.name !== "success_rate"
+      && tile(heading({...metric, unit: ""}), measure(all[metric.name], metric), spread(all, metric),
+        measure(all[metric.name], result.metrics[place]))));
 }
 
 function values(rows, of) {

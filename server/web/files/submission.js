@@ -4,7 +4,7 @@ import {comparison} from "./comparison.js";
 import {TIMES} from "./details.js";
 import {facts, h, href, replace, table} from "./dom.js";
 import {showEpisode} from "./episode.js";
-import {duration, measure, name, state, time, visible, whole} from "./format.js";
+import {briefly, duration, measure, name, state, time, visible, whole} from "./format.js";
 import {kindOf, makeGrid} from "./grid.js";
 import {liveBadge} from "./live.js";
 import {boardAddress, phaseTitles, rankedRows} from "./places.js";
@@ -77,7 +77,7 @@ async function placeOf(status) {
   const row = ranked[at];
   const band = answer.bands.find((one) => one.band === row.band);
   return [link([h("b", {class: "rank"}, `Rank ${row.rank}`), ` of ${whole(ranked.length)}`]),
-    at > 0 ? gapTo(row, ranked[at - 1], answer.columns) : "",
+    at > 0 ? gapTo(row, ranked[at - 1], briefly(answer)) : "",
     band && h("span", {class: "quiet"}, ` (${visible(band.words)})`)];
 }
 

@@ -2,7 +2,7 @@
 import {get, isOrganiser, whoami} from "./api.js";
 import {facts, h, href, replace, table} from "./dom.js";
 import {boardTitle, name, state, time, visible, whole} from "./format.js";
-import {phaseTitles, placesOf, placesTable} from "./places.js";
+import {phaseTitles, phasesKnown, placesOf, placesTable} from "./places.js";
 import {progress} from "./progress.js";
 
 const MOST_CHARTS = 6;
@@ -25,17 +25,15 @@ function inUse(entry) {
     || entry[budget]?.[span]?.open || entry[budget]?.[span]?.granted);
 }
 
-// Those of tracks that the team has not used are folded away.
-function quotas(quota, titleOf) {
-  const cards = (tracks) => tracks.map((track) =>
-    quotaCard(track.track, {track: track.track}, track));
-  const idle = quota.tracks.filter((track) => !inUse(track));
-  return [h("div", {class: "cards"}, quota.phases.map((phase) =>
-    quotaCard(titleOf(phase), {phase: phase.phase}, phase)),
-  cards(quota.tracks.filter(inUse))),
-  idle.length > 0 && h("details", {class: "more"},
-    h("summary", null, `Quota of ${idle.map((track) => track.track).join(", ")}`),
-    h("div", {class: "cards"}, cards(idle)))];
+// Phases in the order of their files. What the team has not used of tracks and of phases that are over is folded away.
+function quotas(quota, titleOf, phases) {
+  const places = [...phases.keys()];
+  const all = [...quota.phases.toSorted((a, b) => places.indexOf(a.phase) - places.indexOf(b.phase)), ...quota.tracks];
+  const idle = all.filter((one) => !inUse(one) && (!one.phase || phases.get(one.phase)?.state === "closed"));
+  const cards = (entries) => h("div", {class: "cards"}, entries.map((one) => quotaCard(titleOf(one),
+    one.phase ? {phase: one.phase} : {track: one.track}, one)));
+  return [cards(all.filter((one) => !idle.includes(one))), idle.length > 0 && h("details", {class: "more"},
+    h("summary", null, `Quota of ${idle.map(titleOf).join(", ")}`), cards(idle))];
 }
 
 function quotaCard(title, query, entry) {
@@ -111,8 +109,8 @@ async function showPlaces(main, team) {
 // What its members and organisers see besides.
 async function showTeam(main, team) {
   const at = encodeURIComponent(team);
-  const [info, quota, titleOf] = await Promise.all([get(`/v1/teams/${at}`),
-    get(`/v1/quota?team=${at}&limit=1`), phaseTitles()]);
+  const [info, quota, titleOf, phases] = await Promise.all([get(`/v1/teams/${at}`),
+    get(`/v1/quota?team=${at}&limit=1`), phaseTitles(), phasesKnown()]);
   await showPlaces(main, info.team);
   const [ledger, ledgerLoaded] = pages("Ledger of the quota",
     ["When", "Entry", "Amount#", "Budget", "For", "Submission", "Why"],
@@ -128,7 +126,7 @@ async function showTeam(main, team) {
         ? info.other_names.map((one, place) => [place ? ", " : "", name(one)]) : "–"],
       ["Next day begins", time(quota.next_day_at)]]),
     h("h2", null, "Submissions"), list,
-    h("h2", null, "Quota"), quotas(quota, titleOf),
+    h("h2", null, "Quota"), quotas(quota, titleOf, phases),
     h("h2", null, "Ledger"), ledger].flat(Infinity).filter((one) => one));
   await Promise.all([ledgerLoaded, listLoaded]);
 }

@@ -165,7 +165,7 @@ TEST_F(PhasesFolder, AHostMayGiveATextAndALogo) {
   EXPECT_EQ(phases->challenges()[0].logo, logo);
   EXPECT_EQ(phases->challenges()[0].text.size(), 1u);
   Write("spring.png", "<svg onload=\"alert(1)\"/>");
-  EXPECT_THAT(Mistake(), HasSubstr("spring.png: the challenge's logo is no PNG"));
+  EXPECT_THAT(Mistake(), HasSubstr("spring.png: the challenge's logo is not a PNG"));
   Write("spring.png", logo + std::string(256 << 10, 'x'));
   EXPECT_THAT(Mistake(), HasSubstr("spring.png"));
 }

@@ -5,17 +5,21 @@ import re
 import unittest
 
 from support.client import Connection
-from world import TRACK, World
+from world import TRACK, World, moment
 
 BOARD = f"/v1/leaderboard?track={TRACK}"
 LIST = "/v1/submissions"
+LOGO = "/v1/challenges/cup/logo.png"
 
 
 class Http(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.world = World()
+        # On another track, whose own board it does not touch.
+        cls.world = World({"form": 1, "title": "A cup", "phases": [
+            {"name": "past", "title": "Past", "track": "elbow", "profile": "hold", "closes_at": moment(-2)}]})
         cls.addClassCleanup(cls.world.close)
+        (cls.world.configs / "challenges/cup.png").write_bytes(b"\x89PNG\r\n\x1a\n and so on")
         cls.world.start()
 
     def ask(self, method, path, body=None, **headers):
@@ -78,7 +82,7 @@ class Http(unittest.TestCase):
 
     def test_what_has_a_tag_is_not_sent_twice(self):
         for path in (BOARD, f"/v1/leaderboard/statistics?track={TRACK}", f"/v1/leaderboard/explain?track={TRACK}&a=alpha&b=beta",
-                     "/v1/openapi.json"):
+                     "/v1/openapi.json", LOGO):
             status, headers, text = self.ask("GET", path)
             self.assertEqual(status, 200, text)
             tag = headers["ETag"]

@@ -4,7 +4,8 @@ token, and that no other one can be seen so."""
 import json
 import unittest
 
-from replay_browser_test import POLICIES, READY
+from real_replay_browser_test import POLICIES
+from replay_browser_test import READY
 from support.browser import Browser, Page
 from support.daemon import Daemon
 from world import BIN, MARKUP, SOURCE

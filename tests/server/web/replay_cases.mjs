@@ -7,11 +7,12 @@ import test from "node:test";
 
 import {parseJson} from "./api.js";
 import {pairedDifference, pairsOf} from "./comparison.js";
+import {briefly} from "./format.js";
 import {Clock} from "./replay_clock.js";
 import {eventWords, lasting} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
 import {valueAt} from "./replay_graphs.js";
-import {courseOf} from "./replay_map.js";
+import {courseOf, isCourse} from "./replay_map.js";
 import {target} from "./sign_in.js";
 import {parcelOf} from "./submit.js";
 import {boundPaths, followedPath, frameAt, framesAt, mostSegments, pointAt, posesAt, segmentsAt}
@@ -379,6 +380,33 @@ test("a series may be a target in another's graph", () => {
   for (const wrong of [{graph: 7}, {tolerance: "wide"}, {tolerance: null}]) {
     assert.throws(() => read(changed((head) => Object.assign(head.series[1], wrong))), FileError);
   }
+});
+
+test("a board has the digits that tell its rows apart", () => {
+  const digits = (values, most = 6) => briefly({columns: [{name: "effort", digits: most}],
+    rows: values.map((effort) => ({aggregate: {effort}}))})[0].digits;
+  assert.equal(digits([0.3548, 0.4646, 0.5913]), 3);
+  assert.equal(digits([0.35481, 0.35482, 28.9]), 5);
+  assert.equal(digits([28.9089, 27.1, null]), 1);
+  assert.equal(digits([4000, 5000]), 0);
+  assert.equal(digits([0.2, 0.2]), 3);
+  assert.equal(digits([0.00001234, 0], 4), 4);
+  assert.equal(digits([0, null, undefined]), 0);
+});
+
+test("bodies that touch are named, if the file names them", () => {
+  const {contacts} = read(bytes);
+  assert.deepEqual([0, 1].map(contacts.bodiesOf), [["root", ""], ["arm", "root"]]);
+  assert.equal(read(changed((head) => { delete head.arrays.contact_body; })).contacts.bodiesOf, null);
+  for (const lie of [(head) => { head.bodies.pop(); }, (head) => { head.arrays.contact_body.length -= 1; },
+    (head) => { head.arrays.contact_body = null; }]) {
+    assert.throws(() => read(changed(lie)), FileError);
+  }
+});
+
+test("a field is no course", () => {
+  assert.ok(isCourse({low: [-1.5, -60], high: [1.5, 60]}));
+  assert.ok(!isCourse({low: [-6, -6], high: [6, 6]}));
 });
 
 test("a course goes to the right from where the episode starts", () => {

@@ -5,7 +5,7 @@ import unittest
 import trajectories
 from replay_browser_test import A, ReplayCase
 
-SHORT, AIMED = (letter * 64 for letter in "ef")
+SHORT, AIMED, FIELD = (letter * 64 for letter in "ef4")
 
 
 class FilmCase(ReplayCase):
@@ -14,7 +14,9 @@ class FilmCase(ReplayCase):
         page.answers |= {
             f"/v1/logs/{SHORT}/trajectory": [(200, {}, trajectories.walk(1.0, "time"))],
             f"/v1/logs/{AIMED}/trajectory": [(200, {}, trajectories.walk(terrain=None, bodies=[
-                {"name": "root"}, {"name": "root", "target": True}]))]}
+                {"name": "root"}, {"name": "root", "target": True}]))],
+            f"/v1/logs/{FIELD}/trajectory": [(200, {}, trajectories.walk(terrain={
+                "rows": trajectories.ROWS, "columns": trajectories.COLUMNS, "low": [-6, -6], "high": [6, 6]}))]}
         return page
 
 
@@ -51,15 +53,16 @@ class Films(FilmCase):
         page = self.page()
         page.call("Page.addScriptToEvaluateOnNewDocument", source="delete window.MediaRecorder;")
         self.open(page, f"/replay?log={SHORT}")
-        self.assertNotIn("Save film", page.text())
-        self.assertIn("Save picture", page.text())
+        self.assertNotIn("↓ Film", page.text())
+        self.assertIn("↓ Picture", page.text())
 
 
 class Drawn(FilmCase):
-    def test_targets_and_metres_are_drawn(self):
+    def test_targets_metres_and_names_are_drawn(self):
         page = self.page()
         self.open(page, "/")
-        for log, drawn in ((A, ["0 m", "5 m", "10 m"]), (AIMED, ["target"])):
+        for log, drawn in ((A, ["0 m", "5 m", "10 m", "root → arm", "root"]), (AIMED, ["root → root", "root", "target"]),
+                           (FIELD, ["root → arm", "root"])):
             found = page.evaluate(
                 "Promise.all(['replay_view', 'replay_file'].map((name) => import(`/web/${name}.js`)))"
                 ".then(async ([drawing, file]) => { const drawn = [];"
@@ -68,7 +71,7 @@ class Drawn(FilmCase):
                 f"const episode = file.readTrajectory(await get('/v1/logs/{log}/trajectory'));"
                 "const model = await drawing.readModel(await get('/v1/models/locomotion.glb'));"
                 "const view = new drawing.View(document.querySelector('main'), episode, model, "
-                "{dark: false, strong: 1});"
+                "{dark: false, strong: 1}); view.showNames(true); view.place(0);"
                 "view.scene.traverse((one) => { if (one.isMesh && one.material.opacity < 1) drawn.push('target'); });"
                 "view.dispose(); return drawn; })")
             self.assertEqual(found, drawn)

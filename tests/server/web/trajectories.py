@@ -85,6 +85,11 @@ class Walk:
         return [[0.05 * (i % 2) for i in range(count)], places, [0.01] * count, [20.0] * count,
                 [0.0] * count, [400.0 + 100 * (i % 5) for i in range(count)]]
 
+    def touching(self):
+        """The root on the ground, then the arm on the root."""
+        count = sum(self.counts)
+        return [[1 + i % 2 for i in range(count)], [i % 2 for i in range(count)]]
+
     def arrays(self):
         numbers = [[round((value - min(one)) / (max(one) - min(one)) * 65535) for value in one]
                    for one in (self.distance, self.speed)] + [self.states]
@@ -99,7 +104,8 @@ class Walk:
             "activation": array(self.activation, "u8", 0, 1),
             "wrap": (wrap, packed([self.wrapped, *([0] * self.frames for _ in range(6))], "u8")),
             "contact_count": array([self.counts], "u8", 0, 255),
-            "contact": array(self.contacts(), "u16"), "series": (series, packed(numbers, "u16")),
+            "contact": array(self.contacts(), "u16"),
+            "contact_body": array(self.touching(), "u16", 0, 65535), "series": (series, packed(numbers, "u16")),
             "terrain": array(self.heights, "u16", 0, 0.2)}
 
 
