@@ -33,15 +33,34 @@ const std::vector<Entry>& Entries() {
   return entries;
 }
 
-const std::vector<Muscle>& Muscles() {
-  static const std::vector<Muscle> muscles = [] {
+// The right leg's counterparts of the joints from the left hip on: the legs are mirror images.
+constexpr std::array kMirrored = {0, 1, 2, 10, 11, 12, 13};
+constexpr int kLeft = 3;  // the first joint of the left leg
+
+// The right leg's muscles first, as actions have them.
+std::vector<Muscle> WholeLegs() {
+  std::vector<Muscle> right, left;
+  for (const Entry& entry : Entries()) {
+    if (!std::string_view(entry.name).ends_with("_l")) continue;
+    std::vector<int> joints = entry.joints;
+    left.push_back({LengthTerms(joints), entry.parameters, entry.weights});
+    for (int& joint : joints) joint = kMirrored[joint - kLeft];
+    right.push_back({LengthTerms(joints), entry.parameters, entry.weights});
+  }
+  right.insert(right.end(), left.begin(), left.end());
+  return right;
+}
+
+const std::vector<Muscle>& Muscles(Legs legs) {
+  static const std::vector<Muscle> prosthetic = [] {
     std::vector<Muscle> out;
     for (const Entry& entry : Entries()) {
       out.push_back({LengthTerms(entry.joints), entry.parameters, entry.weights});
     }
     return out;
   }();
-  return muscles;
+  static const std::vector<Muscle> whole = WholeLegs();
+  return legs == Legs::kWhole ? whole : prosthetic;
 }
 
 }  // namespace
@@ -57,10 +76,11 @@ const std::array<size_t, kMuscles>& SortedPlaces() {
   return places;
 }
 
-std::array<double, kLengthJoints> MuscleTorques(const MuscleState& state) {
+std::array<double, kLengthJoints> MuscleTorques(const MuscleState& state, Legs legs) {
   std::array<double, kLengthJoints> torques{};
-  for (int i = 0; i < kMuscles; ++i) {
-    const Muscle& muscle = Muscles()[i];
+  const std::vector<Muscle>& muscles = Muscles(legs);
+  for (size_t i = 0; i < muscles.size(); ++i) {
+    const Muscle& muscle = muscles[i];
     std::array<double, kMostJoints> arms{};
     muscle.terms.AddSlopes(muscle.weights, state.angles, arms);
     const MusclePull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
@@ -73,27 +93,29 @@ std::array<double, kLengthJoints> MuscleTorques(const MuscleState& state) {
 }
 
 void MuscleAllocator::Allocate(const MuscleState& state, const TorqueGoal& goal,
-                               std::span<double, kMuscles> excitations) {
+                               std::span<double> excitations) {
+  const double control_step = legs_ == Legs::kWhole ? kWholeControlStep : kControlStep;
   // Torque of each muscle at full activation, and what is missing of the goal.
-  std::array<std::array<double, kMostJoints>, kMuscles> torque{};
+  std::array<std::array<double, kMostJoints>, kWholeMuscles> torque{};
   std::array<double, kLengthJoints> missing = goal.torque;
-  std::array<ActivationBounds, kMuscles> bounds;
-  const std::vector<Muscle>& muscles = Muscles();
-  for (int i = 0; i < kMuscles; ++i) {
+  std::array<ActivationBounds, kWholeMuscles> bounds;
+  const std::vector<Muscle>& muscles = Muscles(legs_);
+  for (size_t i = 0; i < muscles.size(); ++i) {
     const Muscle& muscle = muscles[i];
     std::array<double, kMostJoints> arms{};
     muscle.terms.AddSlopes(muscle.weights, state.angles, arms);
     const MusclePull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
-    bounds[i] = Reachable(state.activation[i], kControlStep);
+    bounds[i] = Reachable(state.activation[i], control_step);
     last_[i] = std::clamp(last_[i], bounds[i].low, bounds[i].high);
     for (int j = 0; j < muscle.terms.joints(); ++j) {
       torque[i][j] = -arms[j] * pull.active;
       missing[muscle.terms.joint(j)] += arms[j] * pull.passive - torque[i][j] * last_[i];
     }
   }
-  ShareTorques(muscles, torque, bounds, goal.weight, effort_, kSweeps, missing, last_);
-  for (int i = 0; i < kMuscles; ++i)
-    excitations[i] = Excitation(state.activation[i], last_[i], kControlStep);
+  ShareTorques(muscles, torque, bounds, goal.weight, effort_, kSweeps, missing,
+               std::span(last_).first(muscles.size()));
+  for (size_t i = 0; i < muscles.size(); ++i)
+    excitations[i] = Excitation(state.activation[i], last_[i], control_step);
 }
 
 }  // namespace myograde::baseline

@@ -9,8 +9,10 @@
 namespace myograde::baseline {
 
 // The joints of the walker's table, in its order: right hip (flexion, adduction, rotation), left
-// hip (the same), left knee, ankle, subtalar joint and toes.
-inline constexpr int kLengthJoints = 10;
+// hip (the same), left knee, ankle, subtalar joint and toes. A person with two whole legs has the
+// last four on the right, too.
+inline constexpr int kFittedJoints = 10;
+inline constexpr int kLengthJoints = 14;
 inline constexpr int kMostJoints = 10;  // that one muscle crosses
 
 // The monomials of first to third order over some of those joints.

@@ -14,14 +14,15 @@ namespace myograde::baseline {
 // Coordinate descent, `sweeps` times over all muscles, on the squared torque that is missing, times
 // `weight` of each joint, plus `effort` times the squared activations. `muscles[i].terms` has the
 // joints of muscle i, `torque[i]` its torques at full activation (N m), in the same order. Changes
-// `activations` within `bounds`, and with them `missing` (N m), which fits them before and after.
+// `activations`, one for each muscle, within `bounds`, and with them `missing` (N m), which fits
+// them before and after.
 template <typename Table, size_t kCount, size_t kMost, size_t kWidth>
 void ShareTorques(const Table& muscles, const std::array<std::array<double, kMost>, kCount>& torque,
                   const std::array<ActivationBounds, kCount>& bounds,
                   const std::array<double, kWidth>& weight, double effort, int sweeps,
                   std::array<double, kWidth>& missing, std::span<double> activations) {
   for (int sweep = 0; sweep < sweeps; ++sweep) {
-    for (size_t i = 0; i < kCount; ++i) {
+    for (size_t i = 0; i < activations.size(); ++i) {
       const LengthTerms& terms = muscles[i].terms;
       double slope = -effort * activations[i], curvature = effort;
       for (int j = 0; j < terms.joints(); ++j) {

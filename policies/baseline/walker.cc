@@ -12,10 +12,17 @@ constexpr size_t kAngles = 2, kVelocities = 19, kFootForce = 36, kSocketForce = 
                  kActivations = 45, kLengths = 99, kMuscleVelocities = 153, kPlace = 261,
                  kPlaceVelocity = 263, kHeights = 265;
 // Where each joint of LengthTerms stands among the observation's angles.
-constexpr std::array<size_t, kLengthJoints> kJointPlaces = {4, 3, 5, 1, 0, 2, 6, 15, 16, 14};
+constexpr std::array<size_t, kFittedJoints> kJointPlaces = {4, 3, 5, 1, 0, 2, 6, 15, 16, 14};
+// The same with two whole legs.
+namespace whole {
+constexpr size_t kAngles = 0, kVelocities = 28, kFootForce = 56, kPelvis = 60, kPlaceVelocity = 71,
+                 kLengths = 73, kMuscleVelocities = 153, kActivations = 313;
+constexpr std::array<size_t, kLengthJoints> kJointPlaces = {0,  1,  2,  14, 15, 16, 19,
+                                                            22, 23, 24, 5,  8,  9,  10};
+}  // namespace whole
 // Joints of LengthTerms.
 constexpr int kHipRight = 0, kHipLeft = 3;  // flexion; then adduction, rotation
-constexpr int kKnee = 6, kAnkle = 7, kSubtalar = 8, kToes = 9;
+constexpr int kKneeLeft = 6, kKneeRight = 10;  // then ankle, subtalar joint, toes
 // The body's size in m, in the pelvis' frame: x forwards, y up, z to the right.
 constexpr Vector kHipPlace = {-0.056, -0.078, 0.077};
 constexpr Vector kMiddle = {-0.075, 0.04, 0};
@@ -78,7 +85,7 @@ void Walker::Reset() {
 
 void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
   const double per_second = observed_ == Observed::kOfficial ? 1 / kControlStep : 1;
-  for (int j = 0; j < kLengthJoints; ++j) {
+  for (int j = 0; j < kFittedJoints; ++j) {
     state_.angles[j] = observation[kAngles + kJointPlaces[j]];
     velocity_[j] = observation[kVelocities + kJointPlaces[j]] * per_second;
   }
@@ -87,39 +94,63 @@ void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
     state_.length[i] = observation[kLengths + SortedPlaces()[i]];
     state_.velocity[i] = observation[kMuscleVelocities + SortedPlaces()[i]];
   }
-  const auto q = observation.subspan<kPelvis, 4>();
+  const double beside = observation[kPlace] - p_[kLine];  // m, to the left
+  SenseTrunk(observation.subspan<kPelvis, 4>(),
+             {observation[kPlaceVelocity], observation[kPlaceVelocity + 1]},
+             kHeading - std::clamp(p_[kSteering] * beside, -kLargestTurn, kLargestTurn));
+  const double aside = std::clamp(beside, -kFarAside, kFarAside);
+  body_.vy += p_[kDrift] * aside;
+  body_.vy += p_[kCrab] * body_.vx * std::sin(Wrapped(yaw_ - kHeading));
+  SenseGround(observation);
+  body_.fast = body_.vx - p_[kSpeed] - p_[kRiseSpeed] * body_.Rise();
+  PlaceFeet();
+  body_.touching_left = observation[kFootForce] + observation[kFootForce + 1] > kTouch;
+  const auto socket = observation.subspan<kSocketForce, 3>();
+  body_.touching_right = -socket[1] > kSocketTouch;
+}
+
+void Walker::Sense(std::span<const double, kWholeObservation> observation, double heading) {
+  for (int j = 0; j < kLengthJoints; ++j) {
+    state_.angles[j] = observation[whole::kAngles + whole::kJointPlaces[j]];
+    velocity_[j] = observation[whole::kVelocities + whole::kJointPlaces[j]] / kWholeControlStep;
+  }
+  const auto copy = [&](size_t from, std::array<double, kWholeMuscles>& to) {
+    std::copy_n(observation.begin() + static_cast<ptrdiff_t>(from), to.size(), to.begin());
+  };
+  copy(whole::kActivations, state_.activation);
+  copy(whole::kLengths, state_.length);
+  copy(whole::kMuscleVelocities, state_.velocity);
+  SenseTrunk(observation.subspan<whole::kPelvis, 4>(),
+             {observation[whole::kPlaceVelocity], observation[whole::kPlaceVelocity + 1]}, heading);
+  body_.fast = body_.vx - p_[kSpeed];
+  PlaceFeet();
+  const auto force = observation.subspan<whole::kFootForce, 4>();
+  body_.touching_right = force[0] + force[1] > kTouch;
+  body_.touching_left = force[2] + force[3] > kTouch;
+}
+
+// `velocity`: in the world, of which only x and y count. `wanted`: the heading.
+void Walker::SenseTrunk(std::span<const double, 4> q, const Vector& velocity, double wanted) {
   // The pelvis' frame lies a quarter turn about x ahead of the trunk's.
   const double half = std::sqrt(0.5);
   const Quaternion trunk = Quaternion{q[0], q[1], q[2], q[3]} * Quaternion{half, -half, 0, 0};
   const Quaternion turn = first_ ? Quaternion{} : last_.Conjugate() * trunk;
-  const double rate = std::copysign(2.0, turn.w) / kControlStep;  // rad/s
+  const double rate = std::copysign(2.0, turn.w) / ControlStep();  // rad/s
   last_ = trunk;
 
   const Vector forwards = trunk.Turn({1, 0, 0});
-  const double yaw = std::atan2(forwards[1], forwards[0]);
-  const Quaternion tilt = About(2, -yaw) * trunk;
-  const Vector up = tilt.Turn({0, 0, 1});
+  yaw_ = std::atan2(forwards[1], forwards[0]);
+  tilt_ = About(2, -yaw_) * trunk;
+  const Vector up = tilt_.Turn({0, 0, 1});
   body_.pitch = std::atan2(up[0], up[2]);
   body_.roll = std::atan2(-up[1], up[2]);
-  const Vector spin = tilt.Turn({rate * turn.x, rate * turn.y, rate * turn.z});
+  const Vector spin = tilt_.Turn({rate * turn.x, rate * turn.y, rate * turn.z});
   body_.roll_rate = spin[0];
   body_.pitch_rate = spin[1];
   body_.yaw_rate = spin[2];
-  const double beside = observation[kPlace] - p_[kLine];  // m, to the left
-  const double wanted =
-      kHeading - std::clamp(p_[kSteering] * beside, -kLargestTurn, kLargestTurn);
-  body_.yaw = Wrapped(yaw - wanted);
-  const double vx = observation[kPlaceVelocity], vy = observation[kPlaceVelocity + 1];
-  body_.vx = std::cos(yaw) * vx + std::sin(yaw) * vy;
-  const double aside = std::clamp(beside, -kFarAside, kFarAside);
-  body_.vy = -std::sin(yaw) * vx + std::cos(yaw) * vy + p_[kDrift] * aside +
-             p_[kCrab] * body_.vx * std::sin(Wrapped(yaw - kHeading));
-  SenseGround(observation);
-  body_.fast = body_.vx - p_[kSpeed] - p_[kRiseSpeed] * body_.Rise();
-  PlaceFeet(tilt);
-  body_.touching_left = observation[kFootForce] + observation[kFootForce + 1] > kTouch;
-  const auto socket = observation.subspan<kSocketForce, 3>();
-  body_.touching_right = -socket[1] > kSocketTouch;
+  body_.yaw = Wrapped(yaw_ - wanted);
+  body_.vx = std::cos(yaw_) * velocity[0] + std::sin(yaw_) * velocity[1];
+  body_.vy = -std::sin(yaw_) * velocity[0] + std::cos(yaw_) * velocity[1];
 }
 
 // The highest ground where each foot would land, as a foot must not stub.
@@ -140,9 +171,9 @@ void Walker::SenseGround(std::span<const double, kWalkerObservation> observation
   }
 }
 
-void Walker::PlaceFeet(const Quaternion& tilt) {
+void Walker::PlaceFeet() {
   const double half = std::sqrt(0.5);
-  const Quaternion pelvis = tilt * Quaternion{half, half, 0, 0};
+  const Quaternion pelvis = tilt_ * Quaternion{half, half, 0, 0};
   const Vector middle = pelvis.Turn(kMiddle);
   for (const bool right : {false, true}) {
     const int hip = right ? kHipRight : kHipLeft;
@@ -150,7 +181,10 @@ void Walker::PlaceFeet(const Quaternion& tilt) {
     const Quaternion thigh = About(2, state_.angles[hip]) *
                              About(0, side * state_.angles[hip + 1]) *
                              About(1, side * state_.angles[hip + 2]);
-    const Quaternion shank = thigh * About(2, -(right ? kLegKneeGuess : state_.angles[kKnee]));
+    const double knee = right && legs_ == Legs::kProsthetic
+                            ? kLegKneeGuess
+                            : state_.angles[right ? kKneeRight : kKneeLeft];
+    const Quaternion shank = thigh * About(2, -knee);
     const Vector in_pelvis = Vector{kHipPlace[0], kHipPlace[1], side * kHipPlace[2]} +
                              thigh.Turn({0, -kThigh, 0}) + shank.Turn({0, -kShank, 0});
     const Vector foot = pelvis.Turn(in_pelvis);
@@ -164,12 +198,13 @@ void Walker::Begin() {
   swing_ = body_.x_left > body_.x_right + kApart ? Side::kLeft : Side::kRight;
   starting_ = std::abs(body_.x_left - body_.x_right) < kApart;
   swing_from_ = state_.angles[swing_ == Side::kRight ? kHipRight : kHipLeft] - body_.pitch;
-  since_ = early_ = 0;
+  since_ = legs_ == Legs::kWhole && !starting_ ? begun_ : 0;
+  early_ = 0;
 }
 
 // Ends a phase when the swinging foot has landed, or should have long ago.
 void Walker::Advance() {
-  since_ += kControlStep;
+  since_ += ControlStep();
   if (starting_ || BothStand()) {
     swing_from_ = state_.angles[swing_ == Side::kRight ? kHipRight : kHipLeft] - body_.pitch;
   }
@@ -273,38 +308,42 @@ void Walker::ControlSwingHip(Side swing, TorqueGoal& goal) const {
   Turn(goal, hip, -p_[kTurnSwing], 0);
 }
 
-void Walker::ControlSoundLeg(TorqueGoal& goal) const {
-  const bool swinging = swing_ == Side::kLeft && !BothStand();
-  Pull(goal, kToes, 0, 8, 0.3, 0.2);
+void Walker::ControlSoundLeg(Side side, TorqueGoal& goal) const {
+  const bool right = side == Side::kRight;
+  const int knee = right ? kKneeRight : kKneeLeft;
+  const int ankle = knee + 1, subtalar = knee + 2, toes = knee + 3;
+  const bool swinging = swing_ == side && !BothStand();
+  Pull(goal, toes, 0, 8, 0.3, 0.2);
   if (!swinging || since_ < p_[kDoubleTime] + p_[kPushTime]) {
-    const bool push = swinging || body_.x_left > p_[kPushPlace];
+    const bool push = swinging || (right ? body_.x_right : body_.x_left) > p_[kPushPlace];
     if (swinging) {  // the other foot has landed: the knee gives way
-      Pull(goal, kKnee, p_[kKneeSwing] / 2, p_[kKneeSwingStiffness], p_[kKneeSwingDamping], 1);
+      Pull(goal, knee, p_[kKneeSwing] / 2, p_[kKneeSwingStiffness], p_[kKneeSwingDamping], 1);
     } else {
-      Pull(goal, kKnee, p_[kKneeStance], p_[kKneeStanceStiffness], p_[kKneeStanceDamping], 1);
+      Pull(goal, knee, p_[kKneeStance], p_[kKneeStanceStiffness], p_[kKneeStanceDamping], 1);
     }
     const WalkerParameter target = starting_ ? kStartAnkle : push ? kAnklePush : kAnkleStance;
-    Pull(goal, kAnkle, p_[target],
-         p_[push ? kAnklePushStiffness : kAnkleStanceStiffness], p_[kAnkleStanceDamping], 1);
-    if (!push && !starting_) goal.torque[kAnkle] -= p_[kAnkleLean] * body_.fast;
-    Pull(goal, kSubtalar, 0, p_[kSubtalarStiffness], p_[kSubtalarDamping], 1);
-    goal.torque[kSubtalar] += p_[kSubtalarSide] * body_.vy;
+    Pull(goal, ankle, p_[target], p_[push ? kAnklePushStiffness : kAnkleStanceStiffness],
+         p_[kAnkleStanceDamping], 1);
+    if (!push && !starting_) goal.torque[ankle] -= p_[kAnkleLean] * body_.fast;
+    Pull(goal, subtalar, 0, p_[kSubtalarStiffness], p_[kSubtalarDamping], 1);
+    goal.torque[subtalar] -= Sign(right) * p_[kSubtalarSide] * body_.vy;
     return;
   }
   const bool flexing = since_ < p_[kDoubleTime] + p_[kKneeFlexTime] * p_[kSwingTimeLeft];
-  const double bent = p_[kKneeSwing] + p_[kRiseKnee] * body_.rise_left;
-  Pull(goal, kKnee, flexing ? bent : p_[kKneeLanding],
+  const double rise = right ? body_.rise_right : body_.rise_left;
+  const double bent = p_[kKneeSwing] + p_[kRiseKnee] * rise;
+  Pull(goal, knee, flexing ? bent : p_[kKneeLanding],
        p_[flexing ? kKneeSwingStiffness : kKneeLandingStiffness],
        p_[flexing ? kKneeSwingDamping : kKneeLandingDamping], 1);
-  Pull(goal, kAnkle, p_[kAnkleSwing], p_[kAnkleSwingStiffness], p_[kAnkleSwingStiffness] / 20, 1);
-  Pull(goal, kSubtalar, 0, 15, 1, 1);
+  Pull(goal, ankle, p_[kAnkleSwing], p_[kAnkleSwingStiffness], p_[kAnkleSwingStiffness] / 20, 1);
+  Pull(goal, subtalar, 0, 15, 1, 1);
 }
 
 // s by which a swing is ahead of its time: the prosthesis' if the sound foot has landed too near to
 // the body, which falls onto a bent knee unless the swing is earlier, too; the sound leg's if the
 // prosthesis has landed early.
 double Walker::Lead() const {
-  if (starting_) return 0;
+  if (starting_ || legs_ == Legs::kWhole) return 0;
   if (swing_ == Side::kLeft) return p_[kSwingEarly] * early_;
   const double fallback = kMeanPlace + kMeanSpeed * std::max(since_ - p_[kDoubleTime], 0.0);
   return p_[kSwingLead] * std::clamp((body_.x_left - fallback) / kLeadSpeed, 0.0, kLongestLead);
@@ -321,6 +360,18 @@ int Walker::LegMode() const {
 void Walker::Act(std::span<const double, kWalkerObservation> observation,
                  std::span<double, kWalkerAction> action) {
   Sense(observation);
+  muscles_.Allocate(state_, Plan(), action.first<kMuscles>());
+  action[kMuscles] = LegMode();
+}
+
+void Walker::Act(std::span<const double, kWholeObservation> observation, double heading,
+                 std::span<double, kWholeMuscles> action) {
+  Sense(observation, heading);
+  muscles_.Allocate(state_, Plan(), action);
+}
+
+// The torques for what has been sensed.
+TorqueGoal Walker::Plan() {
   if (first_) {
     Begin();
     first_ = false;
@@ -337,9 +388,10 @@ void Walker::Act(std::span<const double, kWalkerObservation> observation,
     ControlSwingHip(swing_, goal);
     ControlTrunk(stance, 1, goal);
   }
-  ControlSoundLeg(goal);
-  muscles_.Allocate(state_, goal, action.first<kMuscles>());
-  action[kMuscles] = LegMode();
+  for (const Side side : {Side::kLeft, Side::kRight}) {
+    if (Sound(side)) ControlSoundLeg(side, goal);
+  }
+  return goal;
 }
 
 }  // namespace myograde::baseline

@@ -1,7 +1,7 @@
 // Walks on the sound leg and the prosthetic one: a machine of two phases (one leg stands, the other
 // swings) with springs and dampers around each joint, whose swinging foot is placed by the body's
 // place and speed before the standing one. Muscles make the torques (leg_muscles.h); the prosthetic
-// leg gets four parameter sets, one for each part of its cycle.
+// leg gets four parameter sets, one for each part of its cycle. With two whole legs both are sound.
 #pragma once
 
 #include <array>
@@ -16,6 +16,7 @@ namespace myograde::baseline {
 
 inline constexpr size_t kWalkerObservation = 365;
 inline constexpr size_t kWalkerAction = 55;
+inline constexpr size_t kWholeObservation = 393;  // with two whole legs: that of chase-tag
 
 // One impedance of the prosthetic leg: torque = stiffness (target - angle) - damping velocity.
 struct LegImpedance {
@@ -36,7 +37,9 @@ Observed ObservedIn(std::string_view profile);
 
 class Walker {
  public:
-  explicit Walker(const WalkerNumbers& numbers) : p_(numbers), muscles_(numbers[kEffort]) {}
+  // `begun`: s that the first swing of two whole legs has lasted when an episode begins.
+  explicit Walker(const WalkerNumbers& numbers, Legs legs = Legs::kProsthetic, double begun = 0)
+      : p_(numbers), legs_(legs), begun_(begun), muscles_(numbers[kEffort], legs) {}
 
   // What the parameter sets 0 to 3 of the prosthetic leg have to be, in all of their states.
   std::array<LegImpedance, kLegModes> LegModes() const;
@@ -50,6 +53,10 @@ class Walker {
   // Fills `action` (muscles from 0 to 1, then the parameter set) for the next observation.
   void Act(std::span<const double, kWalkerObservation> observation,
            std::span<double, kWalkerAction> action);
+
+  // The same for two whole legs, which head for `heading` (rad, from the x axis to the left).
+  void Act(std::span<const double, kWholeObservation> observation, double heading,
+           std::span<double, kWholeMuscles> action);
 
  private:
   enum class Side { kLeft, kRight };
@@ -72,28 +79,37 @@ class Walker {
   // Both feet stay on the ground for a moment after one has landed.
   bool BothStand() const { return !starting_ && since_ < p_[kDoubleTime]; }
 
+  double ControlStep() const { return legs_ == Legs::kWhole ? kWholeControlStep : kControlStep; }
+  bool Sound(Side side) const { return legs_ == Legs::kWhole || side == Side::kLeft; }
+
   void Sense(std::span<const double, kWalkerObservation> observation);
+  void Sense(std::span<const double, kWholeObservation> observation, double heading);
+  void SenseTrunk(std::span<const double, 4> pelvis, const Vector& velocity, double wanted);
   void SenseGround(std::span<const double, kWalkerObservation> observation);
-  void PlaceFeet(const Quaternion& tilt);
+  void PlaceFeet();
+  TorqueGoal Plan();
   void Begin();
   void Advance();
   // `part`: of what the trunk needs.
   void ControlTrunk(Side stance, double part, TorqueGoal& goal) const;
   void ControlSwingHip(Side swing, TorqueGoal& goal) const;
   void Turn(TorqueGoal& goal, int hip, double part, double bias) const;
-  void ControlSoundLeg(TorqueGoal& goal) const;
+  void ControlSoundLeg(Side side, TorqueGoal& goal) const;
   int LegMode() const;
   double Lead() const;
   void Pull(TorqueGoal& goal, int joint, double target, double stiffness, double damping,
             double weight) const;
 
   WalkerNumbers p_;
+  Legs legs_;
+  double begun_;
   Observed observed_ = Observed::kPaper;
   MuscleAllocator muscles_;
   MuscleState state_;
   std::array<double, kLengthJoints> velocity_{};  // rad/s, of state_.angles
   Body body_{};
-  Quaternion last_;
+  Quaternion last_, tilt_;  // the trunk's in the world, and in the frame that has its heading
+  double yaw_ = 0;          // rad, of the trunk in the world
   bool first_ = true;
   bool starting_ = false;  // stands still and leans forwards
   Side swing_ = Side::kRight;

@@ -7,6 +7,7 @@
 #include "policies/baseline/juggler.h"
 #include "policies/baseline/reacher.h"
 #include "policies/baseline/reacher_parameters.h"
+#include "policies/baseline/tagger.h"
 #include "policies/baseline/walker.h"
 
 using myograde::baseline::Juggler;
@@ -18,11 +19,15 @@ using myograde::baseline::kReacherObservation;
 using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
 using myograde::baseline::kWalkerParameters;
+using myograde::baseline::kWholeMuscles;
+using myograde::baseline::kWholeObservation;
 using myograde::baseline::MakePlan;
 using myograde::baseline::ObservedIn;
 using myograde::baseline::ParameterInfo;
 using myograde::baseline::Reacher;
 using myograde::baseline::ReacherParameters;
+using myograde::baseline::Tagger;
+using myograde::baseline::TaggerParameters;
 using myograde::baseline::Walker;
 using myograde::baseline::WalkerNumbers;
 
@@ -96,6 +101,20 @@ void juggler_act(void* juggler, const double* observation, double* action) {
   static_cast<Juggler*>(juggler)->Act(
       std::span<const double, kJugglerObservation>(observation, kJugglerObservation),
       std::span<double, kHandActions>(action, kHandActions));
+}
+
+size_t tagger_parameter_count() { return TaggerParameters().size(); }
+const char* tagger_parameter_name(size_t i) { return TaggerParameters()[i].name; }
+void tagger_parameter_info(size_t i, double* out) { CopyInfo(TaggerParameters()[i], out); }
+void* tagger_make(const double* numbers) {
+  return new Tagger({numbers, TaggerParameters().size()});
+}
+void tagger_free(void* tagger) { delete static_cast<Tagger*>(tagger); }
+void tagger_reset(void* tagger) { static_cast<Tagger*>(tagger)->Reset(); }
+void tagger_act(void* tagger, const double* observation, double* action) {
+  static_cast<Tagger*>(tagger)->Act(
+      std::span<const double, kWholeObservation>(observation, kWholeObservation),
+      std::span<double, kWholeMuscles>(action, kWholeMuscles));
 }
 
 }  // extern "C"

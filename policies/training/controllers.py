@@ -16,7 +16,7 @@ from myograde.policy.leg import STATES, Joint, LegSet, LegState, Threshold
 
 # A threshold that nothing reaches: the sets' states are all the same, and stay where they are.
 NEVER = (Threshold("load", -1e9, above=False),)
-CONTROLLERS = ("walker", "reacher", "juggler")
+CONTROLLERS = ("walker", "reacher", "juggler", "tagger")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,3 +134,10 @@ class Juggler(Controller):
 
     name = "juggler"
     action_size = 39
+
+
+class Tagger(Controller):
+    """The controller of the track chasetag."""
+
+    name = "tagger"
+    action_size = 80

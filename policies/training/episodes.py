@@ -35,8 +35,14 @@ JUGGLER_STEP = 0.025  # s
 JUGGLER_S = 5.0       # s, that an episode takes
 NEAR = 0.02           # m, from its target, that the score of a ball falls by a factor of e
 BALLS_MISSING = slice(41, 47)  # from both balls to their targets, m
+TAGGER_STEP = 0.01         # s
+LEGS_PELVIS = slice(60, 64)  # its quaternion in the tagger's observation, w first
+OPPONENT = slice(64, 66)   # m
+PLACE = slice(69, 71)      # m
+EDGE = 6.0                 # m from the middle, where no opponent comes near
 # What each plays unless told otherwise.
-PROFILES = {"walker": "paper", "reacher": "paper", "juggler": "official"}
+PROFILES = {"walker": "paper", "reacher": "paper", "juggler": "official",
+            "tagger": "official"}
 PR_SET_PDEATHSIG = 1
 
 
@@ -46,10 +52,11 @@ class Result:
 
     score: float
     distance: float  # m: how far the walker got, or the lifted box on its way to the goal; of a
-    # juggler, the share of solved steps
+    # juggler, the share of solved steps; of a tagger, the official score
     time: float  # s
     end: str
-    start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
+    start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead; of a
+    # tagger, its task
     tilt: str = ""  # where a walker leans at the end: forwards, backwards, left or right
     course: str = ""  # of the walker, one of COURSES
     lifted: bool = False  # the box, more than LIFTED
@@ -82,7 +89,8 @@ def prepare(library: pathlib.Path, controller: str = "walker", profile: str = ""
 
 def environment(controller: str, profile: str, config: str) -> Any:
     """One environment, as `prepare` says. WrongUse if profile or config is none."""
-    track = {"walker": "Locomotion", "reacher": "Manipulation", "juggler": "Baoding"}[controller]
+    track = {"walker": "Locomotion", "reacher": "Manipulation", "juggler": "Baoding",
+             "tagger": "ChaseTag"}[controller]
     return myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
                         profile=profile or PROFILES[controller], config=config or None)
 
@@ -95,7 +103,7 @@ def workers(args: argparse.Namespace) -> ProcessPoolExecutor:
     except WrongUse as error:
         raise SystemExit(str(error)) from error
     kind = {"walker": controllers.Walker, "reacher": controllers.Reacher,
-            "juggler": controllers.Juggler}[args.controller]
+            "juggler": controllers.Juggler, "tagger": controllers.Tagger}[args.controller]
     if played.single_action_space.shape != (kind.action_size,):
         raise SystemExit(f"{args.config}: the {args.controller} does not play this track")
     played.close()
@@ -123,7 +131,8 @@ def tilt_of(pelvis: np.ndarray) -> str:
 
 def play(job: tuple[np.ndarray, int, float]) -> Result:
     """One episode: parameters, seed, and the most seconds that it may take."""
-    return {"walker": walk, "reacher": reach, "juggler": juggle}[_controller](*job)
+    return {"walker": walk, "reacher": reach, "juggler": juggle,
+            "tagger": tag}[_controller](*job)
 
 
 def walk(numbers: np.ndarray, seed: int, seconds: float) -> Result:
@@ -213,3 +222,31 @@ def juggle(numbers: np.ndarray, seed: int, seconds: float) -> Result:
             break
     solved = int(info["facts"]["solved_steps"][0]) / most
     return Result(solved + 0.5 * near / most, solved, steps * JUGGLER_STEP, end, "falling")
+
+
+def tag(numbers: np.ndarray, seed: int, seconds: float) -> Result:
+    """An episode of the tagger. Upright seconds and metres towards the goal lead the search to what
+    scores."""
+    tagger = controllers.Tagger(_library, numbers)
+    observations, _ = _envs.reset(seed=[seed])
+    tagger.reset()
+    actions = np.zeros((1, tagger.action_size))
+    end, score, steps, upright, fallen = "time", 0.0, 0, 0, False
+    evades, first, nearest = False, 0.0, np.inf
+    for steps in range(1, round(min(seconds, 20) / TAGGER_STEP) + 1):
+        tagger.act(observations[0], actions[0])
+        observations, _, terminated, truncated, info = _envs.step(actions)
+        now = observations[0]
+        evades = bool(info["facts"]["evades"][0])
+        way = (EDGE - float(np.max(np.abs(now[PLACE]))) if evades else
+               float(np.linalg.norm(now[OPPONENT] - now[PLACE])))
+        first, nearest = way if steps == 1 else first, min(nearest, way)
+        w, x, y, z = now[LEGS_PELVIS]
+        fallen = fallen or 2 * (y * z + w * x) < 0.5  # its y axis points up
+        upright += not fallen
+        if terminated[0] or truncated[0]:
+            end = str(info["end"][0])
+            score = float(info["rewards"]["sparse"][0])
+            break
+    led = 0.02 * min(upright * TAGGER_STEP, 10) + 0.05 * (first - max(nearest, 0))
+    return Result(score + led, score, steps * TAGGER_STEP, end, "evade" if evades else "chase")

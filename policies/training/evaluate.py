@@ -68,10 +68,10 @@ def main() -> int:
     with episodes.workers(args) as pool:
         results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
-    juggles = args.controller == "juggler"
+    share = {"juggler": "solved", "tagger": "score"}.get(args.controller)
     figure: dict[str, Any] = {
-        "solved" if juggles else "distance_m": round(mean, 4 if juggles else 3),
-        "standard_error" if juggles else "standard_error_m": round(error, 4 if juggles else 3),
+        share or "distance_m": round(mean, 4 if share else 3),
+        "standard_error" if share else "standard_error_m": round(error, 4 if share else 3),
         "profile": args.profile or episodes.PROFILES[args.controller],
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
         "ends": episodes.counts(r.end for r in results)}
@@ -89,7 +89,7 @@ def main() -> int:
             course: episodes.counts(r.tilt for r in fallen if r.course == course)
             for course in episodes.COURSES}
     print(json.dumps(figure))
-    unit = "" if juggles else " m"
+    unit = "" if share else " m"
     for start in sorted({r.start for r in results}):
         mine = [r for r in results if r.start == start]
         print(f"{start}: {len(mine)} episodes, {spread([r.distance for r in mine])[0]:.2f}{unit} in "

@@ -182,6 +182,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Bundled{"scripted-locomotion", {"./scripted-locomotion"}},
                       Bundled{"baseline-locomotion", {"./baseline-locomotion"}},
                       Bundled{"baseline-baoding", {"./baseline-baoding"}},
+                      Bundled{"baseline-chasetag", {"./baseline-chasetag"}},
                       Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}),
     [](const auto& test) {
       std::string name = test.param.folder;

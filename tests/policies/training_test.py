@@ -65,7 +65,8 @@ class Training(unittest.TestCase):
     def test_the_shipped_parameters_are_all_there(self):
         for controller, file, profile in (("walker", "locomotion.json", "as-graded"),
                                           ("reacher", "manipulation.json", "paper"),
-                                          ("juggler", "baoding.json", "official")):
+                                          ("juggler", "baoding.json", "official"),
+                                          ("tagger", "chasetag.json", "official")):
             shipped = SOURCE / "policies/baseline/parameters" / file
             written = self.folder / file
             run("evaluate.py", shipped, "--library", LIBRARY, "--controller", controller,

@@ -14,16 +14,16 @@
 namespace myograde::baseline {
 namespace {
 
-constexpr std::array<const char*, kLengthJoints> kJoints = {
-    "hip_flexion_r", "hip_adduction_r", "hip_rotation_r", "hip_flexion_l",    "hip_adduction_l",
-    "hip_rotation_l", "knee_angle_l",   "ankle_angle_l",  "subtalar_angle_l", "mtp_angle_l"};
+constexpr std::array<const char*, kFittedJoints> kJoints = {
+    "hip_flexion_r",  "hip_adduction_r", "hip_rotation_r", "hip_flexion_l",    "hip_adduction_l",
+    "hip_rotation_l", "knee_angle_l",    "ankle_angle_l",  "subtalar_angle_l", "mtp_angle_l"};
 constexpr int kKneeJoint = 6;
 
 MuscleState StateOf(const sim::LocomotionEnvironment& course) {
   const mjModel& model = course.model();
   const mjData& data = course.data();
   MuscleState state;
-  for (int j = 0; j < kLengthJoints; ++j) {
+  for (int j = 0; j < kFittedJoints; ++j) {
     state.angles[j] = data.qpos[model.jnt_qposadr[mj_name2id(&model, mjOBJ_JOINT, kJoints[j])]];
   }
   for (int i = 0; i < kMuscles; ++i) {
@@ -61,7 +61,7 @@ TEST(LegMuscles, TorquesAreTheModels) {
     Walk(*course, walker, seed, 25);  // later a thigh is lifted higher than the table is fitted for
     const MuscleState state = StateOf(*course);
     const auto torques = MuscleTorques(state);
-    for (int j = 0; j < kLengthJoints; ++j) {
+    for (int j = 0; j < kFittedJoints; ++j) {
       if (j == kKneeJoint) continue;  // it drags others along, which the model keeps apart
       const int joint = mj_name2id(&course->model(), mjOBJ_JOINT, kJoints[j]);
       const double of_model = course->data().qfrc_actuator[course->model().jnt_dofadr[joint]];

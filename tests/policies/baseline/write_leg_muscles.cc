@@ -20,11 +20,11 @@
 namespace {
 
 using myograde::baseline::JointRange;
-using myograde::baseline::kLengthJoints;
+using myograde::baseline::kFittedJoints;
 using myograde::baseline::LengthTerms;
 using myograde::baseline::Posture;
 
-constexpr std::array<JointRange, kLengthJoints> kJoints = {{
+constexpr std::array<JointRange, kFittedJoints> kJoints = {{
     {"hip_flexion_r", -0.5, 1.2},
     {"hip_adduction_r", -0.4, 0.35},
     {"hip_rotation_r", -0.4, 0.4},
@@ -80,7 +80,7 @@ int main(int argc, char** argv) {
       "weights of the terms (m).\n");
   for (int i = 0; i < std::ssize(sampler.muscles()); ++i) {
     const std::vector<int> joints =
-        myograde::baseline::CrossedJoints(fitted, i, kLengthJoints, kSmallestArm);
+        myograde::baseline::CrossedJoints(fitted, i, kFittedJoints, kSmallestArm);
     const LengthTerms terms(joints);
     const std::vector<double> weights = FitArms(fitted, i, terms);
     Write(**model, sampler.muscles()[i], joints, weights);
