@@ -111,7 +111,7 @@ absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
   }
   if (reader.Has("config")) request.config = reader.Object("config");
   if (reader.Has("method")) {
-    request.method = ParseRejudgeMethod(reader.Choice("method", {"auto", "facts", "play"}))
+    request.method = ParseEnum<RejudgeMethod>(reader.Choice("method", {"auto", "facts", "play"}))
                          .value_or(RejudgeMethod::kAuto);
   }
   if (reader.Has("repeats")) request.repeats = reader.Integer("repeats", 1, kMostRepeats);

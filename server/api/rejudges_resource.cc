@@ -31,7 +31,7 @@ namespace {
 Json SummaryOf(const RejudgeRow& rejudge, const RejudgeProgress& progress) {
   Json json = RejudgeKeys(rejudge);
   json.update({{"at", TimeToJson(rejudge.at)},
-               {"state", RejudgeStateName(progress.state)},
+               {"state", EnumName(progress.state)},
                {"complete", progress.complete},
                {"who", rejudge.who},
                {"reason", rejudge.why},
@@ -46,7 +46,7 @@ Json SummaryOf(const RejudgeRow& rejudge, const RejudgeProgress& progress) {
 }
 
 Json EventToJson(const RejudgeEventRow& event) {
-  return {{"event", RejudgeEventName(event.event)},
+  return {{"event", EnumName(event.event)},
           {"at", TimeToJson(event.at)},
           {"who", event.who},
           {"reason", event.why},
@@ -73,7 +73,7 @@ absl::StatusOr<Json> WithoutResultToJson(const Transaction& reader, const Rejudg
     without.push_back({{"submission", submission},
                        {"team", TeamToJson(reader, submission)},
                        {"evaluation", item.id},
-                       {"state", EvaluationStateName(item.state)},
+                       {"state", EnumName(item.state)},
                        {"reason", TextOrNull(item.reason)}});
   }
   return without;
@@ -267,7 +267,7 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
     spdlog::error(
         "rejudge {} is {} and its board's config is {}, but episodes are played under it only "
         "after a restart: {}",
-        done.event.rejudge, RejudgeEventName(done.event.event), done.config_after,
+        done.event.rejudge, EnumName(done.event.event), done.config_after,
         std::string(switched.message()));
   };
 }

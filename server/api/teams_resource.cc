@@ -106,7 +106,7 @@ Json BudgetsToJson(const BudgetPlace& place,
   for (const Budget budget : kBudgets) {
     if (!place.phase.empty() && budget == Budget::kPractice) continue;  // it belongs to the track
     const Allowance& limit = place.limits.of(budget);
-    json[std::string(BudgetName(budget))] = {
+    json[std::string(EnumName(budget))] = {
         {"per_day", to_json(&QuotaUse::today_of, budget, limit.per_day)},
         {"total", to_json(&QuotaUse::total_of, budget, limit.total)}};
   }
@@ -371,7 +371,7 @@ ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body
   }
   if (!status.ok()) return ToTeamError(status, grant.team);
   NoteAct(absl::StrCat("team ", grant.team),
-          absl::StrCat(grant.amount, " more of ", std::string(BudgetName(grant.budget)), " on ",
+          absl::StrCat(grant.amount, " more of ", std::string(EnumName(grant.budget)), " on ",
                        grant.track, ": ", grant.why));
   return answer;
 }

@@ -166,7 +166,7 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
                         .submission = context.submission.id,
                         .team = context.submission.team});
   spdlog::info("evaluation {}: {}, {} of {} episodes succeeded", evaluation,
-               std::string(EvaluationStateName(result.state)), result.standing.ranked.successes,
+               std::string(EnumName(result.state)), result.standing.ranked.successes,
                result.standing.ranked.episodes);
   return absl::OkStatus();
 }

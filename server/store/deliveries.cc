@@ -38,7 +38,7 @@ constexpr const char* kEndEvents[] = {"",           "",              kFinishedEv
 // What the owner of the submission knows anyway, and neither a number nor a word of its result: a
 // phase may withhold those.
 Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationState state) {
-  Json about = {{"evaluation", evaluation}, {"state", std::string(EvaluationStateName(state))}};
+  Json about = {{"evaluation", evaluation}, {"state", std::string(EnumName(state))}};
   StoredRow row(select, "submission");
   about["submission"] = row.Id(0);
   const std::string team = row.Text(1);

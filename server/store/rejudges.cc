@@ -10,7 +10,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/enum_names.h"
 #include "server/store/differences.h"
 #include "server/store/transaction.h"
 
@@ -18,8 +17,6 @@ namespace myograde::server {
 namespace {
 
 using State = RejudgeProgress::State;
-
-constexpr std::string_view kStates[] = {"computing", "ready", "applied", "dropped"};
 
 // What a board's submissions have as their results under from_config, and which of them a rejudge
 // has no evaluation of; first repetitions first. `latest`: the latest acceptance that counts.
@@ -107,7 +104,7 @@ nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
     if (row.repetition != 1) continue;
     results.push_back({{"submission", row.submission},
                        {"evaluation", row.id},
-                       {"state", EvaluationStateName(row.state)},
+                       {"state", EnumName(row.state)},
                        {"results", TextOrNull(row.results_hash)}});
   }
   return results;
@@ -121,8 +118,6 @@ std::string ConfigInForce(const BoardState& board, const BoardName& name,
 }
 
 }  // namespace
-
-std::string_view RejudgeStateName(State state) { return NameIn(kStates, state); }
 
 absl::StatusOr<RejudgeRow> Rejudges::Find(int64_t id) const {
   const RejudgeRow* rejudge = Board().Rejudge(id);
@@ -231,7 +226,7 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, Re
   nlohmann::json document = RejudgeKeys(rejudge);
   document.update({{"format", 1},
                    {"document", "rejudge"},
-                   {"event", RejudgeEventName(event)},
+                   {"event", EnumName(event)},
                    {"at", TimeText(now_ms_)},
                    {"who", who},
                    {"reason", why},
@@ -245,7 +240,7 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, Re
   ASSIGN_OR_RETURN(const std::string signature, sign(text));
   NewAct act{.kind = kRejudgeAct,
              .who = who,
-             .content = {{"event", RejudgeEventName(event)},
+             .content = {{"event", EnumName(event)},
                          {"rejudge", rejudge.id},
                          {"document_sha256", Sha256Hex(text)},
                          {"signature", signature}}};
@@ -306,7 +301,7 @@ absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std
 absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const RejudgeRow& rejudge,
                                              const std::string& who) {
   const EvaluationResult& result = *item.judged;
-  const std::string state(EvaluationStateName(result.state));
+  const std::string state(EnumName(result.state));
   if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json,
       results_hash, created_at, started_at, finished_at, config, seeds, rejudge, repetition, source,
       method) SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6,

@@ -48,7 +48,9 @@ struct RejudgeProgress {
   // Nothing is missing and everything has ended, not by being dropped. Only then it may be applied.
   bool complete = false;
 };
-std::string_view RejudgeStateName(RejudgeProgress::State state);  // "computing", "ready", ...
+template <>
+inline constexpr std::string_view kNamesOf<RejudgeProgress::State>[] = {"computing", "ready",
+                                                                        "applied", "dropped"};
 
 // A rejudge to create, with the contents of its hashes; its id, time and events are given to it.
 // Content that the store already has is shared.

@@ -103,7 +103,7 @@ Listed<SubmissionRow> Submissions::List(const SubmissionFilter& filter) const {
       AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))
       AND (?8 = '' OR s.phase = ?8) ORDER BY s.id DESC LIMIT ?6)",
       filter.before, filter.team, filter.track, filter.profile,
-      filter.state ? EvaluationStateName(*filter.state) : "", filter.limit,
+      filter.state ? EnumName(*filter.state) : "", filter.limit,
       filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : "", filter.phase);
 }
 
@@ -235,7 +235,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   Run(db_, "DELETE FROM upload WHERE artefact = ?", submission.artefact);
   Run(db_, R"(INSERT INTO admission (submission, team_id, track, phase, budget, day)
       SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?)",
-      BudgetName(budget), use.day, id);
+      EnumName(budget), use.day, id);
   RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
   ASSIGN_OR_RETURN(Accepted accepted,
                    Evaluations(context_).Add({.submission = id,
@@ -273,7 +273,7 @@ std::map<std::string, int64_t> Submissions::CountByState() const {
   while (select.executeStep()) {
     const std::string state = select.getColumn(0).getString();
     // A damaged row's state is anybody's text.
-    const bool known = ParseEvaluationState(state).has_value();
+    const bool known = ParseEnum<EvaluationState>(state).has_value();
     counts[known ? state : "unreadable"] += select.getColumn(1).getInt64();
   }
   return counts;

@@ -58,8 +58,7 @@ class DamageTest : public testing::Test {
     std::string state;
     const absl::Status status = world.readers->Read([&](const Transaction& reader) {
       const absl::StatusOr<EvaluationRow> row = reader.evaluations.Find(evaluation);
-      state = row.ok() ? std::string(EvaluationStateName(row->state))
-                       : std::string(row.status().message());
+      state = row.ok() ? std::string(EnumName(row->state)) : std::string(row.status().message());
       return absl::OkStatus();
     });
     return status.ok() ? state : std::string(status.message());

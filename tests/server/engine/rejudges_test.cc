@@ -153,7 +153,7 @@ TEST_F(RejudgesTest, IsAppliedAndDroppedAsAWhole) {
     const std::vector<RejudgeEventRow> events = reader.rejudges.Find(id)->events;
     std::vector<std::string_view> names;
     for (const RejudgeEventRow& event : events) {
-      names.push_back(RejudgeEventName(event.event));
+      names.push_back(EnumName(event.event));
       EXPECT_EQ(event.signature.size(), 128u);
     }
     EXPECT_THAT(names, ElementsAre("created", "applied", "dropped", "applied"));
@@ -414,9 +414,8 @@ TEST_F(RejudgesTest, APowerCutAtAnyCommitLosesNothing) {
       std::vector<std::string> results;
       for (const EvaluationRow& item : Items(1)) {
         results.push_back(absl::StrCat(item.submission, "/", item.repetition, " ",
-                                       std::string(RejudgeMethodName(item.method)), " ",
-                                       std::string(EvaluationStateName(item.state)), " ",
-                                       item.results_hash));
+                                       std::string(EnumName(item.method)), " ",
+                                       std::string(EnumName(item.state)), " ", item.results_hash));
       }
       if (expected.empty()) expected = results;
       ASSERT_EQ(results.size(), 4u);
