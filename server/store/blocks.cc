@@ -1,7 +1,6 @@
 // Where the attempts of blocks ran, and which nodes of a cluster get no blocks.
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -48,11 +47,9 @@ constexpr StoredRows<DrainedNodeRow> kNodes = {
     }};
 
 // The newest event of a node and its reason; "" if there is none.
-std::pair<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
-  Statement select(db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1",
-                   node);
-  if (!select.executeStep()) return {};
-  return {select.getColumn(0).getString(), select.getColumn(1).getString()};
+std::tuple<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
+  return FirstRow<std::string, std::string>(
+      db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1", node);
 }
 
 constexpr StoredRows<BlockRow> kBlocks = {
@@ -184,7 +181,7 @@ absl::Status Blocks::DrainNode(const std::string& node, const std::string& why,
 }
 
 absl::Status Blocks::AdmitNode(const std::string& node, const std::string& who) {
-  if (LatestEvent(db_, node).first == "drained") AddNodeEvent(node, "admitted", "", who);
+  if (std::get<0>(LatestEvent(db_, node)) == "drained") AddNodeEvent(node, "admitted", "", who);
   return absl::OkStatus();
 }
 

@@ -123,14 +123,12 @@ absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& up
   }
   const auto check = [&](const char* whose, const std::string& name, const std::string& sentence,
                          int64_t most, int64_t most_bytes) -> absl::Status {
-    Statement sum(db_,
-                  absl::StrCat("SELECT count(*), ifnull(sum(a.bytes), 0) FROM upload AS u "
-                               "JOIN artefact AS a ON a.hash = u.artefact WHERE ",
-                               whose, " = ?"),
-                  name);
-    sum.executeStep();
-    const int64_t count = sum.getColumn(0).getInt64();
-    const int64_t bytes = sum.getColumn(1).getInt64();
+    const auto [count, bytes] = FirstRow<int64_t, int64_t>(
+        db_,
+        absl::StrCat("SELECT count(*), ifnull(sum(a.bytes), 0) FROM upload AS u "
+                     "JOIN artefact AS a ON a.hash = u.artefact WHERE ",
+                     whose, " = ?"),
+        name);
     if (count < most && artefact.bytes <= most_bytes - bytes) return absl::OkStatus();
     return CodedRefusal(
         "quota",

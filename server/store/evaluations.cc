@@ -138,9 +138,9 @@ absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std:
 }
 
 absl::Status Evaluations::Note(int64_t evaluation, const std::string& who, const std::string& why) {
-  Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
-  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
-  const std::string state = select.getColumn(0).getString();
+  const auto [id, state] = FirstRow<int64_t, std::string>(
+      db_, "SELECT id, state FROM evaluation WHERE id = ?", evaluation);
+  if (id == 0) return NoSuch("evaluation", evaluation);
   return Audit("evaluation", evaluation, state, state, who, why);
 }
 
@@ -169,32 +169,33 @@ absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const s
 }
 
 void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
-  Statement select(db_, R"(SELECT e.submission, e.state, e.results_hash, ifnull(e.config, s.config),
-      ifnull(e.seeds, s.seeds), e.grader_json, e.rejudge, e.repetition FROM evaluation AS e
-      JOIN submission AS s ON s.id = e.submission
+  using Text = std::string;
+  const auto [submission, state, results, config, seeds, build, rejudge, repetition] =
+      FirstRow<int64_t, Text, Text, Text, Text, Text, int64_t, int64_t>(
+          db_, R"(SELECT e.submission, e.state, e.results_hash,
+      ifnull(e.config, s.config), ifnull(e.seeds, s.seeds), e.grader_json, e.rejudge, e.repetition
+      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
       WHERE e.id = ? AND s.ranked = 1 AND e.kind != 'rerun')",
-                   evaluation);
-  if (!select.executeStep()) return;
-  const std::string state = select.getColumn(1).getString();
+          evaluation);
+  if (submission == 0) return;
   const bool failed = state == EnumName(EvaluationState::kFailed);
   const bool result = failed || state == EnumName(EvaluationState::kDone);
   // The hash of the build as a receipt shows it.
-  const std::string grader = Sha256Hex(CanonicalJson(
-      nlohmann::json::parse(select.getColumn(5).getString(), nullptr, /*allow_exceptions=*/false)));
-  Append(
-      {.kind = kGradedAct,
-       .who = who,
-       .content = {{"evaluation", evaluation},
-                   {"submission", select.getColumn(0).getInt64()},
-                   {"state", result ? "graded" : state},
-                   {"results", result ? nlohmann::json(select.getColumn(2).getString()) : nullptr},
-                   {"config", select.getColumn(3).getString()},
-                   {"seeds", select.getColumn(4).getString()},
-                   {"grader", grader},
-                   {"rejudge", IdOrNull(select.getColumn(6).getInt64())},
-                   {"repetition", IdOrNull(select.getColumn(7).getInt64())}},
-       .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
-       .evaluation = evaluation});
+  const std::string grader =
+      Sha256Hex(CanonicalJson(nlohmann::json::parse(build, nullptr, /*allow_exceptions=*/false)));
+  Append({.kind = kGradedAct,
+          .who = who,
+          .content = {{"evaluation", evaluation},
+                      {"submission", submission},
+                      {"state", result ? "graded" : state},
+                      {"results", result ? nlohmann::json(results) : nullptr},
+                      {"config", config},
+                      {"seeds", seeds},
+                      {"grader", grader},
+                      {"rejudge", IdOrNull(rejudge)},
+                      {"repetition", IdOrNull(repetition)}},
+          .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
+          .evaluation = evaluation});
 }
 
 std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {

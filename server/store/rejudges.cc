@@ -143,14 +143,12 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
     ++progress.missing;
   }
   progress.submissions = std::ssize(submissions);
-  Statement episodes(db_, R"(SELECT ifnull(sum(e.last - e.first + 1),
+  std::tie(progress.episodes, progress.episodes_done) =
+      FirstRow<int64_t, int64_t>(db_, R"(SELECT ifnull(sum(e.last - e.first + 1),
       0), ifnull(sum(CASE WHEN e.state = 'done' THEN e.last - e.first + 1 ELSE
       (SELECT count(*) FROM episode WHERE evaluation = e.id) END), 0)
       FROM evaluation AS e WHERE e.rejudge = ?)",
-                     rejudge.id);
-  episodes.executeStep();
-  progress.episodes = episodes.getColumn(0).getInt64();
-  progress.episodes_done = episodes.getColumn(1).getInt64();
+                                 rejudge.id);
   const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
   progress.complete = progress.missing == 0 && progress.ended == progress.items &&
                       !(dropped && progress.cancelled > 0);

@@ -1,6 +1,4 @@
 // Submissions: how they are accepted, with their quota and one ranked evaluation per artefact.
-#include <array>
-
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
@@ -23,13 +21,13 @@ constexpr char kOfficial[] =
 
 // If another team has submitted the same bytes, the audit row says so, for the organiser.
 std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
-  Statement select(db, R"(SELECT s.id, t.name FROM submission AS s
+  const auto [id, team] =
+      FirstRow<int64_t, std::string>(db, R"(SELECT s.id, t.name FROM submission AS s
       JOIN team AS o ON o.id = s.team_id JOIN team AS t ON t.id = ifnull(o.merged_into, o.id)
       WHERE s.artefact = ? AND t.name != ? ORDER BY s.id LIMIT 1)",
-                   submission.artefact, submission.team);
-  if (!select.executeStep()) return "";
-  return absl::StrCat("the same artefact as submission ", select.getColumn(0).getInt64(),
-                      " of team \"", select.getColumn(1).getString(), "\"");
+                                     submission.artefact, submission.team);
+  if (id == 0) return "";
+  return absl::StrCat("the same artefact as submission ", id, " of team \"", team, "\"");
 }
 
 // Evaluations of an artefact in a row that end by the grader's fault until it is held back. Only
@@ -122,13 +120,11 @@ std::vector<std::string> Submissions::HeldBack() const {
 }
 
 std::string Submissions::WithHold(int64_t evaluation, const std::string& why) {
-  Statement select(db_, R"(SELECT s.artefact, e.grader_json
+  const auto [artefact, grader_json] =
+      FirstRow<std::string, std::string>(db_, R"(SELECT s.artefact, e.grader_json
       FROM evaluation AS e JOIN submission AS s ON s.id = e.submission WHERE e.id = ?)",
-                   evaluation);
-  if (!select.executeStep() ||
-      !EndedByFaults(db_, select.getColumn(0), select.getColumn(1), kFaultsToHold - 1)) {
-    return why;
-  }
+                                         evaluation);
+  if (!EndedByFaults(db_, artefact, grader_json, kFaultsToHold - 1)) return why;
   return absl::StrCat(why, "; this artefact has ended so ", kFaultsToHold,
                       " times in a row and is held back until an organiser's rerun of it ends "
                       "otherwise");
@@ -141,20 +137,19 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
         FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
                                                      submission);
     RETURN_IF_ERROR(CheckNotBanned(db_, Board(), team));
-    Statement last(db_, R"(SELECT s.artefact, e.grader_json FROM submission AS s
-        JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ? ORDER BY e.id DESC LIMIT 1)",
-                   submission);
-    if (last.executeStep()) {
-      RETURN_IF_ERROR(CheckNotHeldBack(db_, last.getColumn(0), last.getColumn(1)));
-    }
+    const auto [artefact, grader_json] =
+        FirstRow<std::string, std::string>(db_, R"(SELECT s.artefact, e.grader_json
+        FROM submission AS s JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ?
+        ORDER BY e.id DESC LIMIT 1)",
+                                           submission);
+    RETURN_IF_ERROR(CheckNotHeldBack(db_, artefact, grader_json));
   }
   // The audit row of a rerun's start says who asked for it.
-  Statement count(db_, R"(SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?),
+  const auto [all, own, of_it] = FirstRow<int64_t, int64_t, int64_t>(
+      db_, R"(SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?),
       0) FROM evaluation AS e JOIN transition AS t ON t.entity = 'evaluation' AND t.entity_id = e.id
       AND t.from_state = '' WHERE e.kind = 'rerun' AND e.finished_at IS NULL)",
-                  who, submission);
-  count.executeStep();
-  const auto [all, own, of_it] = count.getColumns<std::array<int64_t, 3>, 3>();
+      who, submission);
   struct Limit {
     std::string what;
     int64_t count;
@@ -177,14 +172,11 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmission& submission,
                                                                   const AdmissionRules& rules) {
-  Statement own(
+  const auto [id, evaluation] = FirstRow<int64_t, int64_t>(
       db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
       submission.artefact, submission.config, KnownTeamId(db_, submission.team));
-  if (own.executeStep()) {
-    return std::optional(Accepted{.submission = own.getColumn(0).getInt64(),
-                                  .evaluation = own.getColumn(1).getInt64(),
-                                  .blocks = {},
-                                  .linked = true});
+  if (id != 0) {
+    return std::optional(Accepted{.submission = id, .evaluation = evaluation, .linked = true});
   }
   if (!rules.one_for_everyone) return std::optional<Accepted>();
   const bool taken =

@@ -130,11 +130,10 @@ void AddSkeletons(SQLite::Database& db, int64_t team, const std::string& name) {
 
 void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
                   const std::string& detail, const std::string& who, const std::string& why) {
-  Statement row(db, "SELECT name, merged_into FROM team WHERE id = ?", team);
-  row.executeStep();
-  nlohmann::json content = {
-      {"event", event}, {"team_id", team}, {"team", row.getColumn(0).getString()}};
-  if (event == "merged") content["into"] = row.getColumn(1).getInt64();
+  const auto [name, into] =
+      FirstRow<std::string, int64_t>(db, "SELECT name, merged_into FROM team WHERE id = ?", team);
+  nlohmann::json content = {{"event", event}, {"team_id", team}, {"team", name}};
+  if (event == "merged") content["into"] = into;
   AppendAct(db, now_ms,
             {.kind = kTeamAct,
              .who = who,
