@@ -60,18 +60,11 @@ Json TeamToJson(const Transaction& reader, int64_t submission) {
   return team.ok() ? Json(*team) : Json();
 }
 
-absl::StatusOr<Json> WithoutResultToJson(const Transaction& reader, const RejudgeRow& rejudge,
-                                         const RejudgeProgress& progress) {
+Json WithoutResultToJson(const Transaction& reader, const RejudgeProgress& progress) {
   Json without = Json::array();
-  if (progress.without_result.empty()) return without;
-  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items,
-                   reader.evaluations.OfRejudge(rejudge.id));
-  std::map<int64_t, const EvaluationRow*> first;
-  for (const EvaluationRow& item : items) first.try_emplace(item.submission, &item);
-  for (const int64_t submission : progress.without_result) {
-    const EvaluationRow& item = *first.at(submission);
-    without.push_back({{"submission", submission},
-                       {"team", TeamToJson(reader, submission)},
+  for (const EvaluationRow& item : progress.without_result) {
+    without.push_back({{"submission", item.submission},
+                       {"team", TeamToJson(reader, item.submission)},
                        {"evaluation", item.id},
                        {"state", EnumName(item.state)},
                        {"reason", TextOrNull(item.reason)}});
@@ -161,7 +154,7 @@ absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t reju
 absl::StatusOr<Json> WholeRejudgeToJson(const Transaction& reader, const RejudgeRow& rejudge) {
   ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(rejudge));
   Json json = SummaryOf(rejudge, progress);
-  ASSIGN_OR_RETURN(json["without_result"], WithoutResultToJson(reader, rejudge, progress));
+  json["without_result"] = WithoutResultToJson(reader, progress);
   json["events"] = Json::array();
   for (const RejudgeEventRow& event : rejudge.events) json["events"].push_back(EventToJson(event));
   ASSIGN_OR_RETURN(const std::string from, reader.content.ConfigJson(rejudge.from_config));

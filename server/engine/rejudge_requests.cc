@@ -23,10 +23,9 @@ bool HaveSameFacts(const std::string& from_json, const std::string& to_json) {
 }
 
 // Of those listed, the ones that have a result; an error names one that has none.
-absl::Status CheckListed(const NewRejudge& rejudge,
-                         const std::vector<RejudgeCandidate>& candidates) {
+absl::Status CheckListed(const NewRejudge& rejudge, const std::vector<NewEvaluation>& candidates) {
   std::set<int64_t> found;
-  for (const RejudgeCandidate& candidate : candidates) found.insert(candidate.submission);
+  for (const NewEvaluation& candidate : candidates) found.insert(candidate.submission);
   for (const int64_t submission : rejudge.submissions) {
     if (found.contains(submission)) continue;
     return absl::InvalidArgumentError(
@@ -107,7 +106,7 @@ RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts
 
 absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir) {
-  const std::vector<RejudgeCandidate> candidates = reader.rejudges.CandidatesFor(rejudge);
+  const std::vector<NewEvaluation> candidates = reader.rejudges.CandidatesFor(rejudge);
   RETURN_IF_ERROR(CheckListed(rejudge, candidates));
   const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
                           HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
@@ -116,7 +115,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
   std::set<int64_t> submissions;
   std::set<int64_t> without_files;
   RejudgePlan plan;
-  for (const RejudgeCandidate& candidate : candidates) {
+  for (const NewEvaluation& candidate : candidates) {
     submissions.insert(candidate.submission);
     const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
     if (ExtractDamage(source.status()).has_value()) continue;  // it will be without a result

@@ -26,10 +26,8 @@ absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
 
 // Computes an item from the facts of its source: pure but for reading. InternalError if the facts
 // can't be judged; a damaged row (store/damage.h).
-absl::StatusOr<NewRejudgeItem> JudgeAnew(const Transaction& reader,
-                                         const RejudgeCandidate& candidate, const Track& track,
-                                         const std::vector<uint64_t>& seeds) {
-  ASSIGN_OR_RETURN(const EvaluationRow source, reader.evaluations.Find(candidate.source));
+absl::Status JudgeAnew(const Transaction& reader, const EvaluationRow& source, const Track& track,
+                       const std::vector<uint64_t>& seeds, NewRejudgeItem& item) {
   if (source.last >= std::ssize(seeds)) {
     return absl::InternalError(absl::StrCat("evaluation ", source.id,
                                             " has more episodes than the "
@@ -48,11 +46,9 @@ absl::StatusOr<NewRejudgeItem> JudgeAnew(const Transaction& reader,
     row.reason = judged->reason;
     row.metrics_json = std::move(judged->metrics_json);
   }
-  ASSIGN_OR_RETURN(EvaluationResult result, ComputeResult(track, rows));
-  NewRejudgeItem item{candidate, RejudgeMethod::kFacts};
-  item.judged = std::move(result);
+  ASSIGN_OR_RETURN(item.judged, ComputeResult(track, rows));
   item.episodes = std::move(rows);
-  return item;
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -121,7 +117,7 @@ absl::Status Rejudger::Carry(const Work& work) {
   const Json today = options_.grader();
   Items items;
   int64_t rows = 0;  // that adding them writes
-  for (const RejudgeCandidate& candidate : work.missing) {
+  for (const NewEvaluation& candidate : work.missing) {
     if (stop_.stop_requested()) return absl::OkStatus();
     ASSIGN_OR_RETURN(NewRejudgeItem item,
                      readers_.Read<NewRejudgeItem>([&](const Transaction& reader) {
@@ -137,11 +133,10 @@ absl::Status Rejudger::Carry(const Work& work) {
 }
 
 absl::StatusOr<NewRejudgeItem> Rejudger::ItemOf(const Transaction& reader, const Work& work,
-                                                const RejudgeCandidate& candidate,
-                                                const Json& today) {
-  NewRejudgeItem item{
-      candidate, RejudgeMethod::kPlay, CanonicalJson(today),
-      SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease)};
+                                                const NewEvaluation& candidate, const Json& today) {
+  NewRejudgeItem item{candidate};
+  item.grader_json = CanonicalJson(today);
+  item.blocks = SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease);
   const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
   absl::Status why_not = source.status();
   if (source.ok()) {
@@ -149,9 +144,8 @@ absl::StatusOr<NewRejudgeItem> Rejudger::ItemOf(const Transaction& reader, const
                                ParsedText(source->grader_json), today);
   }
   if (source.ok() && item.method == RejudgeMethod::kFacts) {
-    absl::StatusOr<NewRejudgeItem> judged = JudgeAnew(reader, candidate, *work.track, *work.seeds);
-    if (judged.ok()) return judged;
-    why_not = judged.status();
+    why_not = JudgeAnew(reader, *source, *work.track, *work.seeds, item);
+    if (why_not.ok()) return item;
   }
   const absl::StatusOr<std::string> impossible =
       WhyNotPlayed(reader, candidate.submission, options_.data_dir);

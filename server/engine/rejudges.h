@@ -34,7 +34,7 @@ class Rejudger {
   // What an open rejudge lacks, and what its items need.
   struct Work {
     RejudgeRow rejudge;
-    std::vector<RejudgeCandidate> missing;
+    std::vector<NewEvaluation> missing;
     TrackPtr track;  // of to_config
     SeedsPtr seeds;
     bool same_facts = false;
@@ -48,7 +48,7 @@ class Rejudger {
   absl::StatusOr<Work> FindWork(const Transaction& reader, RejudgeRow rejudge);
   absl::Status Carry(const Work& work);
   absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const Work& work,
-                                        const RejudgeCandidate& candidate,
+                                        const NewEvaluation& candidate,
                                         const nlohmann::json& today);
   absl::Status Write(Items items);
 

@@ -145,7 +145,7 @@ class Board {
   void Follow(size_t which, bool play, double number) {
     if (rejudges_ == 0) return;
     const int64_t id = static_cast<int64_t>(which % rejudges_) + 1;
-    std::vector<RejudgeCandidate> missing;
+    std::vector<NewEvaluation> missing;
     Read([&](const Transaction& reader) {
       const absl::StatusOr<RejudgeRow> row = reader.rejudges.Find(id);
       if (row.ok()) missing = reader.rejudges.MissingItems(*row);
@@ -154,16 +154,19 @@ class Board {
     EpisodeRow judged;
     judged.outcome = Outcome::kSuccess;
     judged.metrics_json = "{}";
-    for (const RejudgeCandidate& item : missing) {
+    for (const NewEvaluation& item : missing) {
       // It may have been dropped, or hold an evaluation without episodes.
       (void)store_->Write([&](Transaction& writer) -> absl::Status {
         if (play) {
-          const absl::StatusOr<Accepted> added = writer.rejudges.AddItem(
-              {item, RejudgeMethod::kPlay, "{}", {{0, 0}}}, "daemon");
+          NewRejudgeItem played{item};
+          played.grader_json = "{}";
+          played.blocks = {{0, 0}};
+          const absl::StatusOr<Accepted> added = writer.rejudges.AddItem(played, "daemon");
           if (added.ok()) open_.push_back(*added);
           return added.status();
         }
-        NewRejudgeItem computed{item, RejudgeMethod::kFacts};
+        NewRejudgeItem computed{item};
+        computed.method = RejudgeMethod::kFacts;
         computed.judged = {.results_hash = "y", .standing = StandingWith(number)};
         computed.episodes = {judged};
         return writer.rejudges.AddItem(computed, "daemon").status();

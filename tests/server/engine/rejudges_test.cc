@@ -17,6 +17,7 @@ namespace {
 using Json = nlohmann::json;
 using State = RejudgeProgress::State;
 using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -120,7 +121,7 @@ TEST_F(RejudgesTest, WhatCanNotBePlayedIsWithoutResult) {
   EXPECT_THAT(created->plan.without_files, ElementsAre(gone));
   const int64_t id = created->rejudge.id;
   AwaitComplete(id);
-  EXPECT_THAT(Progress(id).without_result, ElementsAre(gone));
+  EXPECT_THAT(Progress(id).without_result, ElementsAre(Field(&EvaluationRow::submission, gone)));
   EXPECT_THAT(Items(id)[0].reason, HasSubstr("are no longer on this host"));
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("no result of these"));
   EXPECT_THAT(std::string(Apply(id, {gone, gone + 1}).status().message()),
