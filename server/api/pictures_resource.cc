@@ -42,17 +42,20 @@ absl::Status RequireShownLog(const ApiContext& context, const std::string& hash)
   if (CallerIsOrganiser()) return absl::OkStatus();
   return context.readers.Read([&](const Transaction& reader) -> absl::Status {
     // Two teams have the same log if they submitted the same policy.
-    const std::set<std::string> teams = reader.episodes.TeamsOfLog(hash);
+    const auto teams = reader.episodes.TeamsOfLog(hash);
     if (teams.empty()) return MissingLog(hash);
-    const auto own = std::find_if(teams.begin(), teams.end(), [](const std::string& team) {
-      return Caller().teams.contains(team);
+    const auto own = std::find_if(teams.begin(), teams.end(), [](const auto& team) {
+      return Caller().teams.contains(team.first);
     });
-    RETURN_IF_ERROR(Require(own == teams.end() ? *teams.begin() : *own, MissingLog(hash)));
+    RETURN_IF_ERROR(
+        Require(own == teams.end() ? teams.begin()->first : own->first, MissingLog(hash)));
     // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
-    for (const std::string& phase : reader.episodes.PhasesOfLog(hash)) {
-      if (SeesLogs(FindPhaseVisibility(reader, context, phase))) continue;
-      return WithheldError(
-          absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+    for (const auto& [team, phases] : teams) {
+      for (const std::string& phase : phases) {
+        if (SeesLogs(FindPhaseVisibility(reader, context, phase))) continue;
+        return WithheldError(
+            absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+      }
     }
     return absl::OkStatus();
   });

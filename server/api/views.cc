@@ -7,7 +7,7 @@
 
 #include "protocol/lease/seed_commitment.h"
 #include "server/base/http_client.h"
-#include "server/store/differences.h"
+#include "server/store/episodes.h"
 
 namespace myograde::server {
 namespace {

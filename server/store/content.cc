@@ -277,23 +277,18 @@ bool Content::TeamHoldsArtefact(const std::string& hash, const std::string& team
   });
 }
 
-std::set<std::string> Episodes::TeamsOfLog(const std::string& sha256) const {
-  std::set<std::string> teams;
-  const std::string sql = absl::StrCat("SELECT DISTINCT t.name ", kEpisodesOf,
-                                       "JOIN team AS t ON t.id = s.team_id "
-                                       "AND typeof(t.name) = 'text' WHERE (",
-                                       kLogOfEpisode, ") = ?");
-  for (const std::string& name : AllValues<std::string>(db_, sql, sha256)) {
-    teams.insert(Teams(context_).NameOf(name));
+std::map<std::string, std::set<std::string>> Episodes::TeamsOfLog(const std::string& sha256) const {
+  Statement select(db_,
+                   absl::StrCat("SELECT DISTINCT t.name, s.phase ", kEpisodesOf,
+                                "JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' "
+                                "WHERE (",
+                                kLogOfEpisode, ") = ?"),
+                   sha256);
+  std::map<std::string, std::set<std::string>> teams;
+  while (select.executeStep()) {
+    teams[Teams(context_).NameOf(select.getColumn(0))].insert(select.getColumn(1));
   }
   return teams;
-}
-
-std::set<std::string> Episodes::PhasesOfLog(const std::string& sha256) const {
-  const std::vector<std::string> phases = AllValues<std::string>(
-      db_, absl::StrCat("SELECT DISTINCT s.phase ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?"),
-      sha256);
-  return {phases.begin(), phases.end()};
 }
 
 absl::StatusOr<LoggedEpisode> Episodes::OfLog(const std::string& sha256) const {

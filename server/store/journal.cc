@@ -8,7 +8,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/reader_pool.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -39,6 +38,14 @@ Act ActOf(SQLite::Statement& row) {
   return act;
 }
 
+// What is wrong at an entry; "": nothing.
+std::string ChainMistake(const std::string& before, const RecordRow* entry) {
+  if (entry == nullptr) return "it is gone, or of another type";
+  if (entry->chain == ExtendChain(before, entry->entry_json)) return "";
+  return "its \"chain\" does not follow from the entry before: the record was changed here, behind "
+         "the daemon's back";
+}
+
 }  // namespace
 
 std::string ExtendChain(std::string_view before, std::string_view entry_json) {
@@ -47,13 +54,6 @@ std::string ExtendChain(std::string_view before, std::string_view entry_json) {
   hash.Update("\n");
   hash.Update(entry_json);
   return hash.FinishHex();
-}
-
-std::string ChainMistake(const std::string& before, const RecordRow* entry) {
-  if (entry == nullptr) return "it is gone, or of another type";
-  if (entry->chain == ExtendChain(before, entry->entry_json)) return "";
-  return "its \"chain\" does not follow from the entry before: the record was changed here, behind "
-         "the daemon's back";
 }
 
 void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act) {
@@ -184,36 +184,25 @@ absl::StatusOr<RecordRow> Journal::GradedEntry(int64_t evaluation) const {
       "WHERE evaluation = ? AND entry IS NOT NULL", evaluation);
 }
 
-void Journal::ForEachEntry(int64_t from,
-                           const std::function<void(const RecordRow*)>& on_entry) const {
+void Journal::ForEachEntry(
+    int64_t from, std::string chain,
+    const std::function<bool(const RecordRow* entry, std::optional<Damage> damage)>& on_entry)
+    const {
   const int64_t size = RecordSize();
-  for (int64_t next = from; next < size;) {
-    const int64_t end = std::min(size, next + kEntriesAtATime);
-    for (const RecordRow& row : Record(next, end - next).rows) {
-      for (; next < row.index && next < size; ++next) on_entry(nullptr);
-      on_entry(&row);
-      ++next;
-    }
-    for (; next < end; ++next) on_entry(nullptr);
-  }
-}
-
-absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most) {
-  std::vector<Damage> damaged;
-  RETURN_IF_ERROR(readers.Read([&](const Transaction& reader) {
-    std::string chain;
-    int64_t index = 0;
-    reader.journal.ForEachEntry(0, [&](const RecordRow* entry) {
-      std::string mistake = ChainMistake(chain, entry);
-      if (!mistake.empty() && damaged.size() < most) {
-        damaged.push_back({"record", absl::StrCat(index), std::move(mistake)});
+  while (from < size) {
+    const int64_t end = std::min(size, from + kEntriesAtATime);
+    const std::vector<RecordRow> rows = Record(from, end - from).rows;
+    for (auto row = rows.begin(); from < end; ++from) {
+      const bool there = row != rows.end() && row->index == from;
+      const RecordRow* entry = there ? &*row++ : nullptr;
+      std::optional<Damage> damage;
+      if (const std::string wrong = ChainMistake(chain, entry); !wrong.empty()) {
+        damage = {"record", absl::StrCat(from), wrong};
       }
-      chain = entry == nullptr ? "" : entry->chain;
-      ++index;
-    });
-    return absl::OkStatus();
-  }));
-  return damaged;
+      if (!on_entry(entry, std::move(damage))) return;
+      chain = there ? entry->chain : "";
+    }
+  }
 }
 
 }  // namespace myograde::server

@@ -10,7 +10,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/differences.h"
 #include "server/store/transaction.h"
 
 namespace myograde::server {

@@ -184,18 +184,13 @@ struct TransitionRow {
   std::string why;
 };
 
-// The means that boards rank by. Scoring decides which (RankedNames).
-struct RankedNumbers {
-  int64_t successes = 0;
-  int64_t episodes = 0;
-  std::string names;            // of the numbers, comma-separated
-  std::vector<double> numbers;  // NaN: none
-};
-
 // What a finished evaluation is ranked by.
 struct Standing {
-  RankedNumbers ranked;
-  std::string aggregate_json;  // canonical; it holds the same numbers
+  int64_t successes = 0;
+  int64_t episodes = 0;
+  std::string names;  // of the numbers, comma-separated: scoring decides which (RankedNames)
+  std::vector<double> numbers;  // means; NaN: none
+  std::string aggregate_json;   // canonical; it holds the same numbers
 };
 
 // What an evaluation ends as.

@@ -259,8 +259,7 @@ class Board {
   static Standing StandingWith(double number) {
     const std::string names = scoring::RankedNames(*Configs().front()->scoring.track);
     const auto count = 1 + std::count(names.begin(), names.end(), ',');
-    return {.ranked = {1, 1, names, std::vector<double>(static_cast<size_t>(count), number)},
-            .aggregate_json = "{}"};
+    return {1, 1, names, std::vector<double>(static_cast<size_t>(count), number), "{}"};
   }
 
   ManualClock clock_{absl::FromUnixSeconds(1700000000)};
