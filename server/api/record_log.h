@@ -10,7 +10,7 @@
 #include "protocol/base/mutex.h"
 #include "server/proof/merkle_tree.h"
 #include "server/proof/record_head.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

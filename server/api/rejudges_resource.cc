@@ -18,7 +18,7 @@
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/challenge/phases.h"
-#include "server/engine/stored.h"
+#include "server/engine/rejudges.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {

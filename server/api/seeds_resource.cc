@@ -15,7 +15,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/rejudge_plan.h"
 #include "server/challenge/phases.h"
-#include "server/engine/stored.h"
+#include "server/engine/rejudges.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {

@@ -9,6 +9,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/artefact/adapters.h"
+#include "server/engine/rejudges.h"
 #include "server/proof/grader_build.h"
 
 namespace myograde::server {

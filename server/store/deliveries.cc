@@ -1,7 +1,6 @@
 #include "server/store/deliveries.h"
 
 #include <absl/strings/escaping.h>
-#include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"

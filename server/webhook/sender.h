@@ -20,7 +20,6 @@
 
 #include "protocol/base/clock.h"
 #include "server/metrics/metrics.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "server/webhook/webhook.h"
 

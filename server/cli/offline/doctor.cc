@@ -21,7 +21,7 @@
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/journal.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 namespace {

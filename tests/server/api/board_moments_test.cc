@@ -19,7 +19,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
 #include "server/api/rejudge_plan.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
