@@ -284,8 +284,9 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
         "\", because exports leave it out; only the server that ran the phase can draw further "
         "seeds"));
   }
-  return ChangeStore(
-      context, [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); });
+  return ChangeStore(context, [phase](Transaction& writer) {
+    return writer.phases.EnsureSecret(phase, "", /*further=*/true);
+  });
 }
 
 ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const Json& body) {
