@@ -87,9 +87,9 @@ void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
   });
 }
 
-absl::Status Deliveries::Set(int64_t id, const DeliveryOutcome& outcome) {
+absl::Status Deliveries::Set(const DeliveryRow& delivery) {
   Run(db_, R"(UPDATE delivery SET state = ?, attempts = ?, due_at = ?, detail = ? WHERE id = ?)",
-      outcome.state, outcome.attempts, outcome.due_at, outcome.detail, id);
+      delivery.state, delivery.attempts, delivery.due_at, delivery.detail, delivery.id);
   return absl::OkStatus();
 }
 

@@ -52,14 +52,6 @@ struct DeliveryRow {
   std::string detail;  // what went wrong last
 };
 
-// How the latest attempt ended.
-struct DeliveryOutcome {
-  std::string state;
-  int64_t attempts = 0;
-  int64_t due_at = 0;
-  std::string detail;
-};
-
 struct DeliveryCounts {
   std::string webhook;
   int64_t waiting = 0;
@@ -84,7 +76,8 @@ class Deliveries : StorePart {
   // Webhooks (deliveries.h). Adds what is to be told of an event, for each webhook that wants it.
   // `about_json`: an object; "id", "event" and "at" are added to it.
   absl::Status Tell(const std::string& event, const std::string& about_json);
-  absl::Status Set(int64_t id, const DeliveryOutcome& outcome);
+  // How its latest attempt ended: state, attempts, due_at and detail.
+  absl::Status Set(const DeliveryRow& delivery);
   // Gives up what waits for webhooks other than these; returns how many.
   absl::StatusOr<int64_t> AbandonAllBut(const std::set<std::string>& webhooks);
   // Removes what was delivered or given up, of events before then.
