@@ -209,19 +209,11 @@ void Rejudger::Loop() {
 }
 
 absl::Status Rejudger::LookForWork() {
-  ASSIGN_OR_RETURN(const int64_t newest, readers_.Read<int64_t>([](const Transaction& reader) {
-    return reader.Board().last();
-  }));
-  if (newest == seen_) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const std::vector<Work> open, OpenWork());
-  for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
-  if (!stop_.stop_requested()) seen_ = newest;
-  return absl::OkStatus();
-}
-
-absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
+  int64_t newest = 0;
   std::vector<Work> open;
   RETURN_IF_ERROR(readers_.Read([&](const Transaction& reader) -> absl::Status {
+    newest = reader.Board().last();
+    if (newest == seen_) return absl::OkStatus();
     for (const auto& [id, rejudge] : reader.Board().rejudges()) {
       absl::StatusOr<Work> work = FindWork(reader, rejudge);
       if (MayPass(work.status()) || IsBrokenStore(work.status())) return work.status();
@@ -233,7 +225,9 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
     }
     return absl::OkStatus();
   }));
-  return open;
+  for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
+  if (!stop_.stop_requested()) seen_ = newest;
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Rejudger::Work> Rejudger::FindWork(const Transaction& reader, RejudgeRow rejudge) {

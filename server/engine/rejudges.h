@@ -77,7 +77,6 @@ class Rejudger {
   void Loop();
   // An error: something has to be tried again.
   absl::Status LookForWork();
-  absl::StatusOr<std::vector<Work>> OpenWork();
   absl::StatusOr<Work> FindWork(const Transaction& reader, RejudgeRow rejudge);
   absl::Status Carry(const Work& work);
   absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const Work& work,

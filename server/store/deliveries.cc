@@ -17,17 +17,15 @@ constexpr size_t kEventIdBytes = 16;
 
 constexpr StoredRows<DeliveryRow> kDeliveries = {
     "delivery",
-    "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery ",
+    "SELECT id, at, webhook, event, detail, body_json, state, attempts, due_at FROM delivery ",
     [](StoredRow& row, DeliveryRow& delivery) {
       delivery.id = row.Id(0);
       delivery.at = row.Time(1);
-      delivery.webhook = row.Text(2);
-      delivery.event = row.Text(3);
-      delivery.body_json = row.Object(4);
-      delivery.state = row.OneOf(5, {"waiting", "delivered", "given_up"});
-      delivery.attempts = row.Number(6, 0, INT64_MAX);
-      delivery.due_at = row.Time(7);
-      delivery.detail = row.Text(8);
+      row.TextsInto(2, {&delivery.webhook, &delivery.event, &delivery.detail});
+      delivery.body_json = row.Object(5);
+      delivery.state = row.OneOf(6, {"waiting", "delivered", "given_up"});
+      delivery.attempts = row.Number(7, 0, INT64_MAX);
+      delivery.due_at = row.Time(8);
     }};
 
 // Of evaluations that ended, by their state.
@@ -40,10 +38,8 @@ Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationSt
   Json about = {{"evaluation", evaluation}, {"state", std::string(EnumName(state))}};
   StoredRow row(select, "submission");
   about["submission"] = row.Id(0);
-  const std::string team = row.Text(1);
-  const std::string track = row.Text(2);
-  const std::string profile = row.Text(3);
-  const std::string phase = row.Text(4);
+  std::string team, track, profile, phase;
+  row.TextsInto(1, {&team, &track, &profile, &phase});
   const bool ranked = row.Flag(5);
   if (!row.ok()) return about;  // a damaged row is told by its numbers
   about.update({{"team", team},

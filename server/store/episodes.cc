@@ -201,17 +201,9 @@ absl::StatusOr<std::vector<std::string>> Episodes::Record(const EpisodeRow& row)
     return std::vector<std::string>();
   }
 
-  Statement select(db_, R"(SELECT outcome, reason, facts_json, metrics_json
-      FROM episode WHERE evaluation = ? AND idx = ?)",
-                   row.evaluation, row.index);
-  select.executeStep();
-  StoredRow there(select, "episode", absl::StrCat(row.evaluation, "/", row.index));
-  EpisodeRow kept = row;
-  kept.outcome = there.Named(0, ParseOutcome);
-  kept.reason = there.Named(1, ParseFailureReason);
-  kept.facts_json = there.Object(2);
-  kept.metrics_json = there.Object(3);
-  if (!there.ok()) return there.status();
+  ASSIGN_OR_RETURN(const EpisodeRow kept,
+                   kEpisodes.First(db_, NoSuch("episode", row.index),
+                                   "WHERE evaluation = ? AND idx = ?", row.evaluation, row.index));
   const std::vector<std::string> differs = DifferencesBetween(kept, row);
   if (differs.empty()) return differs;
   Run(db_, R"(INSERT INTO replay (evaluation, idx, attempt, differs_json, facts_json, recorded_at)

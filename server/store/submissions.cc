@@ -56,27 +56,25 @@ absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
 
 constexpr StoredRows<SubmissionRow> kSubmissions = {
     "submission",
-    "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by, s.phase, s.extra_observations FROM submission AS s "
+    "SELECT s.id, s.artefact, s.track, s.profile, s.accepted_by, s.phase, s.config, s.seeds, "
+    "s.ranked, s.accepted_at, s.extra_observations, s.team_id, t.name, a.name FROM submission AS s "
     "LEFT JOIN team AS o ON o.id = s.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ",
     [](StoredRow& row, SubmissionRow& submission) {
       submission.id = row.Id(0);
-      submission.artefact = row.Hash(2);
-      submission.track = row.Text(4);
-      submission.profile = row.Text(5);
+      submission.artefact = row.Hash(1);
+      row.TextsInto(
+          2, {&submission.track, &submission.profile, &submission.accepted_by, &submission.phase});
       submission.config = row.Hash(6);
       submission.seeds = row.Hash(7);
       submission.ranked = row.Flag(8);
       submission.accepted_at = row.Time(9);
-      submission.accepted_by = row.Text(11);
-      submission.phase = row.Text(12);
-      submission.extra_observations = row.Flag(13);
-      row.Joined("team", 10);
-      submission.team = row.Text(1);
-      row.Joined("artefact", 2);
-      submission.artefact_name = row.Text(3);
+      submission.extra_observations = row.Flag(10);
+      row.Joined("team", 11);
+      submission.team = row.Text(12);
+      row.Joined("artefact", 1);
+      submission.artefact_name = row.Text(13);
     }};
 
 // Makes room for one more key of a caller.
