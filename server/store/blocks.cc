@@ -1,4 +1,3 @@
-// Where the attempts of blocks ran, and which nodes of a cluster get no blocks.
 #include <algorithm>
 #include <cmath>
 

@@ -1,4 +1,3 @@
-// Artefacts and logs: whose they are, and which files are still needed.
 #include <algorithm>
 
 #include <absl/strings/str_cat.h>

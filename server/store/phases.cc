@@ -1,4 +1,3 @@
-// The phases of challenges: what happened to them, and their secrets.
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>

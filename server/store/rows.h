@@ -253,6 +253,7 @@ struct TeamRow {
   std::string merged_into;  // the name of the team that it is a part of now; "": none
   std::vector<std::string> other_names;  // sorted; none if it was merged
   std::vector<std::string> members;      // sorted: "uid 1000"; none if it was merged
+  int64_t submissions = 0;               // with those of all teams that are one with it
 };
 
 // Somebody who belongs to a team.

@@ -1,4 +1,3 @@
-// Submissions: how they are accepted, with their quota and one ranked evaluation per artefact.
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
@@ -267,12 +266,6 @@ std::map<std::string, int64_t> Submissions::CountByState() const {
     counts[known ? state : "unreadable"] += select.getColumn(1).getInt64();
   }
   return counts;
-}
-
-int64_t Submissions::CountOf(const std::string& team) const {
-  return FirstValue<int64_t>(
-      db_, absl::StrCat("SELECT count(*) FROM submission WHERE team_id IN ", RowsOfTeam(1)),
-      KnownTeamId(db_, team));
 }
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindRequest(const std::string& who,

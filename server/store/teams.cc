@@ -1,4 +1,3 @@
-// Teams and who belongs to them.
 #include <map>
 #include <utility>
 
@@ -100,13 +99,16 @@ std::vector<std::string> ListMembers(SQLite::Database& db, int64_t team) {
 
 constexpr StoredRows<TeamRow> kTeams = {
     "team",
-    "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name FROM team AS t "
+    "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name, "
+    "(SELECT count(*) FROM submission WHERE team_id IN (SELECT id FROM team "
+    "WHERE ifnull(t.merged_into, t.id) IN (id, merged_into))) FROM team AS t "
     "LEFT JOIN team AS g ON g.id = t.merged_into ",
     [](StoredRow& row, TeamRow& team) {
       team.id = row.Id(0);
       team.name = row.Text(1);
       team.created_at = row.Time(2);
       team.banned = row.Flag(3);
+      team.submissions = row.Number(6, 0, kMany);
       if (row.IsNull(4)) return;
       row.Joined("team", 4);
       team.merged_into = row.Text(5);
