@@ -187,21 +187,15 @@ std::string RejudgeName(int64_t id) { return absl::StrCat("rejudge ", id); }
 
 ApiResult ListRejudges(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
-  Listed<RejudgeRow> listed;
+  Listed<Json> listed;
   const auto& rejudges = reader.Board().rejudges();
   for (auto it = rejudges.rbegin(); it != rejudges.rend(); ++it) {
-    if (it->first >= page.before || std::ssize(listed.rows) == page.limit) continue;
-    listed.rows.push_back(it->second);
+    if (it->first >= page.before || listed.found() == page.limit) continue;
+    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(it->second));
+    listed.rows.push_back(SummaryOf(it->second, progress));
     listed.last_id = it->first;
-    ++listed.found;
   }
-  ApiAnswer answer{200, {{"rejudges", Json::array()}}};
-  for (const RejudgeRow& row : listed.rows) {
-    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(row));
-    answer.body["rejudges"].push_back(SummaryOf(row, progress));
-  }
-  AddNextPage(request, page, listed, answer);
-  return answer;
+  return PageAnswer(request, page, "rejudges", listed, [](const Json& row) { return row; });
 }
 
 ApiResult GetRejudge(const ApiContext&, const Transaction& reader, const Request& request) {

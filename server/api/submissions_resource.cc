@@ -267,7 +267,7 @@ ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader,
     }
   }
   ApiAnswer answer{200, {{"submissions", std::move(list)}}};
-  AddNextPage(request, found.found == filter.limit, found.last_id, answer);
+  AddNextPage(request, found.found() == filter.limit, found.last_id, answer);
   return answer;
 }
 

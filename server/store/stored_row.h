@@ -138,7 +138,6 @@ struct StoredRows {
     Listed<Row> listed;
     while (query.executeStep()) {
       listed.last_id = query.getColumn(0).getInt64();
-      ++listed.found;
       Row row;
       const StoredRow from = Read(query, row);
       if (from.ok()) {

@@ -121,7 +121,7 @@ TEST_F(AccessEventsTest, AnUnreadableOneIsReportedAndTheOthersAreShown) {
   const absl::Status status = readers.Read([&](const Transaction& reader) {
     const Listed<AccessEventRow> listed = reader.callers.Events("", INT64_MAX, 100);
     EXPECT_EQ(listed.rows.size(), 1u);
-    EXPECT_EQ(listed.found - std::ssize(listed.rows), 1);
+    EXPECT_EQ(listed.found() - std::ssize(listed.rows), 1);
     return absl::OkStatus();
   });
   EXPECT_TRUE(status.ok()) << status;
