@@ -106,12 +106,6 @@ absl::StatusOr<DeliveryRow> Deliveries::Next(const std::string& webhook) const {
                            "WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1", webhook);
 }
 
-int64_t Deliveries::NextId(const std::string& webhook) const {
-  return FirstValue<int64_t>(db_, R"(SELECT id
-      FROM delivery WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1)",
-                             webhook);
-}
-
 Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before,
                                      int64_t limit) const {
   return kDeliveries.List(

@@ -65,10 +65,9 @@ class Deliveries : StorePart {
  public:
   using StorePart::StorePart;
 
-  // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h).
+  // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h),
+  // with its id.
   absl::StatusOr<DeliveryRow> Next(const std::string& webhook) const;
-  // Its id, also if it is damaged; 0: none waits.
-  int64_t NextId(const std::string& webhook) const;
   // Newest first. `webhook` "" matches any; `before` is an id.
   Listed<DeliveryRow> List(const std::string& webhook, int64_t before, int64_t limit) const;
   // Of each webhook with rows, by name.

@@ -218,11 +218,10 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
   const absl::Status whole =
       Part([&] { return EndWithBlocks(evaluation, EvaluationState::kGraderError, why, who); });
   if (whole.ok()) return whole;
-  Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
-  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
-  StoredRow row(select, "evaluation", absl::StrCat(evaluation));
-  const std::string before(EnumName(row.Named<EvaluationState>(0)));
-  select.reset();
+  const auto [id, state] = FirstRow<int64_t, std::string>(
+      db_, "SELECT id, state FROM evaluation WHERE id = ?", evaluation);
+  if (id == 0) return NoSuch("evaluation", evaluation);
+  const EvaluationState before = ParseEnum<EvaluationState>(state).value_or(EvaluationState{});
   // From here on each step is its own part: a rejected one must not stop the others.
   const auto part = [&](auto change) {
     return Part([&] {
@@ -252,7 +251,7 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
   (void)part([&] { Quotas(context_).Settle(evaluation, EvaluationState::kGraderError, who); });
   (void)part([&] { AppendGraded(evaluation, who); });
   Deliveries(context_).TellEnd(evaluation, EvaluationState::kGraderError);
-  return Audit("evaluation", evaluation, before, "grader_error", who, why);
+  return Audit("evaluation", evaluation, EnumName(before), "grader_error", who, why);
 }
 
 std::vector<int64_t> Evaluations::Done(bool without_standing) const {

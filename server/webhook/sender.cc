@@ -4,6 +4,7 @@
 #include <random>
 
 #include <absl/strings/escaping.h>
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
@@ -107,16 +108,12 @@ void WebhookSender::Run(const Webhook& webhook) {
 }
 
 std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
-  int64_t damaged = 0;
-  const absl::StatusOr<DeliveryRow> next =
-      options_.readers.Read<DeliveryRow>([&](const Transaction& reader) {
-        absl::StatusOr<DeliveryRow> found = reader.deliveries.Next(webhook.config.name);
-        const bool unreadable = !found.ok() && !absl::IsNotFound(found.status());
-        if (unreadable) damaged = reader.deliveries.NextId(webhook.config.name);
-        return found;
-      });
+  const absl::StatusOr<DeliveryRow> next = options_.readers.Read<DeliveryRow>(
+      [&](const Transaction& reader) { return reader.deliveries.Next(webhook.config.name); });
   if (next.ok()) return *next;
-  if (damaged != 0) {
+  int64_t damaged = 0;
+  const std::optional<Damage> damage = ExtractDamage(next.status());
+  if (damage.has_value() && absl::SimpleAtoi(damage->key, &damaged)) {
     const std::string why(next.status().message());
     spdlog::error("webhook {}: delivery {} is given up: {}", webhook.config.name, damaged, why);
     options_.metrics.CountWebhookGivenUp(webhook.config.name);
