@@ -26,7 +26,7 @@
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
 #include "server/runtime/runtimes.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

@@ -160,7 +160,7 @@ absl::Status AddConfigs(const Request& request, const Transaction& reader, const
 // What the view lacks, or has of other numbers than today's, is made of the episode rows on the
 // spot.
 absl::Status FillRow(const Transaction& reader, const std::string& names, StandingRow& row) {
-  if (!row.standing.aggregate_json.empty() && row.standing.ranked.names == names) {
+  if (!row.standing.aggregate_json.empty() && row.standing.names == names) {
     return absl::OkStatus();
   }
   ASSIGN_OR_RETURN(row.standing, ReadStanding(reader, row.evaluation));

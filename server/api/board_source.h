@@ -15,7 +15,7 @@
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
 #include "server/http/request.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

@@ -22,7 +22,7 @@
 #include "server/api/context.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

@@ -9,7 +9,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/views.h"
 #include "server/grading/leaderboard.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

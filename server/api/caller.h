@@ -7,7 +7,7 @@
 
 #include "server/access/access.h"
 #include "server/api/access_log.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

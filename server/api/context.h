@@ -17,7 +17,7 @@
 #include "server/metrics/metrics.h"
 #include "server/pictures/pictures.h"
 #include "server/proof/signing_key.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 #include "server/webhook/sender.h"
 
 namespace myograde::server {

@@ -103,7 +103,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   ASSIGN_OR_RETURN(const std::vector<RepeatRow> repeats, reader.episodes.Repeats(id));
 
   Json json = SubmissionToJson(submission, evaluation, reader.episodes.Counts(id, !visibility.progress));
-  json["kind"] = EvaluationKindName(evaluation.kind);
+  json["kind"] = EnumName(evaluation.kind);
   json["rejudge"] = IdOrNull(evaluation.rejudge);
   json["ranked"] = submission.ranked && evaluation.kind == EvaluationKind::kOriginal;
   json["track_kind"] = config.kind->name;
@@ -209,7 +209,7 @@ ApiResult RerunAnswer(const ApiContext& context, const Accepted& accepted) {
                    {{"evaluation", accepted.evaluation},
                     {"submission", accepted.submission},
                     {"kind", "rerun"},
-                    {"state", EvaluationStateName(row.state)},
+                    {"state", EnumName(row.state)},
                     {"first", row.first},
                     {"last", row.last},
                     {"repeated", accepted.repeated}}};

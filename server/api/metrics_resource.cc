@@ -164,7 +164,7 @@ void AddStoreMetrics(const ApiContext& context, Families& families) {
     for (const auto state :
          {EvaluationState::kQueued, EvaluationState::kRunning, EvaluationState::kDone,
           EvaluationState::kFailed, EvaluationState::kCancelled, EvaluationState::kGraderError}) {
-      counts.try_emplace(std::string(EvaluationStateName(state)), 0);
+      counts.try_emplace(std::string(EnumName(state)), 0);
     }
     AddGauges(families, "myograde_submissions", "Submissions, by the state of their own evaluation",
               "state", counts);

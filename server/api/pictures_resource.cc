@@ -9,7 +9,6 @@
 #include <tuple>
 #include <vector>
 
-#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
@@ -42,17 +41,20 @@ absl::Status RequireShownLog(const ApiContext& context, const std::string& hash)
   if (CallerIsOrganiser()) return absl::OkStatus();
   return context.readers.Read([&](const Transaction& reader) -> absl::Status {
     // Two teams have the same log if they submitted the same policy.
-    const std::set<std::string> teams = reader.episodes.TeamsOfLog(hash);
+    const auto teams = reader.episodes.TeamsOfLog(hash);
     if (teams.empty()) return MissingLog(hash);
-    const auto own = std::find_if(teams.begin(), teams.end(), [](const std::string& team) {
-      return Caller().teams.contains(team);
+    const auto own = std::find_if(teams.begin(), teams.end(), [](const auto& team) {
+      return Caller().teams.contains(team.first);
     });
-    RETURN_IF_ERROR(Require(own == teams.end() ? *teams.begin() : *own, MissingLog(hash)));
+    RETURN_IF_ERROR(
+        Require(own == teams.end() ? teams.begin()->first : own->first, MissingLog(hash)));
     // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
-    for (const std::string& phase : reader.episodes.PhasesOfLog(hash)) {
-      if (SeesLogs(FindPhaseVisibility(reader, context, phase))) continue;
-      return WithheldError(
-          absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+    for (const auto& [team, phases] : teams) {
+      for (const std::string& phase : phases) {
+        if (SeesLogs(FindPhaseVisibility(reader, context, phase))) continue;
+        return WithheldError(
+            absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+      }
     }
     return absl::OkStatus();
   });
@@ -64,37 +66,29 @@ class PublicReplays {
   // `context` must outlive it.
   explicit PublicReplays(const ApiContext& context) : context_(context) {}
 
+  // Boards that can't be read or have none are left out.
   Json List(const Transaction& reader) {
     Json list = Json::array();
-    for (const KeptBoards::Text& text : Texts(reader)) list.push_back(Json::parse(*text));
-    return list;
-  }
-
-  // MissingLog unless the list has the log's episode.
-  absl::Status Require(const Transaction& reader, const std::string& log) {
-    // As it stands in a text that Json wrote: in a name, quotes would be escaped.
-    const std::string entry = absl::StrCat(R"("log":")", log, "\"");
-    for (const KeptBoards::Text& text : Texts(reader)) {
-      if (absl::StrContains(*text, entry)) return absl::OkStatus();
-    }
-    return MissingLog(log);
-  }
-
- private:
-  // Boards that can't be read or have none are left out.
-  std::vector<KeptBoards::Text> Texts(const Transaction& reader) {
-    std::vector<KeptBoards::Text> texts;
     const auto add = [&](const TrackPtr& live) {
-      absl::StatusOr<KeptBoards::Text> text = Of(reader, live);
-      if (text.ok() && !(*text)->empty()) texts.push_back(*std::move(text));
+      const absl::StatusOr<KeptBoards::Text> text = Of(reader, live);
+      if (text.ok() && !(*text)->empty()) list.push_back(Json::parse(**text));
     };
     for (const PhasePtr& phase : context_.phases.entries()) add(phase->track);
     for (const auto& [name, offer] : context_.tracks.entries()) {
       add(offer.profiles.at(offer.default_profile));
     }
-    return texts;
+    return list;
   }
 
+  // MissingLog unless the list has the log's episode.
+  absl::Status Require(const Transaction& reader, const std::string& log) {
+    for (const Json& replay : List(reader)) {
+      if (replay["log"] == log) return absl::OkStatus();
+    }
+    return MissingLog(log);
+  }
+
+ private:
   // What the list has of a board, kept until the store changes; "": nothing.
   absl::StatusOr<KeptBoards::Text> Of(const Transaction& reader, const TrackPtr& live) {
     ASSIGN_OR_RETURN(const BoardQuery asked, PublicBoard(reader, context_, live));

@@ -80,9 +80,9 @@ absl::StatusOr<Json> BuildReceipt(const Transaction& reader, RecordLog& record,
                                   const SubmissionRow& submission,
                                   const EvaluationRow& evaluation) {
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "submission ", submission.id, " is ", std::string(EvaluationStateName(evaluation.state)),
-        "; it has a receipt once it is done or failed"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", submission.id, " is ", std::string(EnumName(evaluation.state)),
+                     "; it has a receipt once it is done or failed"));
   }
   const std::string& hash = ConfigOf(evaluation, submission);
   ASSIGN_OR_RETURN(const std::string config, reader.content.ConfigJson(hash));
@@ -102,7 +102,7 @@ absl::StatusOr<Json> BuildReceipt(const Transaction& reader, RecordLog& record,
                   {"track_kind", track.kind->name},
                   {"profile", submission.profile},
                   {"ranked", submission.ranked},
-                  {"state", EvaluationStateName(evaluation.state)},
+                  {"state", EnumName(evaluation.state)},
                   {"artefact", ArtefactCommitment(submission.id, submission.artefact)},
                   {"config", hash},
                   {"track_config", Json::parse(config)},

@@ -18,19 +18,18 @@ absl::Status OutOfRange(const char* name, int64_t value, int64_t least, int64_t 
 
 }  // namespace
 
-// nullptr: the entry can't be read, or is gone.
-void RecordLog::Add(const RecordRow* row) {
-  const std::string index = absl::StrCat(tree_.size());
-  std::string wrong = ChainMistake(chain_, row);
-  if (!wrong.empty() && damaged_.size() < kMostDamage) {
-    damaged_.push_back({"record", index, std::move(wrong)});
-  }
+bool RecordLog::Add(const RecordRow* row, std::optional<Damage> damage) {
+  if (damage.has_value() && damaged_.size() < kMostDamage) damaged_.push_back(*std::move(damage));
   tree_.Append(row == nullptr ? "" : row->entry_json);
   chain_ = row == nullptr ? "" : row->chain;
+  return true;
 }
 
 void RecordLog::Follow(const Transaction& reader) {
-  reader.journal.ForEachEntry(tree_.size(), [&](const RecordRow* row) { Add(row); });
+  reader.journal.ForEachEntry(tree_.size(), chain_,
+                              [&](const RecordRow* row, std::optional<Damage> damage) {
+                                return Add(row, std::move(damage));
+                              });
 }
 
 std::vector<Damage> RecordLog::Damaged(const Transaction& reader) {

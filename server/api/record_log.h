@@ -10,7 +10,7 @@
 #include "protocol/base/mutex.h"
 #include "server/proof/merkle_tree.h"
 #include "server/proof/record_head.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 
@@ -35,7 +35,8 @@ class RecordLog {
 
  private:
   void Follow(const Transaction& reader) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void Add(const RecordRow* row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool Add(const RecordRow* row, std::optional<Damage> damage)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Mutex mutex_;
   MerkleTree tree_ ABSL_GUARDED_BY(mutex_);

@@ -11,7 +11,7 @@
 #include "protocol/lease/track_config.h"
 #include "server/access/access.h"
 #include "server/api/context.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

@@ -111,11 +111,11 @@ absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
   }
   if (reader.Has("config")) request.config = reader.Object("config");
   if (reader.Has("method")) {
-    request.method = ParseRejudgeMethod(reader.Choice("method", {"auto", "facts", "play"}))
+    request.method = ParseEnum<RejudgeMethod>(reader.Choice("method", {"auto", "facts", "play"}))
                          .value_or(RejudgeMethod::kAuto);
   }
   if (reader.Has("repeats")) request.repeats = reader.Integer("repeats", 1, kMostRepeats);
-  request.reason = ReadReason(reader);
+  request.why = ReadReason(reader);
   RETURN_IF_ERROR(reader.Finish());
   return request;
 }
@@ -160,7 +160,7 @@ absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiConte
   NewRejudge rejudge = RejudgeBetween(live->config, next->config);
   rejudge.method = request.method;
   rejudge.repeats = request.repeats;
-  rejudge.why = request.reason;
+  rejudge.why = request.why;
   return rejudge;
 }
 

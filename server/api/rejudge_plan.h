@@ -15,15 +15,10 @@
 
 namespace myograde::server {
 
-// The body of POST /v1/rejudges.
-struct RejudgeRequest {
-  std::string phase;  // one of these two is ""
-  std::string track;
-  std::string profile;                   // "": the track's own
-  std::optional<nlohmann::json> config;  // the content of a track config's file
-  RejudgeMethod method = RejudgeMethod::kAuto;
-  int64_t repeats = 1;
-  std::string reason;
+// The body of POST /v1/rejudges: either a phase, or a track with a profile ("": its own), method,
+// repeats and why; and the content of a track config's file.
+struct RejudgeRequest : RejudgeRow {
+  std::optional<nlohmann::json> config;
 };
 // InvalidArgumentError names the key and says what is allowed.
 absl::StatusOr<RejudgeRequest> ParseRejudge(const nlohmann::json& body);

@@ -18,7 +18,7 @@
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/challenge/phases.h"
-#include "server/engine/stored.h"
+#include "server/engine/rejudges.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {
@@ -31,7 +31,7 @@ namespace {
 Json SummaryOf(const RejudgeRow& rejudge, const RejudgeProgress& progress) {
   Json json = RejudgeKeys(rejudge);
   json.update({{"at", TimeToJson(rejudge.at)},
-               {"state", RejudgeStateName(progress.state)},
+               {"state", EnumName(progress.state)},
                {"complete", progress.complete},
                {"who", rejudge.who},
                {"reason", rejudge.why},
@@ -46,7 +46,7 @@ Json SummaryOf(const RejudgeRow& rejudge, const RejudgeProgress& progress) {
 }
 
 Json EventToJson(const RejudgeEventRow& event) {
-  return {{"event", RejudgeEventName(event.event)},
+  return {{"event", EnumName(event.event)},
           {"at", TimeToJson(event.at)},
           {"who", event.who},
           {"reason", event.why},
@@ -60,20 +60,13 @@ Json TeamToJson(const Transaction& reader, int64_t submission) {
   return team.ok() ? Json(*team) : Json();
 }
 
-absl::StatusOr<Json> WithoutResultToJson(const Transaction& reader, const RejudgeRow& rejudge,
-                                         const RejudgeProgress& progress) {
+Json WithoutResultToJson(const Transaction& reader, const RejudgeProgress& progress) {
   Json without = Json::array();
-  if (progress.without_result.empty()) return without;
-  ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items,
-                   reader.evaluations.OfRejudge(rejudge.id));
-  std::map<int64_t, const EvaluationRow*> first;
-  for (const EvaluationRow& item : items) first.try_emplace(item.submission, &item);
-  for (const int64_t submission : progress.without_result) {
-    const EvaluationRow& item = *first.at(submission);
-    without.push_back({{"submission", submission},
-                       {"team", TeamToJson(reader, submission)},
+  for (const EvaluationRow& item : progress.without_result) {
+    without.push_back({{"submission", item.submission},
+                       {"team", TeamToJson(reader, item.submission)},
                        {"evaluation", item.id},
-                       {"state", EvaluationStateName(item.state)},
+                       {"state", EnumName(item.state)},
                        {"reason", TextOrNull(item.reason)}});
   }
   return without;
@@ -161,7 +154,7 @@ absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t reju
 absl::StatusOr<Json> WholeRejudgeToJson(const Transaction& reader, const RejudgeRow& rejudge) {
   ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(rejudge));
   Json json = SummaryOf(rejudge, progress);
-  ASSIGN_OR_RETURN(json["without_result"], WithoutResultToJson(reader, rejudge, progress));
+  json["without_result"] = WithoutResultToJson(reader, progress);
   json["events"] = Json::array();
   for (const RejudgeEventRow& event : rejudge.events) json["events"].push_back(EventToJson(event));
   ASSIGN_OR_RETURN(const std::string from, reader.content.ConfigJson(rejudge.from_config));
@@ -194,21 +187,15 @@ std::string RejudgeName(int64_t id) { return absl::StrCat("rejudge ", id); }
 
 ApiResult ListRejudges(const ApiContext&, const Transaction& reader, const Request& request) {
   ASSIGN_OR_RETURN(const Page page, ReadPage(request));
-  Listed<RejudgeRow> listed;
+  Listed<Json> listed;
   const auto& rejudges = reader.Board().rejudges();
   for (auto it = rejudges.rbegin(); it != rejudges.rend(); ++it) {
-    if (it->first >= page.before || std::ssize(listed.rows) == page.limit) continue;
-    listed.rows.push_back(it->second);
+    if (it->first >= page.before || listed.found() == page.limit) continue;
+    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(it->second));
+    listed.rows.push_back(SummaryOf(it->second, progress));
     listed.last_id = it->first;
-    ++listed.found;
   }
-  ApiAnswer answer{200, {{"rejudges", Json::array()}}};
-  for (const RejudgeRow& row : listed.rows) {
-    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(row));
-    answer.body["rejudges"].push_back(SummaryOf(row, progress));
-  }
-  AddNextPage(request, page, listed, answer);
-  return answer;
+  return PageAnswer(request, page, "rejudges", listed, [](const Json& row) { return row; });
 }
 
 ApiResult GetRejudge(const ApiContext&, const Transaction& reader, const Request& request) {
@@ -267,7 +254,7 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
     spdlog::error(
         "rejudge {} is {} and its board's config is {}, but episodes are played under it only "
         "after a restart: {}",
-        done.event.rejudge, RejudgeEventName(done.event.event), done.config_after,
+        done.event.rejudge, EnumName(done.event.event), done.config_after,
         std::string(switched.message()));
   };
 }

@@ -122,7 +122,7 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   grant.team = reader.String("team");
   grant.track = reader.String("track");
   if (reader.Has("phase")) grant.phase = ReadPhaseName(reader);
-  grant.budget = ParseBudget(reader.Choice("budget", {"official", "practice", "failed"}))
+  grant.budget = ParseEnum<Budget>(reader.Choice("budget", {"official", "practice", "failed"}))
                      .value_or(Budget::kRanked);
   grant.amount = reader.Integer("amount", 1, 1'000'000);
   grant.why = ReadReason(reader);
@@ -186,7 +186,7 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const Request& request) {
   filter.profile = request.Param("profile");
   filter.phase = request.Param("phase");
   if (request.HasParam("state")) {
-    filter.state = ParseEvaluationState(request.Param("state"));
+    filter.state = ParseEnum<EvaluationState>(request.Param("state"));
     if (!filter.state) {
       return absl::InvalidArgumentError(
           "\"state\" must be queued, running, done, failed, cancelled or grader_error");

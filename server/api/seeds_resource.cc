@@ -15,7 +15,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/rejudge_plan.h"
 #include "server/challenge/phases.h"
-#include "server/engine/stored.h"
+#include "server/engine/rejudges.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {
@@ -284,8 +284,9 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
         "\", because exports leave it out; only the server that ran the phase can draw further "
         "seeds"));
   }
-  return ChangeStore(
-      context, [phase](Transaction& writer) { return writer.phases.FurtherSecret(phase); });
+  return ChangeStore(context, [phase](Transaction& writer) {
+    return writer.phases.EnsureSecret(phase, "", /*further=*/true);
+  });
 }
 
 ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const Json& body) {

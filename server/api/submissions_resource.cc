@@ -171,7 +171,7 @@ Json AttemptsToJson(const std::vector<AttemptRow>& runs, int64_t block) {
                         {"ended_at", TimeToJson(run.ended_at)},
                         {"cpu_s", run.cpu_s},
                         {"energy_j", run.energy_j ? Json(*run.energy_j) : Json()},
-                        {"how", RunEndName(run.how)}});
+                        {"how", EnumName(run.how)}});
   }
   return attempts;
 }
@@ -181,7 +181,7 @@ Json BlockToJson(const BlockRow& block, const LiveLease* live) {
   return {{"block", block.id},
           {"first", block.first},
           {"last", block.last},
-          {"state", BlockStateName(block.state)},
+          {"state", EnumName(block.state)},
           {"slot", running ? Json(block.slot) : Json()},
           {"attempt", block.attempt},
           {"faults", block.faults},
@@ -229,8 +229,8 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   for (const EvaluationRow& evaluation : evaluations) {
     if (!CallerSees(reader.Board().ComputeVisibility(evaluation.rejudge))) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
-                                   {"kind", EvaluationKindName(evaluation.kind)},
-                                   {"state", EvaluationStateName(evaluation.state)},
+                                   {"kind", EnumName(evaluation.kind)},
+                                   {"state", EnumName(evaluation.state)},
                                    {"first", evaluation.first},
                                    {"last", evaluation.last},
                                    {"rejudge", IdOrNull(evaluation.rejudge)},
@@ -267,7 +267,7 @@ ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader,
     }
   }
   ApiAnswer answer{200, {{"submissions", std::move(list)}}};
-  AddNextPage(request, found.found == filter.limit, found.last_id, answer);
+  AddNextPage(request, found.found() == filter.limit, found.last_id, answer);
   return answer;
 }
 

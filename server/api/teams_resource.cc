@@ -36,13 +36,13 @@ Json TeamToJson(const TeamRow& team) {
           {"banned", team.banned},
           {"merged_into", TextOrNull(team.merged_into)},
           {"other_names", team.other_names},
-          {"members", team.members}};
+          {"members", team.members},
+          {"submissions", team.submissions}};
 }
 
 absl::StatusOr<Json> WholeTeam(const Transaction& reader, const std::string& name) {
   ASSIGN_OR_RETURN(const TeamRow team, reader.teams.Find(name));
   Json body = TeamToJson(team);
-  body["submissions"] = reader.submissions.CountOf(team.name);
   body["memberships"] = Json::array();
   for (const MemberRow& member : reader.teams.Members(team.name).rows) {
     body["memberships"].push_back(
@@ -106,7 +106,7 @@ Json BudgetsToJson(const BudgetPlace& place,
   for (const Budget budget : kBudgets) {
     if (!place.phase.empty() && budget == Budget::kPractice) continue;  // it belongs to the track
     const Allowance& limit = place.limits.of(budget);
-    json[std::string(BudgetName(budget))] = {
+    json[std::string(EnumName(budget))] = {
         {"per_day", to_json(&QuotaUse::today_of, budget, limit.per_day)},
         {"total", to_json(&QuotaUse::total_of, budget, limit.total)}};
   }
@@ -124,7 +124,6 @@ ApiResult ListTeams(const ApiContext& context, const Transaction& reader, const 
   return PageAnswer(request, page, "teams", reader.teams.List(page.before, page.limit),
                     [&](const TeamRow& team) {
                       Json json = TeamToJson(team);
-                      json["submissions"] = reader.submissions.CountOf(team.name);
                       json["tokens"] = tokens[team.name];
                       return json;
                     });
@@ -210,22 +209,20 @@ ApiResult BanTeam(const ApiContext& context, const Request& request, const Json&
 absl::StatusOr<Json> ConsequencesOfMerge(const Transaction& reader, const ApiContext& context,
                                          const std::string& team, const std::string& into) {
   RETURN_IF_ERROR(reader.teams.CheckMerge(team, into));
-  const std::string from = reader.teams.NameOf(team);
-  const std::string to = reader.teams.NameOf(into);
-  std::set<std::string> members;
-  for (const std::string& one : {from, to}) {
-    ASSIGN_OR_RETURN(const TeamRow row, reader.teams.Find(one));
-    members.insert(row.members.begin(), row.members.end());
-  }
+  ASSIGN_OR_RETURN(const TeamRow row, reader.teams.Find(team));
+  ASSIGN_OR_RETURN(const TeamRow into_row, reader.teams.Find(into));
+  const std::string& from = row.name;
+  const std::string& to = into_row.name;
+  std::set<std::string> members(row.members.begin(), row.members.end());
+  members.insert(into_row.members.begin(), into_row.members.end());
   const std::vector<TokenRow> tokens = reader.callers.Tokens().rows;
   const auto tokens_of_team = std::count_if(
       tokens.begin(), tokens.end(),
       [&](const TokenRow& token) { return token.team == from && token.revoked_at == 0; });
-  const int64_t submissions = reader.submissions.CountOf(from);
   Json body = {{"team", from},
                {"into", to},
-               {"submissions_of_team", submissions},
-               {"submissions", submissions + reader.submissions.CountOf(to)},
+               {"submissions_of_team", row.submissions},
+               {"submissions", row.submissions + into_row.submissions},
                {"tokens_of_team", tokens_of_team},
                {"members", members},
                {"tracks", Json::array()},
@@ -371,7 +368,7 @@ ApiResult GrantQuota(const ApiContext& context, const Request&, const Json& body
   }
   if (!status.ok()) return ToTeamError(status, grant.team);
   NoteAct(absl::StrCat("team ", grant.team),
-          absl::StrCat(grant.amount, " more of ", std::string(BudgetName(grant.budget)), " on ",
+          absl::StrCat(grant.amount, " more of ", std::string(EnumName(grant.budget)), " on ",
                        grant.track, ": ", grant.why));
   return answer;
 }

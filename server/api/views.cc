@@ -7,7 +7,7 @@
 
 #include "protocol/lease/seed_commitment.h"
 #include "server/base/http_client.h"
-#include "server/store/differences.h"
+#include "server/store/episodes.h"
 
 namespace myograde::server {
 namespace {
@@ -156,7 +156,7 @@ Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& evaluation,
           {"artefact", row.artefact},
           {"name", row.artefact_name},
           {"ranked", row.ranked},
-          {"state", EvaluationStateName(evaluation.state)},
+          {"state", EnumName(evaluation.state)},
           {"evaluation", evaluation.id},
           {"episodes",
            {{"total", evaluation.last - evaluation.first + 1},

@@ -60,7 +60,7 @@ void AddNextPage(const Request& request, bool more, int64_t last_id, ApiAnswer& 
 template <typename Row>
 void AddNextPage(const Request& request, const Page& page, const Listed<Row>& listed,
                  ApiAnswer& answer) {
-  AddNextPage(request, listed.found >= page.limit, listed.last_id, answer);
+  AddNextPage(request, listed.found() >= page.limit, listed.last_id, answer);
 }
 // A page of a list as the answer to `request`: its rows at `key`, each as `to_json` has it.
 template <typename Row, typename RowToJson>

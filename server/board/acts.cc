@@ -6,17 +6,12 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/sha256.h"
-#include "server/base/enum_names.h"
 #include "server/base/json_value.h"
 
 namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
-
-constexpr std::string_view kPurposes[] = {"rules", "seeds"};
-constexpr std::string_view kMethods[] = {"auto", "facts", "play"};
-constexpr std::string_view kEvents[] = {"created", "applied", "dropped"};
 
 std::string TextOrEmpty(const Json& value) {
   return value.is_null() ? "" : value.get<std::string>();
@@ -45,28 +40,15 @@ std::string ArtefactCommitment(int64_t submission, const std::string& artefact) 
   return Sha256Hex(absl::StrCat("myograde artefact/", submission, "/", artefact));
 }
 
-std::string_view RejudgePurposeName(RejudgePurpose purpose) { return NameIn(kPurposes, purpose); }
-std::optional<RejudgePurpose> ParseRejudgePurpose(std::string_view name) {
-  return ParseIn<RejudgePurpose>(kPurposes, name);
-}
-std::string_view RejudgeMethodName(RejudgeMethod method) { return NameIn(kMethods, method); }
-std::optional<RejudgeMethod> ParseRejudgeMethod(std::string_view name) {
-  return ParseIn<RejudgeMethod>(kMethods, name);
-}
-std::string_view RejudgeEventName(RejudgeEvent event) { return NameIn(kEvents, event); }
-std::optional<RejudgeEvent> ParseRejudgeEvent(std::string_view name) {
-  return ParseIn<RejudgeEvent>(kEvents, name);
-}
-
 Json RejudgeKeys(const RejudgeRow& rejudge) {
   return {{"rejudge", rejudge.id},
-          {"purpose", RejudgePurposeName(rejudge.purpose)},
+          {"purpose", EnumName(rejudge.purpose)},
           {"phase", TextOrNull(rejudge.phase)},
           {"track", rejudge.track},
           {"profile", rejudge.profile},
           {"from_config", rejudge.from_config},
           {"to_config", rejudge.to_config},
-          {"method", RejudgeMethodName(rejudge.method)},
+          {"method", EnumName(rejudge.method)},
           {"repeats", rejudge.repeats}};
 }
 
@@ -74,14 +56,14 @@ RejudgeRow RejudgeOfDocument(const Json& document) {
   const auto text = [&](const char* key) { return TextOrEmpty(document.at(key)); };
   RejudgeRow rejudge;
   rejudge.id = document.at("rejudge").get<int64_t>();
-  rejudge.purpose = ParseRejudgePurpose(text("purpose")).value_or(RejudgePurpose::kRules);
+  rejudge.purpose = ParseEnum<RejudgePurpose>(text("purpose")).value_or(RejudgePurpose::kRules);
   rejudge.phase = text("phase");
   rejudge.track = text("track");
   rejudge.profile = text("profile");
   rejudge.from_config = text("from_config");
   rejudge.to_config = text("to_config");
   rejudge.seeds = text("seeds");
-  rejudge.method = ParseRejudgeMethod(text("method")).value_or(RejudgeMethod::kAuto);
+  rejudge.method = ParseEnum<RejudgeMethod>(text("method")).value_or(RejudgeMethod::kAuto);
   rejudge.repeats = document.at("repeats").get<int64_t>();
   rejudge.who = text("who");
   rejudge.why = text("reason");

@@ -33,13 +33,14 @@
 
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
+
+#include "server/base/enum_names.h"
 
 namespace myograde::server {
 
@@ -154,20 +155,20 @@ enum class RejudgePurpose {
   kRules,  // the results of to_config take the place of those of from_config
   kSeeds,  // further episodes for statistics, of the listed submissions; they never rank
 };
-std::string_view RejudgePurposeName(RejudgePurpose purpose);  // "rules", "seeds"
-std::optional<RejudgePurpose> ParseRejudgePurpose(std::string_view name);
+template <>
+inline constexpr std::string_view kNamesOf<RejudgePurpose>[] = {"rules", "seeds"};
 
 enum class RejudgeMethod {
   kAuto,   // from facts where that gives what playing would give, else played
   kFacts,  // judged anew from the facts of an evaluation
   kPlay,   // played
 };
-std::string_view RejudgeMethodName(RejudgeMethod method);  // "auto", "facts", "play"
-std::optional<RejudgeMethod> ParseRejudgeMethod(std::string_view name);
+template <>
+inline constexpr std::string_view kNamesOf<RejudgeMethod>[] = {"auto", "facts", "play"};
 
 enum class RejudgeEvent { kCreated, kApplied, kDropped };
-std::string_view RejudgeEventName(RejudgeEvent event);  // "created", "applied", "dropped"
-std::optional<RejudgeEvent> ParseRejudgeEvent(std::string_view name);
+template <>
+inline constexpr std::string_view kNamesOf<RejudgeEvent>[] = {"created", "applied", "dropped"};
 
 struct RejudgeEventRow {
   int64_t id = 0;  // of the act

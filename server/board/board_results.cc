@@ -21,25 +21,6 @@ const Row* NewestBefore(const std::vector<Row>& rows, int64_t before_ms) {
 
 // --- what counts ---
 
-std::vector<int64_t> BoardState::AppliedTo(const std::string& config,
-                                           const BoardMoment& moment) const {
-  std::vector<std::pair<int64_t, int64_t>> found;  // act and rejudge
-  for (const auto& [id, rejudge] : rejudges_) {
-    if (rejudge.to_config != config || rejudge.purpose != RejudgePurpose::kRules ||
-        id == moment.assumed_rejudge || id == moment.ignored_rejudge) {
-      continue;
-    }
-    const RejudgeEventRow* last = NewestBefore(rejudge.events, moment.results_before_ms());
-    if (last != nullptr && last->event == RejudgeEvent::kApplied) found.emplace_back(last->id, id);
-  }
-  std::ranges::sort(found);
-  std::vector<int64_t> rejudges;
-  for (const auto& [act, rejudge] : found) rejudges.push_back(rejudge);
-  const RejudgeRow* assumed = Rejudge(moment.assumed_rejudge);
-  if (assumed != nullptr && assumed->to_config == config) rejudges.push_back(assumed->id);
-  return rejudges;
-}
-
 std::vector<const BoardResult*> BoardState::Ended(const std::vector<int64_t>& evaluations,
                                                   int64_t before_ms) const {
   std::vector<const BoardResult*> found;
@@ -53,8 +34,19 @@ std::vector<const BoardResult*> BoardState::Ended(const std::vector<int64_t>& ev
 std::vector<const BoardResult*> BoardState::Deciding(const std::string& config,
                                                      const BoardMoment& moment,
                                                      int64_t before_ms) const {
+  std::map<int64_t, int64_t> applied;  // rejudges, by the acts that applied them
+  for (const auto& [id, rejudge] : rejudges_) {
+    if (rejudge.to_config != config || rejudge.purpose != RejudgePurpose::kRules ||
+        id == moment.assumed_rejudge || id == moment.ignored_rejudge) {
+      continue;
+    }
+    const RejudgeEventRow* last = NewestBefore(rejudge.events, moment.results_before_ms());
+    if (last != nullptr && last->event == RejudgeEvent::kApplied) applied[last->id] = id;
+  }
+  const RejudgeRow* assumed = Rejudge(moment.assumed_rejudge);
+  if (assumed != nullptr && assumed->to_config == config) applied[INT64_MAX] = assumed->id;
   std::vector<const BoardResult*> found = Ended(FindOrNone(originals_, config), before_ms);
-  for (const int64_t rejudge : AppliedTo(config, moment)) {
+  for (const auto& [act, rejudge] : applied) {
     const auto results = Ended(FindOrNone(rejudged_, rejudge), before_ms);
     found.insert(found.end(), results.begin(), results.end());
   }

@@ -209,7 +209,8 @@ void BoardState::AddRejudge(const Act& act) {
       .id = act.id,
       .at = act.at,
       .rejudge = NumberAt(act.content, "rejudge"),
-      .event = ParseRejudgeEvent(TextAt(act.content, "event")).value_or(RejudgeEvent::kCreated),
+      .event =
+          ParseEnum<RejudgeEvent>(TextAt(act.content, "event")).value_or(RejudgeEvent::kCreated),
       .who = act.who,
       .why = "",
       .document_json = "",

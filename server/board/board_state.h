@@ -190,12 +190,11 @@ class BoardState {
   void AddConfig(const Act& act);
   void AddRejudge(const Act& act);
   int64_t TeamInForce(int64_t team) const;
-  // Ids of the rejudges that count under a config, in the order in which they were applied.
-  std::vector<int64_t> AppliedTo(const std::string& config, const BoardMoment& moment) const;
   // The evaluations of a list that ended before a moment.
   std::vector<const BoardResult*> Ended(const std::vector<int64_t>& evaluations,
                                         int64_t before_ms) const;
-  // Those that may decide a config's board: its originals, then those of each applied rejudge.
+  // Those that may decide a config's board: its originals, then those of each rejudge that counts,
+  // in the order in which they were applied.
   std::vector<const BoardResult*> Deciding(const std::string& config, const BoardMoment& moment,
                                            int64_t before_ms) const;
   // Submissions that a rejudge to the config has ended for.

@@ -16,8 +16,8 @@
 #include "protocol/base/mutex.h"
 #include "server/challenge/challenge.h"
 #include "server/grading/tracks.h"
-#include "server/store/reader_pool.h"
 #include "server/store/rows.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

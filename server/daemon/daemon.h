@@ -17,7 +17,6 @@
 #include "server/grading/tracks.h"
 #include "server/proof/signing_key.h"
 #include "server/store/data_folder.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "server/webhook/webhook.h"
 

@@ -9,6 +9,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/artefact/adapters.h"
+#include "server/engine/rejudges.h"
 #include "server/proof/grader_build.h"
 
 namespace myograde::server {
@@ -42,11 +43,11 @@ absl::StatusOr<std::vector<NewRejudgeItem>> ListItems(const Transaction& reader,
   if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
   ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(rejudge.to_config_json, "the new config"));
   ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(json, "the new config"));
-  for (const RejudgeCandidate& candidate : reader.rejudges.CandidatesFor(rejudge)) {
+  for (NewEvaluation& candidate : reader.rejudges.CandidatesFor(rejudge)) {
+    candidate.grader_json = rejudge.grader_json;
+    candidate.blocks = SplitIntoBlocks(rejudge.seed_count, config.episodes_per_lease);
     ASSIGN_OR_RETURN(std::string impossible, WhyNotPlayed(reader, candidate.submission, data_dir));
-    items.push_back({candidate, RejudgeMethod::kPlay, rejudge.grader_json,
-                     SplitIntoBlocks(rejudge.seed_count, config.episodes_per_lease),
-                     std::move(impossible)});
+    items.push_back({std::move(candidate), std::move(impossible)});
   }
   return items;
 }

@@ -14,7 +14,6 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
 #include "server/engine/engine_core.h"
-#include "server/engine/rejudge_requests.h"
 
 namespace myograde::server {
 
@@ -57,6 +56,8 @@ class CommandQueue {
   std::deque<Entry> entries_ ABSL_GUARDED_BY(mutex_);
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
 };
+
+struct CreatedRejudge;  // server/engine/rejudges.h
 
 // What follows from an act on a rejudge.
 using AfterRejudge = std::function<void(const RejudgeDone&)>;

@@ -47,7 +47,6 @@
 #include "server/runtime/runtimes.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

@@ -166,8 +166,8 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
                         .submission = context.submission.id,
                         .team = context.submission.team});
   spdlog::info("evaluation {}: {}, {} of {} episodes succeeded", evaluation,
-               std::string(EvaluationStateName(result.state)), result.standing.ranked.successes,
-               result.standing.ranked.episodes);
+               std::string(EnumName(result.state)), result.standing.successes,
+               result.standing.episodes);
   return absl::OkStatus();
 }
 

@@ -1,18 +1,51 @@
 #include "server/engine/rejudges.h"
 
+#include <algorithm>
+#include <map>
+#include <set>
+
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
+#include "server/base/json_value.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr char kScoring[] = "scoring";
+
+// Whether two effective configs give the same facts: they differ in "scoring" at most.
+bool HaveSameFacts(const std::string& from_json, const std::string& to_json) {
+  Json from = ParsedText(from_json);
+  Json to = ParsedText(to_json);
+  if (!from.is_object() || !to.is_object()) return false;
+  from.erase(kScoring);
+  to.erase(kScoring);
+  return from == to;
+}
+
+// Of those listed, the ones that have a result; an error names one that has none.
+absl::Status CheckListed(const NewRejudge& rejudge, const std::vector<NewEvaluation>& candidates) {
+  std::set<int64_t> found;
+  for (const NewEvaluation& candidate : candidates) found.insert(candidate.submission);
+  for (const int64_t submission : rejudge.submissions) {
+    if (found.contains(submission)) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("submission ", submission,
+                     " can't get further episodes: it is not ranked, has "
+                     "no result under config ",
+                     rejudge.from_config.substr(0, 12), ", or is on another board"));
+  }
+  return absl::OkStatus();
+}
 
 constexpr absl::Duration kWrite = absl::Seconds(30);
 // About as many rows are written together: a few ms, for which the engine's loop stands still.
@@ -26,10 +59,8 @@ absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
 
 // Computes an item from the facts of its source: pure but for reading. InternalError if the facts
 // can't be judged; a damaged row (store/damage.h).
-absl::StatusOr<NewRejudgeItem> JudgeAnew(const Transaction& reader,
-                                         const RejudgeCandidate& candidate, const Track& track,
-                                         const std::vector<uint64_t>& seeds) {
-  ASSIGN_OR_RETURN(const EvaluationRow source, reader.evaluations.Find(candidate.source));
+absl::Status JudgeAnew(const Transaction& reader, const EvaluationRow& source, const Track& track,
+                       const std::vector<uint64_t>& seeds, NewRejudgeItem& item) {
   if (source.last >= std::ssize(seeds)) {
     return absl::InternalError(absl::StrCat("evaluation ", source.id,
                                             " has more episodes than the "
@@ -48,14 +79,116 @@ absl::StatusOr<NewRejudgeItem> JudgeAnew(const Transaction& reader,
     row.reason = judged->reason;
     row.metrics_json = std::move(judged->metrics_json);
   }
-  ASSIGN_OR_RETURN(EvaluationResult result, ComputeResult(track, rows));
-  NewRejudgeItem item{candidate, RejudgeMethod::kFacts};
-  item.judged = std::move(result);
+  ASSIGN_OR_RETURN(item.judged, ComputeResult(track, rows));
   item.episodes = std::move(rows);
-  return item;
+  return absl::OkStatus();
+}
+
+// How an item is made whose source was played by `source_grader`; `today` is this host's build.
+// kFacts or kPlay.
+RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts,
+                           const Json& source_grader, const Json& today) {
+  if (asked != RejudgeMethod::kAuto) return asked;
+  const bool facts = repeats == 1 && same_facts && SameSimulation(source_grader, today);
+  return facts ? RejudgeMethod::kFacts : RejudgeMethod::kPlay;
 }
 
 }  // namespace
+
+bool SameSimulation(const Json& a, const Json& b) {
+  for (const char* key : {"simulator", "mujoco"}) {
+    if (!At(a, key).is_string() || At(a, key) != At(b, key)) return false;
+  }
+  const Json& adapters_a = At(a, "adapters");
+  const Json& adapters_b = At(b, "adapters");
+  for (const auto& [name, hash] : adapters_a.items()) {
+    if (At(adapters_b, name) != hash) return false;
+  }
+  // A model is compiled when it is first needed, so one of the builds may know fewer.
+  const Json& models_a = At(a, "models");
+  const Json& models_b = At(b, "models");
+  if (!models_a.is_object() || !models_b.is_object()) return false;
+  return std::all_of(models_a.items().begin(), models_a.items().end(), [&](const auto& model) {
+    const auto other = models_b.find(model.key());
+    return other == models_b.end() || *other == model.value();
+  });
+}
+
+absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
+  const bool rules = rejudge.purpose == RejudgePurpose::kRules;
+  const bool facts = rejudge.method == RejudgeMethod::kFacts;
+  if (rejudge.why.empty()) return absl::InvalidArgumentError("a rejudge needs a reason");
+  if (rejudge.repeats < 1 || rejudge.repeats > kMostRepeats) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a rejudge has 1 to ", kMostRepeats, " repeats, not ", rejudge.repeats));
+  }
+  if (rules != rejudge.submissions.empty()) {
+    return absl::InvalidArgumentError(
+        rules ? "a change of rules covers all submissions of the board; don't list some"
+              : "list at least one submission for further episodes");
+  }
+  if (facts && (rejudge.repeats > 1 || !rules)) {
+    return absl::InvalidArgumentError(
+        "repeats and further episodes have to be played; stored facts are not enough");
+  }
+  if (facts && !HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json)) {
+    return absl::InvalidArgumentError(
+        "stored facts are not enough: the configs differ in more than \"scoring\"; leave the "
+        "method at \"auto\", or choose \"play\"");
+  }
+  for (const auto& [hash, json] : {std::pair(&rejudge.from_config, &rejudge.from_config_json),
+                                   std::pair(&rejudge.to_config, &rejudge.to_config_json),
+                                   std::pair(&rejudge.seeds, &rejudge.seeds_json)}) {
+    if (Sha256Hex(*json) == *hash) continue;
+    return absl::InvalidArgumentError(absl::StrCat(*hash, " is not the hash of its content"));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
+                                        const std::string& data_dir) {
+  const std::vector<NewEvaluation> candidates = reader.rejudges.CandidatesFor(rejudge);
+  RETURN_IF_ERROR(CheckListed(rejudge, candidates));
+  const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
+                          HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
+  const Json today = ParsedText(rejudge.grader_json);
+  std::map<std::string, RejudgeMethod> methods;  // by the source's build
+  std::set<int64_t> submissions;
+  std::set<int64_t> without_files;
+  RejudgePlan plan;
+  for (const NewEvaluation& candidate : candidates) {
+    submissions.insert(candidate.submission);
+    const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
+    if (ExtractDamage(source.status()).has_value()) continue;  // it will be without a result
+    if (!source.ok()) return source.status();
+    const auto [method, is_new] = methods.try_emplace(source->grader_json);
+    if (is_new) {
+      method->second = ChooseMethod(rejudge.method, rejudge.repeats, same_facts,
+                                    ParsedText(source->grader_json), today);
+    }
+    if (method->second == RejudgeMethod::kFacts) {
+      ++plan.facts;
+      continue;
+    }
+    ++plan.play;
+    if (candidate.repetition != 1) continue;
+    const absl::StatusOr<std::string> why = WhyNotPlayed(reader, candidate.submission, data_dir);
+    if (ExtractDamage(why.status()).has_value()) continue;
+    if (!why.ok()) return why.status();
+    if (!why->empty()) without_files.insert(candidate.submission);
+  }
+  plan.submissions = std::ssize(submissions);
+  plan.without_files.assign(without_files.begin(), without_files.end());
+  return plan;
+}
+
+absl::StatusOr<std::string> WhyNotPlayed(const Transaction& reader, int64_t submission,
+                                         const std::string& data_dir) {
+  ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(submission));
+  if (HasArtefactFiles(data_dir, row.artefact).ok()) return "";
+  return absl::StrCat("it can't be played again: the files of artefact ", row.artefact,
+                      " are no longer on this host");
+}
 
 Rejudger::Rejudger(RejudgerOptions options, Engine& engine, ReaderPool& readers)
     : options_(std::move(options)),
@@ -76,19 +209,11 @@ void Rejudger::Loop() {
 }
 
 absl::Status Rejudger::LookForWork() {
-  ASSIGN_OR_RETURN(const int64_t newest, readers_.Read<int64_t>([](const Transaction& reader) {
-    return reader.Board().last();
-  }));
-  if (newest == seen_) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const std::vector<Work> open, OpenWork());
-  for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
-  if (!stop_.stop_requested()) seen_ = newest;
-  return absl::OkStatus();
-}
-
-absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
+  int64_t newest = 0;
   std::vector<Work> open;
   RETURN_IF_ERROR(readers_.Read([&](const Transaction& reader) -> absl::Status {
+    newest = reader.Board().last();
+    if (newest == seen_) return absl::OkStatus();
     for (const auto& [id, rejudge] : reader.Board().rejudges()) {
       absl::StatusOr<Work> work = FindWork(reader, rejudge);
       if (MayPass(work.status()) || IsBrokenStore(work.status())) return work.status();
@@ -100,7 +225,9 @@ absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
     }
     return absl::OkStatus();
   }));
-  return open;
+  for (const Work& work : open) RETURN_IF_ERROR(Carry(work));
+  if (!stop_.stop_requested()) seen_ = newest;
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Rejudger::Work> Rejudger::FindWork(const Transaction& reader, RejudgeRow rejudge) {
@@ -113,7 +240,7 @@ absl::StatusOr<Rejudger::Work> Rejudger::FindWork(const Transaction& reader, Rej
   ASSIGN_OR_RETURN(work.seeds, content_.Seeds(reader, work.rejudge.seeds));
   ASSIGN_OR_RETURN(const std::string from, reader.content.ConfigJson(work.rejudge.from_config));
   ASSIGN_OR_RETURN(const std::string to, reader.content.ConfigJson(work.rejudge.to_config));
-  work.same_facts = SameFacts(ParsedText(from), ParsedText(to));
+  work.same_facts = HaveSameFacts(from, to);
   return work;
 }
 
@@ -121,7 +248,7 @@ absl::Status Rejudger::Carry(const Work& work) {
   const Json today = options_.grader();
   Items items;
   int64_t rows = 0;  // that adding them writes
-  for (const RejudgeCandidate& candidate : work.missing) {
+  for (const NewEvaluation& candidate : work.missing) {
     if (stop_.stop_requested()) return absl::OkStatus();
     ASSIGN_OR_RETURN(NewRejudgeItem item,
                      readers_.Read<NewRejudgeItem>([&](const Transaction& reader) {
@@ -137,11 +264,10 @@ absl::Status Rejudger::Carry(const Work& work) {
 }
 
 absl::StatusOr<NewRejudgeItem> Rejudger::ItemOf(const Transaction& reader, const Work& work,
-                                                const RejudgeCandidate& candidate,
-                                                const Json& today) {
-  NewRejudgeItem item{
-      candidate, RejudgeMethod::kPlay, CanonicalJson(today),
-      SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease)};
+                                                const NewEvaluation& candidate, const Json& today) {
+  NewRejudgeItem item{candidate};
+  item.grader_json = CanonicalJson(today);
+  item.blocks = SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease);
   const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
   absl::Status why_not = source.status();
   if (source.ok()) {
@@ -149,9 +275,8 @@ absl::StatusOr<NewRejudgeItem> Rejudger::ItemOf(const Transaction& reader, const
                                ParsedText(source->grader_json), today);
   }
   if (source.ok() && item.method == RejudgeMethod::kFacts) {
-    absl::StatusOr<NewRejudgeItem> judged = JudgeAnew(reader, candidate, *work.track, *work.seeds);
-    if (judged.ok()) return judged;
-    why_not = judged.status();
+    why_not = JudgeAnew(reader, *source, *work.track, *work.seeds, item);
+    if (why_not.ok()) return item;
   }
   const absl::StatusOr<std::string> impossible =
       WhyNotPlayed(reader, candidate.submission, options_.data_dir);

@@ -1,7 +1,4 @@
-// Carries out rejudges: a thread that finds the items that open ones lack (at their creation, when an
-// evaluation under from_config ends, and after a restart), computes those that follow from facts, and
-// has the others queued. It writes a few items at a time through the engine, so that grading never
-// waits long; stopping it at any moment loses nothing.
+// What is checked before a rejudge is created, what it will do, and what carries it out.
 #pragma once
 
 #include <functional>
@@ -19,12 +16,48 @@
 
 namespace myograde::server {
 
+// How the submissions that a new rejudge finds will get their results.
+struct RejudgePlan {
+  int64_t submissions = 0;
+  int64_t facts = 0;  // items
+  int64_t play = 0;
+  // Submissions that have to be played and whose files are no longer on this host, sorted: they
+  // will be without a result.
+  std::vector<int64_t> without_files;
+};
+
+struct CreatedRejudge {
+  RejudgeRow rejudge;
+  RejudgePlan plan;
+};
+
+// Whether a build `b` has the simulator, library, compiled models and adapters of `a`
+// (GraderBuild).
+bool SameSimulation(const nlohmann::json& a, const nlohmann::json& b);
+
+// InvalidArgumentError, in one sentence: `repeats` out of range, submissions listed for a purpose
+// that takes none, facts asked for where more than scoring differs or where repetitions are, ...
+absl::Status CheckNewRejudge(const NewRejudge& rejudge);
+
+// What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError: a
+// listed submission has no result that further episodes could be added to.
+absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
+                                        const std::string& data_dir);
+
+// Why a submission can't be played, as the files of its artefact are not in `data_dir`; "": it can.
+absl::StatusOr<std::string> WhyNotPlayed(const Transaction& reader, int64_t submission,
+                                         const std::string& data_dir);
+
 struct RejudgerOptions {
   std::string data_dir;
   std::function<nlohmann::json()> grader;          // this host's build (GraderBuild)
   absl::Duration every = absl::Milliseconds(250);  // between checks for something new
 };
 
+// A thread that finds the items that open rejudges lack (at their creation, when an evaluation
+// under from_config ends, and after a restart), computes those that follow from facts, and has the
+// others queued. It writes a few items at a time through the engine, so that grading never waits
+// long; stopping it at any moment loses nothing.
 class Rejudger {
  public:
   // Everything but `options` must outlive it. The engine's loop must run, as it writes the items.
@@ -34,7 +67,7 @@ class Rejudger {
   // What an open rejudge lacks, and what its items need.
   struct Work {
     RejudgeRow rejudge;
-    std::vector<RejudgeCandidate> missing;
+    std::vector<NewEvaluation> missing;
     TrackPtr track;  // of to_config
     SeedsPtr seeds;
     bool same_facts = false;
@@ -44,11 +77,10 @@ class Rejudger {
   void Loop();
   // An error: something has to be tried again.
   absl::Status LookForWork();
-  absl::StatusOr<std::vector<Work>> OpenWork();
   absl::StatusOr<Work> FindWork(const Transaction& reader, RejudgeRow rejudge);
   absl::Status Carry(const Work& work);
   absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const Work& work,
-                                        const RejudgeCandidate& candidate,
+                                        const NewEvaluation& candidate,
                                         const nlohmann::json& today);
   absl::Status Write(Items items);
 

@@ -12,7 +12,7 @@
 
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

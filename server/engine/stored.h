@@ -13,7 +13,6 @@
 #include <nlohmann/json.hpp>
 
 #include "server/grading/tracks.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

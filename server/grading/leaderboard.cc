@@ -32,15 +32,14 @@ struct Sorted {
 };
 
 BoardEntry EntryOf(const StandingRow& row) {
-  const RankedNumbers& ranked = row.standing.ranked;
   BoardEntry entry;
   entry.submission = absl::StrCat(row.submission);
   entry.team = row.team;
   entry.acceptance = row.submission;
   entry.chosen = row.chosen;
-  entry.successes = ranked.successes;
-  entry.episodes = ranked.episodes;
-  for (const double number : ranked.numbers) {
+  entry.successes = row.standing.successes;
+  entry.episodes = row.standing.episodes;
+  for (const double number : row.standing.numbers) {
     entry.numbers.push_back(std::isnan(number) ? std::nullopt : std::optional(number));
   }
   return entry;

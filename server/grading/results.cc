@@ -14,7 +14,7 @@
 #include "server/base/json_value.h"
 #include "server/proof/merkle_tree.h"
 #include "server/store/damage.h"
-#include "server/store/differences.h"
+#include "server/store/episodes.h"
 
 namespace myograde::server {
 namespace {
@@ -143,15 +143,14 @@ nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
 
 Standing ToStanding(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate) {
   const scoring::BoardEntry entry = scoring::MakeEntry(track.metrics, aggregate);
-  Standing standing;
-  standing.ranked = {.successes = entry.successes,
-                     .episodes = entry.episodes,
-                     .names = scoring::RankedNames(track),
-                     .numbers = {}};
+  Standing standing{.successes = entry.successes,
+                    .episodes = entry.episodes,
+                    .names = scoring::RankedNames(track),
+                    .numbers = {},
+                    .aggregate_json = CanonicalJson(AggregateToJson(track, aggregate))};
   for (const std::optional<double>& number : entry.numbers) {
-    standing.ranked.numbers.push_back(number.value_or(std::numeric_limits<double>::quiet_NaN()));
+    standing.numbers.push_back(number.value_or(std::numeric_limits<double>::quiet_NaN()));
   }
-  standing.aggregate_json = CanonicalJson(AggregateToJson(track, aggregate));
   return standing;
 }
 

@@ -10,7 +10,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/practice_seeds.h"
 #include "server/store/quota.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 namespace {

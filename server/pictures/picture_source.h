@@ -10,7 +10,7 @@
 #include <absl/status/statusor.h>
 
 #include "server/pictures/pictures.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 

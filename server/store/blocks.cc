@@ -1,7 +1,5 @@
-// Where the attempts of blocks ran, and which nodes of a cluster get no blocks.
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -36,7 +34,7 @@ constexpr StoredRows<AttemptRow> kRuns = {
       run.cpu_s = static_cast<double>(row.Number(6, 0, INT64_MAX)) / 1000;
       const int64_t energy = row.NumberOr(7, 0, INT64_MAX, -1);
       if (energy >= 0) run.energy_j = static_cast<double>(energy) / 1000;
-      run.how = row.Named(8, ParseRunEnd);
+      run.how = row.Named<RunEnd>(8);
     }};
 
 constexpr StoredRows<DrainedNodeRow> kNodes = {
@@ -48,11 +46,9 @@ constexpr StoredRows<DrainedNodeRow> kNodes = {
     }};
 
 // The newest event of a node and its reason; "" if there is none.
-std::pair<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
-  Statement select(db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1",
-                   node);
-  if (!select.executeStep()) return {};
-  return {select.getColumn(0).getString(), select.getColumn(1).getString()};
+std::tuple<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
+  return FirstRow<std::string, std::string>(
+      db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1", node);
 }
 
 constexpr StoredRows<BlockRow> kBlocks = {
@@ -64,7 +60,7 @@ constexpr StoredRows<BlockRow> kBlocks = {
       block.evaluation = row.Id(12);
       block.first = row.Number(1, 0, kMaxEpisodes - 1);
       block.last = row.Number(2, block.first, kMaxEpisodes - 1);
-      block.state = row.Named(3, ParseBlockState);
+      block.state = row.Named<BlockState>(3);
       block.attempt = row.Number(4, 0, kMany);
       block.faults = row.Number(5, 0, block.attempt);
       block.detail = row.Text(6);
@@ -80,7 +76,7 @@ constexpr StoredRows<BlockRow> kBlocks = {
 
 absl::Status Blocks::Refused(const char* what, const BlockRow& block, std::string_view step) {
   return absl::FailedPreconditionError(absl::StrCat(
-      "block ", block.id, " can't be ", what, ": it is ", std::string(BlockStateName(block.state)),
+      "block ", block.id, " can't be ", what, ": it is ", std::string(EnumName(block.state)),
       ", attempt ", block.attempt, std::string(step)));
 }
 
@@ -156,8 +152,8 @@ absl::Status Blocks::End(int64_t block, BlockState state, bool fault, const std:
   }
   Run(db_, R"(UPDATE block SET state = ?, slot = NULL, owner = NULL, started_at = NULL,
       deadline_at = NULL, finished_at = ?, faults = faults + ?, detail = ? WHERE id = ?)",
-      BlockStateName(state), now_ms_, fault, why, block);
-  return Audit("block", block, BlockStateName(row.state), BlockStateName(state), who, why);
+      EnumName(state), now_ms_, fault, why, block);
+  return Audit("block", block, EnumName(row.state), EnumName(state), who, why);
 }
 
 absl::Status Blocks::RecordAttempt(const AttemptRow& run) {
@@ -166,7 +162,7 @@ absl::Status Blocks::RecordAttempt(const AttemptRow& run) {
       ON CONFLICT (block, attempt) DO NOTHING)",
       run.block, run.attempt, run.node, run.job, run.began_at,
       run.ended_at == 0 ? now_ms_ : run.ended_at, Thousandths(run.cpu_s),
-      run.energy_j.has_value() ? Thousandths(*run.energy_j) : -1, RunEndName(run.how));
+      run.energy_j.has_value() ? Thousandths(*run.energy_j) : -1, EnumName(run.how));
   return absl::OkStatus();
 }
 
@@ -184,7 +180,7 @@ absl::Status Blocks::DrainNode(const std::string& node, const std::string& why,
 }
 
 absl::Status Blocks::AdmitNode(const std::string& node, const std::string& who) {
-  if (LatestEvent(db_, node).first == "drained") AddNodeEvent(node, "admitted", "", who);
+  if (std::get<0>(LatestEvent(db_, node)) == "drained") AddNodeEvent(node, "admitted", "", who);
   return absl::OkStatus();
 }
 

@@ -1,4 +1,3 @@
-// Who calls: denied requests and acts, the keys of requests, and bearer tokens, as hashes.
 #include <utility>
 
 #include <absl/strings/str_cat.h>

@@ -78,23 +78,6 @@ absl::Status CheckRows(SQLite::Database& db, const std::string& path,
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path,
-                                                 Migrations migrations) {
-  const bool whole = SizeOf(path + "-wal") == 0;
-  RETURN_IF_ERROR(CheckSchema(db, path, migrations));
-  if (whole) RETURN_IF_ERROR(CheckLength(db, path));
-  RETURN_IF_ERROR(CheckRows(db, path, [&](const std::string& what) {
-    spdlog::error("{}: {}; what needs it can't be shown or played", path, what);
-  }));
-  // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
-  // would need an overflow page. Only effective before a new file's first page is written.
-  if (db.execAndGet("PRAGMA user_version").getInt() == 0) db.exec("PRAGMA page_size = 8192");
-  db.exec("PRAGMA journal_mode = WAL");
-  db.exec("PRAGMA synchronous = FULL");
-  db.exec("PRAGMA foreign_keys = ON");
-  return Migrate(db, path, migrations);
-}
-
 constexpr int kPagesAtOnce = 2048;
 constexpr int kStepsAReport = 16;
 
@@ -163,7 +146,20 @@ absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path, Migrations m
       opened.db = std::make_unique<SQLite::Database>(
           path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, kBusyMs);
     }
-    ASSIGN_OR_RETURN(opened.migration, Prepare(*opened.db, path, migrations));
+    SQLite::Database& db = *opened.db;
+    const bool whole = SizeOf(path + "-wal") == 0;
+    RETURN_IF_ERROR(CheckSchema(db, path, migrations));
+    if (whole) RETURN_IF_ERROR(CheckLength(db, path));
+    RETURN_IF_ERROR(CheckRows(db, path, [&](const std::string& what) {
+      spdlog::error("{}: {}; what needs it can't be shown or played", path, what);
+    }));
+    // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
+    // would need an overflow page. Only effective before a new file's first page is written.
+    if (db.execAndGet("PRAGMA user_version").getInt() == 0) db.exec("PRAGMA page_size = 8192");
+    db.exec("PRAGMA journal_mode = WAL");
+    db.exec("PRAGMA synchronous = FULL");
+    db.exec("PRAGMA foreign_keys = ON");
+    ASSIGN_OR_RETURN(opened.migration, Migrate(db, path, migrations));
     return absl::OkStatus();
   }));
   return opened;

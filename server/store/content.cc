@@ -1,4 +1,3 @@
-// Artefacts and logs: whose they are, and which files are still needed.
 #include <algorithm>
 
 #include <absl/strings/str_cat.h>
@@ -123,14 +122,12 @@ absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& up
   }
   const auto check = [&](const char* whose, const std::string& name, const std::string& sentence,
                          int64_t most, int64_t most_bytes) -> absl::Status {
-    Statement sum(db_,
-                  absl::StrCat("SELECT count(*), ifnull(sum(a.bytes), 0) FROM upload AS u "
-                               "JOIN artefact AS a ON a.hash = u.artefact WHERE ",
-                               whose, " = ?"),
-                  name);
-    sum.executeStep();
-    const int64_t count = sum.getColumn(0).getInt64();
-    const int64_t bytes = sum.getColumn(1).getInt64();
+    const auto [count, bytes] = FirstRow<int64_t, int64_t>(
+        db_,
+        absl::StrCat("SELECT count(*), ifnull(sum(a.bytes), 0) FROM upload AS u "
+                     "JOIN artefact AS a ON a.hash = u.artefact WHERE ",
+                     whose, " = ?"),
+        name);
     if (count < most && artefact.bytes <= most_bytes - bytes) return absl::OkStatus();
     return CodedRefusal(
         "quota",
@@ -279,23 +276,18 @@ bool Content::TeamHoldsArtefact(const std::string& hash, const std::string& team
   });
 }
 
-std::set<std::string> Episodes::TeamsOfLog(const std::string& sha256) const {
-  std::set<std::string> teams;
-  const std::string sql = absl::StrCat("SELECT DISTINCT t.name ", kEpisodesOf,
-                                       "JOIN team AS t ON t.id = s.team_id "
-                                       "AND typeof(t.name) = 'text' WHERE (",
-                                       kLogOfEpisode, ") = ?");
-  for (const std::string& name : AllValues<std::string>(db_, sql, sha256)) {
-    teams.insert(Teams(context_).NameOf(name));
+std::map<std::string, std::set<std::string>> Episodes::TeamsOfLog(const std::string& sha256) const {
+  Statement select(db_,
+                   absl::StrCat("SELECT DISTINCT t.name, s.phase ", kEpisodesOf,
+                                "JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' "
+                                "WHERE (",
+                                kLogOfEpisode, ") = ?"),
+                   sha256);
+  std::map<std::string, std::set<std::string>> teams;
+  while (select.executeStep()) {
+    teams[Teams(context_).NameOf(select.getColumn(0))].insert(select.getColumn(1));
   }
   return teams;
-}
-
-std::set<std::string> Episodes::PhasesOfLog(const std::string& sha256) const {
-  const std::vector<std::string> phases = AllValues<std::string>(
-      db_, absl::StrCat("SELECT DISTINCT s.phase ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?"),
-      sha256);
-  return {phases.begin(), phases.end()};
 }
 
 absl::StatusOr<LoggedEpisode> Episodes::OfLog(const std::string& sha256) const {

@@ -70,8 +70,6 @@ struct TransactionContext {
 
   // What the journal says, with what this change has added. Valid until more is added.
   const BoardState& Board() const;
-  // One of several changes that share a transaction: if it fails, or the schema rejects one of its
-  // rows, all of it is rolled back and the others go on.
   absl::Status Part(const std::function<absl::Status()>& change) const;
 };
 

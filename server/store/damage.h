@@ -46,9 +46,10 @@ void ReportLeftOut(const Damage& damage);
 template <typename Row>
 struct Listed {
   std::vector<Row> rows;
-  int64_t found = 0;    // with those that can't be read
-  int64_t last_id = 0;  // of all these, if they have one
   std::vector<Damage> damaged = {};  // those that can't be read
+  int64_t last_id = 0;               // of all these, if they have one
+
+  int64_t found() const { return std::ssize(rows) + std::ssize(damaged); }
 };
 
 }  // namespace myograde::server

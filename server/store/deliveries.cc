@@ -1,7 +1,6 @@
 #include "server/store/deliveries.h"
 
 #include <absl/strings/escaping.h>
-#include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
@@ -18,17 +17,15 @@ constexpr size_t kEventIdBytes = 16;
 
 constexpr StoredRows<DeliveryRow> kDeliveries = {
     "delivery",
-    "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery ",
+    "SELECT id, at, webhook, event, detail, body_json, state, attempts, due_at FROM delivery ",
     [](StoredRow& row, DeliveryRow& delivery) {
       delivery.id = row.Id(0);
       delivery.at = row.Time(1);
-      delivery.webhook = row.Text(2);
-      delivery.event = row.Text(3);
-      delivery.body_json = row.Object(4);
-      delivery.state = row.OneOf(5, {"waiting", "delivered", "given_up"});
-      delivery.attempts = row.Number(6, 0, INT64_MAX);
-      delivery.due_at = row.Time(7);
-      delivery.detail = row.Text(8);
+      row.TextsInto(2, {&delivery.webhook, &delivery.event, &delivery.detail});
+      delivery.body_json = row.Object(5);
+      delivery.state = row.OneOf(6, {"waiting", "delivered", "given_up"});
+      delivery.attempts = row.Number(7, 0, INT64_MAX);
+      delivery.due_at = row.Time(8);
     }};
 
 // Of evaluations that ended, by their state.
@@ -38,13 +35,11 @@ constexpr const char* kEndEvents[] = {"",           "",              kFinishedEv
 // What the owner of the submission knows anyway, and neither a number nor a word of its result: a
 // phase may withhold those.
 Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationState state) {
-  Json about = {{"evaluation", evaluation}, {"state", std::string(EvaluationStateName(state))}};
+  Json about = {{"evaluation", evaluation}, {"state", std::string(EnumName(state))}};
   StoredRow row(select, "submission");
   about["submission"] = row.Id(0);
-  const std::string team = row.Text(1);
-  const std::string track = row.Text(2);
-  const std::string profile = row.Text(3);
-  const std::string phase = row.Text(4);
+  std::string team, track, profile, phase;
+  row.TextsInto(1, {&team, &track, &profile, &phase});
   const bool ranked = row.Flag(5);
   if (!row.ok()) return about;  // a damaged row is told by its numbers
   about.update({{"team", team},
@@ -88,9 +83,9 @@ void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
   });
 }
 
-absl::Status Deliveries::Set(int64_t id, const DeliveryOutcome& outcome) {
+absl::Status Deliveries::Set(const DeliveryRow& delivery) {
   Run(db_, R"(UPDATE delivery SET state = ?, attempts = ?, due_at = ?, detail = ? WHERE id = ?)",
-      outcome.state, outcome.attempts, outcome.due_at, outcome.detail, id);
+      delivery.state, delivery.attempts, delivery.due_at, delivery.detail, delivery.id);
   return absl::OkStatus();
 }
 
@@ -109,12 +104,6 @@ absl::Status Deliveries::Prune(int64_t before_ms) {
 absl::StatusOr<DeliveryRow> Deliveries::Next(const std::string& webhook) const {
   return kDeliveries.First(db_, absl::NotFoundError("nothing waits for this webhook"),
                            "WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1", webhook);
-}
-
-int64_t Deliveries::NextId(const std::string& webhook) const {
-  return FirstValue<int64_t>(db_, R"(SELECT id
-      FROM delivery WHERE webhook = ? AND state = 'waiting' ORDER BY id LIMIT 1)",
-                             webhook);
 }
 
 Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before,

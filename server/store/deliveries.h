@@ -52,14 +52,6 @@ struct DeliveryRow {
   std::string detail;  // what went wrong last
 };
 
-// How the latest attempt ended.
-struct DeliveryOutcome {
-  std::string state;
-  int64_t attempts = 0;
-  int64_t due_at = 0;
-  std::string detail;
-};
-
 struct DeliveryCounts {
   std::string webhook;
   int64_t waiting = 0;
@@ -73,10 +65,9 @@ class Deliveries : StorePart {
  public:
   using StorePart::StorePart;
 
-  // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h).
+  // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h),
+  // with its id.
   absl::StatusOr<DeliveryRow> Next(const std::string& webhook) const;
-  // Its id, also if it is damaged; 0: none waits.
-  int64_t NextId(const std::string& webhook) const;
   // Newest first. `webhook` "" matches any; `before` is an id.
   Listed<DeliveryRow> List(const std::string& webhook, int64_t before, int64_t limit) const;
   // Of each webhook with rows, by name.
@@ -84,7 +75,8 @@ class Deliveries : StorePart {
   // Webhooks (deliveries.h). Adds what is to be told of an event, for each webhook that wants it.
   // `about_json`: an object; "id", "event" and "at" are added to it.
   absl::Status Tell(const std::string& event, const std::string& about_json);
-  absl::Status Set(int64_t id, const DeliveryOutcome& outcome);
+  // How its latest attempt ended: state, attempts, due_at and detail.
+  absl::Status Set(const DeliveryRow& delivery);
   // Gives up what waits for webhooks other than these; returns how many.
   absl::StatusOr<int64_t> AbandonAllBut(const std::set<std::string>& webhooks);
   // Removes what was delivered or given up, of events before then.

@@ -12,15 +12,32 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "protocol/lease/seed_commitment.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/store/connection.h"
-#include "server/store/differences.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
 
 namespace myograde::server {
 namespace {
+
+using Json = nlohmann::json;
+
+// Facts without the clocks. Text that is not JSON is compared as it is, so that damaged rows differ
+// instead of stopping the daemon.
+Json Parse(const std::string& text) {
+  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return json.is_discarded() ? Json(text) : json;
+}
+
+// Removes a key from an object and returns its canonical text: equal bytes mean equal values.
+std::string Take(Json& object, const char* key) {
+  if (!object.is_object() || !object.contains(key)) return "";
+  const std::string text = CanonicalJson(object[key]);
+  object.erase(key);
+  return text;
+}
 
 constexpr StoredRows<EpisodeRow> kEpisodes = {
     "episode",
@@ -83,13 +100,61 @@ constexpr StoredRows<std::pair<int64_t, Standing>> kStandings = {
       auto& [evaluation, read] = standing;
       evaluation = row.Id(0);
       read.aggregate_json = row.Text(1);
-      read.ranked.successes = row.Number(2, 0, kMany);
-      read.ranked.episodes = row.Number(3, 0, kMany);
-      read.ranked.names = row.Text(4);
-      read.ranked.numbers = NumbersIn(row, 5);
+      read.successes = row.Number(2, 0, kMany);
+      read.episodes = row.Number(3, 0, kMany);
+      read.names = row.Text(4);
+      read.numbers = NumbersIn(row, 5);
     }};
 
 }  // namespace
+
+std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRow& b) {
+  std::vector<std::string> differs;
+  if (a.seed != b.seed) differs.push_back("seed");
+  if (a.outcome != b.outcome) differs.push_back("outcome");
+  if (a.reason != b.reason) differs.push_back("reason");
+  if (a.metrics_json != b.metrics_json) differs.push_back("metrics");
+  Json facts_a = Parse(a.facts_json);
+  Json facts_b = Parse(b.facts_json);
+  for (const char* clock : {"wall_s", "policy_cpu_s"}) {
+    Take(facts_a, clock);
+    Take(facts_b, clock);
+  }
+  for (const char* key : {"steps", "sim_time", "clipped"}) {
+    if (Take(facts_a, key) != Take(facts_b, key)) differs.push_back(key);
+  }
+  if (Take(facts_a, "actions_digest") != Take(facts_b, "actions_digest")) {
+    differs.push_back("actions");
+  }
+  const bool digest_differs = Take(facts_a, "digest") != Take(facts_b, "digest");
+  // A fault's evidence may hold a measured time; its outcome is compared above.
+  for (Json* facts : {&facts_a, &facts_b}) {
+    Take(*facts, "fault");
+    Take(*facts, "log");  // follows from what is compared, and may have been truncated
+    Take(*facts, "seed");
+  }
+  if (CanonicalJson(facts_a) != CanonicalJson(facts_b)) differs.push_back("facts");
+  if (digest_differs) differs.push_back("digest");
+  return differs;
+}
+
+std::string CanonicalResult(const EpisodeRow& row, const std::string& seed_salt) {
+  Json facts = Parse(row.facts_json);
+  const Json steps = facts.is_object() && facts.contains("steps") ? facts["steps"] : Json();
+  const Json digest = facts.is_object() && facts.contains("digest") ? facts["digest"] : Json();
+  Json result = {{"index", row.index},
+                 {"outcome", OutcomeName(row.outcome)},
+                 {"reason", row.reason.name()},
+                 {"metrics", Parse(row.metrics_json)},
+                 {"steps", steps},
+                 {"digest", digest}};
+  if (seed_salt.empty()) {
+    result["seed"] = row.seed;
+  } else {
+    result["seed_commitment"] = SeedCommitment(seed_salt, row.index, row.seed);
+  }
+  return CanonicalJson(result);
+}
 
 absl::StatusOr<std::vector<EpisodeRow>> Episodes::Of(int64_t evaluation) const {
   return kEpisodes.All(db_, "WHERE evaluation = ? ORDER BY idx", evaluation);
@@ -136,32 +201,23 @@ absl::StatusOr<std::vector<std::string>> Episodes::Record(const EpisodeRow& row)
     return std::vector<std::string>();
   }
 
-  Statement select(db_, R"(SELECT outcome, reason, facts_json, metrics_json
-      FROM episode WHERE evaluation = ? AND idx = ?)",
-                   row.evaluation, row.index);
-  select.executeStep();
-  StoredRow there(select, "episode", absl::StrCat(row.evaluation, "/", row.index));
-  EpisodeRow kept = row;
-  kept.outcome = there.Named(0, ParseOutcome);
-  kept.reason = there.Named(1, ParseFailureReason);
-  kept.facts_json = there.Object(2);
-  kept.metrics_json = there.Object(3);
-  if (!there.ok()) return there.status();
+  ASSIGN_OR_RETURN(const EpisodeRow kept,
+                   kEpisodes.First(db_, NoSuch("episode", row.index),
+                                   "WHERE evaluation = ? AND idx = ?", row.evaluation, row.index));
   const std::vector<std::string> differs = DifferencesBetween(kept, row);
   if (differs.empty()) return differs;
   Run(db_, R"(INSERT INTO replay (evaluation, idx, attempt, differs_json, facts_json, recorded_at)
       VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx, attempt) DO NOTHING)",
-      row.evaluation, row.index, row.attempt, CanonicalJson(nlohmann::json(differs)),
-      row.facts_json, now_ms_);
+      row.evaluation, row.index, row.attempt, CanonicalJson(Json(differs)), row.facts_json,
+      now_ms_);
   return differs;
 }
 
 absl::Status Episodes::SetStanding(int64_t evaluation, const Standing& standing) {
-  const RankedNumbers& ranked = standing.ranked;
   Run(db_, R"(INSERT INTO standing VALUES (?, ?, ?, ?, CAST(? AS BLOB), ?) ON CONFLICT
       (evaluation) DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, names
       = excluded.names, numbers = excluded.numbers, aggregate_json = excluded.aggregate_json)",
-      evaluation, ranked.successes, ranked.episodes, ranked.names, BytesOf(ranked.numbers),
+      evaluation, standing.successes, standing.episodes, standing.names, BytesOf(standing.numbers),
       standing.aggregate_json);
   return absl::OkStatus();
 }

@@ -1,4 +1,4 @@
-// Episodes in the store.
+// Episodes in the store, and what of two runs of one is compared.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +14,16 @@
 #include "server/store/rows.h"
 
 namespace myograde::server {
+
+// The names of what differs, in this order: seed, outcome, reason, metrics, steps, sim_time,
+// clipped, facts (everything else), digest. Values are compared bit for bit; what depends on the
+// host's clock is left out.
+std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRow& b);
+
+// A row's canonical bytes for the hash over an evaluation's results: index, seed, outcome, reason,
+// metrics, steps and digest. With the salt of a config that hides its seeds
+// (TrackConfig::seed_salt), "seed_commitment" takes the place of the seed; "" for all others.
+std::string CanonicalResult(const EpisodeRow& row, const std::string& seed_salt);
 
 // Where an episode is that a log is of.
 struct LoggedEpisode {
@@ -32,10 +42,10 @@ class Episodes : StorePart {
   absl::StatusOr<std::vector<RepeatRow>> Repeats(int64_t evaluation) const;
   // `ended_blocks`: only episodes of blocks that have ended, so that nothing tells how far one is.
   EpisodeCounts Counts(int64_t evaluation, bool ended_blocks = false) const;
-  // The teams one of whose episodes has the log with this SHA-256.
-  std::set<std::string> TeamsOfLog(const std::string& sha256) const;
-  // The phases of those episodes; "": of none.
-  std::set<std::string> PhasesOfLog(const std::string& sha256) const;
+  // The teams one of whose episodes has the log with this SHA-256, with the phases of those
+  // episodes
+  // ("": of none).
+  std::map<std::string, std::set<std::string>> TeamsOfLog(const std::string& sha256) const;
   // The first episode with this log. NotFoundError: there is none.
   absl::StatusOr<LoggedEpisode> OfLog(const std::string& sha256) const;
   // Hashes of the logs of evaluations that have not ended, or are done and ranked.

@@ -1,7 +1,5 @@
 #include "server/store/evaluations.h"
 
-#include <utility>
-
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <nlohmann/json.hpp>
@@ -42,10 +40,10 @@ constexpr StoredRows<EvaluationRow> kEvaluations = {
     [](StoredRow& row, EvaluationRow& evaluation) {
       evaluation.id = row.Id(0);
       evaluation.submission = row.Id(1);
-      evaluation.kind = row.Named(2, ParseEvaluationKind);
+      evaluation.kind = row.Named<EvaluationKind>(2);
       evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
       evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
-      evaluation.state = row.Named(5, ParseEvaluationState);
+      evaluation.state = row.Named<EvaluationState>(5);
       evaluation.reason = row.Text(6);
       evaluation.grader_json = row.Object(7);
       evaluation.results_hash = row.TextOr(8);
@@ -58,7 +56,7 @@ constexpr StoredRows<EvaluationRow> kEvaluations = {
         evaluation.rejudge = row.Id(14);
         evaluation.repetition = row.Number(15, 1, kMostRepeats);
         evaluation.source = row.Id(16);
-        evaluation.method = row.Named(17, ParseRejudgeMethod);
+        evaluation.method = row.Named<RejudgeMethod>(17);
       }
       const bool ended = IsFinal(evaluation.state);
       if (ended == row.IsNull(11)) row.Fail(5, "its time of ending says otherwise");
@@ -118,9 +116,9 @@ absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std:
   Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at,
       config, seeds, rejudge, repetition, source, method) VALUES (?, ?, ?, ?, 'queued', ?, ?,
       nullif(?, ''), nullif(?, ''), nullif(?, 0), nullif(?, 0), nullif(?, 0), nullif(?, '')))",
-      added.submission, EvaluationKindName(added.kind), blocks.front().first, blocks.back().second,
+      added.submission, EnumName(added.kind), blocks.front().first, blocks.back().second,
       added.grader_json, now_ms_, added.config, added.seeds, added.rejudge, added.repetition,
-      added.source, added.rejudge == 0 ? "" : RejudgeMethodName(added.method));
+      added.source, added.rejudge == 0 ? "" : EnumName(added.method));
   Accepted accepted{added.submission, db_.getLastInsertRowid(), {}};
   RETURN_IF_ERROR(Audit("evaluation", accepted.evaluation, "", "queued", who, ""));
   int64_t next = blocks.front().first;
@@ -138,9 +136,9 @@ absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std:
 }
 
 absl::Status Evaluations::Note(int64_t evaluation, const std::string& who, const std::string& why) {
-  Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
-  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
-  const std::string state = select.getColumn(0).getString();
+  const auto [id, state] = FirstRow<int64_t, std::string>(
+      db_, "SELECT id, state FROM evaluation WHERE id = ?", evaluation);
+  if (id == 0) return NoSuch("evaluation", evaluation);
   return Audit("evaluation", evaluation, state, state, who, why);
 }
 
@@ -151,52 +149,51 @@ absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const s
                    evaluation);
   if (!select.executeStep()) return NoSuch("evaluation", evaluation);
   StoredRow row(select, "evaluation", absl::StrCat(evaluation));
-  const EvaluationState before = row.Named(0, ParseEvaluationState);
+  const EvaluationState before = row.Named<EvaluationState>(0);
   if (!row.ok()) return row.status();
   if (before == state) return absl::OkStatus();
   if (!IsFinal(state) || IsFinal(before) || select.getColumn(1).getInt64() != 0) {
     return absl::FailedPreconditionError(absl::StrCat(
-        "evaluation ", evaluation, " can't end as ", std::string(EvaluationStateName(state)),
-        ": it is ", std::string(EvaluationStateName(before)), ", ", select.getColumn(1).getInt64(),
-        " blocks are open"));
+        "evaluation ", evaluation, " can't end as ", std::string(EnumName(state)), ": it is ",
+        std::string(EnumName(before)), ", ", select.getColumn(1).getInt64(), " blocks are open"));
   }
   Run(db_, R"(UPDATE evaluation
       SET state = ?, reason = ?, results_hash = ?, finished_at = ? WHERE id = ?)",
-      EvaluationStateName(state), reason, results_hash, now_ms_, evaluation);
+      EnumName(state), reason, results_hash, now_ms_, evaluation);
   Quotas(context_).Settle(evaluation, state, who);
   AppendGraded(evaluation, who);
   Deliveries(context_).TellEnd(evaluation, state);
-  return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
-               who, reason);
+  return Audit("evaluation", evaluation, EnumName(before), EnumName(state), who, reason);
 }
 
 void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
-  Statement select(db_, R"(SELECT e.submission, e.state, e.results_hash, ifnull(e.config, s.config),
-      ifnull(e.seeds, s.seeds), e.grader_json, e.rejudge, e.repetition FROM evaluation AS e
-      JOIN submission AS s ON s.id = e.submission
+  using Text = std::string;
+  const auto [submission, state, results, config, seeds, build, rejudge, repetition] =
+      FirstRow<int64_t, Text, Text, Text, Text, Text, int64_t, int64_t>(
+          db_, R"(SELECT e.submission, e.state, e.results_hash,
+      ifnull(e.config, s.config), ifnull(e.seeds, s.seeds), e.grader_json, e.rejudge, e.repetition
+      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
       WHERE e.id = ? AND s.ranked = 1 AND e.kind != 'rerun')",
-                   evaluation);
-  if (!select.executeStep()) return;
-  const std::string state = select.getColumn(1).getString();
-  const bool failed = state == EvaluationStateName(EvaluationState::kFailed);
-  const bool result = failed || state == EvaluationStateName(EvaluationState::kDone);
+          evaluation);
+  if (submission == 0) return;
+  const bool failed = state == EnumName(EvaluationState::kFailed);
+  const bool result = failed || state == EnumName(EvaluationState::kDone);
   // The hash of the build as a receipt shows it.
-  const std::string grader = Sha256Hex(CanonicalJson(
-      nlohmann::json::parse(select.getColumn(5).getString(), nullptr, /*allow_exceptions=*/false)));
-  Append(
-      {.kind = kGradedAct,
-       .who = who,
-       .content = {{"evaluation", evaluation},
-                   {"submission", select.getColumn(0).getInt64()},
-                   {"state", result ? "graded" : state},
-                   {"results", result ? nlohmann::json(select.getColumn(2).getString()) : nullptr},
-                   {"config", select.getColumn(3).getString()},
-                   {"seeds", select.getColumn(4).getString()},
-                   {"grader", grader},
-                   {"rejudge", IdOrNull(select.getColumn(6).getInt64())},
-                   {"repetition", IdOrNull(select.getColumn(7).getInt64())}},
-       .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
-       .evaluation = evaluation});
+  const std::string grader =
+      Sha256Hex(CanonicalJson(nlohmann::json::parse(build, nullptr, /*allow_exceptions=*/false)));
+  Append({.kind = kGradedAct,
+          .who = who,
+          .content = {{"evaluation", evaluation},
+                      {"submission", submission},
+                      {"state", result ? "graded" : state},
+                      {"results", result ? nlohmann::json(results) : nullptr},
+                      {"config", config},
+                      {"seeds", seeds},
+                      {"grader", grader},
+                      {"rejudge", IdOrNull(rejudge)},
+                      {"repetition", IdOrNull(repetition)}},
+          .beside = failed ? nlohmann::json{{"failed", true}} : nlohmann::json::object(),
+          .evaluation = evaluation});
 }
 
 std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {
@@ -221,11 +218,10 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
   const absl::Status whole =
       Part([&] { return EndWithBlocks(evaluation, EvaluationState::kGraderError, why, who); });
   if (whole.ok()) return whole;
-  Statement select(db_, "SELECT state FROM evaluation WHERE id = ?", evaluation);
-  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
-  StoredRow row(select, "evaluation", absl::StrCat(evaluation));
-  const std::string before(EvaluationStateName(row.Named(0, ParseEvaluationState)));
-  select.reset();
+  const auto [id, state] = FirstRow<int64_t, std::string>(
+      db_, "SELECT id, state FROM evaluation WHERE id = ?", evaluation);
+  if (id == 0) return NoSuch("evaluation", evaluation);
+  const EvaluationState before = ParseEnum<EvaluationState>(state).value_or(EvaluationState{});
   // From here on each step is its own part: a rejected one must not stop the others.
   const auto part = [&](auto change) {
     return Part([&] {
@@ -255,7 +251,7 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
   (void)part([&] { Quotas(context_).Settle(evaluation, EvaluationState::kGraderError, who); });
   (void)part([&] { AppendGraded(evaluation, who); });
   Deliveries(context_).TellEnd(evaluation, EvaluationState::kGraderError);
-  return Audit("evaluation", evaluation, before, "grader_error", who, why);
+  return Audit("evaluation", evaluation, EnumName(before), "grader_error", who, why);
 }
 
 std::vector<int64_t> Evaluations::Done(bool without_standing) const {

@@ -27,11 +27,11 @@ struct NewEvaluation {
   EvaluationKind kind = EvaluationKind::kOriginal;
   std::string config = "";  // "": the submission's
   std::string seeds = "";
-  std::string grader_json;
-  std::vector<std::pair<int64_t, int64_t>> blocks;
-  int64_t rejudge = 0;  // 0: of none, and nothing below counts
+  std::string grader_json = "";                          // of the build that plays it
+  std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each
+  int64_t rejudge = 0;                                   // 0: of none, and nothing below counts
   int64_t repetition = 0;
-  int64_t source = 0;
+  int64_t source = 0;  // the evaluation in force under from_config; done or failed
   RejudgeMethod method = RejudgeMethod::kPlay;
 };
 

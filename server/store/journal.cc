@@ -8,7 +8,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/reader_pool.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -39,6 +38,14 @@ Act ActOf(SQLite::Statement& row) {
   return act;
 }
 
+// What is wrong at an entry; "": nothing.
+std::string ChainMistake(const std::string& before, const RecordRow* entry) {
+  if (entry == nullptr) return "it is gone, or of another type";
+  if (entry->chain == ExtendChain(before, entry->entry_json)) return "";
+  return "its \"chain\" does not follow from the entry before: the record was changed here, behind "
+         "the daemon's back";
+}
+
 }  // namespace
 
 std::string ExtendChain(std::string_view before, std::string_view entry_json) {
@@ -49,34 +56,24 @@ std::string ExtendChain(std::string_view before, std::string_view entry_json) {
   return hash.FinishHex();
 }
 
-std::string ChainMistake(const std::string& before, const RecordRow* entry) {
-  if (entry == nullptr) return "it is gone, or of another type";
-  if (entry->chain == ExtendChain(before, entry->entry_json)) return "";
-  return "its \"chain\" does not follow from the entry before: the record was changed here, behind "
-         "the daemon's back";
-}
-
 void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act) {
-  if (!act.is_public) {
-    Json beside = act.content;
-    beside.update(act.beside);
-    Run(db, R"(INSERT INTO journal (at, kind, who, evaluation, private_json)
-        VALUES (?, ?, ?, nullif(?, 0), ?))",
-        now_ms, act.kind, act.who, act.evaluation, CanonicalJson(beside));
-    return;
+  Json beside = act.beside;
+  int64_t index = -1;
+  std::string text;
+  std::string chain;
+  if (act.is_public) {
+    Json entry = act.content;
+    entry.update({{"kind", act.kind}, {"at", TimeText(now_ms)}});
+    text = CanonicalJson(entry);
+    std::tie(index, chain) = FirstRow<int64_t, std::string>(db, R"(SELECT entry + 1, chain
+        FROM journal WHERE entry BETWEEN 0 AND 1 << 40 ORDER BY entry DESC LIMIT 1)");
+    chain = ExtendChain(chain, text);
+  } else {
+    beside.update(act.content);
   }
-  Statement last(db, R"(SELECT entry + 1, chain
-      FROM journal WHERE entry BETWEEN 0 AND 1 << 40 ORDER BY entry DESC LIMIT 1)");
-  const bool any = last.executeStep();
-  Json entry = act.content;
-  entry["kind"] = act.kind;
-  entry["at"] = TimeText(now_ms);
-  const std::string text = CanonicalJson(entry);
-  const std::string chain = ExtendChain(any ? last.getColumn(1).getString() : "", text);
   Run(db, R"(INSERT INTO journal (at, kind, who, evaluation, private_json, entry, entry_json, chain)
-      VALUES (?, ?, ?, nullif(?, 0), ?, ?, ?, ?))",
-      now_ms, act.kind, act.who, act.evaluation, CanonicalJson(act.beside),
-      any ? last.getColumn(0).getInt64() : 0, text, chain);
+      VALUES (?, ?, ?, nullif(?, 0), ?, nullif(?, -1), nullif(?, ''), nullif(?, '')))",
+      now_ms, act.kind, act.who, act.evaluation, CanonicalJson(beside), index, text, chain);
 }
 
 void CatchUp(SQLite::Database& db, BoardState& state) {
@@ -105,8 +102,9 @@ void ForgetRolledBack(SQLite::Database& db, BoardState& board) {
 
 absl::StatusOr<bool> Journal::Mark(int64_t submission, const std::string& mark, bool set,
                                    const std::string& who, const std::string& why) {
-  Statement select(db_, "SELECT ranked FROM submission WHERE id = ?", submission);
-  if (!select.executeStep()) return NoSuch("submission", submission);
+  const auto [id, ranked] =
+      FirstRow<int64_t, int64_t>(db_, "SELECT id, ranked FROM submission WHERE id = ?", submission);
+  if (id == 0) return NoSuch("submission", submission);
   const std::vector<MarkRow>& history = Board().MarkHistory(submission);
   const auto last = std::find_if(history.rbegin(), history.rend(),
                                  [&](const MarkRow& row) { return row.mark == mark; });
@@ -121,18 +119,19 @@ absl::StatusOr<bool> Journal::Mark(int64_t submission, const std::string& mark, 
           .who = who,
           .content = std::move(content),
           .beside = {{"why", why}},
-          .is_public = select.getColumn(0).getInt() != 0});
+          .is_public = ranked != 0});
   return true;
 }
 
 absl::StatusOr<bool> Journal::Choose(int64_t submission, const std::string& who) {
-  Statement select(db_, R"(SELECT s.ranked = 1 AND e.state = 'done' FROM submission AS s
-      LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' WHERE s.id = ?)",
-                   submission);
-  if (!select.executeStep()) return NoSuch("submission", submission);
+  const auto [id, done] = FirstRow<int64_t, int64_t>(db_, R"(SELECT s.id, s.ranked = 1 AND
+      e.state = 'done' FROM submission AS s LEFT JOIN evaluation AS e ON e.submission = s.id
+      AND e.kind = 'original' WHERE s.id = ?)",
+                                                     submission);
+  if (id == 0) return NoSuch("submission", submission);
   const auto& submissions = Board().submissions();
   const auto found = submissions.find(submission);
-  if (select.getColumn(0).getInt() != 1 || found == submissions.end()) {
+  if (done == 0 || found == submissions.end()) {
     return absl::FailedPreconditionError(
         absl::StrCat("submission ", submission,
                      " can't be chosen: it is practice, or its evaluation is not "
@@ -185,36 +184,25 @@ absl::StatusOr<RecordRow> Journal::GradedEntry(int64_t evaluation) const {
       "WHERE evaluation = ? AND entry IS NOT NULL", evaluation);
 }
 
-void Journal::ForEachEntry(int64_t from,
-                           const std::function<void(const RecordRow*)>& on_entry) const {
+void Journal::ForEachEntry(
+    int64_t from, std::string chain,
+    const std::function<bool(const RecordRow* entry, std::optional<Damage> damage)>& on_entry)
+    const {
   const int64_t size = RecordSize();
-  for (int64_t next = from; next < size;) {
-    const int64_t end = std::min(size, next + kEntriesAtATime);
-    for (const RecordRow& row : Record(next, end - next).rows) {
-      for (; next < row.index && next < size; ++next) on_entry(nullptr);
-      on_entry(&row);
-      ++next;
-    }
-    for (; next < end; ++next) on_entry(nullptr);
-  }
-}
-
-absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most) {
-  std::vector<Damage> damaged;
-  RETURN_IF_ERROR(readers.Read([&](const Transaction& reader) {
-    std::string chain;
-    int64_t index = 0;
-    reader.journal.ForEachEntry(0, [&](const RecordRow* entry) {
-      std::string mistake = ChainMistake(chain, entry);
-      if (!mistake.empty() && damaged.size() < most) {
-        damaged.push_back({"record", absl::StrCat(index), std::move(mistake)});
+  while (from < size) {
+    const int64_t end = std::min(size, from + kEntriesAtATime);
+    const std::vector<RecordRow> rows = Record(from, end - from).rows;
+    for (auto row = rows.begin(); from < end; ++from) {
+      const bool there = row != rows.end() && row->index == from;
+      const RecordRow* entry = there ? &*row++ : nullptr;
+      std::optional<Damage> damage;
+      if (const std::string wrong = ChainMistake(chain, entry); !wrong.empty()) {
+        damage = {"record", absl::StrCat(from), wrong};
       }
-      chain = entry == nullptr ? "" : entry->chain;
-      ++index;
-    });
-    return absl::OkStatus();
-  }));
-  return damaged;
+      if (!on_entry(entry, std::move(damage))) return;
+      chain = there ? entry->chain : "";
+    }
+  }
 }
 
 }  // namespace myograde::server

@@ -6,9 +6,9 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include <absl/status/statusor.h>
 
@@ -16,8 +16,6 @@
 #include "server/store/damage.h"
 
 namespace myograde::server {
-
-class ReaderPool;
 
 // An entry of the public record.
 struct RecordRow {
@@ -29,13 +27,6 @@ struct RecordRow {
 // The chain's value at an entry: the SHA-256 over the value at the entry before ("" for the first),
 // a line feed and the entry.
 std::string ExtendChain(std::string_view before, std::string_view entry_json);
-
-// What is wrong at an entry: nullptr if it can't be read or is gone. `before`: the chain at the
-// entry before, "" for the first. "": nothing.
-std::string ChainMistake(const std::string& before, const RecordRow* entry);
-
-// The first entries, so many at most, at which the chain breaks. Errors of ReaderPool::Read.
-absl::StatusOr<std::vector<Damage>> CheckRecordChain(ReaderPool& readers, size_t most);
 
 // The config that a board has from now on.
 struct NewBoardConfig {
@@ -54,8 +45,11 @@ class Journal : StorePart {
   // with an evaluation's result (NotFoundError: there is none).
   int64_t RecordSize() const;
   Listed<RecordRow> Record(int64_t from, int64_t limit) const;
-  // Passes on each entry from an index on; nullptr: it can't be read, or is gone.
-  void ForEachEntry(int64_t from, const std::function<void(const RecordRow*)>& on_entry) const;
+  // Passes on each entry from an index on (nullptr: it can't be read, or is gone), with what is
+  // wrong there, until it returns false. `chain`: at the entry before; "" for the first.
+  void ForEachEntry(int64_t from, std::string chain,
+                    const std::function<bool(const RecordRow* entry, std::optional<Damage> damage)>&
+                        on_entry) const;
   absl::StatusOr<RecordRow> GradedEntry(int64_t evaluation) const;
   // Sets or clears a mark; true if that changed anything (setting it again for the same reason does
   // not). NotFoundError if there is no such submission.

@@ -1,4 +1,3 @@
-// The phases of challenges: what happened to them, and their secrets.
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -120,25 +119,15 @@ absl::Status PhaseActs::CheckTakesSubmissions(const std::string& phase) {
 }
 
 absl::StatusOr<std::string> PhaseActs::EnsureSecret(const std::string& phase,
-                                                    const std::string& challenge) {
+                                                    const std::string& challenge, bool further) {
+  RETURN_IF_ERROR(CheckSecret(phase, challenge, further));
   ASSIGN_OR_RETURN(std::optional<SecretRow> there, FindSecret(db_, phase));
-  if (!there.has_value()) return DrawSecret(phase, challenge, /*further=*/false);
-  RETURN_IF_ERROR(CheckBelongs(Board().Phase(phase), phase, *there, challenge));
-  if (there->challenge.empty() && !challenge.empty()) {
-    Run(db_, "UPDATE phase_secret SET challenge = ? WHERE phase = ?", challenge, phase);
+  if (there.has_value()) {
+    if (there->challenge.empty() && !challenge.empty()) {
+      Run(db_, "UPDATE phase_secret SET challenge = ? WHERE phase = ?", challenge, phase);
+    }
+    return (*std::move(there)).secret;
   }
-  return (*std::move(there)).secret;
-}
-
-absl::StatusOr<std::string> PhaseActs::FurtherSecret(const std::string& phase) {
-  ASSIGN_OR_RETURN(std::optional<SecretRow> there, FindSecret(db_, phase));
-  if (there.has_value()) return (*std::move(there)).secret;
-  return DrawSecret(phase, "", /*further=*/true);
-}
-
-absl::StatusOr<std::string> PhaseActs::DrawSecret(const std::string& phase,
-                                                  const std::string& challenge, bool further) {
-  RETURN_IF_ERROR(CheckNeverUsed(db_, Board().Phase(phase), phase, further));
   ASSIGN_OR_RETURN(std::string secret, RandomBytes(kPhaseSecretBytes));
   AddSecret(phase, challenge, secret);
   // The commitment is that of server/proof/seed_list.h: over the secret's hexadecimal digits.
@@ -191,11 +180,12 @@ absl::StatusOr<std::string> PhaseActs::Secret(const std::string& phase) const {
   return absl::NotFoundError(absl::StrCat("phase \"", phase, "\" has no committed seeds"));
 }
 
-absl::Status PhaseActs::CheckSecret(const std::string& phase, const std::string& challenge) const {
+absl::Status PhaseActs::CheckSecret(const std::string& phase, const std::string& challenge,
+                                    bool further) const {
   ASSIGN_OR_RETURN(const std::optional<SecretRow> secret, FindSecret(db_, phase));
   const PhaseHistory& history = Board().Phase(phase);
   if (secret.has_value()) return CheckBelongs(history, phase, *secret, challenge);
-  return CheckNeverUsed(db_, history, phase, /*further=*/false);
+  return CheckNeverUsed(db_, history, phase, further);
 }
 
 absl::StatusOr<std::vector<PhaseUse>> PhaseActs::InUse() const {

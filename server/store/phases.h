@@ -20,7 +20,8 @@ class PhaseActs : StorePart {
   // NotFoundError: it has none; otherwise as PhaseActs::EnsureSecret.
   absl::StatusOr<std::string> Secret(const std::string& phase) const;
   // Why PhaseActs::EnsureSecret would refuse.
-  absl::Status CheckSecret(const std::string& phase, const std::string& challenge) const;
+  absl::Status CheckSecret(const std::string& phase, const std::string& challenge,
+                           bool further = false) const;
   // Phases with submissions, by name.
   absl::StatusOr<std::vector<PhaseUse>> InUse() const;
   // Adds an act on a phase, or on all submissions (`phase` ""); true if that changed anything: what
@@ -31,11 +32,10 @@ class PhaseActs : StorePart {
   // and committed to in the record. A damaged row (damage.h) if it is not that long.
   // FailedPreconditionError with the code "no_secret": it belongs to another challenge, or there is
   // none although the store has a commitment, submissions or events of the phase; "phase_revealed":
-  // another challenge's, which was revealed. `challenge` "": whichever it is.
+  // another challenge's, which was revealed. `challenge` "": whichever it is. `further`: it is for
+  // further episodes of a phase, which may have been played with public seeds before.
   absl::StatusOr<std::string> EnsureSecret(const std::string& phase,
-                                           const std::string& challenge = "");
-  // The same for further episodes of a phase, which may have been played with public seeds before.
-  absl::StatusOr<std::string> FurtherSecret(const std::string& phase);
+                                           const std::string& challenge = "", bool further = false);
   // Keeps the secret of a phase that was held elsewhere, and whose record was imported; true if it
   // is new here. FailedPreconditionError: it is not the one that the record has committed to first.
   absl::StatusOr<bool> ImportSecret(const std::string& phase, const std::string& secret);
@@ -43,8 +43,6 @@ class PhaseActs : StorePart {
   absl::Status CheckTakesSubmissions(const std::string& phase);
 
  private:
-  absl::StatusOr<std::string> DrawSecret(const std::string& phase, const std::string& challenge,
-                                         bool further);
   void AddSecret(const std::string& phase, const std::string& challenge, const std::string& secret);
 };
 

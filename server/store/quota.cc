@@ -7,7 +7,6 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
-#include "server/base/enum_names.h"
 #include "server/store/stored_row.h"
 #include "server/store/team_names.h"
 
@@ -16,8 +15,6 @@ namespace {
 
 constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
 constexpr char kCodeKey[] = "myograde/error-code";
-
-constexpr std::string_view kBudgetNames[] = {"official", "practice", "failed"};
 
 // "1 ranked evaluation".
 std::string CountedUnits(int64_t count, Budget budget) {
@@ -53,7 +50,7 @@ void AddUse(SQLite::Database& db, int64_t team, const std::string& track, const 
                    "AND l.entry = 'charge')) GROUP BY budget, entry"),
       use.day, team, track, phase, kMostUnits);
   while (select.executeStep()) {
-    const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
+    const std::optional<Budget> budget = ParseEnum<Budget>(select.getColumn(0).getString());
     if (!budget) continue;
     const std::string entry = select.getColumn(1).getString();
     for (const auto& [sums, column] : {std::pair{&use.total, 2}, std::pair{&use.today, 3}}) {
@@ -133,7 +130,7 @@ absl::Status AddUnits(SQLite::Database& db, int64_t now_ms, const char* entry,
   ASSIGN_OR_RETURN(const std::string name, TeamNamed(db, units.team));
   const int64_t team = AddTeam(db, name, now_ms, who);
   Run(db, absl::StrCat(kAddLedgerRow, "VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, ?, ?)"), now_ms,
-      QuotaDay(db, now_ms), team, units.track, units.phase, BudgetName(units.budget), entry,
+      QuotaDay(db, now_ms), team, units.track, units.phase, EnumName(units.budget), entry,
       units.amount, who, units.why);
   return absl::OkStatus();
 }
@@ -146,7 +143,7 @@ constexpr StoredRows<LedgerRow> kLedger = {
       entry.at = row.Time(1);
       entry.day = row.Number(2, 0, kLastDay);
       entry.track = row.Text(3);
-      entry.budget = BudgetName(row.Named(4, ParseBudget));
+      entry.budget = EnumName(row.Named<Budget>(4));
       entry.entry = row.OneOf(5, {"charge", "refund", "grant"});
       entry.amount = row.Number(6, 1, kMostUnits);
       entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
@@ -154,12 +151,6 @@ constexpr StoredRows<LedgerRow> kLedger = {
     }};
 
 }  // namespace
-
-std::string_view BudgetName(Budget budget) { return NameIn(kBudgetNames, budget); }
-
-std::optional<Budget> ParseBudget(std::string_view name) {
-  return ParseIn<Budget>(kBudgetNames, name);
-}
 
 const Allowance& QuotaLimits::of(Budget budget) const {
   if (budget == Budget::kRanked) return ranked;

@@ -5,7 +5,6 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <string_view>
 
@@ -17,10 +16,9 @@
 namespace myograde::server {
 
 enum class Budget { kRanked, kPractice, kFailed };
+template <>
+inline constexpr std::string_view kNamesOf<Budget>[] = {"official", "practice", "failed"};
 inline constexpr std::array kBudgets = {Budget::kRanked, Budget::kPractice, Budget::kFailed};
-
-std::string_view BudgetName(Budget budget);
-std::optional<Budget> ParseBudget(std::string_view name);
 
 // Units; every number is at least 1.
 struct Allowance {

@@ -10,8 +10,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "server/base/enum_names.h"
-#include "server/store/differences.h"
 #include "server/store/transaction.h"
 
 namespace myograde::server {
@@ -19,12 +17,10 @@ namespace {
 
 using State = RejudgeProgress::State;
 
-constexpr std::string_view kStates[] = {"computing", "ready", "applied", "dropped"};
-
 // What a board's submissions have as their results under from_config, and which of them a rejudge
 // has no evaluation of; first repetitions first. `latest`: the latest acceptance that counts.
-std::vector<RejudgeCandidate> Candidates(SQLite::Database& db, const BoardState& board,
-                                         const RejudgeRow& rejudge, int64_t latest) {
+std::vector<NewEvaluation> Candidates(SQLite::Database& db, const BoardState& board,
+                                      const RejudgeRow& rejudge, int64_t latest) {
   std::set<std::pair<int64_t, int64_t>> there;
   Statement select(db, "SELECT submission, repetition FROM evaluation WHERE rejudge = ?",
                    rejudge.id);
@@ -32,13 +28,19 @@ std::vector<RejudgeCandidate> Candidates(SQLite::Database& db, const BoardState&
     there.emplace(select.getColumn(0).getInt64(), select.getColumn(1).getInt64());
   }
   const auto in_force = board.InForce(rejudge.from_config, {.ignored_rejudge = rejudge.id});
-  std::vector<RejudgeCandidate> candidates;
+  std::vector<NewEvaluation> candidates;
   for (int64_t repetition = 1; repetition <= rejudge.repeats; ++repetition) {
     for (const auto& [submission, result] : in_force) {
       const AcceptedSubmission& accepted = board.submissions().at(submission);
       if (accepted.board != rejudge.board() || accepted.at > latest) continue;
       if (there.contains({submission, repetition})) continue;
-      candidates.push_back({rejudge.id, submission, result->evaluation, repetition});
+      candidates.push_back({.submission = submission,
+                            .kind = EvaluationKind::kRejudge,
+                            .config = rejudge.to_config,
+                            .seeds = rejudge.seeds,
+                            .rejudge = rejudge.id,
+                            .repetition = repetition,
+                            .source = result->evaluation});
     }
   }
   return candidates;
@@ -93,10 +95,13 @@ std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& prog
   }
   std::sort(without.begin(), without.end());
   without.erase(std::unique(without.begin(), without.end()), without.end());
-  if (without == progress.without_result) return "";
-  return absl::StrCat("has no result of these submissions: ", Listing(progress.without_result),
+  std::vector<int64_t> lacking;
+  for (const EvaluationRow& item : progress.without_result) lacking.push_back(item.submission);
+  if (without == lacking) return "";
+  return absl::StrCat("has no result of these submissions: ", Listing(lacking),
                       "; to apply it without them, name exactly these (they are off the board "
-                      "then), and ", Listing(without), " named");
+                      "then), and ",
+                      Listing(without), " named");
 }
 
 // The results that an application makes those of the board: of each submission the first
@@ -107,7 +112,7 @@ nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
     if (row.repetition != 1) continue;
     results.push_back({{"submission", row.submission},
                        {"evaluation", row.id},
-                       {"state", EvaluationStateName(row.state)},
+                       {"state", EnumName(row.state)},
                        {"results", TextOrNull(row.results_hash)}});
   }
   return results;
@@ -121,8 +126,6 @@ std::string ConfigInForce(const BoardState& board, const BoardName& name,
 }
 
 }  // namespace
-
-std::string_view RejudgeStateName(State state) { return NameIn(kStates, state); }
 
 absl::StatusOr<RejudgeRow> Rejudges::Find(int64_t id) const {
   const RejudgeRow* rejudge = Board().Rejudge(id);
@@ -141,21 +144,19 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
     progress.cancelled += item.state == EvaluationState::kCancelled;
     const bool has_result = item.state != EvaluationState::kGraderError &&
                             item.state != EvaluationState::kCancelled;
-    if (item.repetition == 1 && !has_result) progress.without_result.push_back(item.submission);
+    if (item.repetition == 1 && !has_result) progress.without_result.push_back(item);
   }
-  for (const RejudgeCandidate& candidate : MissingItems(rejudge)) {
+  for (const NewEvaluation& candidate : MissingItems(rejudge)) {
     submissions.insert(candidate.submission);
     ++progress.missing;
   }
   progress.submissions = std::ssize(submissions);
-  Statement episodes(db_, R"(SELECT ifnull(sum(e.last - e.first + 1),
+  std::tie(progress.episodes, progress.episodes_done) =
+      FirstRow<int64_t, int64_t>(db_, R"(SELECT ifnull(sum(e.last - e.first + 1),
       0), ifnull(sum(CASE WHEN e.state = 'done' THEN e.last - e.first + 1 ELSE
       (SELECT count(*) FROM episode WHERE evaluation = e.id) END), 0)
       FROM evaluation AS e WHERE e.rejudge = ?)",
-                     rejudge.id);
-  episodes.executeStep();
-  progress.episodes = episodes.getColumn(0).getInt64();
-  progress.episodes_done = episodes.getColumn(1).getInt64();
+                                 rejudge.id);
   const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
   progress.complete = progress.missing == 0 && progress.ended == progress.items &&
                       !(dropped && progress.cancelled > 0);
@@ -166,7 +167,7 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
   return progress;
 }
 
-std::vector<RejudgeCandidate> Rejudges::MissingItems(const RejudgeRow& rejudge) const {
+std::vector<NewEvaluation> Rejudges::MissingItems(const RejudgeRow& rejudge) const {
   if (rejudge.purpose != RejudgePurpose::kRules) return {};
   // Where the config stays, what was accepted after it was applied has its result under it.
   int64_t latest = INT64_MAX;
@@ -177,11 +178,11 @@ std::vector<RejudgeCandidate> Rejudges::MissingItems(const RejudgeRow& rejudge) 
   return Candidates(db_, Board(), rejudge, latest);
 }
 
-std::vector<RejudgeCandidate> Rejudges::CandidatesFor(const NewRejudge& rejudge) const {
-  std::vector<RejudgeCandidate> candidates = Candidates(db_, Board(), rejudge, INT64_MAX);
+std::vector<NewEvaluation> Rejudges::CandidatesFor(const NewRejudge& rejudge) const {
+  std::vector<NewEvaluation> candidates = Candidates(db_, Board(), rejudge, INT64_MAX);
   if (rejudge.purpose == RejudgePurpose::kSeeds) {
     const std::set<int64_t> listed(rejudge.submissions.begin(), rejudge.submissions.end());
-    std::erase_if(candidates, [&](const RejudgeCandidate& candidate) {
+    std::erase_if(candidates, [&](const NewEvaluation& candidate) {
       return !listed.contains(candidate.submission);
     });
   }
@@ -231,7 +232,7 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, Re
   nlohmann::json document = RejudgeKeys(rejudge);
   document.update({{"format", 1},
                    {"document", "rejudge"},
-                   {"event", RejudgeEventName(event)},
+                   {"event", EnumName(event)},
                    {"at", TimeText(now_ms_)},
                    {"who", who},
                    {"reason", why},
@@ -245,7 +246,7 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, Re
   ASSIGN_OR_RETURN(const std::string signature, sign(text));
   NewAct act{.kind = kRejudgeAct,
              .who = who,
-             .content = {{"event", RejudgeEventName(event)},
+             .content = {{"event", EnumName(event)},
                          {"rejudge", rejudge.id},
                          {"document_sha256", Sha256Hex(text)},
                          {"signature", signature}}};
@@ -284,18 +285,8 @@ absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std
     return Accepted{.submission = item.submission, .repeated = true};
   }
   if (rejudge.last() == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
-  if (item.judged.has_value()) return AddJudged(item, rejudge, who);
-  ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add({.submission = item.submission,
-                                                              .kind = EvaluationKind::kRejudge,
-                                                              .config = rejudge.to_config,
-                                                              .seeds = rejudge.seeds,
-                                                              .grader_json = item.grader_json,
-                                                              .blocks = item.blocks,
-                                                              .rejudge = item.rejudge,
-                                                              .repetition = item.repetition,
-                                                              .source = item.source,
-                                                              .method = item.method},
-                                                             who));
+  if (item.judged.has_value()) return AddJudged(item, who);
+  ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add(item, who));
   if (item.impossible.empty()) return added;
   RETURN_IF_ERROR(Evaluations(context_).EndWithBlocks(
       added.evaluation, EvaluationState::kGraderError, item.impossible, who));
@@ -303,18 +294,16 @@ absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std
   return added;
 }
 
-absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const RejudgeRow& rejudge,
-                                             const std::string& who) {
+absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const std::string& who) {
   const EvaluationResult& result = *item.judged;
-  const std::string state(EvaluationStateName(result.state));
+  const std::string state(EnumName(result.state));
   if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json,
       results_hash, created_at, started_at, finished_at, config, seeds, rejudge, repetition, source,
       method) SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6,
       ?10, ?11, id, 'facts'
       FROM evaluation WHERE id = ?7 AND submission = ?8 AND last - first + 1 = ?9)",
-          state, result.reason, result.results_hash, now_ms_, rejudge.to_config, rejudge.seeds,
-          item.source, item.submission, std::ssize(item.episodes), item.rejudge,
-          item.repetition) != 1) {
+          state, result.reason, result.results_hash, now_ms_, item.config, item.seeds, item.source,
+          item.submission, std::ssize(item.episodes), item.rejudge, item.repetition) != 1) {
     return absl::InternalError(absl::StrCat("evaluation ", item.source, " is not of submission ",
                                             item.submission, ", or has other episodes"));
   }
@@ -351,9 +340,10 @@ absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const R
   return Accepted{.submission = item.submission, .evaluation = evaluation};
 }
 
-// Gives the board the config that it has after the act.
-absl::StatusOr<RejudgeDone> Rejudges::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
-                                                const std::string& who) {
+absl::StatusOr<RejudgeDone> Rejudges::Finish(const RejudgeRow& rejudge, RejudgeEvent event,
+                                             const RejudgeAct& act, const SignDocument& sign,
+                                             const std::string& who, RejudgeDone done) {
+  ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, event, act.why, sign, who));
   if (done.config_after == done.config_before) return done;
   RETURN_IF_ERROR(
       Journal(context_)
@@ -373,9 +363,8 @@ absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDoc
       !why.empty()) {
     return Refused(rejudge, why);
   }
-  ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, RejudgeEvent::kApplied, act.why, sign, who));
   done.config_after = rejudge.to_config;
-  return MoveBoard(rejudge, std::move(done), who);
+  return Finish(rejudge, RejudgeEvent::kApplied, act, sign, who, std::move(done));
 }
 
 absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocument& sign,
@@ -408,8 +397,7 @@ absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocu
         evaluation, EvaluationState::kCancelled,
         absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
   }
-  ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, RejudgeEvent::kDropped, act.why, sign, who));
-  return MoveBoard(rejudge, std::move(done), who);
+  return Finish(rejudge, RejudgeEvent::kDropped, act, sign, who, std::move(done));
 }
 
 }  // namespace myograde::server

@@ -10,28 +10,17 @@
 #include <functional>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
 
 #include "server/board/acts.h"
 #include "server/store/context.h"
-#include "server/store/rows.h"
-#include "server/store/submissions.h"
+#include "server/store/evaluations.h"
 
 namespace myograde::server {
 
-// What a rejudge has to do next for a submission.
-struct RejudgeCandidate {
-  int64_t rejudge = 0;  // 0: it is not created yet
-  int64_t submission = 0;
-  int64_t source = 0;      // its evaluation in force under from_config; done or failed
-  int64_t repetition = 1;  // that it has no evaluation of yet
-};
-
-// Where it stands. In `without_result` are the submissions with an item (of repetition 1) that
-// ended as grader_error or cancelled: they can't be on the board once it is applied.
+// Where it stands.
 struct RejudgeProgress {
   enum class State { kComputing, kReady, kApplied, kDropped };
   State state = State::kComputing;
@@ -44,11 +33,15 @@ struct RejudgeProgress {
   int64_t cancelled = 0;    // of those
   int64_t episodes = 0;     // of all items
   int64_t episodes_done = 0;
-  std::vector<int64_t> without_result;  // sorted
+  // Items (of repetition 1) that ended as grader_error or cancelled, by submission: those can't be
+  // on the board once it is applied.
+  std::vector<EvaluationRow> without_result;
   // Nothing is missing and everything has ended, not by being dropped. Only then it may be applied.
   bool complete = false;
 };
-std::string_view RejudgeStateName(RejudgeProgress::State state);  // "computing", "ready", ...
+template <>
+inline constexpr std::string_view kNamesOf<RejudgeProgress::State>[] = {"computing", "ready",
+                                                                        "applied", "dropped"};
 
 // A rejudge to create, with the contents of its hashes; its id, time and events are given to it.
 // Content that the store already has is shared.
@@ -68,13 +61,10 @@ struct NewRejudge : RejudgeRow {
 using SignDocument = std::function<absl::StatusOr<std::string>(const std::string& document_json)>;
 
 // An item to add. Its evaluation is queued, unless it was computed or is impossible.
-struct NewRejudgeItem : RejudgeCandidate {
-  RejudgeMethod method = RejudgeMethod::kPlay;
-  std::string grader_json = "";                          // of the build that plays it
-  std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each block
+struct NewRejudgeItem : NewEvaluation {
   // Not "": it can't be played, or computed, for this reason: its evaluation ends as grader_error
   // at once.
-  std::string impossible = "";
+  std::string impossible = {};
   // Computed from facts: its evaluation is added as one that has ended, with the facts, blocks and
   // outputs of the source. Of `episodes`, by index and one for each of the source, only index,
   // outcome, reason and metrics_json are used.
@@ -122,10 +112,11 @@ class Rejudges : StorePart {
 
   absl::StatusOr<RejudgeRow> Find(int64_t id) const;
   absl::StatusOr<RejudgeProgress> CountProgress(const RejudgeRow& rejudge) const;
-  // The items that it lacks, first repetitions first; none for purpose kSeeds.
-  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge) const;
+  // The items that it lacks, first repetitions first, without what depends on how they are made;
+  // none for purpose kSeeds.
+  std::vector<NewEvaluation> MissingItems(const RejudgeRow& rejudge) const;
   // The same before it is created.
-  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge) const;
+  std::vector<NewEvaluation> CandidatesFor(const NewRejudge& rejudge) const;
   // The submissions whose repetitions that have ended as done or failed differ, with every episode
   // that does.
   absl::StatusOr<std::vector<Unrepeatable>> ListUnrepeatable(int64_t rejudge) const;
@@ -146,13 +137,14 @@ class Rejudges : StorePart {
                                    const std::string& who);
 
  private:
-  absl::StatusOr<Accepted> AddJudged(const NewRejudgeItem& item, const RejudgeRow& rejudge,
-                                     const std::string& who);
+  absl::StatusOr<Accepted> AddJudged(const NewRejudgeItem& item, const std::string& who);
   absl::StatusOr<RejudgeEventRow> AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                            const std::string& why, const SignDocument& sign,
                                            const std::string& who);
-  absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
-                                        const std::string& who);
+  // Adds the event, and gives the board the config that it has after the act.
+  absl::StatusOr<RejudgeDone> Finish(const RejudgeRow& rejudge, RejudgeEvent event,
+                                     const RejudgeAct& act, const SignDocument& sign,
+                                     const std::string& who, RejudgeDone done);
 };
 
 }  // namespace myograde::server

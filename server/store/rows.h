@@ -17,23 +17,15 @@ namespace myograde::server {
 
 // Stored by name (schema.sql draws the transitions).
 enum class BlockState { kPending, kRunning, kDone, kFailed, kCancelled };
-inline constexpr std::string_view kBlockStates[] = {"pending", "running", "done", "failed",
-                                                    "cancelled"};
-inline std::string_view BlockStateName(BlockState state) { return NameIn(kBlockStates, state); }
-inline std::optional<BlockState> ParseBlockState(std::string_view name) {
-  return ParseIn<BlockState>(kBlockStates, name);
-}
+template <>
+inline constexpr std::string_view kNamesOf<BlockState>[] = {"pending", "running", "done", "failed",
+                                                            "cancelled"};
 inline bool IsFinal(BlockState state) { return state >= BlockState::kDone; }
 
 enum class EvaluationState { kQueued, kRunning, kDone, kFailed, kCancelled, kGraderError };
-inline constexpr std::string_view kEvaluationStates[] = {"queued", "running",   "done",
-                                                         "failed", "cancelled", "grader_error"};
-inline std::string_view EvaluationStateName(EvaluationState state) {
-  return NameIn(kEvaluationStates, state);
-}
-inline std::optional<EvaluationState> ParseEvaluationState(std::string_view name) {
-  return ParseIn<EvaluationState>(kEvaluationStates, name);
-}
+template <>
+inline constexpr std::string_view kNamesOf<EvaluationState>[] = {
+    "queued", "running", "done", "failed", "cancelled", "grader_error"};
 inline bool IsFinal(EvaluationState state) { return state >= EvaluationState::kDone; }
 
 struct ArtefactRow {
@@ -70,13 +62,8 @@ enum class EvaluationKind {
   kRerun,    // of some episodes of the original, to compare
   kRejudge,  // the submission's result under another config
 };
-inline constexpr std::string_view kEvaluationKinds[] = {"original", "rerun", "rejudge"};
-inline std::string_view EvaluationKindName(EvaluationKind kind) {
-  return NameIn(kEvaluationKinds, kind);
-}
-inline std::optional<EvaluationKind> ParseEvaluationKind(std::string_view name) {
-  return ParseIn<EvaluationKind>(kEvaluationKinds, name);
-}
+template <>
+inline constexpr std::string_view kNamesOf<EvaluationKind>[] = {"original", "rerun", "rejudge"};
 
 struct EvaluationRow {
   int64_t id = 0;
@@ -134,11 +121,8 @@ enum class RunEnd {
   kReturned,  // nobody's fault: it is played again
   kCancelled,
 };
-inline constexpr std::string_view kRunEnds[] = {"done", "fault", "returned", "cancelled"};
-inline std::string_view RunEndName(RunEnd end) { return NameIn(kRunEnds, end); }
-inline std::optional<RunEnd> ParseRunEnd(std::string_view name) {
-  return ParseIn<RunEnd>(kRunEnds, name);
-}
+template <>
+inline constexpr std::string_view kNamesOf<RunEnd>[] = {"done", "fault", "returned", "cancelled"};
 
 // An attempt that has ended. Times are milliseconds since 1970-01-01 UTC, by the daemon's clock.
 struct AttemptRow {
@@ -200,18 +184,13 @@ struct TransitionRow {
   std::string why;
 };
 
-// The means that boards rank by. Scoring decides which (RankedNames).
-struct RankedNumbers {
-  int64_t successes = 0;
-  int64_t episodes = 0;
-  std::string names;            // of the numbers, comma-separated
-  std::vector<double> numbers;  // NaN: none
-};
-
 // What a finished evaluation is ranked by.
 struct Standing {
-  RankedNumbers ranked;
-  std::string aggregate_json;  // canonical; it holds the same numbers
+  int64_t successes = 0;
+  int64_t episodes = 0;
+  std::string names;  // of the numbers, comma-separated: scoring decides which (RankedNames)
+  std::vector<double> numbers;  // means; NaN: none
+  std::string aggregate_json;   // canonical; it holds the same numbers
 };
 
 // What an evaluation ends as.
@@ -274,6 +253,7 @@ struct TeamRow {
   std::string merged_into;  // the name of the team that it is a part of now; "": none
   std::vector<std::string> other_names;  // sorted; none if it was merged
   std::vector<std::string> members;      // sorted: "uid 1000"; none if it was merged
+  int64_t submissions = 0;               // with those of all teams that are one with it
 };
 
 // Somebody who belongs to a team.

@@ -2,9 +2,10 @@
 // SQLite::Exception.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <string_view>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -41,12 +42,28 @@ bool AnyRow(SQLite::Database& db, const std::string& sql, const Values&... value
   return Statement(db, sql, values...).executeStep();
 }
 
-// The first column of the first row, a whole number or text; 0 or "" if there is no row.
+template <typename Value>
+Value ValueAt(SQLite::Statement& select, int column) {
+  return select.getColumn(column);
+}
+template <typename... Columns, int... I>
+std::tuple<Columns...> ColumnsOf(SQLite::Statement& select, std::integer_sequence<int, I...>) {
+  return {ValueAt<Columns>(select, I)...};
+}
+
+// The first columns of the first row, whole numbers and texts; 0 and "" if there is no row.
+template <typename... Columns, typename... Values>
+std::tuple<Columns...> FirstRow(SQLite::Database& db, const std::string& sql,
+                                const Values&... values) {
+  Statement select(db, sql, values...);
+  if (!select.executeStep()) return {};
+  return ColumnsOf<Columns...>(select, std::make_integer_sequence<int, sizeof...(Columns)>());
+}
+
+// The same of one column.
 template <typename Value, typename... Values>
 Value FirstValue(SQLite::Database& db, const std::string& sql, const Values&... values) {
-  Statement select(db, sql, values...);
-  if (select.executeStep()) return select.getColumn(0);
-  return {};
+  return std::get<0>(FirstRow<Value>(db, sql, values...));
 }
 
 // The first column of every row.

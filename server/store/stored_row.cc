@@ -3,8 +3,6 @@
 #include <algorithm>
 
 #include <absl/strings/escaping.h>
-#include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 
 #include "protocol/base/sha256.h"
 #include "server/base/plain_text.h"

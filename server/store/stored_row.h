@@ -5,7 +5,7 @@
 //       "block", "SELECT id, first, state FROM block ", [](StoredRow& row, BlockRow& block) {
 //         block.id = row.Id(0);
 //         block.first = row.Number(1, 0, kMaxEpisodes);
-//         block.state = row.Named(2, ParseBlockState);
+//         block.state = row.Named<BlockState>(2);
 //       }};
 //   return kBlocks.All(db_, "WHERE evaluation = ? ORDER BY first", evaluation);
 #pragma once
@@ -23,6 +23,7 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
+#include "server/base/enum_names.h"
 #include "server/store/damage.h"
 #include "server/store/statement.h"
 
@@ -74,7 +75,7 @@ class StoredRow {
   std::string OneOf(int column, std::initializer_list<std::string_view> names);
   // `parse` returns nullopt for an unknown name.
   template <typename Value>
-  Value Named(int column, std::optional<Value> (*parse)(std::string_view)) {
+  Value Named(int column, std::optional<Value> (*parse)(std::string_view) = ParseEnum<Value>) {
     const std::string name = Text(column);
     if (!ok()) return Value{};
     const std::optional<Value> value = parse(name);
@@ -137,7 +138,6 @@ struct StoredRows {
     Listed<Row> listed;
     while (query.executeStep()) {
       listed.last_id = query.getColumn(0).getInt64();
-      ++listed.found;
       Row row;
       const StoredRow from = Read(query, row);
       if (from.ok()) {

@@ -1,6 +1,3 @@
-// Submissions: how they are accepted, with their quota and one ranked evaluation per artefact.
-#include <array>
-
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
@@ -23,13 +20,13 @@ constexpr char kOfficial[] =
 
 // If another team has submitted the same bytes, the audit row says so, for the organiser.
 std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
-  Statement select(db, R"(SELECT s.id, t.name FROM submission AS s
+  const auto [id, team] =
+      FirstRow<int64_t, std::string>(db, R"(SELECT s.id, t.name FROM submission AS s
       JOIN team AS o ON o.id = s.team_id JOIN team AS t ON t.id = ifnull(o.merged_into, o.id)
       WHERE s.artefact = ? AND t.name != ? ORDER BY s.id LIMIT 1)",
-                   submission.artefact, submission.team);
-  if (!select.executeStep()) return "";
-  return absl::StrCat("the same artefact as submission ", select.getColumn(0).getInt64(),
-                      " of team \"", select.getColumn(1).getString(), "\"");
+                                     submission.artefact, submission.team);
+  if (id == 0) return "";
+  return absl::StrCat("the same artefact as submission ", id, " of team \"", team, "\"");
 }
 
 // Evaluations of an artefact in a row that end by the grader's fault until it is held back. Only
@@ -58,27 +55,25 @@ absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
 
 constexpr StoredRows<SubmissionRow> kSubmissions = {
     "submission",
-    "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by, s.phase, s.extra_observations FROM submission AS s "
+    "SELECT s.id, s.artefact, s.track, s.profile, s.accepted_by, s.phase, s.config, s.seeds, "
+    "s.ranked, s.accepted_at, s.extra_observations, s.team_id, t.name, a.name FROM submission AS s "
     "LEFT JOIN team AS o ON o.id = s.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ",
     [](StoredRow& row, SubmissionRow& submission) {
       submission.id = row.Id(0);
-      submission.artefact = row.Hash(2);
-      submission.track = row.Text(4);
-      submission.profile = row.Text(5);
+      submission.artefact = row.Hash(1);
+      row.TextsInto(
+          2, {&submission.track, &submission.profile, &submission.accepted_by, &submission.phase});
       submission.config = row.Hash(6);
       submission.seeds = row.Hash(7);
       submission.ranked = row.Flag(8);
       submission.accepted_at = row.Time(9);
-      submission.accepted_by = row.Text(11);
-      submission.phase = row.Text(12);
-      submission.extra_observations = row.Flag(13);
-      row.Joined("team", 10);
-      submission.team = row.Text(1);
-      row.Joined("artefact", 2);
-      submission.artefact_name = row.Text(3);
+      submission.extra_observations = row.Flag(10);
+      row.Joined("team", 11);
+      submission.team = row.Text(12);
+      row.Joined("artefact", 1);
+      submission.artefact_name = row.Text(13);
     }};
 
 // Makes room for one more key of a caller.
@@ -103,7 +98,7 @@ Listed<SubmissionRow> Submissions::List(const SubmissionFilter& filter) const {
       AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))
       AND (?8 = '' OR s.phase = ?8) ORDER BY s.id DESC LIMIT ?6)",
       filter.before, filter.team, filter.track, filter.profile,
-      filter.state ? EvaluationStateName(*filter.state) : "", filter.limit,
+      filter.state ? EnumName(*filter.state) : "", filter.limit,
       filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : "", filter.phase);
 }
 
@@ -122,13 +117,11 @@ std::vector<std::string> Submissions::HeldBack() const {
 }
 
 std::string Submissions::WithHold(int64_t evaluation, const std::string& why) {
-  Statement select(db_, R"(SELECT s.artefact, e.grader_json
+  const auto [artefact, grader_json] =
+      FirstRow<std::string, std::string>(db_, R"(SELECT s.artefact, e.grader_json
       FROM evaluation AS e JOIN submission AS s ON s.id = e.submission WHERE e.id = ?)",
-                   evaluation);
-  if (!select.executeStep() ||
-      !EndedByFaults(db_, select.getColumn(0), select.getColumn(1), kFaultsToHold - 1)) {
-    return why;
-  }
+                                         evaluation);
+  if (!EndedByFaults(db_, artefact, grader_json, kFaultsToHold - 1)) return why;
   return absl::StrCat(why, "; this artefact has ended so ", kFaultsToHold,
                       " times in a row and is held back until an organiser's rerun of it ends "
                       "otherwise");
@@ -141,20 +134,19 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
         FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
                                                      submission);
     RETURN_IF_ERROR(CheckNotBanned(db_, Board(), team));
-    Statement last(db_, R"(SELECT s.artefact, e.grader_json FROM submission AS s
-        JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ? ORDER BY e.id DESC LIMIT 1)",
-                   submission);
-    if (last.executeStep()) {
-      RETURN_IF_ERROR(CheckNotHeldBack(db_, last.getColumn(0), last.getColumn(1)));
-    }
+    const auto [artefact, grader_json] =
+        FirstRow<std::string, std::string>(db_, R"(SELECT s.artefact, e.grader_json
+        FROM submission AS s JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ?
+        ORDER BY e.id DESC LIMIT 1)",
+                                           submission);
+    RETURN_IF_ERROR(CheckNotHeldBack(db_, artefact, grader_json));
   }
   // The audit row of a rerun's start says who asked for it.
-  Statement count(db_, R"(SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?),
+  const auto [all, own, of_it] = FirstRow<int64_t, int64_t, int64_t>(
+      db_, R"(SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?),
       0) FROM evaluation AS e JOIN transition AS t ON t.entity = 'evaluation' AND t.entity_id = e.id
       AND t.from_state = '' WHERE e.kind = 'rerun' AND e.finished_at IS NULL)",
-                  who, submission);
-  count.executeStep();
-  const auto [all, own, of_it] = count.getColumns<std::array<int64_t, 3>, 3>();
+      who, submission);
   struct Limit {
     std::string what;
     int64_t count;
@@ -177,14 +169,11 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmission& submission,
                                                                   const AdmissionRules& rules) {
-  Statement own(
+  const auto [id, evaluation] = FirstRow<int64_t, int64_t>(
       db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
       submission.artefact, submission.config, KnownTeamId(db_, submission.team));
-  if (own.executeStep()) {
-    return std::optional(Accepted{.submission = own.getColumn(0).getInt64(),
-                                  .evaluation = own.getColumn(1).getInt64(),
-                                  .blocks = {},
-                                  .linked = true});
+  if (id != 0) {
+    return std::optional(Accepted{.submission = id, .evaluation = evaluation, .linked = true});
   }
   if (!rules.one_for_everyone) return std::optional<Accepted>();
   const bool taken =
@@ -235,7 +224,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   Run(db_, "DELETE FROM upload WHERE artefact = ?", submission.artefact);
   Run(db_, R"(INSERT INTO admission (submission, team_id, track, phase, budget, day)
       SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?)",
-      BudgetName(budget), use.day, id);
+      EnumName(budget), use.day, id);
   RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
   ASSIGN_OR_RETURN(Accepted accepted,
                    Evaluations(context_).Add({.submission = id,
@@ -273,16 +262,10 @@ std::map<std::string, int64_t> Submissions::CountByState() const {
   while (select.executeStep()) {
     const std::string state = select.getColumn(0).getString();
     // A damaged row's state is anybody's text.
-    const bool known = ParseEvaluationState(state).has_value();
+    const bool known = ParseEnum<EvaluationState>(state).has_value();
     counts[known ? state : "unreadable"] += select.getColumn(1).getInt64();
   }
   return counts;
-}
-
-int64_t Submissions::CountOf(const std::string& team) const {
-  return FirstValue<int64_t>(
-      db_, absl::StrCat("SELECT count(*) FROM submission WHERE team_id IN ", RowsOfTeam(1)),
-      KnownTeamId(db_, team));
 }
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindRequest(const std::string& who,

@@ -137,8 +137,6 @@ class Submissions : StorePart {
   // Artefacts that are held back (Submissions::WithHold), sorted: as of the grader that played them
   // last.
   std::vector<std::string> HeldBack() const;
-  // The number of submissions, with those of the teams that were merged into it.
-  int64_t CountOf(const std::string& team) const;
   // Whose it is: today's name of the team. NotFoundError if there is no such submission or
   // evaluation, or if nobody can tell whose it is.
   absl::StatusOr<std::string> TeamOf(int64_t id) const;

@@ -50,17 +50,16 @@ int64_t TeamRowNamed(SQLite::Database& db, const std::string& name) {
 }
 
 absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row) {
-  Statement select(db, R"(SELECT t.id, t.name, t.banned
-      FROM team AS o LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) WHERE o.id = ?)",
-                   row);
-  if (!select.executeStep()) {
-    return DamagedRow({"team", absl::StrCat(row), "it is missing, though another row names it"});
-  }
-  StoredRow read(select, "team", absl::StrCat(row));
-  if (select.isColumnNull(0)) read.Fail("the team that it was merged into is missing");
-  const TeamInForce team = {select.getColumn(0).getInt64(), read.Text(1), read.Flag(2)};
-  if (!read.ok()) return read.status();
-  return team;
+  constexpr StoredRows<TeamInForce> kInForce = {
+      "team",
+      "SELECT o.id, t.id, t.name, t.banned FROM team AS o "
+      "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ",
+      [](StoredRow& read, TeamInForce& team) {
+        if (read.IsNull(1)) return read.Fail("the team that it was merged into is missing");
+        team = {read.Id(1), read.Text(2), read.Flag(3)};
+      }};
+  const Damage missing = {"team", absl::StrCat(row), "it is missing, though another row names it"};
+  return kInForce.First(db, DamagedRow(missing), "WHERE o.id = ?", row);
 }
 
 absl::StatusOr<TeamInForce> FindTeam(SQLite::Database& db, const std::string& name) {
@@ -130,11 +129,10 @@ void AddSkeletons(SQLite::Database& db, int64_t team, const std::string& name) {
 
 void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
                   const std::string& detail, const std::string& who, const std::string& why) {
-  Statement row(db, "SELECT name, merged_into FROM team WHERE id = ?", team);
-  row.executeStep();
-  nlohmann::json content = {
-      {"event", event}, {"team_id", team}, {"team", row.getColumn(0).getString()}};
-  if (event == "merged") content["into"] = row.getColumn(1).getInt64();
+  const auto [name, into] =
+      FirstRow<std::string, int64_t>(db, "SELECT name, merged_into FROM team WHERE id = ?", team);
+  nlohmann::json content = {{"event", event}, {"team_id", team}, {"team", name}};
+  if (event == "merged") content["into"] = into;
   AppendAct(db, now_ms,
             {.kind = kTeamAct,
              .who = who,

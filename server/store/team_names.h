@@ -8,7 +8,6 @@
 #include <absl/status/statusor.h>
 
 #include "server/board/board_state.h"
-#include "server/store/connection.h"
 
 namespace myograde::server {
 

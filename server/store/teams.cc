@@ -1,4 +1,3 @@
-// Teams and who belongs to them.
 #include <map>
 #include <utility>
 
@@ -100,13 +99,16 @@ std::vector<std::string> ListMembers(SQLite::Database& db, int64_t team) {
 
 constexpr StoredRows<TeamRow> kTeams = {
     "team",
-    "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name FROM team AS t "
+    "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name, "
+    "(SELECT count(*) FROM submission WHERE team_id IN (SELECT id FROM team "
+    "WHERE ifnull(t.merged_into, t.id) IN (id, merged_into))) FROM team AS t "
     "LEFT JOIN team AS g ON g.id = t.merged_into ",
     [](StoredRow& row, TeamRow& team) {
       team.id = row.Id(0);
       team.name = row.Text(1);
       team.created_at = row.Time(2);
       team.banned = row.Flag(3);
+      team.submissions = row.Number(6, 0, kMany);
       if (row.IsNull(4)) return;
       row.Joined("team", 4);
       team.merged_into = row.Text(5);
@@ -131,6 +133,21 @@ std::map<int64_t, std::vector<std::string>> TextsByTeam(SQLite::Database& db,
     if (row.ok()) texts[team].push_back(std::move(text));
   }
   return texts;
+}
+
+// Adds the other names of teams, and their members.
+void AddPeople(SQLite::Database& db, std::vector<TeamRow>& teams) {
+  auto names = TextsByTeam(
+      db,
+      "SELECT ifnull(t.merged_into, t.id), f.name FROM former_name AS f JOIN team AS t ON "
+      "t.id = f.team_id UNION SELECT merged_into, name FROM team WHERE merged_into NOT NULL "
+      "ORDER BY 2");
+  auto members = TextsByTeam(
+      db, absl::StrCat("SELECT m.team_id, m.person ", kMemberships, "ORDER BY m.person"));
+  for (TeamRow& team : teams) {
+    team.other_names = std::move(names[team.id]);
+    team.members = std::move(members[team.id]);
+  }
 }
 
 }  // namespace
@@ -238,32 +255,15 @@ std::set<std::string> Teams::OfPerson(const std::string& person) const {
 Listed<TeamRow> Teams::List(int64_t before, int64_t limit) const {
   Listed<TeamRow> listed =
       kTeams.List(db_, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?", before, limit);
-  auto names = TextsByTeam(
-      db_,
-      "SELECT ifnull(t.merged_into, t.id), f.name FROM former_name AS f JOIN team AS t ON "
-      "t.id = f.team_id UNION SELECT merged_into, name FROM team WHERE merged_into NOT NULL "
-      "ORDER BY 2");
-  auto members = TextsByTeam(
-      db_, absl::StrCat("SELECT m.team_id, m.person ", kMemberships, "ORDER BY m.person"));
-  for (TeamRow& team : listed.rows) {
-    team.other_names = std::move(names[team.id]);
-    team.members = std::move(members[team.id]);
-  }
+  AddPeople(db_, listed.rows);
   return listed;
 }
 
 absl::StatusOr<TeamRow> Teams::Find(const std::string& name) const {
   ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, name));
-  ASSIGN_OR_RETURN(TeamRow team,
-                   kTeams.First(db_, absl::NotFoundError(name), "WHERE t.id = ?", found.id));
-  team.other_names =
-      AllValues<std::string>(
-          db_,
-          absl::StrCat("SELECT name FROM former_name WHERE team_id IN ", RowsOfTeam(1),
-                       " UNION SELECT name FROM team WHERE merged_into = ?1 ORDER BY 1"),
-          found.id);
-  for (const MemberRow& member : Members(found.name).rows) team.members.push_back(member.person);
-  return team;
+  ASSIGN_OR_RETURN(std::vector<TeamRow> teams, kTeams.All(db_, "WHERE t.id = ?", found.id));
+  AddPeople(db_, teams);
+  return std::move(teams.front());
 }
 
 Listed<MemberRow> Teams::Members(const std::string& team) const {

@@ -1,6 +1,7 @@
 #include "server/store/transfer.h"
 
 #include <fstream>
+#include <utility>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -41,14 +42,15 @@ struct Table {
   std::vector<std::string> key;      // of the primary key, in key order
 };
 
-std::vector<Table> BuildTables(SQLite::Database& db) {
-  std::vector<Table> tables;
+// By name.
+std::map<std::string, Table> BuildTables(SQLite::Database& db) {
+  std::map<std::string, Table> tables;
   for (const std::string& name : AllValues<std::string>(db, kExportedTables)) {
     const auto columns = [&](const char* which) {
       return AllValues<std::string>(
           db, absl::StrCat("SELECT name FROM pragma_table_info(?) ", which), name);
     };
-    tables.push_back({name, columns("ORDER BY name"), columns("WHERE pk > 0 ORDER BY pk")});
+    tables[name] = {name, columns("ORDER BY name"), columns("WHERE pk > 0 ORDER BY pk")};
   }
   return tables;
 }
@@ -123,14 +125,12 @@ absl::Status RefusedRow(const Table& table, const Json& row, std::string_view wh
 // Prepares one INSERT per table.
 class Inserter {
  public:
-  explicit Inserter(SQLite::Database& db) {
-    for (Table& table : BuildTables(db)) {
+  explicit Inserter(SQLite::Database& db) : tables_(BuildTables(db)) {
+    for (const auto& [name, table] : tables_) {
       std::vector<std::string> marks(table.columns.size(), "?");
-      const std::string sql = absl::StrCat("INSERT INTO \"", table.name, "\" (",
-                                           Quoted(table.columns), ") VALUES (",
-                                           absl::StrJoin(marks, ", "), ")");
-      statements_[table.name] = std::make_unique<SQLite::Statement>(db, sql);
-      tables_[table.name] = std::move(table);
+      const std::string sql = absl::StrCat("INSERT INTO \"", name, "\" (", Quoted(table.columns),
+                                           ") VALUES (", absl::StrJoin(marks, ", "), ")");
+      statements_[name] = std::make_unique<SQLite::Statement>(db, sql);
     }
   }
 
@@ -194,7 +194,7 @@ class Inserter {
   }
 
  private:
-  std::map<std::string, Table> tables_;
+  const std::map<std::string, Table> tables_;
   std::map<std::string, std::unique_ptr<SQLite::Statement>> statements_;
 };
 
@@ -217,10 +217,7 @@ absl::Status CheckReferences(SQLite::Database& db) {
     absl::StrAppend(&names, " AND ", from, " IS NOT NULL");
     absl::StrAppend(&same, " AND p.\"", parts.getColumn(1).getString(), "\" = ", from);
   }
-  Table table;
-  for (Table& each : BuildTables(db)) {
-    if (each.name == child) table = std::move(each);
-  }
+  const Table table = BuildTables(db).at(child);
   // Not by its rowid, which some tables don't have.
   Statement select(
       db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", child, "\" AS c WHERE ", names,
@@ -298,12 +295,11 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
     return sink(text) ? absl::OkStatus() : absl::CancelledError("the export was stopped");
   };
   RETURN_IF_ERROR(write(kHead));
-  const std::vector<Table> tables = BuildTables(db);
-  for (const Table& table : tables) {
-    const bool first = &table == &tables.front();
-    RETURN_IF_ERROR(write(absl::StrCat(first ? "" : ",", "\n\"", table.name, "\":[")));
+  const char* comma = "";
+  for (const auto& [name, table] : BuildTables(db)) {
+    RETURN_IF_ERROR(write(absl::StrCat(std::exchange(comma, ","), "\n\"", name, "\":[")));
     Statement select(
-        db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", table.name, "\" ORDER BY ",
+        db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", name, "\" ORDER BY ",
                          table.key.empty() ? "rowid" : Quoted(table.key)));
     for (bool more = false; select.executeStep(); more = true) {
       RETURN_IF_ERROR(
@@ -345,10 +341,10 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
         absl::StrCat(path, ": is of schema ", info.schema, ", this program's is ",
                      SchemaMigrations().size(), "; export and import with the same version"));
   }
-  for (const Table& table : BuildTables(db)) {
-    if (AnyRow(db, absl::StrCat("SELECT 1 FROM \"", table.name, "\" LIMIT 1"))) {
+  for (const auto& [name, table] : BuildTables(db)) {
+    if (AnyRow(db, absl::StrCat("SELECT 1 FROM \"", name, "\" LIMIT 1"))) {
       return absl::FailedPreconditionError(
-          absl::StrCat("the store has rows already (table ", table.name,
+          absl::StrCat("the store has rows already (table ", name,
                        "); an export can be imported only into an empty store: give --data a new "
                        "folder"));
     }

@@ -4,6 +4,7 @@
 #include <random>
 
 #include <absl/strings/escaping.h>
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
@@ -107,20 +108,21 @@ void WebhookSender::Run(const Webhook& webhook) {
 }
 
 std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
-  int64_t damaged = 0;
-  const absl::StatusOr<DeliveryRow> next =
-      options_.readers.Read<DeliveryRow>([&](const Transaction& reader) {
-        absl::StatusOr<DeliveryRow> found = reader.deliveries.Next(webhook.config.name);
-        const bool unreadable = !found.ok() && !absl::IsNotFound(found.status());
-        if (unreadable) damaged = reader.deliveries.NextId(webhook.config.name);
-        return found;
-      });
+  const absl::StatusOr<DeliveryRow> next = options_.readers.Read<DeliveryRow>(
+      [&](const Transaction& reader) { return reader.deliveries.Next(webhook.config.name); });
   if (next.ok()) return *next;
-  if (damaged != 0) {
+  int64_t damaged = 0;
+  const std::optional<Damage> damage = ExtractDamage(next.status());
+  if (damage.has_value() && absl::SimpleAtoi(damage->key, &damaged)) {
     const std::string why(next.status().message());
     spdlog::error("webhook {}: delivery {} is given up: {}", webhook.config.name, damaged, why);
     options_.metrics.CountWebhookGivenUp(webhook.config.name);
-    Record(damaged, {.state = "given_up", .attempts = 0, .due_at = 0, .detail = why});
+    Record({.id = damaged,
+            .webhook = {},
+            .event = {},
+            .body_json = {},
+            .state = "given_up",
+            .detail = why});
   }
   return std::nullopt;
 }
@@ -131,40 +133,38 @@ void WebhookSender::Deliver(const Webhook& webhook, const DeliveryRow& delivery)
   // An attempt that the daemon's own end cut off says nothing about the receiver.
   if (!result.delivered && stop_.stop_requested()) return;
   options_.metrics.CountWebhook(webhook.config.name, result.delivered);
-  Record(delivery.id, After(webhook, delivery, result));
+  Record(After(webhook, delivery, result));
 }
 
-DeliveryOutcome WebhookSender::After(const Webhook& webhook, const DeliveryRow& delivery,
-                                     const PostResult& result) {
+DeliveryRow WebhookSender::After(const Webhook& webhook, DeliveryRow delivery,
+                                 const PostResult& result) {
   const LogScope scope({.delivery = delivery.id, .webhook = webhook.config.name});
   const absl::Time now = options_.clock.Now();
-  DeliveryOutcome outcome{.state = "delivered",
-                          .attempts = delivery.attempts + 1,
-                          .due_at = delivery.due_at,
-                          .detail = result.problem};
-  if (result.delivered) return outcome;
+  delivery.state = "delivered";
+  ++delivery.attempts;
+  delivery.detail = result.problem;
+  if (result.delivered) return delivery;
   if (now - absl::FromUnixMillis(delivery.at) >= webhook.config.give_up_after) {
-    outcome.state = "given_up";
+    delivery.state = "given_up";
     options_.metrics.CountWebhookGivenUp(webhook.config.name);
     spdlog::error("webhook {}: delivery {} ({}) is given up after {} attempts: {}",
-                  webhook.config.name, delivery.id, delivery.event, outcome.attempts,
+                  webhook.config.name, delivery.id, delivery.event, delivery.attempts,
                   result.problem);
-    return outcome;
+    return delivery;
   }
-  const absl::Duration delay = DelayAfter(outcome.attempts, Random());
-  outcome.state = "waiting";
-  outcome.due_at = absl::ToUnixMillis(now + delay);
+  const absl::Duration delay = DelayAfter(delivery.attempts, Random());
+  delivery.state = "waiting";
+  delivery.due_at = absl::ToUnixMillis(now + delay);
   spdlog::warn("webhook {}: attempt {} of delivery {} ({}) failed, the next is in {} s: {}",
-               webhook.config.name, outcome.attempts, delivery.id, delivery.event,
+               webhook.config.name, delivery.attempts, delivery.id, delivery.event,
                absl::ToInt64Seconds(delay), result.problem);
-  return outcome;
+  return delivery;
 }
 
-void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
+void WebhookSender::Record(const DeliveryRow& delivery) {
   do {
-    const absl::Status status = options_.write([delivery, outcome](Transaction& writer) {
-      return writer.deliveries.Set(delivery, outcome);
-    });
+    const absl::Status status =
+        options_.write([delivery](Transaction& writer) { return writer.deliveries.Set(delivery); });
     if (status.ok()) return;
   } while (!WaitForStop(stop_.get_token(), kRecordEvery));
 }

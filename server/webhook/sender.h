@@ -20,7 +20,6 @@
 
 #include "protocol/base/clock.h"
 #include "server/metrics/metrics.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "server/webhook/webhook.h"
 
@@ -71,10 +70,9 @@ class WebhookSender {
   // Nullopt: nothing waits, or the store can't be read at the moment.
   std::optional<DeliveryRow> Next(const Webhook& webhook);
   void Deliver(const Webhook& webhook, const DeliveryRow& delivery);
-  DeliveryOutcome After(const Webhook& webhook, const DeliveryRow& delivery,
-                        const PostResult& result);
+  DeliveryRow After(const Webhook& webhook, DeliveryRow delivery, const PostResult& result);
   // Tries until the store takes it, or the daemon stops.
-  void Record(int64_t delivery, const DeliveryOutcome& outcome);
+  void Record(const DeliveryRow& delivery);
 
   const Options options_;
   std::stop_source stop_;  // of all threads

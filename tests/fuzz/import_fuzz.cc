@@ -11,7 +11,6 @@
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/store/connection.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "server/store/transfer.h"
 #include "tests/fuzz/fuzz.h"

@@ -4,7 +4,6 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
-#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <system_error>
@@ -14,7 +13,6 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
-#include "server/cli/terminal/terminal.h"
 #include "server/proof/record_head.h"
 
 namespace myograde::server {

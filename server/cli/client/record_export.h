@@ -9,7 +9,6 @@
 #include <string>
 
 #include "server/cli/client/client.h"
-#include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 

@@ -21,7 +21,7 @@
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/journal.h"
-#include "server/store/reader_pool.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 namespace {
@@ -136,13 +136,20 @@ std::optional<Check> RecordCheck(const std::string& data_dir) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return std::nullopt;
   ReaderPool readers(path);
-  const absl::StatusOr<std::vector<Damage>> damaged = CheckRecordChain(readers, /*most=*/1);
-  if (!damaged.ok()) return std::nullopt;
-  if (damaged->empty()) {
+  std::optional<Damage> first;
+  const absl::Status read = readers.Read([&](const Transaction& reader) {
+    reader.journal.ForEachEntry(0, "", [&](const RecordRow*, std::optional<Damage> damage) {
+      first = std::move(damage);
+      return !first.has_value();
+    });
+    return absl::OkStatus();
+  });
+  if (!read.ok()) return std::nullopt;
+  if (!first.has_value()) {
     return Check{"record", CheckState::kOk,
                  absl::StrCat("the public record in ", path, " is intact"), "", ""};
   }
-  return Check{"record", CheckState::kDegraded, DamageText(damaged->front()),
+  return Check{"record", CheckState::kDegraded, DamageText(*first),
                "nobody can check earlier results; grading continues",
                "restore the store from a backup, or explain the gap to those who check the record"};
 }

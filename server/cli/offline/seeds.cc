@@ -27,7 +27,6 @@
 #include "server/proof/release.h"
 #include "server/proof/seed_list.h"
 #include "server/store/data_folder.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

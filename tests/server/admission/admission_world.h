@@ -21,7 +21,6 @@
 #include "server/admission/admission.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 #include "tests/server/artefact/raw_tar.h"
 

@@ -86,7 +86,7 @@ TEST_F(ReceiveTest, ARefusedArchiveIsAFailedTryOfItsTeam) {
     EXPECT_THAT(std::string(refused.status().message()), HasSubstr(why));
     const std::vector<LedgerRow> ledger = LedgerOf("alpha");
     ASSERT_EQ(std::ssize(ledger), ++tries) << why;
-    EXPECT_EQ(ledger.front().budget, BudgetName(Budget::kFailed));
+    EXPECT_EQ(ledger.front().budget, EnumName(Budget::kFailed));
     EXPECT_EQ(ledger.front().who, "uid 7");
     EXPECT_EQ(ledger.front().why,
               absl::StrCat("upload refused: ", std::string(refused.status().message())));

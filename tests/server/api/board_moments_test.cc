@@ -19,7 +19,6 @@
 #include "protocol/base/status_macros.h"
 #include "server/api/board_source.h"
 #include "server/api/rejudge_plan.h"
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -145,7 +144,7 @@ class Board {
   void Follow(size_t which, bool play, double number) {
     if (rejudges_ == 0) return;
     const int64_t id = static_cast<int64_t>(which % rejudges_) + 1;
-    std::vector<RejudgeCandidate> missing;
+    std::vector<NewEvaluation> missing;
     Read([&](const Transaction& reader) {
       const absl::StatusOr<RejudgeRow> row = reader.rejudges.Find(id);
       if (row.ok()) missing = reader.rejudges.MissingItems(*row);
@@ -154,16 +153,19 @@ class Board {
     EpisodeRow judged;
     judged.outcome = Outcome::kSuccess;
     judged.metrics_json = "{}";
-    for (const RejudgeCandidate& item : missing) {
+    for (const NewEvaluation& item : missing) {
       // It may have been dropped, or hold an evaluation without episodes.
       (void)store_->Write([&](Transaction& writer) -> absl::Status {
         if (play) {
-          const absl::StatusOr<Accepted> added = writer.rejudges.AddItem(
-              {item, RejudgeMethod::kPlay, "{}", {{0, 0}}}, "daemon");
+          NewRejudgeItem played{item};
+          played.grader_json = "{}";
+          played.blocks = {{0, 0}};
+          const absl::StatusOr<Accepted> added = writer.rejudges.AddItem(played, "daemon");
           if (added.ok()) open_.push_back(*added);
           return added.status();
         }
-        NewRejudgeItem computed{item, RejudgeMethod::kFacts};
+        NewRejudgeItem computed{item};
+        computed.method = RejudgeMethod::kFacts;
         computed.judged = {.results_hash = "y", .standing = StandingWith(number)};
         computed.episodes = {judged};
         return writer.rejudges.AddItem(computed, "daemon").status();
@@ -256,8 +258,7 @@ class Board {
   static Standing StandingWith(double number) {
     const std::string names = scoring::RankedNames(*Configs().front()->scoring.track);
     const auto count = 1 + std::count(names.begin(), names.end(), ',');
-    return {.ranked = {1, 1, names, std::vector<double>(static_cast<size_t>(count), number)},
-            .aggregate_json = "{}"};
+    return {1, 1, names, std::vector<double>(static_cast<size_t>(count), number), "{}"};
   }
 
   ManualClock clock_{absl::FromUnixSeconds(1700000000)};

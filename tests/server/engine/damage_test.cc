@@ -58,8 +58,7 @@ class DamageTest : public testing::Test {
     std::string state;
     const absl::Status status = world.readers->Read([&](const Transaction& reader) {
       const absl::StatusOr<EvaluationRow> row = reader.evaluations.Find(evaluation);
-      state = row.ok() ? std::string(EvaluationStateName(row->state))
-                       : std::string(row.status().message());
+      state = row.ok() ? std::string(EnumName(row->state)) : std::string(row.status().message());
       return absl::OkStatus();
     });
     return status.ok() ? state : std::string(status.message());
@@ -69,7 +68,7 @@ class DamageTest : public testing::Test {
   static void CheckReading(World& world) {
     const absl::Status status = world.readers->Read([&](const Transaction& reader) -> absl::Status {
       const Listed<SubmissionRow> list = reader.submissions.List({});
-      EXPECT_GE(list.found, 4);
+      EXPECT_GE(list.found(), 4);
       for (const SubmissionRow& row : list.rows) {
         for (const absl::Status& read : {reader.evaluations.Original(row.id).status(),
                                          reader.content.Artefact(row.artefact).status(),
@@ -82,14 +81,14 @@ class DamageTest : public testing::Test {
       }
       EXPECT_THAT(reader.teams.OfPerson("uid 1002"), ElementsAre("other"));
       EXPECT_THAT(reader.teams.OfPerson("uid 1001"), Not(Contains("other")));
-      EXPECT_GE(reader.teams.List().found, 2);
+      EXPECT_GE(reader.teams.List().found(), 2);
       EXPECT_TRUE(reader.teams.Find("other").ok());
       EXPECT_THAT(reader.teams.Members("other").damaged, testing::IsEmpty());
       (void)reader.teams.Find("victim");
       (void)reader.teams.Events("victim");
       EXPECT_TRUE(reader.callers.TokenByHash(std::string(64, 'b')).ok());
       const Listed<TokenRow> tokens = reader.callers.Tokens();
-      EXPECT_LE(tokens.found - std::ssize(tokens.rows), 1);
+      EXPECT_LE(tokens.found() - std::ssize(tokens.rows), 1);
       (void)reader.episodes.NeededLogs();
       (void)reader.content.ArtefactUses();
       return reader.Export([](std::string_view) { return true; });

@@ -360,7 +360,7 @@ std::string World::WhatIsOpen() {
       absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->EstimateOutlook(row.id).waiting);
       const auto blocks = reader.blocks.Of(row.id);
       for (const BlockRow& block : blocks.value_or(std::vector<BlockRow>())) {
-        absl::StrAppend(&open, ", block ", block.id, " ", std::string(BlockStateName(block.state)),
+        absl::StrAppend(&open, ", block ", block.id, " ", std::string(EnumName(block.state)),
                         " attempt ", block.attempt, " faults ", block.faults);
       }
     }
@@ -409,12 +409,12 @@ void World::CheckEvaluation(const Transaction& reader, int64_t id) {
     Promise(evaluation->results_hash == ResultsHash(rows, track->config.seed_salt),
             "another hash than its rows have");
   }
-  CheckHistory(reader, "evaluation", id, std::string(EvaluationStateName(evaluation->state)));
+  CheckHistory(reader, "evaluation", id, std::string(EnumName(evaluation->state)));
   const std::vector<BlockRow> blocks = *reader.blocks.Of(id);
   for (const BlockRow& block : blocks) {
     Promise(block.faults <= 4, "a block was played again more than three times");
     Promise(!IsFinal(evaluation->state) || IsFinal(block.state), "an open block of an ended one");
-    CheckHistory(reader, "block", block.id, std::string(BlockStateName(block.state)));
+    CheckHistory(reader, "block", block.id, std::string(EnumName(block.state)));
   }
 }
 

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "server/engine/rejudge_requests.h"
+#include "server/engine/rejudges.h"
 
 namespace myograde::server {
 namespace {

@@ -308,7 +308,7 @@ std::vector<EvaluationRow> RejudgeWorld::Items(int64_t rejudge) {
 std::string RejudgeWorld::StateOf(int64_t evaluation) {
   std::string state;
   Read([&](const Transaction& reader) {
-    state = std::string(EvaluationStateName(reader.evaluations.Find(evaluation)->state));
+    state = std::string(EnumName(reader.evaluations.Find(evaluation)->state));
   });
   return state;
 }

@@ -17,6 +17,7 @@ namespace {
 using Json = nlohmann::json;
 using State = RejudgeProgress::State;
 using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -120,7 +121,7 @@ TEST_F(RejudgesTest, WhatCanNotBePlayedIsWithoutResult) {
   EXPECT_THAT(created->plan.without_files, ElementsAre(gone));
   const int64_t id = created->rejudge.id;
   AwaitComplete(id);
-  EXPECT_THAT(Progress(id).without_result, ElementsAre(gone));
+  EXPECT_THAT(Progress(id).without_result, ElementsAre(Field(&EvaluationRow::submission, gone)));
   EXPECT_THAT(Items(id)[0].reason, HasSubstr("are no longer on this host"));
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("no result of these"));
   EXPECT_THAT(std::string(Apply(id, {gone, gone + 1}).status().message()),
@@ -153,7 +154,7 @@ TEST_F(RejudgesTest, IsAppliedAndDroppedAsAWhole) {
     const std::vector<RejudgeEventRow> events = reader.rejudges.Find(id)->events;
     std::vector<std::string_view> names;
     for (const RejudgeEventRow& event : events) {
-      names.push_back(RejudgeEventName(event.event));
+      names.push_back(EnumName(event.event));
       EXPECT_EQ(event.signature.size(), 128u);
     }
     EXPECT_THAT(names, ElementsAre("created", "applied", "dropped", "applied"));
@@ -414,9 +415,8 @@ TEST_F(RejudgesTest, APowerCutAtAnyCommitLosesNothing) {
       std::vector<std::string> results;
       for (const EvaluationRow& item : Items(1)) {
         results.push_back(absl::StrCat(item.submission, "/", item.repetition, " ",
-                                       std::string(RejudgeMethodName(item.method)), " ",
-                                       std::string(EvaluationStateName(item.state)), " ",
-                                       item.results_hash));
+                                       std::string(EnumName(item.method)), " ",
+                                       std::string(EnumName(item.state)), " ", item.results_hash));
       }
       if (expected.empty()) expected = results;
       ASSERT_EQ(results.size(), 4u);

@@ -26,9 +26,11 @@ StandingRow Row(int64_t submission, const std::string& team, int successes, doub
   const nlohmann::json aggregate = {{"episodes", 100}, {"successes", successes},
                                     {"time_s", time},  {"effort", effort},
                                     {"pain", nullptr}, {"distance_m", nullptr}};
-  const RankedNumbers ranked = {
-      .successes = successes, .episodes = 100, .names = "time_s,effort", .numbers = {time, effort}};
-  return {submission, submission + 100, team, "policy", {ranked, aggregate.dump()}};
+  return {submission,
+          submission + 100,
+          team,
+          "policy",
+          {successes, 100, "time_s,effort", {time, effort}, aggregate.dump()}};
 }
 
 void Set(Marks& marks, int64_t submission, const std::string& mark, const std::string& why = "") {

@@ -121,7 +121,7 @@ TEST_F(AccessEventsTest, AnUnreadableOneIsReportedAndTheOthersAreShown) {
   const absl::Status status = readers.Read([&](const Transaction& reader) {
     const Listed<AccessEventRow> listed = reader.callers.Events("", INT64_MAX, 100);
     EXPECT_EQ(listed.rows.size(), 1u);
-    EXPECT_EQ(listed.found - std::ssize(listed.rows), 1);
+    EXPECT_EQ(listed.found() - std::ssize(listed.rows), 1);
     return absl::OkStatus();
   });
   EXPECT_TRUE(status.ok()) << status;
@@ -150,7 +150,8 @@ TEST_F(AccessEventsTest, SubmissionsEvaluationsAndLogsAreATeams) {
   const absl::Status status = readers.Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.submissions.TeamOf(accepted->submission).value_or(""), "alpha");
     EXPECT_EQ(reader.evaluations.TeamOf(accepted->evaluation).value_or(""), "alpha");
-    EXPECT_THAT(reader.episodes.TeamsOfLog(log), testing::ElementsAre("alpha"));
+    EXPECT_THAT(reader.episodes.TeamsOfLog(log),
+                testing::ElementsAre(testing::Pair("alpha", testing::ElementsAre(""))));
     EXPECT_TRUE(reader.episodes.TeamsOfLog(std::string(64, 'f')).empty());
     // The words are those of the readers of whole rows: nobody can tell the two apart.
     EXPECT_EQ(reader.submissions.TeamOf(99).status(), reader.submissions.Find(99).status());

@@ -123,9 +123,18 @@ TEST_F(DeliveriesTest, TheOldestWaitsFirstAndOutcomesStay) {
   Read([&](const Transaction& reader) { next = reader.deliveries.Next("pauses"); });
   ASSERT_TRUE(next.ok()) << next.status();
   EXPECT_EQ(Json::parse(next->body_json)["reason"], "one");
-  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
-    return writer.deliveries.Set(next->id, {"delivered", 3, next->due_at, ""});
-  }).ok());
+  ASSERT_TRUE(store_
+                  ->Write([&](Transaction& writer) {
+                    return writer.deliveries.Set({.id = next->id,
+                                                  .webhook = {},
+                                                  .event = {},
+                                                  .body_json = {},
+                                                  .state = "delivered",
+                                                  .attempts = 3,
+                                                  .due_at = next->due_at,
+                                                  .detail = {}});
+                  })
+                  .ok());
   Read([&](const Transaction& reader) { next = reader.deliveries.Next("pauses"); });
   ASSERT_TRUE(next.ok()) << next.status();
   EXPECT_EQ(Json::parse(next->body_json)["reason"], "two");

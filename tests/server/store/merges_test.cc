@@ -45,7 +45,7 @@ TEST_F(MergesTest, AMergedTeamCountsAsTheOtherAndNoRowOfThePastChanges) {
   EXPECT_THAT(ListMembers("alpha"), ElementsAre(kAda, kBob));
   Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.submissions.List({.team = "alpha"}).rows.size(), 3u);
-    EXPECT_EQ(reader.submissions.CountOf("alpha"), 3);
+    EXPECT_EQ(reader.teams.Find("alpha")->submissions, 3);
     EXPECT_EQ(reader.quotas.Ledger("alpha", "", INT64_MAX, 10).rows.size(), 3u);
     EXPECT_THAT(reader.teams.Find("beta")->other_names, ElementsAre("beta"));
     const std::vector<TeamRow> teams = reader.teams.List().rows;

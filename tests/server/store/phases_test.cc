@@ -181,8 +181,9 @@ TEST_F(PhaseStoreTest, AUsedPhaseDrawsNoSecret) {
     EXPECT_EQ(ErrorCodeOf(Secret(phase).status()), "no_secret") << phase;
   }
   // Further episodes of a phase with public seeds follow from a secret that is drawn late.
-  const absl::Status further = store_->Write(
-      [](Transaction& writer) { return writer.phases.FurtherSecret("played").status(); });
+  const absl::Status further = store_->Write([](Transaction& writer) {
+    return writer.phases.EnsureSecret("played", "", /*further=*/true).status();
+  });
   EXPECT_TRUE(further.ok()) << further;
   ASSERT_TRUE(Secret("final").ok());
   ASSERT_EQ(SqlError("DELETE FROM phase_secret"), "");

@@ -89,8 +89,8 @@ TEST_F(RemovalTest, WhatHasNotEndedOrMayStandOnABoardStays) {
       EXPECT_FALSE(LogMayGo(log)) << "it runs";
       End(*accepted, state);
       const bool stands = ranked && state == EvaluationState::kDone;
-      EXPECT_EQ(MayGo(letter), !stands) << EvaluationStateName(state);
-      EXPECT_EQ(LogMayGo(log), !stands) << EvaluationStateName(state);
+      EXPECT_EQ(MayGo(letter), !stands) << EnumName(state);
+      EXPECT_EQ(LogMayGo(log), !stands) << EnumName(state);
       ++letter;
       if (letter == 'g') letter = '3';
     }

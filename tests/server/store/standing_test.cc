@@ -14,11 +14,10 @@ constexpr char kAggregate[] =
     R"({"distance_m":null,"effort":0.1,"effort_over_steps":0.7,"episodes":4,"pain":null,"pain_over_steps":0.1111111111111111,"successes":3,"time_s":0.3333333333333333})";
 
 Standing MakeStanding() {
-  return {.ranked = {.successes = 3,
-                     .episodes = 4,
-                     .names = "time_s,effort,pain,effort_over_steps",
-                     .numbers = {0.3333333333333333, 0.1, std::numeric_limits<double>::quiet_NaN(),
-                                 0.7}},
+  return {.successes = 3,
+          .episodes = 4,
+          .names = "time_s,effort,pain,effort_over_steps",
+          .numbers = {0.3333333333333333, 0.1, std::numeric_limits<double>::quiet_NaN(), 0.7},
           .aggregate_json = kAggregate};
 }
 
@@ -64,7 +63,7 @@ TEST_F(StandingTest, HoldsTheNumbersWithEveryBit) {
         reader.episodes.Standings({accepted.evaluation, 99});
     ASSERT_EQ(standings.size(), 1u);
     EXPECT_EQ(standings.at(accepted.evaluation).aggregate_json, kAggregate);
-    const RankedNumbers& ranked = standings.at(accepted.evaluation).ranked;
+    const Standing& ranked = standings.at(accepted.evaluation);
     EXPECT_EQ(ranked.successes, 3);
     EXPECT_EQ(ranked.episodes, 4);
     EXPECT_EQ(ranked.names, "time_s,effort,pain,effort_over_steps");

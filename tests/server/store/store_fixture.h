@@ -8,7 +8,6 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
-#include "server/store/reader_pool.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
