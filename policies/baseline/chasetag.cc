@@ -1,5 +1,5 @@
-// The baseline of the track chasetag: the tagger (tagger.h) with the numbers that a search found
-// (policies/training), read from chasetag.json in the folder that the program is started in.
+// The baseline of the track chasetag: the tagger (tagger.h) with numbers (policies/training)
+// that are read from chasetag.json in the folder that the program is started in.
 #include <cstdio>
 #include <exception>
 #include <stdexcept>
