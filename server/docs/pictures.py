@@ -41,8 +41,8 @@ def play(daemon, policies, track):
     for policy, team in ((policies / "random", "Random team"), (gentle, "Gentle team"),
                          (scripted, "Scripted team")):
         submit(daemon, policy, track, team)
-    baseline = sorted(policies.glob("baseline-*"))[0]
-    return submit(daemon, baseline, baseline.name.replace("baseline", "demo"), "Baseline team")
+    demo = sorted((daemon.configs / "tracks").glob("demo-*.json"))[0].stem
+    return submit(daemon, policies / demo.replace("demo", "baseline"), demo, "Baseline team")
 
 
 def save(page, name, height):
