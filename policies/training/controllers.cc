@@ -39,26 +39,33 @@ void CopyInfo(const ParameterInfo& info, double* out) {
   std::copy(std::begin(values), std::end(values), out);
 }
 
+WalkerNumbers Numbers(std::span<const double> numbers) {
+  WalkerNumbers copy;
+  std::ranges::copy(numbers, copy.begin());
+  return copy;
+}
+
 }  // namespace
+
+// The functions of one controller; `from`: what makes its constructor's argument of the numbers.
+#define CONTROLLER(prefix, Type, parameters, from, observation_size, action_size)              \
+  size_t prefix##_parameter_count() { return parameters.size(); }                              \
+  const char* prefix##_parameter_name(size_t i) { return parameters[i].name; }                 \
+  void prefix##_parameter_info(size_t i, double* out) { CopyInfo(parameters[i], out); }        \
+  void* prefix##_make(const double* numbers) {                                                 \
+    return new Type(from(std::span(numbers, parameters.size())));                              \
+  }                                                                                            \
+  void prefix##_free(void* controller) { delete static_cast<Type*>(controller); }              \
+  void prefix##_reset(void* controller) { static_cast<Type*>(controller)->Reset(); }           \
+  void prefix##_act(void* controller, const double* observation, double* action) {             \
+    static_cast<Type*>(controller)->Act(                                                       \
+        std::span<const double, observation_size>(observation, observation_size),              \
+        std::span<double, action_size>(action, action_size));                                  \
+  }
 
 extern "C" {
 
-size_t walker_parameter_count() { return kWalkerParameters.size(); }
-const char* walker_parameter_name(size_t i) { return kWalkerParameters[i].name; }
-void walker_parameter_info(size_t i, double* out) { CopyInfo(kWalkerParameters[i], out); }
-
-void* walker_make(const double* numbers) {
-  WalkerNumbers copy;
-  std::copy_n(numbers, copy.size(), copy.begin());
-  return new Walker(copy);
-}
-void walker_free(void* walker) { delete static_cast<Walker*>(walker); }
-void walker_reset(void* walker) { static_cast<Walker*>(walker)->Reset(); }
-void walker_act(void* walker, const double* observation, double* action) {
-  static_cast<Walker*>(walker)->Act(
-      std::span<const double, kWalkerObservation>(observation, kWalkerObservation),
-      std::span<double, kWalkerAction>(action, kWalkerAction));
-}
+CONTROLLER(walker, Walker, kWalkerParameters, Numbers, kWalkerObservation, kWalkerAction)
 // The profile whose observations the next ones are.
 void walker_expect(void* walker, const char* profile) {
   static_cast<Walker*>(walker)->Expect(ObservedIn(profile));
@@ -74,47 +81,8 @@ void walker_leg_modes(void* walker, double* out) {
   }
 }
 
-size_t reacher_parameter_count() { return ReacherParameters().size(); }
-const char* reacher_parameter_name(size_t i) { return ReacherParameters()[i].name; }
-void reacher_parameter_info(size_t i, double* out) { CopyInfo(ReacherParameters()[i], out); }
-
-void* reacher_make(const double* numbers) {
-  return new Reacher(MakePlan({numbers, ReacherParameters().size()}));
-}
-void reacher_free(void* reacher) { delete static_cast<Reacher*>(reacher); }
-void reacher_reset(void* reacher) { static_cast<Reacher*>(reacher)->Reset(); }
-void reacher_act(void* reacher, const double* observation, double* action) {
-  static_cast<Reacher*>(reacher)->Act(
-      std::span<const double, kReacherObservation>(observation, kReacherObservation),
-      std::span<double, kReacherAction>(action, kReacherAction));
-}
-
-size_t juggler_parameter_count() { return JugglerParameters().size(); }
-const char* juggler_parameter_name(size_t i) { return JugglerParameters()[i].name; }
-void juggler_parameter_info(size_t i, double* out) { CopyInfo(JugglerParameters()[i], out); }
-void* juggler_make(const double* numbers) {
-  return new Juggler({numbers, JugglerParameters().size()});
-}
-void juggler_free(void* juggler) { delete static_cast<Juggler*>(juggler); }
-void juggler_reset(void* juggler) { static_cast<Juggler*>(juggler)->Reset(); }
-void juggler_act(void* juggler, const double* observation, double* action) {
-  static_cast<Juggler*>(juggler)->Act(
-      std::span<const double, kJugglerObservation>(observation, kJugglerObservation),
-      std::span<double, kHandActions>(action, kHandActions));
-}
-
-size_t tagger_parameter_count() { return TaggerParameters().size(); }
-const char* tagger_parameter_name(size_t i) { return TaggerParameters()[i].name; }
-void tagger_parameter_info(size_t i, double* out) { CopyInfo(TaggerParameters()[i], out); }
-void* tagger_make(const double* numbers) {
-  return new Tagger({numbers, TaggerParameters().size()});
-}
-void tagger_free(void* tagger) { delete static_cast<Tagger*>(tagger); }
-void tagger_reset(void* tagger) { static_cast<Tagger*>(tagger)->Reset(); }
-void tagger_act(void* tagger, const double* observation, double* action) {
-  static_cast<Tagger*>(tagger)->Act(
-      std::span<const double, kWholeObservation>(observation, kWholeObservation),
-      std::span<double, kWholeMuscles>(action, kWholeMuscles));
-}
+CONTROLLER(reacher, Reacher, ReacherParameters(), MakePlan, kReacherObservation, kReacherAction)
+CONTROLLER(juggler, Juggler, JugglerParameters(), std::span, kJugglerObservation, kHandActions)
+CONTROLLER(tagger, Tagger, TaggerParameters(), std::span, kWholeObservation, kWholeMuscles)
 
 }  // extern "C"

@@ -16,7 +16,6 @@ from myograde.policy.leg import STATES, Joint, LegSet, LegState, Threshold
 
 # A threshold that nothing reaches: the sets' states are all the same, and stay where they are.
 NEVER = (Threshold("load", -1e9, above=False),)
-CONTROLLERS = ("walker", "reacher", "juggler", "tagger")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +79,8 @@ class Controller:
     """One controller with its own state. `numbers`: as Library.parameters() orders them."""
 
     name: str
+    track: str    # as the environment is called
+    profile: str  # that it plays unless told otherwise
     action_size: int
 
     def __init__(self, library: Library, numbers: np.ndarray) -> None:
@@ -105,6 +106,8 @@ class Walker(Controller):
     """The controller of the track locomotion."""
 
     name = "walker"
+    track = "Locomotion"
+    profile = "paper"
     action_size = 55
 
     def expect(self, profile: str) -> None:
@@ -126,6 +129,8 @@ class Reacher(Controller):
     """The controller of the track manipulation."""
 
     name = "reacher"
+    track = "Manipulation"
+    profile = "paper"
     action_size = 80
 
 
@@ -133,6 +138,8 @@ class Juggler(Controller):
     """The controller of the track baoding."""
 
     name = "juggler"
+    track = "Baoding"
+    profile = "official"
     action_size = 39
 
 
@@ -140,4 +147,9 @@ class Tagger(Controller):
     """The controller of the track chasetag."""
 
     name = "tagger"
+    track = "ChaseTag"
+    profile = "official"
     action_size = 80
+
+
+CONTROLLERS = {kind.name: kind for kind in (Walker, Reacher, Juggler, Tagger)}

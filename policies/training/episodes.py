@@ -40,9 +40,6 @@ LEGS_PELVIS = slice(60, 64)  # its quaternion in the tagger's observation, w fir
 OPPONENT = slice(64, 66)   # m
 PLACE = slice(69, 71)      # m
 EDGE = 6.0                 # m from the middle, where no opponent comes near
-# What each plays unless told otherwise.
-PROFILES = {"walker": "paper", "reacher": "paper", "juggler": "official",
-            "tagger": "official"}
 PR_SET_PDEATHSIG = 1
 
 
@@ -83,16 +80,15 @@ def prepare(library: pathlib.Path, controller: str = "walker", profile: str = ""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     _library = controllers.Library(library)
     _controller = controller
-    _profile = profile or PROFILES[controller]
+    _profile = profile or controllers.CONTROLLERS[controller].profile
     _envs = environment(controller, profile, config)
 
 
 def environment(controller: str, profile: str, config: str) -> Any:
     """One environment, as `prepare` says. WrongUse if profile or config is none."""
-    track = {"walker": "Locomotion", "reacher": "Manipulation", "juggler": "Baoding",
-             "tagger": "ChaseTag"}[controller]
-    return myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
-                        profile=profile or PROFILES[controller], config=config or None)
+    kind = controllers.CONTROLLERS[controller]
+    return myograde.vec(f"myograde/{kind.track}-v0", 1, threads=1, actions="direct", copy=False,
+                        profile=profile or kind.profile, config=config or None)
 
 
 def workers(args: argparse.Namespace) -> ProcessPoolExecutor:
@@ -102,8 +98,7 @@ def workers(args: argparse.Namespace) -> ProcessPoolExecutor:
         played = environment(args.controller, args.profile, args.config)
     except WrongUse as error:
         raise SystemExit(str(error)) from error
-    kind = {"walker": controllers.Walker, "reacher": controllers.Reacher,
-            "juggler": controllers.Juggler, "tagger": controllers.Tagger}[args.controller]
+    kind = controllers.CONTROLLERS[args.controller]
     if played.single_action_space.shape != (kind.action_size,):
         raise SystemExit(f"{args.config}: the {args.controller} does not play this track")
     played.close()

@@ -72,7 +72,7 @@ def main() -> int:
     figure: dict[str, Any] = {
         share or "distance_m": round(mean, 4 if share else 3),
         "standard_error" if share else "standard_error_m": round(error, 4 if share else 3),
-        "profile": args.profile or episodes.PROFILES[args.controller],
+        "profile": args.profile or controllers.CONTROLLERS[args.controller].profile,
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
         "ends": episodes.counts(r.end for r in results)}
     if args.controller == "reacher":
