@@ -11,6 +11,9 @@ from system import HERE, POLICIES, SystemTest, track_config
 
 AGENTS = HERE / "template_agents"
 RUNTIME = pathlib.Path(os.environ.get("MYOGRADE_CACHE", "/nonexistent"), "runtimes/template-2024")
+# What agent_2023.py is told for relocation.
+RELOCATION_2023 = ("8085", "63", "hand_qpos", "hand_qvel", "obj_pos", "goal_pos", "pos_err",
+                   "obj_rot", "goal_rot", "rot_err")
 
 
 @unittest.skipUnless((RUNTIME / "grpc").is_dir(), f"there is no runtime {RUNTIME}")
@@ -87,15 +90,14 @@ class TemplateAgents(SystemTest):
     def test_agents_of_2023_of_zeros_are_the_zero_policy(self):
         # The dictionary is of the state where the first observation is not: in each episode of the
         # tag game, and where the object was drawn twice.
-        for track, port, muscles, others, keys in (
-                ("short-bin", "8085", "63", 2, ("hand_qpos", "hand_qvel", "obj_pos", "goal_pos",
-                                                "pos_err", "obj_rot", "goal_rot", "rot_err")),
-                ("short-tag", "8086", "80", 3, (
-                    "internal_qpos", "internal_qvel", "grf", "torso_angle", "opponent_pose",
-                    "opponent_vel", "model_root_pos", "model_root_vel", "muscle_length",
-                    "muscle_velocity", "muscle_force"))):
+        for track, others, arguments in (
+                ("short-bin", 2, RELOCATION_2023),
+                ("short-tag", 3, (
+                    "8086", "80", "internal_qpos", "internal_qvel", "grf", "torso_angle",
+                    "opponent_pose", "opponent_vel", "model_root_pos", "model_root_vel",
+                    "muscle_length", "muscle_velocity", "muscle_force"))):
             with self.subTest(track=track):
-                agent = self.agent("agent_2023", port, muscles, *keys, adapter="template-2023")
+                agent = self.agent("agent_2023", *arguments, adapter="template-2023")
                 mine = self.play(agent, track, "official")
                 self.assertEqual([row["digest"] for row in mine["episodes"]],
                                  self.digests(POLICIES / "zero", track, "official"))

@@ -1,4 +1,4 @@
-"""Agents of 2024 as container images, as they were sent then: the agent's files at the image's
+"""Agents of 2022 to 2024 as container images, as they were sent then: the agent's files at the image's
 root, its packages in the image's own Python, a relative command and no working folder."""
 
 import os
@@ -40,7 +40,7 @@ def libraries(*folders):
 
 
 def python_layers():
-    """Python as an image of 2024 has it, and the packages beside it."""
+    """Python as an agent's image has it, and the packages beside it."""
     base = images.program_layer("/usr/bin/python3.11", "usr/bin/python3.11",
                                 libraries(PYTHON / "lib-dynload", RUNTIME / "grpc",
                                           RUNTIME / "numpy"))
@@ -52,7 +52,8 @@ def python_layers():
 @unittest.skipUnless((RUNTIME / "grpc").is_dir(), f"there is no runtime {RUNTIME}")
 @unittest.skipUnless(PYTHON.is_dir(), f"there is no {PYTHON} to make an image of")
 class TemplateImages(SystemTest):
-    tracks = {"short-arm": track_config("manipulation"), "short-leg": track_config("locomotion")}
+    tracks = {"short-arm": track_config("manipulation"), "short-leg": track_config("locomotion"),
+              "short-die": track_config("reorientation"), "short-bin": track_config("relocation")}
 
     @classmethod
     def setUpClass(cls):
@@ -60,7 +61,7 @@ class TemplateImages(SystemTest):
         cls.daemon.configure(runtimes={"template-2024": {"path": str(RUNTIME)}})
         cls.layers = python_layers()
 
-    def image(self, name, *files, form="docker"):
+    def image(self, name, *files, arguments=(), form="docker", adapter="template-2024"):
         """A submission folder that names the image."""
         agent = [images.member(file.name, file.read_bytes())
                  for file in [*sorted((AGENTS / "template").iterdir()), AGENTS / f"{name}.py",
@@ -68,28 +69,41 @@ class TemplateImages(SystemTest):
         folder = self.root / f"image-{name}-{form}"
         folder.mkdir()
         (folder / "agent.tar").write_bytes(images.image(
-            [*self.layers, agent], form=form, entrypoint=None, cmd=["python", f"{name}.py"],
+            [*self.layers, agent], form=form, entrypoint=None, cmd=["python", f"{name}.py", *arguments],
             env=["PATH=/usr/local/bin:/usr/bin:/bin", "PYTHONUNBUFFERED=1",
                  "LD_LIBRARY_PATH=/nowhere"]))
         (folder / "policy.json").write_text(
-            f'{{"name": "{name}", "image": "agent.tar", "adapter": "template-2024"}}')
+            f'{{"name": "{name}", "image": "agent.tar", "adapter": "{adapter}"}}')
         return folder
 
-    def digests(self, policy, track):
-        result = self.ask("local", policy, "--track", track, "--profile", "myosuite")
+    def digests(self, policy, track, profile="myosuite"):
+        result = self.ask("local", policy, "--track", track, "--profile", profile)
         for row in result["episodes"]:
             self.assertIn(row["outcome"], ("success", "failure"), row)
         return [row["digest"] for row in result["episodes"]]
 
-    def as_folder(self, name, *files):
-        return template_agents_test.TemplateAgents.agent(self, name, files=files)
+    def as_folder(self, name, *arguments, files=(), **manifest):
+        return template_agents_test.TemplateAgents.agent(self, name, *arguments, files=files,
+                                                         **manifest)
 
     def test_an_image_plays_as_its_folder_does(self):
         for form in ("docker", "oci-gzip"):
             with self.subTest(form=form):
                 self.assertEqual(
                     self.digests(self.image("fingers_agent", "hand.json", form=form), "short-arm"),
-                    self.digests(self.as_folder("fingers_agent", "hand.json"), "short-arm"))
+                    self.digests(self.as_folder("fingers_agent", files=["hand.json"]), "short-arm"))
+
+    def test_so_do_those_of_earlier_years(self):
+        for year, track, arguments in (
+                ("2022", "short-die", ("8085", "hand_qpos", "22")),
+                ("2023", "short-bin", template_agents_test.RELOCATION_2023)):
+            with self.subTest(year=year):
+                name, adapter = f"agent_{year}", f"template-{year}"
+                self.assertEqual(
+                    self.digests(self.image(name, arguments=arguments, adapter=adapter),
+                                 track, "official"),
+                    self.digests(self.as_folder(name, *arguments, adapter=adapter),
+                                 track, "official"))
 
     def test_its_unseeded_samples_repeat(self):
         agent = self.image("image_leg_agent", "locomotion_sets.py")
