@@ -30,7 +30,7 @@ void Hand::Follow(std::span<const double, kHandAngles> angles,
     const int joint = kPronation + j;
     state.angles[joint] = angles[j];
     // Differences of angles, as the observation has no velocities of joints.
-    if (!first_) state.velocities[joint] = (angles[j] - last_[j]) / kHandControlStep;
+    if (!first_) state.velocities[joint] = (angles[j] - last_[j]) / control_step_;
     last_[j] = angles[j];
     torques[joint] = (wrist ? kWristStiffness : kFingerStiffness) * (target[j] - angles[j]) -
                      (wrist ? kWristDamping : kFingerDamping) * state.velocities[joint];

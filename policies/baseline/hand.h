@@ -11,12 +11,14 @@ namespace myograde::baseline {
 
 inline constexpr int kHandAngles = 23;  // pronation, two of the wrist, thumb and fingers
 inline constexpr int kHandActions = kArmMuscles - kHandMuscle;
-inline constexpr double kHandControlStep = 0.025;  // s
 
 using HandPosture = std::array<double, kHandAngles>;  // rad
 
 class Hand {
  public:
+  explicit Hand(double control_step)  // s
+      : control_step_(control_step), allocator_(kEffort, control_step, kHandMuscle) {}
+
   void Reset();
 
   // Excitations in [0, 1] that draw the joints from `angles` to `target` (rad), by the muscles'
@@ -28,7 +30,8 @@ class Hand {
  private:
   static constexpr double kEffort = 0.001;  // squared N m for a fully active muscle
 
-  ArmAllocator allocator_{kEffort, kHandControlStep, kHandMuscle};
+  double control_step_;
+  ArmAllocator allocator_;
   HandPosture last_{};
   bool first_ = true;
 };

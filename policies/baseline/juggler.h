@@ -29,7 +29,7 @@ class Juggler {
 
  private:
   std::vector<double> numbers_;
-  Hand hand_;
+  Hand hand_{0.025};
 };
 
 }  // namespace myograde::baseline

@@ -2,12 +2,16 @@
 // A handle belongs to one environment; numbers are contiguous doubles of the caller.
 #include <algorithm>
 #include <cstddef>
+#include <cstdio>
+#include <exception>
 #include <span>
+#include <vector>
 
 #include "policies/baseline/juggler.h"
 #include "policies/baseline/reacher.h"
 #include "policies/baseline/reacher_parameters.h"
 #include "policies/baseline/tagger.h"
+#include "policies/baseline/turner.h"
 #include "policies/baseline/walker.h"
 
 using myograde::baseline::Juggler;
@@ -16,18 +20,24 @@ using myograde::baseline::kHandActions;
 using myograde::baseline::kJugglerObservation;
 using myograde::baseline::kReacherAction;
 using myograde::baseline::kReacherObservation;
+using myograde::baseline::kTurnerObservation;
 using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
 using myograde::baseline::kWalkerParameters;
 using myograde::baseline::kWholeMuscles;
 using myograde::baseline::kWholeObservation;
 using myograde::baseline::MakePlan;
+using myograde::baseline::MakeTurn;
 using myograde::baseline::ObservedIn;
 using myograde::baseline::ParameterInfo;
 using myograde::baseline::Reacher;
 using myograde::baseline::ReacherParameters;
+using myograde::baseline::ReadTurns;
 using myograde::baseline::Tagger;
 using myograde::baseline::TaggerParameters;
+using myograde::baseline::Turn;
+using myograde::baseline::Turner;
+using myograde::baseline::TurnParameters;
 using myograde::baseline::Walker;
 using myograde::baseline::WalkerNumbers;
 
@@ -44,6 +54,8 @@ WalkerNumbers Numbers(std::span<const double> numbers) {
   std::ranges::copy(numbers, copy.begin());
   return copy;
 }
+
+std::vector<Turn> OnlyTurn(std::span<const double> numbers) { return {MakeTurn(numbers)}; }
 
 }  // namespace
 
@@ -84,5 +96,15 @@ void walker_leg_modes(void* walker, double* out) {
 CONTROLLER(reacher, Reacher, ReacherParameters(), MakePlan, kReacherObservation, kReacherAction)
 CONTROLLER(juggler, Juggler, JugglerParameters(), std::span, kJugglerObservation, kHandActions)
 CONTROLLER(tagger, Tagger, TaggerParameters(), std::span, kWholeObservation, kWholeMuscles)
+CONTROLLER(turner, Turner, TurnParameters(), OnlyTurn, kTurnerObservation, kHandActions)
+// With the turns of a file; null, and why, if it is not one.
+void* turner_open(const char* path, char* reason, size_t size) {
+  try {
+    return new Turner(ReadTurns(path));
+  } catch (const std::exception& error) {
+    std::snprintf(reason, size, "%s", error.what());
+    return nullptr;
+  }
+}
 
 }  // extern "C"

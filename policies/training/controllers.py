@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import json
 import pathlib
+import re
 from types import MappingProxyType
 from typing import Any, Mapping
 
@@ -37,6 +38,13 @@ def read_numbers(path: pathlib.Path, parameters: list[Parameter],
     return np.array([given.get(p.name, p.start) for p in parameters])
 
 
+def written(content: dict[str, Any]) -> str:
+    """The content as JSON, with a line for each list of numbers."""
+    text = json.dumps(content, indent=1)
+    return re.sub(r"\[[^\[\]{}]*\]", lambda found: f"[{' '.join(found[0][1:-1].split())}]",
+                  text) + "\n"
+
+
 class Library:
     """The shared library baseline_controllers."""
 
@@ -57,6 +65,8 @@ class Library:
                 function.restype, function.argtypes = result, arguments
         self.lib.walker_leg_modes.restype = None
         self.lib.walker_leg_modes.argtypes = [ctypes.c_void_p, numbers]
+        self.lib.turner_open.restype = ctypes.c_void_p
+        self.lib.turner_open.argtypes = [ctypes.c_char_p, ctypes.c_char_p, ctypes.c_size_t]
         self.lib.walker_expect.restype = None
         self.lib.walker_expect.argtypes = [ctypes.c_void_p, ctypes.c_char_p]
 
@@ -90,7 +100,8 @@ class Controller:
                                     values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
 
     def __del__(self) -> None:
-        self._library.call(self.name, "free", self._handle)
+        if self._handle is not None:
+            self._library.call(self.name, "free", self._handle)
 
     def reset(self) -> None:
         """Begins an episode."""
@@ -152,4 +163,25 @@ class Tagger(Controller):
     action_size = 80
 
 
-CONTROLLERS = {kind.name: kind for kind in (Walker, Reacher, Juggler, Tagger)}
+class Turner(Controller):
+    """The controller of the track reorientation. Its numbers are those of its only turn."""
+
+    name = "turner"
+    track = "Reorientation"
+    profile = "official"
+    action_size = 39
+
+    @classmethod
+    def of_file(cls, library: Library, path: pathlib.Path) -> Turner:
+        """One with the turns of a file of policies/baseline/parameters. ValueError with the reason
+        if it is not one."""
+        turner = cls.__new__(cls)
+        turner._library = library
+        reason = ctypes.create_string_buffer(300)
+        turner._handle = library.lib.turner_open(str(path).encode(), reason, len(reason))
+        if turner._handle is None:
+            raise ValueError(reason.value.decode())
+        return turner
+
+
+CONTROLLERS = {kind.name: kind for kind in (Walker, Reacher, Juggler, Tagger, Turner)}

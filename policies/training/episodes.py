@@ -40,6 +40,11 @@ LEGS_PELVIS = slice(60, 64)  # its quaternion in the tagger's observation, w fir
 OPPONENT = slice(64, 66)   # m
 PLACE = slice(69, 71)      # m
 EDGE = 6.0                 # m from the middle, where no opponent comes near
+TURNER_S = 1.5          # s, that an episode takes
+TURNER_STEP = 0.01      # s
+DIE = slice(45, 48)     # its place in the turner's observation, m
+DIE_ROTATION = slice(54, 57)  # Euler angles, rad
+SUCCESS_STEPS = 6       # with the official flag
 PR_SET_PDEATHSIG = 1
 
 
@@ -49,7 +54,7 @@ class Result:
 
     score: float
     distance: float  # m: how far the walker got, or the lifted box on its way to the goal; of a
-    # juggler, the share of solved steps; of a tagger, the official score
+    # juggler, the share of solved steps; of a tagger, the official score; of a turner, its success
     time: float  # s
     end: str
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead; of a
@@ -124,10 +129,11 @@ def tilt_of(pelvis: np.ndarray) -> str:
     return "left" if left > 0 else "right"
 
 
-def play(job: tuple[np.ndarray, int, float]) -> Result:
-    """One episode: parameters, seed, and the most seconds that it may take."""
-    return {"walker": walk, "reacher": reach, "juggler": juggle,
-            "tagger": tag}[_controller](*job)
+def play(job: tuple[Any, int, float]) -> Result:
+    """One episode: parameters (of a turner, the path of its file), seed, and the most seconds that
+    it may take."""
+    return {"walker": walk, "reacher": reach, "juggler": juggle, "tagger": tag,
+            "turner": turn}[_controller](*job)
 
 
 def walk(numbers: np.ndarray, seed: int, seconds: float) -> Result:
@@ -245,3 +251,34 @@ def tag(numbers: np.ndarray, seed: int, seconds: float) -> Result:
             break
     led = 0.02 * min(upright * TAGGER_STEP, 10) + 0.05 * (first - max(nearest, 0))
     return Result(score + led, score, steps * TAGGER_STEP, end, "evade" if evades else "chase")
+
+
+def turn(file: pathlib.Path, seed: int, seconds: float) -> Result:
+    """An episode of the turner with the turns of that file."""
+    path, facts, end = turned(controllers.Turner.of_file(_library, file), seed, seconds)
+    success = float(facts["solved_steps"][0] >= SUCCESS_STEPS)
+    return Result(success, success, len(path) * TURNER_STEP, end, "falling")
+
+
+def path_of(numbers: np.ndarray, seed: int) -> np.ndarray:
+    """Where a die was after each step of a turn with these numbers: its place in m, from where it
+    starts, and its Euler angles in rad."""
+    return turned(controllers.Turner(_library, numbers), seed, TURNER_S)[0]
+
+
+def turned(turner: controllers.Turner, seed: int, seconds: float) -> tuple[np.ndarray, Any, str]:
+    """The path of an episode's die, as above, the episode's facts and its end."""
+    observations, _ = _envs.reset(seed=[seed])
+    turner.reset()
+    actions = np.zeros((1, turner.action_size))
+    start, path, end = observations[0, DIE].copy(), [], "time"
+    info: Any = {}
+    for _ in range(round(min(seconds, TURNER_S) / TURNER_STEP)):
+        turner.act(observations[0], actions[0])
+        observations, _, terminated, truncated, info = _envs.step(actions)
+        now = observations[0]
+        path.append(np.concatenate([now[DIE] - start, now[DIE_ROTATION]]))
+        if terminated[0] or truncated[0]:
+            end = str(info["end"][0])
+            break
+    return np.array(path), info["facts"], end

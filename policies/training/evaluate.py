@@ -63,12 +63,14 @@ def main() -> int:
     args = options()
     known = controllers.Library(args.library).parameters(args.controller)
     changed = {name: float(value) for name, value in (pair.split("=") for pair in args.set)}
-    numbers = controllers.read_numbers(args.parameters, known, changed)
+    turner = args.controller == "turner"  # which has a file of turns
+    numbers = (args.parameters if turner else
+               controllers.read_numbers(args.parameters, known, changed))
     jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
     with episodes.workers(args) as pool:
         results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
-    share = {"juggler": "solved", "tagger": "score"}.get(args.controller)
+    share = {"juggler": "solved", "tagger": "score", "turner": "success"}.get(args.controller)
     figure: dict[str, Any] = {
         share or "distance_m": round(mean, 4 if share else 3),
         "standard_error" if share else "standard_error_m": round(error, 4 if share else 3),
@@ -95,9 +97,10 @@ def main() -> int:
         print(f"{start}: {len(mine)} episodes, {spread([r.distance for r in mine])[0]:.2f}{unit} in "
               f"{spread([r.time for r in mine])[0]:.2f} s")
     if args.write is not None:
-        content = {"command": args.command, "figure": figure,
-                   "parameters": {p.name: float(x) for p, x in zip(known, numbers)}}
-        args.write.write_text(json.dumps(content, indent=1) + "\n")
+        content = {"command": args.command, "figure": figure, **(
+            {"turns": json.loads(args.parameters.read_text())["turns"]} if turner else
+            {"parameters": {p.name: float(x) for p, x in zip(known, numbers)}})}
+        args.write.write_text(controllers.written(content))
     return 0
 
 

@@ -183,6 +183,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Bundled{"baseline-locomotion", {"./baseline-locomotion"}},
                       Bundled{"baseline-baoding", {"./baseline-baoding"}},
                       Bundled{"baseline-chasetag", {"./baseline-chasetag"}},
+                      Bundled{"baseline-reorientation", {"./baseline-reorientation"}},
                       Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}),
     [](const auto& test) {
       std::string name = test.param.folder;

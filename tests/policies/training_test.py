@@ -75,6 +75,24 @@ class Training(unittest.TestCase):
             self.assertEqual(content["parameters"], json.loads(shipped.read_text())["parameters"])
             self.assertEqual(content["figure"]["profile"], profile)
 
+    def test_turns_of_a_die_are_searched_and_chosen(self):
+        words = ("turns.py", self.folder / "turns", "--library", LIBRARY, "--batch", 4)
+        said = run(*words, "--write", self.folder / "none.json", status=1)
+        self.assertIn("no turn has reached a goal yet", said.splitlines()[-1])
+        first = run(*words, "--seconds", 0.1)
+        self.assertIn("4 trials", first)
+        said = run(*words, "--seconds", 0.1, "--turns", 1, "--write", self.folder / "some.json")
+        self.assertIn("8 trials", said)
+        self.assertIn("1 turns with 8 dice each", said)
+        for file in (self.folder / "some.json",
+                     SOURCE / "policies/baseline/parameters/reorientation.json"):
+            kept = self.folder / "kept.json"
+            run("evaluate.py", file, "--library", LIBRARY, "--controller", "turner", "--episodes", 1,
+                "--seconds", 0.05, "--write", kept)
+            turns = json.loads(kept.read_text())["turns"]
+            self.assertEqual(turns, json.loads(file.read_text())["turns"])
+            self.assertTrue(turns)
+
     def test_falls_are_counted_by_their_way_and_by_course(self):
         shipped = SOURCE / "policies/baseline/parameters/locomotion.json"
         said = run("evaluate.py", shipped, "--library", LIBRARY, "--episodes", 2, "--seconds", 5,
