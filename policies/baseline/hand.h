@@ -14,6 +14,11 @@ inline constexpr int kHandActions = kArmMuscles - kHandMuscle;
 
 using HandPosture = std::array<double, kHandAngles>;  // rad
 
+// A cupped hand, its palm up.
+inline constexpr HandPosture kCuppedHand = {-1.57, 0,   0,   0.3, 0.2, 0,   0,   0.3,
+                                            0,     0.5, 0.5, 0.3, 0,   0.5, 0.5, 0.3,
+                                            0,     0.5, 0.5, 0.3, 0,   0.5, 0.5};
+
 class Hand {
  public:
   explicit Hand(double control_step)  // s

@@ -16,20 +16,13 @@ constexpr double kLength = 0.01;    // m, the unit of places
 constexpr double kMost = 3;         // of a feature
 constexpr size_t kBall1 = 23, kBall2 = 29, kTarget1 = 35, kTarget2 = 38, kHandActivations = 47;
 
-struct JointStart {
-  const char* name;
-  double angle;  // rad
-};
-
-// A cupped hand, its palm up.
-constexpr std::array<JointStart, kHandAngles> kStart = {{
-    {"pronation", -1.57},    {"deviation", 0},       {"wrist", 0},        {"thumb_abduction", 0.3},
-    {"thumb_flexion", 0.2},  {"thumb_middle", 0},    {"thumb_tip", 0},    {"index_base", 0.3},
-    {"index_abduction", 0},  {"index_middle", 0.5},  {"index_tip", 0.5},  {"middle_base", 0.3},
-    {"middle_abduction", 0}, {"middle_middle", 0.5}, {"middle_tip", 0.5}, {"ring_base", 0.3},
-    {"ring_abduction", 0},   {"ring_middle", 0.5},   {"ring_tip", 0.5},   {"little_base", 0.3},
-    {"little_abduction", 0}, {"little_middle", 0.5}, {"little_tip", 0.5},
-}};
+constexpr std::array<const char*, kHandAngles> kHandJointNames = {
+    "pronation",        "deviation",     "wrist",      "thumb_abduction",
+    "thumb_flexion",    "thumb_middle",  "thumb_tip",  "index_base",
+    "index_abduction",  "index_middle",  "index_tip",  "middle_base",
+    "middle_abduction", "middle_middle", "middle_tip", "ring_base",
+    "ring_abduction",   "ring_middle",   "ring_tip",   "little_base",
+    "little_abduction", "little_middle", "little_tip"};
 
 // Joints that a feature moves together: one, and those from `second` on half as far.
 struct Group {
@@ -78,7 +71,7 @@ std::span<const ParameterInfo> JugglerParameters() {
       const char* kept = names.emplace_back(std::move(name)).c_str();
       made.push_back({kept, start, deviation, -2, 2});
     };
-    for (const JointStart& joint : kStart) add(joint.name, joint.angle, 0.15);
+    for (size_t j = 0; j < kHandAngles; ++j) add(kHandJointNames[j], kCuppedHand[j], 0.15);
     for (const char* feature : kFeatures) {
       for (const Group& group : kGroups) add(std::string(feature) + "_" + group.name, 0, 0.1);
     }

@@ -40,10 +40,6 @@ constexpr std::array<TurnGroup, 16> kTurnGroups = {{{"pronation", 0, 0, 0.3},
                                                     {"index_abduction", 8, 0, 0.15},
                                                     {"little_abduction", 20, 0, 0.15}}};
 
-// A cupped hand, its palm up.
-constexpr HandPosture kCup = {-1.57, 0,   0,   0.3, 0.2, 0,   0,   0.3, 0, 0.5, 0.5, 0.3,
-                              0,     0.5, 0.5, 0.3, 0,   0.5, 0.5, 0.3, 0, 0.5, 0.5};
-
 double SquaredDistance(std::span<const double, 3> a, std::span<const double, 3> b) {
   double sum = 0;
   for (size_t i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
@@ -85,7 +81,7 @@ Turn MakeTurn(std::span<const double> numbers) {
   auto number = numbers.begin();
   for (size_t i = 1; i < turn.begins.size(); ++i) turn.begins[i] = static_cast<int>(*number++);
   for (HandPosture& posture : turn.postures) {
-    posture = kCup;
+    posture = kCuppedHand;
     for (const TurnGroup& group : kTurnGroups) {
       posture[group.joint] += *number;
       if (group.next > 0) posture[group.joint + 1] += group.next * *number;
