@@ -35,8 +35,8 @@ void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
 Json OutputToJson(const std::vector<BlockRow>& blocks, const std::vector<EpisodeRow>& rows) {
   Json list = Json::array();
   for (const BlockRow& block : blocks) {
-    if (block.output_json.empty()) continue;
     Json output = Json::parse(block.output_json, nullptr, false);
+    if (!output.is_object()) continue;
     output["block"] = block.id;
     output["first"] = block.first;
     output["last"] = block.last;

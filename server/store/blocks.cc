@@ -4,7 +4,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
-#include "protocol/lease/track_config.h"
 #include "server/store/blocks.h"
 #include "server/store/stored_row.h"
 
@@ -20,30 +19,13 @@ int64_t Thousandths(double value) {
   return std::llround(std::min(value, kMostUsed) * 1000);
 }
 
-constexpr StoredRows<AttemptRow> kRuns = {
+constexpr StoredRows<AttemptRow, 9> kRuns = {
     "attempt",
-    "SELECT r.block, r.attempt, r.node, r.job, r.began_at, r.ended_at, r.cpu_ms, r.energy_mj, "
-    "r.how FROM block AS l JOIN attempt AS r ON r.block = l.id ",
-    [](StoredRow& row, AttemptRow& run) {
-      run.block = row.Id(0);
-      run.attempt = row.Id(1);
-      run.node = row.Text(2);
-      run.job = row.Text(3);
-      run.began_at = row.TimeOr0(4);
-      run.ended_at = row.Time(5);
-      run.cpu_s = static_cast<double>(row.Number(6, 0, INT64_MAX)) / 1000;
-      const int64_t energy = row.NumberOr(7, 0, INT64_MAX, -1);
-      if (energy >= 0) run.energy_j = static_cast<double>(energy) / 1000;
-      run.how = row.Named<RunEnd>(8);
-    }};
+    "SELECT r.block, r.attempt, r.node, r.job, ifnull(r.began_at, 0), r.ended_at, r.cpu_ms, "
+    "r.energy_mj, r.how FROM block AS l JOIN attempt AS r ON r.block = l.id "};
 
-constexpr StoredRows<DrainedNodeRow> kNodes = {
-    "node_event", "SELECT id, at, node, who, why FROM node_event AS n ",
-    [](StoredRow& row, DrainedNodeRow& node) {
-      node.id = row.Id(0);
-      node.at = row.Time(1);
-      row.TextsInto(2, {&node.node, &node.who, &node.why});
-    }};
+constexpr StoredRows<DrainedNodeRow, 5> kNodes = {
+    "node_event", "SELECT id, at, node, who, why FROM node_event AS n "};
 
 // The newest event of a node and its reason; "" if there is none.
 std::tuple<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
@@ -51,25 +33,17 @@ std::tuple<std::string, std::string> LatestEvent(SQLite::Database& db, const std
       db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1", node);
 }
 
-constexpr StoredRows<BlockRow> kBlocks = {
-    "block",
-    "SELECT id, first, last, state, attempt, faults, detail, slot, started_at, deadline_at, "
-    "finished_at, output_json, evaluation FROM block ",
-    [](StoredRow& row, BlockRow& block) {
-      block.id = row.Id(0);
-      block.evaluation = row.Id(12);
-      block.first = row.Number(1, 0, kMaxEpisodes - 1);
-      block.last = row.Number(2, block.first, kMaxEpisodes - 1);
-      block.state = row.Named<BlockState>(3);
-      block.attempt = row.Number(4, 0, kMany);
-      block.faults = row.Number(5, 0, block.attempt);
-      block.detail = row.Text(6);
-      block.slot = row.NumberOr(7, 0, kMany, -1);
-      block.started_at = row.TimeOr0(8);
-      block.deadline_at = row.TimeOr0(9);
-      block.finished_at = row.TimeOr0(10);
-      if (!row.IsNull(11)) block.output_json = row.Object(11);
-      if (IsFinal(block.state) == row.IsNull(10)) row.Fail(3, "its time of ending says otherwise");
+constexpr StoredRows<BlockRow, 13> kBlocks = {
+    .table = "block",
+    .select =
+        "SELECT id, evaluation, first, last, state, attempt, faults, detail, ifnull(slot, 0), "
+        "ifnull(started_at, 0), ifnull(deadline_at, 0), ifnull(finished_at, 0), "
+        "ifnull(output_json, '') AS output FROM block ",
+    .wrong = [](const BlockRow& block) {
+      if (block.last < block.first) return "its last episode comes before its first";
+      return IsFinal(block.state) == (block.finished_at > 0)
+                 ? ""
+                 : "its \"state\" and its \"finished_at\" contradict each other";
     }};
 
 }  // namespace

@@ -10,16 +10,9 @@
 namespace myograde::server {
 namespace {
 
-constexpr StoredRows<AccessEventRow> kEvents = {
+constexpr StoredRows<AccessEventRow, 9> kEvents = {
     "access_event",
-    "SELECT id, at, kind, who, role, action, subject, detail, count FROM access_event ",
-    [](StoredRow& row, AccessEventRow& event) {
-      event.id = row.Id(0);
-      event.at = row.Time(1);
-      event.kind = row.OneOf(2, {"denied", "act"});
-      row.TextsInto(3, {&event.who, &event.role, &event.action, &event.subject, &event.detail});
-      event.count = row.Id(8);
-    }};
+    "SELECT id, at, kind, who, role, action, subject, detail, count FROM access_event "};
 
 constexpr int64_t kMsOfADay = 24 * 60 * 60 * 1000;
 
@@ -42,28 +35,23 @@ bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
 constexpr int64_t kMinuteMs = 60 * 1000;
 constexpr char kParticipant[] = "participant";
 
-constexpr StoredRows<TokenRow> kTokens = {
-    "token",
-    "SELECT k.id, k.role, t.name, k.label, k.created_at, k.created_by, k.expires_at, "
-    "k.revoked_at, k.revoked_by, k.last_used_at, k.team_id FROM token AS k "
-    "LEFT JOIN team AS o ON o.id = k.team_id "
-    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ",
-    [](StoredRow& row, TokenRow& token) {
-      token.id = row.Id(0);
-      token.role = row.OneOf(1, {kParticipant, "organiser", "operator"});
+// One that is damaged gives no rights.
+constexpr StoredRows<TokenRow, 10> kTokens = {
+    .table = "token",
+    .select =
+        "SELECT k.id, k.role, iif(k.team_id IS NULL, '', t.name) AS team, k.label, k.created_at, "
+        "k.created_by, ifnull(k.expires_at, 0), ifnull(k.revoked_at, 0), ifnull(k.revoked_by, ''), "
+        "ifnull(k.last_used_at, 0) FROM token AS k LEFT JOIN team AS o ON o.id = k.team_id "
+        "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ",
+    .wrong = [](const TokenRow& token) {
       const bool participant = token.role == kParticipant;
-      token.label = row.Text(3);
-      token.created_at = row.Time(4);
-      token.created_by = row.Text(5);
-      token.expires_at = row.TimeOr0(6);
-      token.revoked_at = row.TimeOr0(7);
-      token.revoked_by = row.TextOr(8);
-      token.last_used_at = row.TimeOr0(9);
-      if (row.IsNull(7) != row.IsNull(8)) row.Fail(7, "who revoked it says otherwise");
-      if (row.IsNull(10) == participant) row.Fail(10, "its role says otherwise");
-      if (!participant) return;
-      row.Joined("team", 10);
-      token.team = row.Text(2);
+      if (!participant && token.role != "organiser" && token.role != "operator") {
+        return "its \"role\" is none";
+      }
+      if (participant == token.team.empty()) return "its \"role\" does not fit its team";
+      return (token.revoked_at == 0) == token.revoked_by.empty()
+                 ? ""
+                 : "its \"revoked_at\" and its \"revoked_by\" contradict each other";
     }};
 
 }  // namespace

@@ -24,24 +24,18 @@ std::string OptionsOf(const ArtefactRow& artefact) {
   return CanonicalJson(options);
 }
 
-void ReadOptions(StoredRow& row, int column, ArtefactRow& artefact) {
-  const std::string text = row.Object(column);
-  if (!row.ok()) return;
-  const nlohmann::json options = nlohmann::json::parse(text);
+absl::Status ReadOptions(const std::string& text, ArtefactRow& artefact) {
+  ASSIGN_OR_RETURN(const nlohmann::json options, ParseJson(text, "options"));
   ConfigReader reader(options, "options");
   if (reader.Has("adapter")) artefact.adapter = reader.String("adapter");
   if (reader.Has("extra_observations")) {
     artefact.extra_observations = reader.Boolean("extra_observations");
   }
   if (reader.Has("image")) {
-    absl::StatusOr<PolicyImage> image =
-        PolicyImageFromJson(reader.Object("image"), "options: image");
-    if (!image.ok()) return row.Fail(column, std::string(image.status().message()));
-    artefact.image = *std::move(image);
+    ASSIGN_OR_RETURN(artefact.image,
+                     PolicyImageFromJson(reader.Object("image"), "options: image"));
   }
-  if (const absl::Status read = reader.Finish(); !read.ok()) {
-    row.Fail(column, std::string(read.message()));
-  }
+  return reader.Finish();
 }
 
 // The hash of an episode's log, "" if it has none, NULL if its facts are unreadable. The same
@@ -82,10 +76,8 @@ absl::StatusOr<std::string> StoredText(SQLite::Database& db, const char* table, 
   if (!select.executeStep()) {
     return DamagedRow({table, hash, "it is missing, and other rows name it"});
   }
-  StoredRow row(select, table, hash);
-  std::string text = row.Text(0);
-  if (row.ok() && Sha256Hex(text) != hash) row.Fail("its content has another hash");
-  if (!row.ok()) return row.status();
+  std::string text = select.getColumn(0);
+  if (Sha256Hex(text) != hash) return DamagedRow({table, hash, "its content has another hash"});
   return text;
 }
 
@@ -151,41 +143,31 @@ absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& up
 }
 
 absl::StatusOr<ArtefactRow> Content::Artefact(const std::string& hash) const {
-  Statement select(db_, R"(SELECT name, command_json,
-      runtimes_json, bytes, files, environment_json, options_json FROM artefact WHERE hash = ?)",
-                   hash);
-  if (!select.executeStep()) return UnknownArtefact(hash);
-  constexpr char kStrings[] = "array of strings";
-  StoredRow row(select, "artefact", hash);
-  ArtefactRow artefact{.hash = hash,
-                       .name = row.Text(0),
-                       .command = row.Parsed<std::vector<std::string>>(1, kStrings),
-                       .runtimes = row.Parsed<std::vector<std::string>>(2, kStrings),
-                       .bytes = row.Number(3, 0, INT64_MAX),
-                       .files = row.Number(4, 0, INT64_MAX),
-                       .environment = row.Parsed<std::map<std::string, std::string>>(5, "object of strings")};
-  ReadOptions(row, 6, artefact);
-  if (artefact.command.empty()) row.Fail(1, "a program belongs there");
-  if (!row.ok()) return row.status();
+  constexpr StoredRows<ArtefactRow, 7> kArtefacts = {
+      "artefact",
+      "SELECT hash, name, command_json, runtimes_json, bytes, files, environment_json "
+      "FROM artefact "};
+  ASSIGN_OR_RETURN(ArtefactRow artefact,
+                   kArtefacts.First(db_, UnknownArtefact(hash), "WHERE hash = ?", hash));
+  const absl::Status read = ReadOptions(
+      FirstValue<std::string>(db_, "SELECT options_json FROM artefact WHERE hash = ?", hash),
+      artefact);
+  if (!read.ok()) return DamagedRow({"artefact", hash, std::string(read.message())});
+  if (artefact.command.empty()) return DamagedRow({"artefact", hash, "it has no program"});
   return artefact;
 }
 
 std::vector<ArtefactUse> Content::ArtefactUses() const {
-  Statement select(
-      db_, absl::StrCat("SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
-                        "ifnull(max(e.finished_at), 0)), "
-                        "ifnull(max(e.id IS NOT NULL AND ",
-                        Over(Board()),
-                        " IS NOT TRUE), 0) "
-                        "FROM artefact AS a LEFT JOIN submission AS s ON s.artefact = a.hash "
-                        "LEFT JOIN evaluation AS e ON e.submission = s.id GROUP BY a.hash"));
-  std::vector<ArtefactUse> uses;
-  while (select.executeStep()) {
-    StoredRow row(select, "artefact");
-    ArtefactUse use{row.Hash(0), row.Number(1, 0, INT64_MAX), row.Time(2), row.Flag(3)};
-    if (row.ok()) uses.push_back(std::move(use));
-  }
-  return uses;
+  constexpr StoredRows<ArtefactUse, 4> kUses = {
+      "artefact",
+      "SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
+      "ifnull(max(e.finished_at), 0)), "};
+  return kUses
+      .List(db_, absl::StrCat("ifnull(max(e.id IS NOT NULL AND ", Over(Board()),
+                              " IS NOT TRUE), 0) FROM artefact AS a "
+                              "LEFT JOIN submission AS s ON s.artefact = a.hash "
+                              "LEFT JOIN evaluation AS e ON e.submission = s.id GROUP BY a.hash"))
+      .rows;
 }
 
 std::vector<UploadRow> Content::Uploads() const {
@@ -291,15 +273,8 @@ std::map<std::string, std::set<std::string>> Episodes::TeamsOfLog(const std::str
 }
 
 absl::StatusOr<LoggedEpisode> Episodes::OfLog(const std::string& sha256) const {
-  constexpr StoredRows<LoggedEpisode> kLogged = {
-      "episode", "SELECT evaluation, idx, block, seed FROM episode ",
-      [](StoredRow& row, LoggedEpisode& episode) {
-        episode.evaluation = row.Id(0);
-        episode.index = row.Number(1, 0, INT64_MAX);
-        episode.block = row.Id(2);
-        episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
-      },
-      /*key_columns=*/2};
+  constexpr StoredRows<LoggedEpisode, 4> kLogged = {
+      "episode", "SELECT evaluation, idx, block, seed FROM episode ", /*key_columns=*/2};
   return kLogged.First(
       db_, absl::NotFoundError(absl::StrCat("no episode has the log ", sha256)),
       absl::StrCat("WHERE (", kLogOfEpisode, ") = ? ORDER BY evaluation, idx LIMIT 1"), sha256);

@@ -7,6 +7,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/secret.h"
 #include "server/store/stored_row.h"
+#include "server/store/submissions.h"
 
 namespace myograde::server {
 namespace {
@@ -15,40 +16,13 @@ using Json = nlohmann::json;
 
 constexpr size_t kEventIdBytes = 16;
 
-constexpr StoredRows<DeliveryRow> kDeliveries = {
+constexpr StoredRows<DeliveryRow, 9> kDeliveries = {
     "delivery",
-    "SELECT id, at, webhook, event, detail, body_json, state, attempts, due_at FROM delivery ",
-    [](StoredRow& row, DeliveryRow& delivery) {
-      delivery.id = row.Id(0);
-      delivery.at = row.Time(1);
-      row.TextsInto(2, {&delivery.webhook, &delivery.event, &delivery.detail});
-      delivery.body_json = row.Object(5);
-      delivery.state = row.OneOf(6, {"waiting", "delivered", "given_up"});
-      delivery.attempts = row.Number(7, 0, INT64_MAX);
-      delivery.due_at = row.Time(8);
-    }};
+    "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery "};
 
 // Of evaluations that ended, by their state.
 constexpr const char* kEndEvents[] = {"",           "",              kFinishedEvent,
                                       kFailedEvent, kCancelledEvent, kGraderErrorEvent};
-
-// What the owner of the submission knows anyway, and neither a number nor a word of its result: a
-// phase may withhold those.
-Json AboutSubmission(SQLite::Statement& select, int64_t evaluation, EvaluationState state) {
-  Json about = {{"evaluation", evaluation}, {"state", std::string(EnumName(state))}};
-  StoredRow row(select, "submission");
-  about["submission"] = row.Id(0);
-  std::string team, track, profile, phase;
-  row.TextsInto(1, {&team, &track, &profile, &phase});
-  const bool ranked = row.Flag(5);
-  if (!row.ok()) return about;  // a damaged row is told by its numbers
-  about.update({{"team", team},
-                {"track", track},
-                {"profile", profile},
-                {"phase", TextOrNull(phase)},
-                {"ranked", ranked}});
-  return about;
-}
 
 }  // namespace
 
@@ -72,14 +46,21 @@ void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
   if (context_.subscriptions == nullptr || context_.subscriptions->empty()) return;
   // An evaluation must end even if nobody can be told.
   (void)Part([&]() -> absl::Status {
-    Statement select(db_, R"(SELECT s.id, t.name, s.track, s.profile, s.phase, s.ranked
-        FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
-        LEFT JOIN team AS o ON o.id = s.team_id LEFT JOIN team AS t
-        ON t.id = ifnull(o.merged_into, o.id) WHERE e.id = ? AND e.kind = 'original')",
-                     evaluation);
-    if (!select.executeStep()) return absl::OkStatus();
-    return Tell(kEndEvents[static_cast<size_t>(state)],
-                CanonicalJson(AboutSubmission(select, evaluation, state)));
+    const auto submission = FirstValue<int64_t>(
+        db_, "SELECT submission FROM evaluation WHERE id = ? AND kind = 'original'", evaluation);
+    if (submission == 0) return absl::OkStatus();
+    // What the owner of the submission knows anyway, and neither a number nor a word of its result: a
+    // phase may withhold those. A damaged row is told by its numbers.
+    Json about = {
+        {"evaluation", evaluation}, {"submission", submission}, {"state", EnumName(state)}};
+    if (const absl::StatusOr<SubmissionRow> row = Submissions(context_).Find(submission); row.ok()) {
+      about.update({{"team", row->team},
+                    {"track", row->track},
+                    {"profile", row->profile},
+                    {"phase", TextOrNull(row->phase)},
+                    {"ranked", row->ranked}});
+    }
+    return Tell(kEndEvents[static_cast<size_t>(state)], CanonicalJson(about));
   });
 }
 

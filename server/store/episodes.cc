@@ -13,7 +13,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
-#include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
@@ -39,40 +38,30 @@ std::string Take(Json& object, const char* key) {
   return text;
 }
 
-constexpr StoredRows<EpisodeRow> kEpisodes = {
-    "episode",
-    "SELECT evaluation, idx, block, attempt, seed, outcome, reason, facts_json, metrics_json "
-    "FROM episode ",
-    [](StoredRow& row, EpisodeRow& episode) {
-      episode.evaluation = row.Id(0);
-      episode.index = row.Number(1, 0, kMaxEpisodes - 1);
-      episode.block = row.Id(2);
-      episode.attempt = row.Number(3, 1, kMany);
-      episode.seed = static_cast<uint64_t>(row.Number(4, 0, INT64_MAX));
-      episode.outcome = row.Named(5, ParseOutcome);
-      episode.reason = row.Named(6, ParseFailureReason);
-      episode.facts_json = row.Object(7);
-      episode.metrics_json = row.Object(8);
-      if ((episode.outcome == Outcome::kFailure) != (episode.reason != FailureReason::kNone)) {
-        row.Fail(6, "its outcome says otherwise");
-      }
-    },
-    /*key_columns=*/2};
-
-constexpr StoredRows<RepeatRow> kRepeats = {
-    "replay", "SELECT id, idx, attempt, differs_json FROM replay ",
-    [](StoredRow& row, RepeatRow& replay) {
-      replay.index = row.Number(1, 0, kMaxEpisodes - 1);
-      replay.attempt = row.Number(2, 1, kMany);
-      replay.differs = row.Parsed<std::vector<std::string>>(3, "array of strings");
+constexpr StoredRows<EpisodeRow, 9> kEpisodes = {
+    .table = "episode",
+    .select =
+        "SELECT evaluation, idx, block, attempt, seed, outcome, reason, facts_json, metrics_json "
+        "FROM episode ",
+    .key_columns = 2,
+    .wrong = [](const EpisodeRow& episode) {
+      const bool failure = episode.outcome == Outcome::kFailure;
+      return failure == (episode.reason != FailureReason::kNone)
+                 ? ""
+                 : "its \"outcome\" and its \"reason\" contradict each other";
     }};
 
-// By index.
-constexpr StoredRows<std::pair<int64_t, std::string>> kDetails = {
-    "episode_details", "SELECT id, idx, details_json FROM episode_details ",
-    [](StoredRow& row, std::pair<int64_t, std::string>& details) {
-      details = {row.Number(1, 0, INT64_MAX), row.Object(2)};
-    }};
+constexpr StoredRows<RepeatRow, 3> kRepeats = {
+    .table = "replay", .select = "SELECT id, idx, attempt, differs_json FROM replay ", .first = 1};
+
+struct DetailsRow {
+  int64_t index = 0;
+  std::string json;
+};
+constexpr StoredRows<DetailsRow, 2> kDetails = {
+    .table = "episode_details",
+    .select = "SELECT id, idx, details_json FROM episode_details ",
+    .first = 1};
 
 constexpr char kTimesDropped[] = "standings_dropped";
 
@@ -82,29 +71,15 @@ std::string BytesOf(const std::vector<double>& numbers) {
   return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * 8);
 }
 
-std::vector<double> NumbersIn(StoredRow& row, int column) {
-  const std::string bytes = row.Blob(column);
-  std::vector<double> numbers(bytes.size() / 8);
-  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
-  const bool any_infinite =
-      std::ranges::any_of(numbers, [](double number) { return std::isinf(number); });
-  if (bytes.size() % 8 != 0 || any_infinite) row.Fail(column, "numbers belong there");
-  return numbers;
-}
-
-// By evaluation.
-constexpr StoredRows<std::pair<int64_t, Standing>> kStandings = {
+struct EvaluationStanding {
+  int64_t evaluation = 0;
+  Standing standing;
+};
+// Boards parse the aggregates that they show.
+constexpr StoredRows<EvaluationStanding, 6> kStandings = {
     "standing",
-    "SELECT evaluation, aggregate_json, successes, episodes, names, numbers FROM standing ",
-    [](StoredRow& row, std::pair<int64_t, Standing>& standing) {
-      auto& [evaluation, read] = standing;
-      evaluation = row.Id(0);
-      read.aggregate_json = row.Text(1);
-      read.successes = row.Number(2, 0, kMany);
-      read.episodes = row.Number(3, 0, kMany);
-      read.names = row.Text(4);
-      read.numbers = NumbersIn(row, 5);
-    }};
+    "SELECT evaluation, successes, episodes, names, numbers, aggregate_json AS aggregate "
+    "FROM standing "};
 
 }  // namespace
 
@@ -177,7 +152,9 @@ EpisodeCounts Episodes::Counts(int64_t evaluation, bool ended_blocks) const {
 absl::StatusOr<std::map<int64_t, std::string>> Episodes::Details(int64_t evaluation) const {
   ASSIGN_OR_RETURN(const auto details,
                    kDetails.All(db_, "WHERE evaluation = ? ORDER BY idx", evaluation));
-  return std::map<int64_t, std::string>(details.begin(), details.end());
+  std::map<int64_t, std::string> by_index;
+  for (const DetailsRow& row : details) by_index[row.index] = row.json;
+  return by_index;
 }
 
 absl::StatusOr<std::vector<std::string>> Episodes::Record(const EpisodeRow& row) {
@@ -231,10 +208,13 @@ absl::Status Episodes::DropStandings() {
 int64_t Episodes::TimesDropped() const { return MetaNumber(db_, kTimesDropped); }
 
 std::map<int64_t, Standing> Episodes::Standings(const std::vector<int64_t>& evaluations) const {
-  const auto rows =
-      kStandings.List(db_, "WHERE evaluation IN (SELECT value FROM json_each(?))",
-                      absl::StrCat("[", absl::StrJoin(evaluations, ","), "]")).rows;
-  return {rows.begin(), rows.end()};
+  std::map<int64_t, Standing> standings;
+  for (EvaluationStanding& row :
+       kStandings.List(db_, "WHERE evaluation IN (SELECT value FROM json_each(?))",
+                       absl::StrCat("[", absl::StrJoin(evaluations, ","), "]")).rows) {
+    standings[row.evaluation] = std::move(row.standing);
+  }
+  return standings;
 }
 
 }  // namespace myograde::server

@@ -7,7 +7,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
-#include "protocol/lease/track_config.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
 
@@ -31,48 +30,25 @@ void MendTypes(SQLite::Database& db, const char* table, int64_t id) {
   Run(db, absl::StrCat("UPDATE ", table, " SET ", absl::StrJoin(set, ", "), " WHERE id = ?"), id);
 }
 
-constexpr StoredRows<EvaluationRow> kEvaluations = {
-    "evaluation",
-    "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
-    "e.results_hash, e.created_at, e.started_at, e.finished_at, e.config, e.seeds, e.rejudge, "
-    "e.repetition, e.source, e.method "
-    "FROM evaluation AS e ",
-    [](StoredRow& row, EvaluationRow& evaluation) {
-      evaluation.id = row.Id(0);
-      evaluation.submission = row.Id(1);
-      evaluation.kind = row.Named<EvaluationKind>(2);
-      evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
-      evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
-      evaluation.state = row.Named<EvaluationState>(5);
-      evaluation.reason = row.Text(6);
-      evaluation.grader_json = row.Object(7);
-      evaluation.results_hash = row.TextOr(8);
-      evaluation.created_at = row.Time(9);
-      evaluation.started_at = row.TimeOr0(10);
-      evaluation.finished_at = row.TimeOr0(11);
-      if (!row.IsNull(12)) evaluation.config = row.Hash(12);
-      if (!row.IsNull(13)) evaluation.seeds = row.Hash(13);
-      if (!row.IsNull(14)) {
-        evaluation.rejudge = row.Id(14);
-        evaluation.repetition = row.Number(15, 1, kMostRepeats);
-        evaluation.source = row.Id(16);
-        evaluation.method = row.Named<RejudgeMethod>(17);
-      }
-      const bool ended = IsFinal(evaluation.state);
-      if (ended == row.IsNull(11)) row.Fail(5, "its time of ending says otherwise");
-      // 0 stands for none wherever it is shown.
-      if (ended && evaluation.finished_at <= 0) row.Fail(11, "a time after 1970 belongs there");
+constexpr StoredRows<EvaluationRow, 18> kEvaluations = {
+    .table = "evaluation",
+    .select =
+        "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
+        "ifnull(e.results_hash, ''), e.created_at, ifnull(e.started_at, 0), "
+        "ifnull(e.finished_at, 0), ifnull(e.config, ''), ifnull(e.seeds, ''), "
+        "ifnull(e.rejudge, 0), ifnull(e.repetition, 0), ifnull(e.source, 0), "
+        "ifnull(e.method, 'play') FROM evaluation AS e ",
+    .wrong = [](const EvaluationRow& evaluation) {
+      if (evaluation.last < evaluation.first) return "its last episode comes before its first";
+      return IsFinal(evaluation.state) == (evaluation.finished_at > 0)
+                 ? ""
+                 : "its \"state\" and its \"finished_at\" contradict each other";
     }};
 
-constexpr StoredRows<TransitionRow> kTransitions = {
-    "transition",
-    "SELECT id, at, entity_id, entity, from_state, to_state, who, why FROM transition ",
-    [](StoredRow& row, TransitionRow& transition) {
-      transition.at = row.Time(1);
-      transition.entity_id = row.Number(2, INT64_MIN, INT64_MAX);
-      row.TextsInto(3, {&transition.entity, &transition.from, &transition.to, &transition.who,
-                        &transition.why});
-    }};
+constexpr StoredRows<TransitionRow, 6> kTransitions = {
+    .table = "transition",
+    .select = "SELECT id, at, entity, from_state, to_state, who, why FROM transition ",
+    .first = 1};
 
 }  // namespace
 
@@ -144,18 +120,23 @@ absl::Status Evaluations::Note(int64_t evaluation, const std::string& who, const
 
 absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const std::string& reason,
                               const std::string& results_hash, const std::string& who) {
-  Statement select(db_, R"(SELECT state, (SELECT count(*) FROM block
-      WHERE evaluation = e.id AND finished_at IS NULL) FROM evaluation AS e WHERE id = ?)",
-                   evaluation);
-  if (!select.executeStep()) return NoSuch("evaluation", evaluation);
-  StoredRow row(select, "evaluation", absl::StrCat(evaluation));
-  const EvaluationState before = row.Named<EvaluationState>(0);
-  if (!row.ok()) return row.status();
+  struct Ending {
+    int64_t id = 0;
+    EvaluationState before = EvaluationState::kQueued;
+    int64_t open = 0;
+  };
+  constexpr StoredRows<Ending, 3> kEndings = {
+      "evaluation",
+      "SELECT id, state, (SELECT count(*) FROM block WHERE evaluation = e.id AND "
+      "finished_at IS NULL) FROM evaluation AS e "};
+  ASSIGN_OR_RETURN(const Ending ending, kEndings.First(db_, NoSuch("evaluation", evaluation),
+                                                       "WHERE id = ?", evaluation));
+  const EvaluationState before = ending.before;
   if (before == state) return absl::OkStatus();
-  if (!IsFinal(state) || IsFinal(before) || select.getColumn(1).getInt64() != 0) {
+  if (!IsFinal(state) || IsFinal(before) || ending.open != 0) {
     return absl::FailedPreconditionError(absl::StrCat(
         "evaluation ", evaluation, " can't end as ", std::string(EnumName(state)), ": it is ",
-        std::string(EnumName(before)), ", ", select.getColumn(1).getInt64(), " blocks are open"));
+        std::string(EnumName(before)), ", ", ending.open, " blocks are open"));
   }
   Run(db_, R"(UPDATE evaluation
       SET state = ?, reason = ?, results_hash = ?, finished_at = ? WHERE id = ?)",

@@ -16,13 +16,8 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int64_t kEntriesAtATime = 10'000;
-constexpr StoredRows<RecordRow> kEntries = {
-    "record", "SELECT entry, entry_json, chain FROM journal ",
-    [](StoredRow& row, RecordRow& record) {
-      record.index = row.Number(0, 0, kMany);
-      record.entry_json = row.Object(1);
-      record.chain = row.Hash(2);
-    }};
+constexpr StoredRows<RecordRow, 3> kEntries = {"record",
+                                               "SELECT entry, entry_json, chain FROM journal "};
 
 Act ActOf(SQLite::Statement& row) {
   Act act;

@@ -24,10 +24,9 @@ absl::StatusOr<std::optional<SecretRow>> FindSecret(SQLite::Database& db,
                                                     const std::string& phase) {
   Statement select(db, "SELECT secret, challenge FROM phase_secret WHERE phase = ?", phase);
   if (!select.executeStep()) return std::optional<SecretRow>();
-  StoredRow row(select, "phase_secret", phase);
-  SecretRow found{row.Blob(0), row.Text(1)};
+  SecretRow found{select.getColumn(0), select.getColumn(1)};
   // A secret that can't be read is not shown either.
-  if (!row.ok() || std::ssize(found.secret) != kPhaseSecretBytes) {
+  if (std::ssize(found.secret) != kPhaseSecretBytes) {
     return DamagedRow({"phase_secret", phase, absl::StrCat("its \"secret\" is not ",
                                                            kPhaseSecretBytes, " bytes")});
   }
@@ -189,16 +188,12 @@ absl::Status PhaseActs::CheckSecret(const std::string& phase, const std::string&
 }
 
 absl::StatusOr<std::vector<PhaseUse>> PhaseActs::InUse() const {
-  constexpr StoredRows<PhaseUse> kUses = {
-      "submission", R"(SELECT max(s.id), s.phase, s.track, s.profile, s.config, count(*),
+  constexpr StoredRows<PhaseUse, 6> kUses = {
+      .table = "submission",
+      .select = R"(SELECT max(s.id), s.phase, s.track, s.profile, s.config, count(*),
       sum(e.finished_at IS NULL AND e.id IS NOT NULL) FROM submission AS s
       LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' )",
-      [](StoredRow& row, PhaseUse& use) {
-        row.TextsInto(1, {&use.phase, &use.track, &use.profile});
-        use.config = row.Hash(4);
-        use.submissions = row.Number(5, 1, kMany);
-        use.waiting = row.Number(6, 0, kMany);
-      }};
+      .first = 1};
   return kUses.All(db_, "WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase");
 }
 

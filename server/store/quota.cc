@@ -135,20 +135,10 @@ absl::Status AddUnits(SQLite::Database& db, int64_t now_ms, const char* entry,
   return absl::OkStatus();
 }
 
-constexpr StoredRows<LedgerRow> kLedger = {
+constexpr StoredRows<LedgerRow, 11> kLedger = {
     "ledger",
-    "SELECT id, at, day, track, budget, entry, amount, submission, who, why, phase FROM ledger ",
-    [](StoredRow& row, LedgerRow& entry) {
-      entry.id = row.Id(0);
-      entry.at = row.Time(1);
-      entry.day = row.Number(2, 0, kLastDay);
-      entry.track = row.Text(3);
-      entry.budget = EnumName(row.Named<Budget>(4));
-      entry.entry = row.OneOf(5, {"charge", "refund", "grant"});
-      entry.amount = row.Number(6, 1, kMostUnits);
-      entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
-      row.TextsInto(8, {&entry.who, &entry.why, &entry.phase});
-    }};
+    "SELECT id, at, day, track, phase, budget, entry, amount, ifnull(submission, 0), who, why "
+    "FROM ledger "};
 
 }  // namespace
 

@@ -107,7 +107,7 @@ struct BlockRow {
   int64_t attempt = 0;
   int64_t faults = 0;
   std::string detail;
-  int64_t slot = -1;  // -1: none
+  int64_t slot = 0;  // 0 where it does not run
   int64_t started_at = 0;
   int64_t deadline_at = 0;
   int64_t finished_at = 0;
@@ -177,7 +177,6 @@ struct EpisodeCounts {
 struct TransitionRow {
   int64_t at = 0;
   std::string entity;  // "submission", "evaluation", "block"
-  int64_t entity_id = 0;
   std::string from;
   std::string to;
   std::string who;
@@ -251,9 +250,9 @@ struct TeamRow {
   int64_t created_at = 0;
   bool banned = false;
   std::string merged_into;  // the name of the team that it is a part of now; "": none
-  std::vector<std::string> other_names;  // sorted; none if it was merged
-  std::vector<std::string> members;      // sorted: "uid 1000"; none if it was merged
-  int64_t submissions = 0;               // with those of all teams that are one with it
+  int64_t submissions = 0;  // with those of all teams that are one with it
+  std::vector<std::string> other_names = {};  // sorted; none if it was merged
+  std::vector<std::string> members = {};      // sorted: "uid 1000"; none if it was merged
 };
 
 // Somebody who belongs to a team.

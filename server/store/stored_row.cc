@@ -1,16 +1,22 @@
 #include "server/store/stored_row.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
 
 #include <absl/strings/escaping.h>
+#include <absl/strings/match.h>
+#include <nlohmann/json.hpp>
 
-#include "protocol/base/sha256.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr int64_t kYear9999Ms = 253'402'300'799'999;
+using Json = nlohmann::json;
+
+constexpr int64_t kMaxNumber = int64_t{1} << 53;
 constexpr size_t kShownBytes = 40;
 
 }  // namespace
@@ -24,99 +30,68 @@ std::string Shown(const SQLite::Column& column) {
                       bytes.size() > kShownBytes ? "'..." : "'");
 }
 
-StoredRow::StoredRow(SQLite::Statement& select, std::string table, std::string key)
-    : select_(select), table_(std::move(table)), key_(std::move(key)) {}
-
-StoredRow::StoredRow(SQLite::Statement& select, std::string table)
-    : StoredRow(select, std::move(table), Shown(select.getColumn(0))) {}
-
-void StoredRow::Joined(std::string table, int key_column) {
-  table_ = std::move(table);
-  key_ = Shown(select_.getColumn(key_column));
-  joined_ = true;
+void StoredColumn::Fail(std::string_view problem) const {
+  throw BadColumn{
+      absl::StrCat("its \"", value_.getName(), "\" is ", Shown(value_), ": ", std::string(problem))};
 }
 
-void StoredRow::Fail(int column, std::string_view problem) {
-  const SQLite::Column value = select_.getColumn(column);
-  Fail(joined_ && value.isNull()
-           ? "it is missing, or a part of it"
-           : absl::StrCat("its \"", value.getName(), "\" is ", Shown(value), ": ",
-                          std::string(problem)));
+int64_t StoredColumn::NumberTo(int64_t max) const {
+  const int64_t number = value_.isInteger() ? value_.getInt64() : -1;
+  if (number < 0 || number > max) Fail(absl::StrCat("a whole number from 0 to ", max, " belongs there"));
+  return number;
 }
 
-void StoredRow::Fail(std::string what) {
-  if (!damage_) damage_ = Damage{table_, key_, std::move(what)};
+StoredColumn::operator int64_t() const { return NumberTo(kMaxNumber); }
+StoredColumn::operator uint64_t() const { return static_cast<uint64_t>(NumberTo(INT64_MAX)); }
+StoredColumn::operator bool() const { return NumberTo(1) != 0; }
+StoredColumn::operator double() const { return static_cast<double>(NumberTo(kMaxNumber)) / 1000; }
+StoredColumn::operator std::optional<double>() && {
+  return value_.isNull() ? std::nullopt : std::optional(double{*this});
 }
 
-absl::Status StoredRow::status() const {
-  return damage_ ? DamagedRow(*damage_) : absl::OkStatus();
-}
-
-std::string StoredRow::OneOf(int column, std::initializer_list<std::string_view> names) {
-  std::string name = Text(column);
-  if (!ok() || std::find(names.begin(), names.end(), name) != names.end()) return name;
-  Fail(column, "no such name is known");
-  return "";
-}
-
-int64_t StoredRow::Number(int column, int64_t min, int64_t max) {
-  const SQLite::Column value = select_.getColumn(column);
-  const bool good = value.isInteger() && value.getInt64() >= min && value.getInt64() <= max;
-  if (good) return value.getInt64();
-  Fail(column, absl::StrCat("a whole number from ", min, " to ", max, " belongs there"));
-  return std::max<int64_t>(min, 0);
-}
-
-int64_t StoredRow::NumberOr(int column, int64_t min, int64_t max, int64_t if_null) {
-  return select_.isColumnNull(column) ? if_null : Number(column, min, max);
-}
-
-int64_t StoredRow::Time(int column) { return Number(column, -kYear9999Ms, kYear9999Ms); }
-
-int64_t StoredRow::TimeOr0(int column) {
-  return NumberOr(column, -kYear9999Ms, kYear9999Ms, 0);
-}
-
-std::string StoredRow::Text(int column) {
-  const SQLite::Column value = select_.getColumn(column);
-  if (value.isText()) {
-    std::string text = value.getString();
-    if (IsUtf8(text)) return text;
-  }
-  Fail(column, "text belongs there");
-  return "";
-}
-
-std::string StoredRow::Blob(int column) {
-  const SQLite::Column value = select_.getColumn(column);
-  if (value.isBlob()) {
-    return std::string(static_cast<const char*>(value.getBlob()),
-                       static_cast<size_t>(value.getBytes()));
-  }
-  Fail(column, "bytes belong there");
-  return "";
-}
-
-std::string StoredRow::TextOr(int column) {
-  return select_.isColumnNull(column) ? "" : Text(column);
-}
-
-void StoredRow::TextsInto(int first_column, std::initializer_list<std::string*> texts) {
-  for (std::string* text : texts) *text = Text(first_column++);
-}
-
-std::string StoredRow::Hash(int column) {
-  std::string text = Text(column);
-  if (!IsSha256Hex(text)) Fail(column, "64 lower-case hexadecimal digits belong there");
+std::string StoredColumn::Text() const {
+  std::string text = value_.getString();
+  if (!value_.isText() || !IsUtf8(text)) Fail("text belongs there");
   return text;
 }
 
-std::string StoredRow::Object(int column) {
-  std::string text = Text(column);
-  if (ok() && !nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false).is_object()) {
-    Fail(column, "a JSON object belongs there");
+StoredColumn::operator std::string() const {
+  std::string text = Text();
+  if (absl::EndsWith(value_.getName(), "_json") &&
+      !Json::parse(text, nullptr, /*allow_exceptions=*/false).is_object()) {
+    Fail("a JSON object belongs there");
   }
   return text;
 }
+
+StoredColumn::operator std::vector<std::string>() const {
+  const Json json = Json::parse(Text(), nullptr, /*allow_exceptions=*/false);
+  if (!json.is_array() || !std::ranges::all_of(json, &Json::is_string)) {
+    Fail("a JSON array of strings belongs there");
+  }
+  return json;
+}
+
+StoredColumn::operator std::map<std::string, std::string>() const {
+  const Json json = Json::parse(Text(), nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object() || !std::ranges::all_of(json, &Json::is_string)) {
+    Fail("a JSON object of strings belongs there");
+  }
+  return json;
+}
+
+StoredColumn::operator std::vector<double>() const {
+  static_assert(std::endian::native == std::endian::little && sizeof(double) == 8);
+  const std::string bytes = value_.getString();
+  std::vector<double> numbers(bytes.size() / 8);
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
+  const bool any_infinite =
+      std::ranges::any_of(numbers, [](double number) { return std::isinf(number); });
+  if (!value_.isBlob() || bytes.size() % 8 != 0 || any_infinite) Fail("numbers belong there");
+  return numbers;
+}
+
+StoredColumn::operator Outcome() const { return Named(ParseOutcome); }
+StoredColumn::operator FailureReason() const { return Named(ParseFailureReason); }
 
 }  // namespace myograde::server

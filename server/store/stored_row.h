@@ -1,121 +1,98 @@
-// Reads one row: each column has the type and range that the schema gives it, or the row is
-// damaged. Only the daemon writes the store, but disks fail and people edit. Internal to the store.
+// Reads rows as structs, whose members are the columns of a query in their order. A row with a value
+// that its member can't have is damaged: only the daemon writes the store, but disks fail and people
+// edit. What else the schema says of a row is checked when the store is opened (connection.h), and
+// here where nothing may follow from a row that breaks it. Internal to the store.
 //
-//   constexpr StoredRows<BlockRow> kBlocks = {
-//       "block", "SELECT id, first, state FROM block ", [](StoredRow& row, BlockRow& block) {
-//         block.id = row.Id(0);
-//         block.first = row.Number(1, 0, kMaxEpisodes);
-//         block.state = row.Named<BlockState>(2);
-//       }};
+//   constexpr StoredRows<BlockRow, 3> kBlocks = {"block", "SELECT id, first, state FROM block "};
 //   return kBlocks.All(db_, "WHERE evaluation = ? ORDER BY first", evaluation);
 #pragma once
 
 #include <cstdint>
-#include <initializer_list>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 
+#include "protocol/base/outcome.h"
 #include "server/base/enum_names.h"
 #include "server/store/damage.h"
 #include "server/store/statement.h"
 
 namespace myograde::server {
 
-// More than any count can be.
-inline constexpr int64_t kMany = int64_t{1} << 40;
-
 // A column's value for people, for keys and errors.
 std::string Shown(const SQLite::Column& column);
 
-class StoredRow {
+// A column of the row that a query is positioned on, as whatever its member is. Conversions throw a
+// BadColumn; NULL is only an optional's value.
+struct BadColumn {
+  std::string what;  // `its "COLUMN" is VALUE: PROBLEM`
+};
+class StoredColumn {
  public:
-  // `select` is positioned on the row and outlives this object. Table and key appear in errors.
-  StoredRow(SQLite::Statement& select, std::string table, std::string key);
-  // The first column is the key.
-  StoredRow(SQLite::Statement& select, std::string table);
+  StoredColumn(SQLite::Statement& select, int column) : value_(select.getColumn(column)) {}
 
-  // The following columns belong to another, joined row. NULL in `key_column`: it is missing.
-  void Joined(std::string table, int key_column);
-
-  bool IsNull(int column) const { return select_.isColumnNull(column); }
-  // Values; after the first error, harmless values of the same type.
-  int64_t Number(int column, int64_t min, int64_t max);
-  int64_t NumberOr(int column, int64_t min, int64_t max, int64_t if_null);
-  int64_t Id(int column) { return Number(column, 1, INT64_MAX); }
-  int64_t Time(int column);     // ms since 1970, up to the year 9999
-  int64_t TimeOr0(int column);  // 0 if it is NULL
-  std::string Blob(int column);  // bytes
-  bool Flag(int column) { return Number(column, 0, 1) != 0; }
-  std::string Text(int column);    // valid UTF-8
-  std::string TextOr(int column);  // "" if it is NULL
-  // Texts of this column and those after it.
-  void TextsInto(int first_column, std::initializer_list<std::string*> texts);
-  std::string Hash(int column);    // 64 lower-case hexadecimal digits
-  std::string Object(int column);  // the text of a JSON object
-  // The value that the text of a JSON has; `what` it must be is said in the error.
+  operator int64_t() const;      // from 0 to 2^53: no id, count or time is larger
+  operator uint64_t() const;     // from 0 to 2^63 - 1: a seed
+  operator double() const;       // stored as thousandths
+  operator std::optional<double>() &&;  // the same
+  operator bool() const;
+  operator std::string() const;  // UTF-8; the text of a JSON object where the column is a *_json
+  operator std::vector<std::string>() const;            // stored as JSON
+  operator std::map<std::string, std::string>() const;  // the same
+  operator std::vector<double>() const;  // stored as raw memory; none is infinite
+  operator Outcome() const;
+  operator FailureReason() const;
   template <typename Value>
-  Value Parsed(int column, const char* what) {
-    try {
-      return nlohmann::json::parse(Text(column)).template get<Value>();
-    } catch (const nlohmann::json::exception&) {
-      Fail(column, absl::StrCat("a JSON ", what, " belongs there"));
-      return {};
-    }
+    requires std::is_enum_v<Value>
+  operator Value() const {
+    return Named<Value>(ParseEnum<Value>);
   }
-
-  // One of a few names.
-  std::string OneOf(int column, std::initializer_list<std::string_view> names);
-  // `parse` returns nullopt for an unknown name.
-  template <typename Value>
-  Value Named(int column, std::optional<Value> (*parse)(std::string_view) = ParseEnum<Value>) {
-    const std::string name = Text(column);
-    if (!ok()) return Value{};
-    const std::optional<Value> value = parse(name);
-    if (!value) Fail(column, "no such name is known");
-    return value.value_or(Value{});
-  }
-
-  // Reports an error that the caller found, as `its "COLUMN" is VALUE: PROBLEM`.
-  void Fail(int column, std::string_view problem);
-  // The same, about the whole row.
-  void Fail(std::string what);
-
-  bool ok() const { return !damage_.has_value(); }
-  const std::optional<Damage>& damage() const { return damage_; }
-  absl::Status status() const;
 
  private:
-  SQLite::Statement& select_;
-  std::string table_;
-  std::string key_;
-  bool joined_ = false;
-  std::optional<Damage> damage_;
+  [[noreturn]] void Fail(std::string_view problem) const;
+  int64_t NumberTo(int64_t max) const;
+  std::string Text() const;
+  template <typename Value>
+  Value Named(std::optional<Value> (*parse)(std::string_view)) const {
+    const std::optional<Value> value = parse(Text());
+    if (!value) Fail("no such name is known");
+    return *value;
+  }
+
+  SQLite::Column value_;
 };
 
-// The rows of a table as structs. Each query takes the end of the SELECT, from its WHERE or JOIN on,
-// and the values of its parameters.
-template <typename Row>
+// The rows of a table. Each query takes the end of the SELECT, from its WHERE or JOIN on, and the
+// values of its parameters.
+template <typename Row, int kColumns>
 struct StoredRows {
   const char* table;
-  const char* select;  // the key comes first
-  void (*read)(StoredRow& from, Row& row);
+  const char* select;                        // the key comes first
   int key_columns = 1;
+  int first = 0;                             // the column of the first member
+  const char* (*wrong)(const Row&) = nullptr;  // what is wrong with the whole; "": nothing
 
-  // The row that `query` is positioned on.
-  StoredRow Read(SQLite::Statement& query, Row& row) const {
+  // The row that `query` is positioned on, or its damage.
+  absl::StatusOr<Row> Read(SQLite::Statement& query) const {
+    std::string what;
+    try {
+      Row row = Make(query, std::make_integer_sequence<int, kColumns>());
+      what = wrong == nullptr ? "" : wrong(row);
+      if (what.empty()) return row;
+    } catch (const BadColumn& bad) {
+      what = bad.what;
+    }
     std::string key = Shown(query.getColumn(0));
     for (int i = 1; i < key_columns; ++i) absl::StrAppend(&key, "/", Shown(query.getColumn(i)));
-    StoredRow from(query, table, std::move(key));
-    read(from, row);
-    return from;
+    return DamagedRow({table, std::move(key), std::move(what)});
   }
 
   // All rows, or the damage of the first unreadable one.
@@ -125,8 +102,9 @@ struct StoredRows {
     Statement query(db, absl::StrCat(select, end), values...);
     std::vector<Row> rows;
     while (query.executeStep()) {
-      const StoredRow from = Read(query, rows.emplace_back());
-      if (!from.ok()) return from.status();
+      absl::StatusOr<Row> row = Read(query);
+      if (!row.ok()) return row.status();
+      rows.push_back(*std::move(row));
     }
     return rows;
   }
@@ -138,13 +116,12 @@ struct StoredRows {
     Listed<Row> listed;
     while (query.executeStep()) {
       listed.last_id = query.getColumn(0).getInt64();
-      Row row;
-      const StoredRow from = Read(query, row);
-      if (from.ok()) {
-        listed.rows.push_back(std::move(row));
+      absl::StatusOr<Row> row = Read(query);
+      if (row.ok()) {
+        listed.rows.push_back(*std::move(row));
       } else {
-        ReportLeftOut(*from.damage());
-        listed.damaged.push_back(*from.damage());
+        listed.damaged.push_back(*ExtractDamage(row.status()));
+        ReportLeftOut(listed.damaged.back());
       }
     }
     return listed;
@@ -155,11 +132,13 @@ struct StoredRows {
   absl::StatusOr<Row> First(SQLite::Database& db, const absl::Status& missing,
                             const std::string& end, const Values&... values) const {
     Statement query(db, absl::StrCat(select, end), values...);
-    if (!query.executeStep()) return missing;
-    Row row;
-    const StoredRow from = Read(query, row);
-    if (!from.ok()) return from.status();
-    return row;
+    return query.executeStep() ? Read(query) : missing;
+  }
+
+ private:
+  template <int... I>
+  Row Make(SQLite::Statement& query, std::integer_sequence<int, I...>) const {
+    return Row{StoredColumn(query, first + I)...};
   }
 };
 

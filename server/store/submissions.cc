@@ -53,28 +53,24 @@ absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
                                    "that ends differently readmits it"));
 }
 
-constexpr StoredRows<SubmissionRow> kSubmissions = {
+constexpr StoredRows<SubmissionRow, 13> kSubmissions = {
     "submission",
-    "SELECT s.id, s.artefact, s.track, s.profile, s.accepted_by, s.phase, s.config, s.seeds, "
-    "s.ranked, s.accepted_at, s.extra_observations, s.team_id, t.name, a.name FROM submission AS s "
-    "LEFT JOIN team AS o ON o.id = s.team_id "
+    "SELECT s.id, t.name AS team, s.artefact, a.name AS artefact_name, s.track, s.profile, "
+    "s.config, s.seeds, s.ranked, s.accepted_at, s.accepted_by, s.phase, s.extra_observations "
+    "FROM submission AS s LEFT JOIN team AS o ON o.id = s.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
-    "LEFT JOIN artefact AS a ON a.hash = s.artefact ",
-    [](StoredRow& row, SubmissionRow& submission) {
-      submission.id = row.Id(0);
-      submission.artefact = row.Hash(1);
-      row.TextsInto(
-          2, {&submission.track, &submission.profile, &submission.accepted_by, &submission.phase});
-      submission.config = row.Hash(6);
-      submission.seeds = row.Hash(7);
-      submission.ranked = row.Flag(8);
-      submission.accepted_at = row.Time(9);
-      submission.extra_observations = row.Flag(10);
-      row.Joined("team", 11);
-      submission.team = row.Text(12);
-      row.Joined("artefact", 1);
-      submission.artefact_name = row.Text(13);
-    }};
+    "LEFT JOIN artefact AS a ON a.hash = s.artefact "};
+
+// What a request was accepted as.
+struct RequestRow {
+  std::string request;
+  int64_t submission = 0;
+  int64_t evaluation = 0;
+  bool linked = false;
+};
+constexpr StoredRows<RequestRow, 4> kRequests = {
+    "request_key", "SELECT who, key, request, submission, evaluation, linked FROM request_key ",
+    /*key_columns=*/2, /*first=*/2};
 
 // Makes room for one more key of a caller.
 void DropOldKeys(SQLite::Database& db, const std::string& who, int64_t now_ms) {
@@ -271,20 +267,20 @@ std::map<std::string, int64_t> Submissions::CountByState() const {
 absl::StatusOr<std::optional<Accepted>> Submissions::FindRequest(const std::string& who,
                                                                  const RequestKey& key) const {
   if (key.key.empty()) return std::optional<Accepted>();
-  Statement select(db_, R"(SELECT request, submission, evaluation, linked
-      FROM request_key WHERE who = ? AND key = ?)",
-                   who, key.key);
-  if (!select.executeStep()) return std::optional<Accepted>();
-  StoredRow row(select, "request_key", absl::StrCat(who, "/", key.key));
-  const std::string request = row.Hash(0);
-  const Accepted earlier{
-      .submission = row.Id(1), .evaluation = row.Id(2), .linked = row.Flag(3), .repeated = true};
-  if (!row.ok()) return row.status();
-  if (request == key.request) return std::optional(earlier);
+  const absl::StatusOr<RequestRow> earlier = kRequests.First(
+      db_, absl::NotFoundError("a new key"), "WHERE who = ? AND key = ?", who, key.key);
+  if (absl::IsNotFound(earlier.status())) return std::optional<Accepted>();
+  if (!earlier.ok()) return earlier.status();
+  if (earlier->request == key.request) {
+    return std::optional(Accepted{.submission = earlier->submission,
+                                  .evaluation = earlier->evaluation,
+                                  .linked = earlier->linked,
+                                  .repeated = true});
+  }
   return CodedRefusal(kKeyReusedCode,
                       absl::StrCat("the Idempotency-Key \"", key.key,
                                    "\" came with another request before, for submission ",
-                                   earlier.submission, "; use a new key for each request"));
+                                   earlier->submission, "; use a new key for each request"));
 }
 
 absl::StatusOr<Accepted> Submissions::Once(

@@ -50,14 +50,11 @@ int64_t TeamRowNamed(SQLite::Database& db, const std::string& name) {
 }
 
 absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row) {
-  constexpr StoredRows<TeamInForce> kInForce = {
-      "team",
-      "SELECT o.id, t.id, t.name, t.banned FROM team AS o "
-      "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ",
-      [](StoredRow& read, TeamInForce& team) {
-        if (read.IsNull(1)) return read.Fail("the team that it was merged into is missing");
-        team = {read.Id(1), read.Text(2), read.Flag(3)};
-      }};
+  constexpr StoredRows<TeamInForce, 3> kInForce = {
+      .table = "team",
+      .select = "SELECT o.id, t.id AS merged_into, t.name, t.banned FROM team AS o "
+                "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ",
+      .first = 1};
   const Damage missing = {"team", absl::StrCat(row), "it is missing, though another row names it"};
   return kInForce.First(db, DamagedRow(missing), "WHERE o.id = ?", row);
 }

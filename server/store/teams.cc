@@ -97,40 +97,26 @@ std::vector<std::string> ListMembers(SQLite::Database& db, int64_t team) {
       team);
 }
 
-constexpr StoredRows<TeamRow> kTeams = {
+constexpr StoredRows<TeamRow, 6> kTeams = {
     "team",
-    "SELECT t.id, t.name, t.created_at, t.banned, t.merged_into, g.name, "
-    "(SELECT count(*) FROM submission WHERE team_id IN (SELECT id FROM team "
+    "SELECT t.id, t.name, t.created_at, t.banned, iif(t.merged_into IS NULL, '', g.name) "
+    "AS merged_into, (SELECT count(*) FROM submission WHERE team_id IN (SELECT id FROM team "
     "WHERE ifnull(t.merged_into, t.id) IN (id, merged_into))) FROM team AS t "
-    "LEFT JOIN team AS g ON g.id = t.merged_into ",
-    [](StoredRow& row, TeamRow& team) {
-      team.id = row.Id(0);
-      team.name = row.Text(1);
-      team.created_at = row.Time(2);
-      team.banned = row.Flag(3);
-      team.submissions = row.Number(6, 0, kMany);
-      if (row.IsNull(4)) return;
-      row.Joined("team", 4);
-      team.merged_into = row.Text(5);
-    }};
+    "LEFT JOIN team AS g ON g.id = t.merged_into "};
 
-constexpr StoredRows<MemberRow> kMembers = {
-    "member", "SELECT m.id, m.person, m.at, m.who ", [](StoredRow& row, MemberRow& member) {
-      member.person = row.Text(1);
-      member.since = row.Time(2);
-      member.who = row.Text(3);
-    }};
+constexpr StoredRows<MemberRow, 3> kMembers = {
+    .table = "member", .select = "SELECT m.id, m.person, m.at, m.who ", .first = 1};
 
 // By a team's id, the texts that the two columns of a query give; unreadable ones are left out.
 std::map<int64_t, std::vector<std::string>> TextsByTeam(SQLite::Database& db,
                                                         const std::string& sql) {
-  Statement select(db, sql);
+  struct TextOfTeam {
+    int64_t team = 0;
+    std::string text;
+  };
   std::map<int64_t, std::vector<std::string>> texts;
-  while (select.executeStep()) {
-    StoredRow row(select, "team");
-    const int64_t team = row.Id(0);
-    std::string text = row.Text(1);
-    if (row.ok()) texts[team].push_back(std::move(text));
+  for (TextOfTeam& row : StoredRows<TextOfTeam, 2>{"team", ""}.List(db, sql).rows) {
+    texts[row.team].push_back(std::move(row.text));
   }
   return texts;
 }
@@ -241,13 +227,11 @@ absl::Status Teams::CheckMerge(const std::string& team, const std::string& into)
 }
 
 std::set<std::string> Teams::OfPerson(const std::string& person) const {
-  Statement select(db_, absl::StrCat("SELECT m.id, m.team_id ", kMemberships, "AND m.person = ?"),
-                   person);
   std::set<std::string> teams;
-  while (select.executeStep()) {
-    StoredRow row(select, "member");
-    const absl::StatusOr<TeamInForce> team = TeamOfRow(db_, row.Id(1));
-    if (row.ok() && team.ok()) teams.insert(team->name);
+  for (const int64_t row : AllValues<int64_t>(
+           db_, absl::StrCat("SELECT m.team_id ", kMemberships, "AND m.person = ?"), person)) {
+    const absl::StatusOr<TeamInForce> team = TeamOfRow(db_, row);
+    if (team.ok()) teams.insert(team->name);
   }
   return teams;
 }

@@ -116,7 +116,7 @@ TEST_F(AccessEventsTest, AnUnreadableOneIsReportedAndTheOthersAreShown) {
   Add("act", "a");
   Add("act", "b");
   SQLite::Database db(path_, SQLite::OPEN_READWRITE);
-  db.exec("PRAGMA ignore_check_constraints = ON; UPDATE access_event SET count = 0 WHERE id = 1");
+  db.exec("PRAGMA ignore_check_constraints = ON; UPDATE access_event SET count = -1 WHERE id = 1");
   ReaderPool readers(path_);
   const absl::Status status = readers.Read([&](const Transaction& reader) {
     const Listed<AccessEventRow> listed = reader.callers.Events("", INT64_MAX, 100);
