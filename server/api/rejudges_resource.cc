@@ -56,8 +56,8 @@ Json EventToJson(const RejudgeEventRow& event) {
 
 // Today's name of a submission's team; null if it can't be read.
 Json TeamToJson(const Transaction& reader, int64_t submission) {
-  const absl::StatusOr<std::string> team = reader.submissions.TeamOf(submission);
-  return team.ok() ? Json(*team) : Json();
+  const absl::StatusOr<SubmissionRow> row = reader.submissions.Find(submission);
+  return row.ok() ? Json(row->team) : Json();
 }
 
 Json WithoutResultToJson(const Transaction& reader, const RejudgeProgress& progress) {
@@ -139,13 +139,12 @@ absl::StatusOr<Json> BoardChanges(const Transaction& reader, const Track& from, 
 }
 
 absl::StatusOr<Json> NotRepeatableToJson(const Transaction& reader, int64_t rejudge) {
-  ASSIGN_OR_RETURN(const std::vector<Unrepeatable> found,
-                   reader.rejudges.ListUnrepeatable(rejudge));
+  ASSIGN_OR_RETURN(const auto found, reader.rejudges.ListUnrepeatable(rejudge));
   Json list = Json::array();
-  for (const Unrepeatable& one : found) {
-    list.push_back({{"submission", one.submission},
-                    {"team", TeamToJson(reader, one.submission)},
-                    {"episodes", one.episodes}});
+  for (const auto& [submission, episodes] : found) {
+    list.push_back({{"submission", submission},
+                    {"team", TeamToJson(reader, submission)},
+                    {"episodes", episodes}});
   }
   return list;
 }
@@ -233,16 +232,6 @@ ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& b
   return ShowRejudge(context, id, 201, {{"plan", created.plan}});
 }
 
-// The hash of the config in force on its board.
-absl::StatusOr<std::string> ConfigInForce(const ApiContext& context, int64_t id) {
-  return ReadStore(context, [&](const Transaction& reader) -> absl::StatusOr<std::string> {
-    ASSIGN_OR_RETURN(const RejudgeRow row, reader.rejudges.Find(id));
-    ASSIGN_OR_RETURN(const TrackPtr live,
-                     TrackInForce(reader, context, row.phase, row.track, row.profile));
-    return live->config.hash;
-  });
-}
-
 // Has the daemon play and show the board's new config once an act is written.
 AfterRejudge PlayFromNowOn(const ApiContext& context) {
   return [&context = context](const RejudgeDone& done) {
@@ -260,8 +249,7 @@ AfterRejudge PlayFromNowOn(const ApiContext& context) {
 }
 
 // Applies or drops a rejudge.
-ApiResult ActOnRejudge(const ApiContext& context, RejudgeAct act, bool apply) {
-  ASSIGN_OR_RETURN(act.in_force, ConfigInForce(context, act.rejudge));
+ApiResult ActOnRejudge(const ApiContext& context, const RejudgeAct& act, bool apply) {
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   ASSIGN_OR_RETURN(const RejudgeDone done,
                    context.engine.EndRejudge(apply, act, sign, CallerKey(),
@@ -275,7 +263,7 @@ ApiResult ActOnRejudge(const ApiContext& context, RejudgeAct act, bool apply) {
 ApiResult ApplyRejudge(const ApiContext& context, const Request& request, const Json& body) {
   ASSIGN_OR_RETURN(RejudgeAct act, ParseApply(body));
   act.rejudge = ReadId(request);
-  return ActOnRejudge(context, std::move(act), /*apply=*/true);
+  return ActOnRejudge(context, act, /*apply=*/true);
 }
 
 ApiResult DropRejudge(const ApiContext& context, const Request& request, const Json& body) {

@@ -35,23 +35,6 @@ absl::Status Found(Transaction& writer, const NewSubmission& submission) {
   return absl::IsFailedPrecondition(status) ? absl::OkStatus() : status;
 }
 
-// The items of a rejudge with further episodes, complete but for its id.
-absl::StatusOr<std::vector<NewRejudgeItem>> ListItems(const Transaction& reader,
-                                                      const NewRejudge& rejudge,
-                                                      const std::string& data_dir) {
-  std::vector<NewRejudgeItem> items;
-  if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
-  ASSIGN_OR_RETURN(nlohmann::json json, ParseJson(rejudge.to_config_json, "the new config"));
-  ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(json, "the new config"));
-  for (NewEvaluation& candidate : reader.rejudges.CandidatesFor(rejudge)) {
-    candidate.grader_json = rejudge.grader_json;
-    candidate.blocks = SplitIntoBlocks(rejudge.seed_count, config.episodes_per_lease);
-    ASSIGN_OR_RETURN(std::string impossible, WhyNotPlayed(reader, candidate.submission, data_dir));
-    items.push_back({std::move(candidate), std::move(impossible)});
-  }
-  return items;
-}
-
 using EvaluationIds = std::vector<int64_t>;
 
 // Adds an item, and its evaluation to `to_queue` if there is something to play.
@@ -281,19 +264,14 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
   NewRejudge rejudge = asked;
   if (rejudge.grader_json.empty()) rejudge.grader_json = CanonicalJson(HostBuild());
   RETURN_IF_ERROR(CheckNewRejudge(rejudge));
-  RejudgePlan plan;
-  ASSIGN_OR_RETURN(
-      std::vector<NewRejudgeItem> items,
-      readers_.Read<std::vector<NewRejudgeItem>>(
-          [&](const Transaction& reader) -> absl::StatusOr<std::vector<NewRejudgeItem>> {
-            ASSIGN_OR_RETURN(plan, PlanRejudge(reader, rejudge, core_.options().data_dir));
-            return ListItems(reader, rejudge, core_.options().data_dir);
-          }));
+  ASSIGN_OR_RETURN(RejudgePlan plan, readers_.Read<RejudgePlan>([&](const Transaction& reader) {
+                     return PlanRejudge(reader, rejudge, core_.options().data_dir);
+                   }));
   const auto to_queue = std::make_shared<EvaluationIds>();
   ASSIGN_OR_RETURN(
       RejudgeRow created,
       Change<RejudgeRow>(
-          [=, items = std::move(items)](Transaction& writer) -> absl::StatusOr<RejudgeRow> {
+          [=, items = std::move(plan.items)](Transaction& writer) -> absl::StatusOr<RejudgeRow> {
             ASSIGN_OR_RETURN(RejudgeRow row, writer.rejudges.Add(rejudge, sign, who));
             to_queue->clear();
             for (NewRejudgeItem item : items) {

@@ -1,7 +1,6 @@
 #include "server/engine/rejudges.h"
 
 #include <algorithm>
-#include <map>
 #include <set>
 
 #include <absl/strings/str_cat.h>
@@ -59,8 +58,9 @@ absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
 
 // Computes an item from the facts of its source: pure but for reading. InternalError if the facts
 // can't be judged; a damaged row (store/damage.h).
-absl::Status JudgeAnew(const Transaction& reader, const EvaluationRow& source, const Track& track,
+absl::Status JudgeAnew(const Transaction& reader, const Track& track,
                        const std::vector<uint64_t>& seeds, NewRejudgeItem& item) {
+  ASSIGN_OR_RETURN(const EvaluationRow source, reader.evaluations.Find(item.source));
   if (source.last >= std::ssize(seeds)) {
     return absl::InternalError(absl::StrCat("evaluation ", source.id,
                                             " has more episodes than the "
@@ -84,6 +84,13 @@ absl::Status JudgeAnew(const Transaction& reader, const EvaluationRow& source, c
   return absl::OkStatus();
 }
 
+// One that can't be read, or judged, is without a result, and holds up no other.
+absl::StatusOr<NewRejudgeItem> WithoutResult(const absl::Status& why, NewRejudgeItem item) {
+  if (MayPass(why) || IsBrokenStore(why)) return why;
+  if (!why.ok()) item.impossible = std::string(why.message());
+  return item;
+}
+
 // How an item is made whose source was played by `source_grader`; `today` is this host's build.
 // kFacts or kPlay.
 RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts,
@@ -91,6 +98,30 @@ RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts
   if (asked != RejudgeMethod::kAuto) return asked;
   const bool facts = repeats == 1 && same_facts && SameSimulation(source_grader, today);
   return facts ? RejudgeMethod::kFacts : RejudgeMethod::kPlay;
+}
+
+// An item but for its blocks and what is computed; impossible if it has to be played and the files
+// of its artefact are no longer in `data_dir`.
+absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const RejudgeRow& rejudge,
+                                      const NewEvaluation& candidate, bool same_facts,
+                                      const Json& today, const std::string& data_dir) {
+  NewRejudgeItem item{candidate};
+  item.grader_json = CanonicalJson(today);
+  const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
+  absl::Status readable = source.status();
+  if (source.ok()) {
+    item.method = ChooseMethod(rejudge.method, rejudge.repeats, same_facts,
+                               ParsedText(source->grader_json), today);
+  }
+  if (source.ok() && item.method == RejudgeMethod::kPlay) {
+    const absl::StatusOr<SubmissionRow> row = reader.submissions.Find(candidate.submission);
+    readable = row.status();
+    if (row.ok() && !HasArtefactFiles(data_dir, row->artefact).ok()) {
+      item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
+                                     row->artefact, " are no longer on this host");
+    }
+  }
+  return WithoutResult(readable, std::move(item));
 }
 
 }  // namespace
@@ -152,42 +183,22 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
   const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
                           HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
   const Json today = ParsedText(rejudge.grader_json);
-  std::map<std::string, RejudgeMethod> methods;  // by the source's build
-  std::set<int64_t> submissions;
-  std::set<int64_t> without_files;
+  ASSIGN_OR_RETURN(const Json to, ParseJson(rejudge.to_config_json, "the new config"));
+  ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(to, "the new config"));
   RejudgePlan plan;
   for (const NewEvaluation& candidate : candidates) {
-    submissions.insert(candidate.submission);
-    const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
-    if (ExtractDamage(source.status()).has_value()) continue;  // it will be without a result
-    if (!source.ok()) return source.status();
-    const auto [method, is_new] = methods.try_emplace(source->grader_json);
-    if (is_new) {
-      method->second = ChooseMethod(rejudge.method, rejudge.repeats, same_facts,
-                                    ParsedText(source->grader_json), today);
+    ASSIGN_OR_RETURN(NewRejudgeItem item,
+                     ItemOf(reader, rejudge, candidate, same_facts, today, data_dir));
+    ++(item.method == RejudgeMethod::kFacts ? plan.facts : plan.play);
+    if (candidate.repetition == 1) {
+      ++plan.submissions;
+      if (!item.impossible.empty()) plan.without_files.push_back(candidate.submission);
     }
-    if (method->second == RejudgeMethod::kFacts) {
-      ++plan.facts;
-      continue;
-    }
-    ++plan.play;
-    if (candidate.repetition != 1) continue;
-    const absl::StatusOr<std::string> why = WhyNotPlayed(reader, candidate.submission, data_dir);
-    if (ExtractDamage(why.status()).has_value()) continue;
-    if (!why.ok()) return why.status();
-    if (!why->empty()) without_files.insert(candidate.submission);
+    if (rejudge.purpose != RejudgePurpose::kSeeds) continue;
+    item.blocks = SplitIntoBlocks(rejudge.seed_count, config.episodes_per_lease);
+    plan.items.push_back(std::move(item));
   }
-  plan.submissions = std::ssize(submissions);
-  plan.without_files.assign(without_files.begin(), without_files.end());
   return plan;
-}
-
-absl::StatusOr<std::string> WhyNotPlayed(const Transaction& reader, int64_t submission,
-                                         const std::string& data_dir) {
-  ASSIGN_OR_RETURN(const SubmissionRow row, reader.submissions.Find(submission));
-  if (HasArtefactFiles(data_dir, row.artefact).ok()) return "";
-  return absl::StrCat("it can't be played again: the files of artefact ", row.artefact,
-                      " are no longer on this host");
 }
 
 Rejudger::Rejudger(RejudgerOptions options, Engine& engine, ReaderPool& readers)
@@ -252,7 +263,7 @@ absl::Status Rejudger::Carry(const Work& work) {
     if (stop_.stop_requested()) return absl::OkStatus();
     ASSIGN_OR_RETURN(NewRejudgeItem item,
                      readers_.Read<NewRejudgeItem>([&](const Transaction& reader) {
-                       return ItemOf(reader, work, candidate, today);
+                       return Make(reader, work, candidate, today);
                      }));
     rows += std::ssize(item.episodes) + 2 * std::ssize(item.blocks);
     items.push_back(std::move(item));
@@ -263,28 +274,15 @@ absl::Status Rejudger::Carry(const Work& work) {
   return items.empty() ? absl::OkStatus() : Write(std::move(items));
 }
 
-absl::StatusOr<NewRejudgeItem> Rejudger::ItemOf(const Transaction& reader, const Work& work,
-                                                const NewEvaluation& candidate, const Json& today) {
-  NewRejudgeItem item{candidate};
-  item.grader_json = CanonicalJson(today);
+absl::StatusOr<NewRejudgeItem> Rejudger::Make(const Transaction& reader, const Work& work,
+                                              const NewEvaluation& candidate, const Json& today) {
+  ASSIGN_OR_RETURN(
+      NewRejudgeItem item,
+      ItemOf(reader, work.rejudge, candidate, work.same_facts, today, options_.data_dir));
   item.blocks = SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease);
-  const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
-  absl::Status why_not = source.status();
-  if (source.ok()) {
-    item.method = ChooseMethod(work.rejudge.method, work.rejudge.repeats, work.same_facts,
-                               ParsedText(source->grader_json), today);
-  }
-  if (source.ok() && item.method == RejudgeMethod::kFacts) {
-    why_not = JudgeAnew(reader, *source, *work.track, *work.seeds, item);
-    if (why_not.ok()) return item;
-  }
-  const absl::StatusOr<std::string> impossible =
-      WhyNotPlayed(reader, candidate.submission, options_.data_dir);
-  why_not.Update(impossible.status());
-  if (MayPass(why_not) || IsBrokenStore(why_not)) return why_not;
-  // One that can't be read is without a result, and holds up no other.
-  item.impossible = why_not.ok() ? *impossible : std::string(why_not.message());
-  return item;
+  if (item.method != RejudgeMethod::kFacts || !item.impossible.empty()) return item;
+  const absl::Status judged = JudgeAnew(reader, *work.track, *work.seeds, item);
+  return WithoutResult(judged, std::move(item));
 }
 
 absl::Status Rejudger::Write(Items items) {

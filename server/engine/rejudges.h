@@ -21,9 +21,11 @@ struct RejudgePlan {
   int64_t submissions = 0;
   int64_t facts = 0;  // items
   int64_t play = 0;
-  // Submissions that have to be played and whose files are no longer on this host, sorted: they
-  // will be without a result.
+  // Submissions that have to be played and can't be, most as their files are no longer on this host,
+  // sorted: they will be without a result.
   std::vector<int64_t> without_files;
+  // Of purpose kSeeds, to be added with it: complete but for its id.
+  std::vector<NewRejudgeItem> items;
 };
 
 struct CreatedRejudge {
@@ -43,10 +45,6 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge);
 // listed submission has no result that further episodes could be added to.
 absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir);
-
-// Why a submission can't be played, as the files of its artefact are not in `data_dir`; "": it can.
-absl::StatusOr<std::string> WhyNotPlayed(const Transaction& reader, int64_t submission,
-                                         const std::string& data_dir);
 
 struct RejudgerOptions {
   std::string data_dir;
@@ -79,9 +77,8 @@ class Rejudger {
   absl::Status LookForWork();
   absl::StatusOr<Work> FindWork(const Transaction& reader, RejudgeRow rejudge);
   absl::Status Carry(const Work& work);
-  absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const Work& work,
-                                        const NewEvaluation& candidate,
-                                        const nlohmann::json& today);
+  absl::StatusOr<NewRejudgeItem> Make(const Transaction& reader, const Work& work,
+                                      const NewEvaluation& candidate, const nlohmann::json& today);
   absl::Status Write(Items items);
 
   const RejudgerOptions options_;

@@ -159,9 +159,13 @@ absl::StatusOr<ArtefactRow> Content::Artefact(const std::string& hash) const {
 
 std::vector<ArtefactUse> Content::ArtefactUses() const {
   constexpr StoredRows<ArtefactUse, 4> kUses = {
-      "artefact",
-      "SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
-      "ifnull(max(e.finished_at), 0)), "};
+      .table = "artefact",
+      .select = "SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
+                "ifnull(max(e.finished_at), 0)), ",
+      // Files are removed by it.
+      .wrong = [](const ArtefactUse& use) {
+        return IsSha256Hex(use.hash) ? "" : "its \"hash\" is not 64 hexadecimal digits";
+      }};
   return kUses
       .List(db_, absl::StrCat("ifnull(max(e.id IS NOT NULL AND ", Over(Board()),
                               " IS NOT TRUE), 0) FROM artefact AS a "
@@ -171,8 +175,10 @@ std::vector<ArtefactUse> Content::ArtefactUses() const {
 }
 
 std::vector<UploadRow> Content::Uploads() const {
-  return AllRows<UploadRow, 3>(Statement(db_, R"(SELECT u.artefact, a.bytes, u.at
-      FROM upload AS u JOIN artefact AS a ON a.hash = u.artefact ORDER BY u.at)"));
+  constexpr StoredRows<UploadRow, 3> kUploads = {
+      "upload",
+      "SELECT u.artefact, a.bytes, u.at FROM upload AS u JOIN artefact AS a ON a.hash = u.artefact "};
+  return kUploads.List(db_, "ORDER BY u.at").rows;
 }
 
 // The logs of the episodes for which `condition` holds.

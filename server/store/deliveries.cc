@@ -95,9 +95,11 @@ Listed<DeliveryRow> Deliveries::List(const std::string& webhook, int64_t before,
 }
 
 std::vector<DeliveryCounts> Deliveries::Counts() const {
-  return AllRows<DeliveryCounts, 5>(Statement(db_, R"(SELECT webhook,
-      sum(state = 'waiting'), sum(state = 'delivered'), sum(state = 'given_up'), ifnull(min(CASE
-      WHEN state = 'waiting' THEN at END), 0) FROM delivery GROUP BY webhook ORDER BY webhook)"));
+  constexpr StoredRows<DeliveryCounts, 5> kCounts = {
+      "delivery", R"(SELECT webhook, sum(state = 'waiting'), sum(state = 'delivered'),
+      sum(state = 'given_up'), ifnull(min(CASE WHEN state = 'waiting' THEN at END), 0)
+      FROM delivery GROUP BY webhook )"};
+  return kCounts.List(db_, "ORDER BY webhook").rows;
 }
 
 }  // namespace myograde::server

@@ -140,13 +140,12 @@ absl::StatusOr<std::vector<RepeatRow>> Episodes::Repeats(int64_t evaluation) con
 }
 
 EpisodeCounts Episodes::Counts(int64_t evaluation, bool ended_blocks) const {
-  return AllRows<EpisodeCounts, 4>(Statement(db_, R"(SELECT count(*),
-      ifnull(sum(outcome = 'success'), 0), ifnull(sum(outcome = 'failure'), 0),
-      count(*) - ifnull(sum(outcome IN ('success', 'failure')), 0) FROM episode WHERE evaluation = ?1
+  const auto [done, success, failure] = FirstRow<int64_t, int64_t, int64_t>(db_, R"(SELECT count(*),
+      sum(outcome = 'success'), sum(outcome = 'failure') FROM episode WHERE evaluation = ?1
       AND (?2 = 0 OR block NOT IN (SELECT id FROM block WHERE evaluation = ?1
       AND finished_at IS NULL)))",
-                                             evaluation, ended_blocks))
-      .front();
+                                                                            evaluation, ended_blocks);
+  return {done, success, failure, done - success - failure};
 }
 
 absl::StatusOr<std::map<int64_t, std::string>> Episodes::Details(int64_t evaluation) const {

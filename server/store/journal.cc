@@ -16,8 +16,13 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int64_t kEntriesAtATime = 10'000;
-constexpr StoredRows<RecordRow, 3> kEntries = {"record",
-                                               "SELECT entry, entry_json, chain FROM journal "};
+constexpr StoredRows<RecordRow, 3> kEntries = {
+    .table = "record",
+    .select = "SELECT entry, entry_json, chain FROM journal ",
+    // A signed head has the last one.
+    .wrong = [](const RecordRow& row) {
+      return IsSha256Hex(row.chain) ? "" : "its \"chain\" is not 64 hexadecimal digits";
+    }};
 
 Act ActOf(SQLite::Statement& row) {
   Act act;

@@ -118,11 +118,10 @@ nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
   return results;
 }
 
-// The config in force on a board; `fallback`: of one that was never given any.
-std::string ConfigInForce(const BoardState& board, const BoardName& name,
-                          const std::string& fallback) {
-  const std::vector<BoardConfigRow>& rows = board.ConfigsOf(name);
-  return rows.empty() ? fallback : rows.back().config;
+// The config in force on its board; a board without submissions has still the one that it began with.
+std::string ConfigInForce(const BoardState& board, const RejudgeRow& rejudge) {
+  const std::string config = board.ConfigAt(rejudge.board());
+  return config.empty() ? rejudge.from_config : config;
 }
 
 }  // namespace
@@ -189,19 +188,16 @@ std::vector<NewEvaluation> Rejudges::CandidatesFor(const NewRejudge& rejudge) co
   return candidates;
 }
 
-absl::StatusOr<std::vector<Unrepeatable>> Rejudges::ListUnrepeatable(int64_t rejudge) const {
+absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> Rejudges::ListUnrepeatable(
+    int64_t rejudge) const {
   ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, Evaluations(context_).OfRejudge(rejudge));
-  std::map<int64_t, Unrepeatable> found;
-  const auto add = [&](int64_t submission, DifferentEpisode episode) {
-    found[submission].submission = submission;
-    found[submission].episodes.push_back(std::move(episode));
-  };
+  std::map<int64_t, std::vector<DifferentEpisode>> found;
   const EvaluationRow* first = nullptr;
   std::vector<EpisodeRow> episodes;  // of `first`, once they are needed
   for (const EvaluationRow& item : items) {
     ASSIGN_OR_RETURN(std::vector<RepeatRow> repeats, Episodes(context_).Repeats(item.id));
     for (const RepeatRow& repeat : repeats) {
-      add(item.submission, {repeat.index, item.repetition, repeat.differs});
+      found[item.submission].push_back({repeat.index, item.repetition, repeat.differs});
     }
     if (item.results_hash.empty()) continue;  // it has none, or not yet
     if (first == nullptr || first->submission != item.submission) {
@@ -217,12 +213,10 @@ absl::StatusOr<std::vector<Unrepeatable>> Rejudges::ListUnrepeatable(int64_t rej
     for (size_t i = 0; i < std::min(episodes.size(), others.size()); ++i) {
       std::vector<std::string> differs = DifferencesBetween(episodes[i], others[i]);
       if (differs.empty()) continue;
-      add(item.submission, {others[i].index, item.repetition, std::move(differs)});
+      found[item.submission].push_back({others[i].index, item.repetition, std::move(differs)});
     }
   }
-  std::vector<Unrepeatable> listed;
-  for (auto& [submission, entry] : found) listed.push_back(std::move(entry));
-  return listed;
+  return found;
 }
 
 absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
@@ -358,7 +352,7 @@ absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDoc
   ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
   ASSIGN_OR_RETURN(const RejudgeProgress progress, CountProgress(rejudge));
   RejudgeDone done;
-  done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
+  done.config_before = ConfigInForce(Board(), rejudge);
   if (const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);
       !why.empty()) {
     return Refused(rejudge, why);
@@ -378,7 +372,7 @@ absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocu
                                          ", which was applied after it to the same board"));
   }
   RejudgeDone done;
-  done.config_before = ConfigInForce(Board(), rejudge.board(), act.in_force);
+  done.config_before = ConfigInForce(Board(), rejudge);
   // If the config files have changed the board's config since, it stays.
   const bool back = applied && done.config_before == rejudge.to_config;
   done.config_after = back ? rejudge.from_config : done.config_before;

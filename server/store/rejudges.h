@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -79,8 +80,6 @@ struct RejudgeAct {
   // For apply: the submissions that the caller knows to have no result. It must name exactly
   // RejudgeProgress::without_result.
   std::vector<int64_t> without = {};
-  // For apply: the hash of the config in force on its board, for a board that was never given one.
-  std::string in_force = "";
 };
 
 struct RejudgeDone {
@@ -94,15 +93,10 @@ struct RejudgeDone {
   int64_t stay = 0;
 };
 
-// A submission whose repetitions came out differently.
 struct DifferentEpisode {
   int64_t index = 0;
   int64_t repetition = 0;  // that differs from the first one, or from itself if played twice
   std::vector<std::string> differs;  // as of RepeatRow
-};
-struct Unrepeatable {
-  int64_t submission = 0;
-  std::vector<DifferentEpisode> episodes;
 };
 
 // What organisers ask for, and the evaluations that follow.
@@ -117,9 +111,9 @@ class Rejudges : StorePart {
   std::vector<NewEvaluation> MissingItems(const RejudgeRow& rejudge) const;
   // The same before it is created.
   std::vector<NewEvaluation> CandidatesFor(const NewRejudge& rejudge) const;
-  // The submissions whose repetitions that have ended as done or failed differ, with every episode
-  // that does.
-  absl::StatusOr<std::vector<Unrepeatable>> ListUnrepeatable(int64_t rejudge) const;
+  // By submission, every episode that repetitions which have ended as done or failed differ in.
+  absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> ListUnrepeatable(
+      int64_t rejudge) const;
   // Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
                                  const std::string& who);

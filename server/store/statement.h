@@ -76,12 +76,4 @@ std::vector<Value> AllValues(SQLite::Database& db, const std::string& sql,
   return all;
 }
 
-// Every row as a struct of whole numbers and texts, whose members are the columns.
-template <typename Row, int Columns>
-std::vector<Row> AllRows(SQLite::Statement select) {
-  std::vector<Row> rows;
-  while (select.executeStep()) rows.push_back(select.getColumns<Row, Columns>());
-  return rows;
-}
-
 }  // namespace myograde::server

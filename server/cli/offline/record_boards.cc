@@ -9,12 +9,10 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/json_value.h"
-#include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/cli/terminal/terminal.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
-#include "server/grading/tracks.h"
 #include "server/proof/receipt.h"
 
 namespace myograde::server {
@@ -98,51 +96,9 @@ std::vector<StandingRow> ListStandings(const BoardState& record,
   return standings;
 }
 
-std::string RowText(const Json& row) {
-  if (!row.is_object()) return "nothing";
-  return Sanitized(absl::StrCat("submission ", Cell(row, "submission"), " of team ",
-                               Cell(row, "team")));
-}
-
-// The key of the first value in which two objects differ.
-std::string DifferentKey(const Json& a, const Json& b) {
-  for (const auto& [key, value] : a.items()) {
-    if (!b.contains(key) || b[key] != value) return key;
-  }
-  for (const auto& [key, value] : b.items()) {
-    if (!a.contains(key)) return key;
-  }
-  return "";
-}
-
-std::string RowDifference(const char* list, size_t place, const Json& found,
-                          const Json& expected) {
-  const bool same_row = found.is_object() && expected.is_object() &&
-                        found.value("submission", Json()) == expected.value("submission", Json());
-  const std::string where = absl::StrCat("row ", place + 1, " of its \"", list, "\"");
-  if (!same_row) {
-    return absl::StrCat(where, " is ", RowText(found), ", but by the record it is ",
-                        RowText(expected));
-  }
-  const std::string key = DifferentKey(found, expected);
-  return Sanitized(absl::StrCat(where, ", ", RowText(expected), ", has another \"", key,
-                               "\" than the record implies: ",
-                               found.value(key, Json()).dump().substr(0, 80), " instead of ",
-                               expected.value(key, Json()).dump().substr(0, 80)));
-}
-
 }  // namespace
 
 absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
-  if (config.is_object() && config.contains("seeds")) {
-    absl::StatusOr<TrackConfig> parsed = ParseTrackConfig(config, "the config");
-    if (!parsed.ok()) return absl::InvalidArgumentError(parsed.status().message());
-    const absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(parsed));
-    if (!track.ok()) return absl::InvalidArgumentError(track.status().message());
-    return RecordedConfig{(*track)->config.id, (*track)->config.profile, (*track)->config.phase,
-                          (*track)->scoring, (*track)->config.scoring.value("boards", Json::object())};
-  }
-  // Without its seeds it is of today's form, and its scoring is all that boards need.
   const scoring::ScoredTrack* track =
       config.is_object() ? scoring::FindScoredTrack(TextAt(config, "track")) : nullptr;
   if (track == nullptr || !config.value("scoring", Json()).is_object()) {
@@ -227,23 +183,17 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
 }
 
 std::string FirstDifference(const std::string& found, const std::string& expected) {
-  const absl::StatusOr<Json> parsed = ParseJson(found, "the board");
-  if (!parsed.ok() || !parsed->is_object()) return "it is not a board";
-  const Json& a = *parsed;
-  const Json b = Json::parse(expected);
-  for (const char* list : {"rows", "disqualified"}) {
-    const Json here = a.value(list, Json());
-    const Json& there = b[list];
-    if (!here.is_array()) return absl::StrCat("it has no list \"", list, "\"");
-    for (size_t i = 0; i < std::max(here.size(), there.size()); ++i) {
-      const Json one = i < here.size() ? here[i] : Json();
-      const Json other = i < there.size() ? there[i] : Json();
-      if (one != other) return RowDifference(list, i, one, other);
-    }
-  }
-  const std::string key = DifferentKey(a, b);
-  if (key.empty()) return "it is not in its canonical form";
-  return Sanitized(absl::StrCat("its \"", key, "\" does not follow from the record"));
+  const absl::StatusOr<Json> board = ParseJson(found, "the board");
+  if (!board.ok() || !board->is_object()) return "it is not a board";
+  const Json differences = Json::diff(*board, Json::parse(expected));
+  if (differences.empty()) return "it is not in its canonical form";
+  const Json& first = differences.front();
+  const Json::json_pointer place(first["path"].get<std::string>());
+  const auto shown = [](const Json& value) { return value.dump().substr(0, 80); };
+  return Sanitized(absl::StrCat(
+      "its ", place.to_string(), " is ",
+      board->contains(place) ? shown(board->at(place)) : "missing", ", but by the record it is ",
+      first.contains("value") ? shown(first["value"]) : "not there"));
 }
 
 }  // namespace myograde::server

@@ -51,7 +51,8 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
                                       const std::string& hash, const RecordedConfig& config,
                                       const std::string& board);
 
-// How a board differs from the one that the record implies, in one sentence: "row 2 is ...".
+// How a board differs from the one that the record implies, in one sentence: "its
+// /rows/1/rank is ...".
 std::string FirstDifference(const std::string& found, const std::string& expected);
 
 }  // namespace myograde::server

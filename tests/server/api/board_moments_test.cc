@@ -185,8 +185,7 @@ class Board {
   void Act(size_t which, bool apply) {
     if (rejudges_ == 0) return;
     const RejudgeAct act = {.rejudge = static_cast<int64_t>(which % rejudges_) + 1,
-                            .why = "a vote",
-                            .in_force = live_->config.hash};
+                            .why = "a vote"};
     std::string config;
     std::vector<int64_t> cancelled;
     const absl::Status status = store_->Write([&](Transaction& writer) {

@@ -111,8 +111,7 @@ class BoardConfigsTest : public testing::Test {
       const absl::StatusOr<RejudgeRow> made = writer.rejudges.Add(rejudge, Sign, "uid 0");
       if (!made.ok()) return made.status();
       return writer.rejudges
-          .Apply({.rejudge = made->id, .why = "a vote", .in_force = from->config.hash}, Sign,
-                 "uid 0")
+          .Apply({.rejudge = made->id, .why = "a vote"}, Sign, "uid 0")
           .status();
     });
   }

@@ -266,14 +266,12 @@ absl::StatusOr<CreatedRejudge> RejudgeWorld::Create(const NewRejudge& rejudge) {
 }
 
 absl::StatusOr<RejudgeDone> RejudgeWorld::Apply(int64_t rejudge, std::vector<int64_t> without) {
-  return engine_->EndRejudge(/*apply=*/true,
-                             {rejudge, "as announced", std::move(without), base_->config.hash},
+  return engine_->EndRejudge(/*apply=*/true, {rejudge, "as announced", std::move(without)},
                              SignAnything, "uid 0", kPatience);
 }
 
 absl::StatusOr<RejudgeDone> RejudgeWorld::Drop(int64_t rejudge) {
-  return engine_->EndRejudge(/*apply=*/false, {rejudge, "a mistake", {}, base_->config.hash},
-                             SignAnything, "uid 0", kPatience);
+  return engine_->EndRejudge(/*apply=*/false, {rejudge, "a mistake"}, SignAnything, "uid 0", kPatience);
 }
 
 RejudgeProgress RejudgeWorld::Progress(int64_t rejudge) {

@@ -257,13 +257,13 @@ TEST_F(RejudgesTest, TellsWhichPoliciesAreNotRepeatable) {
   EXPECT_EQ(Items(id).size(), 6u);
   EXPECT_EQ(Progress(id).play, 6) << "facts tell nothing about a repetition";
   Read([&](const Transaction& reader) {
-    const std::vector<Unrepeatable> found = *reader.rejudges.ListUnrepeatable(id);
-    ASSERT_EQ(found.size(), 1u);
-    EXPECT_EQ(found[0].submission, unsteady);
-    EXPECT_NE(found[0].submission, steady);
-    ASSERT_EQ(found[0].episodes.size(), 6u) << "three episodes of two repetitions";
-    EXPECT_EQ(found[0].episodes[0].repetition, 2);
-    EXPECT_THAT(found[0].episodes[0].differs, ElementsAre("digest"));
+    const auto found = *reader.rejudges.ListUnrepeatable(id);
+    EXPECT_FALSE(found.contains(steady));
+    ASSERT_TRUE(found.contains(unsteady));
+    const std::vector<DifferentEpisode>& episodes = found.at(unsteady);
+    ASSERT_EQ(episodes.size(), 6u) << "three episodes of two repetitions";
+    EXPECT_EQ(episodes[0].repetition, 2);
+    EXPECT_THAT(episodes[0].differs, ElementsAre("digest"));
   });
   // Once it is applied, what is submitted later has been played like this anyway.
   ASSERT_TRUE(Apply(id).ok());
