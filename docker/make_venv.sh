@@ -19,8 +19,9 @@ log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 echo "Getting packages for $(basename "$folder") ..."
 rm -rf "$folder"
+# -I: else pip takes a package of PYTHONPATH for installed.
 if ! { /usr/bin/python3 -m venv ${VENV_OPTIONS:-} "$folder" &&
-  "$folder/bin/pip" install -q --disable-pip-version-check --no-deps --only-binary :all: \
+  "$folder/bin/python" -I -m pip install -q --disable-pip-version-check --no-deps --only-binary :all: \
     --require-hashes "${@/#/--requirement=}" && touch "$folder/complete"; } >"$log" 2>&1; then
   tail -n 3 "$log"
   echo "skipped: the packages can't be installed here; pip's last lines are above."
