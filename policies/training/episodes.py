@@ -130,7 +130,7 @@ def tilt_of(pelvis: np.ndarray) -> str:
 
 
 def play(job: tuple[Any, int, float]) -> Result:
-    """One episode: parameters (of a turner, the path of its file), seed, and the most seconds that
+    """One episode: parameters (of a turner also the path of its file), seed, and the most seconds that
     it may take."""
     return {"walker": walk, "reacher": reach, "juggler": juggle, "tagger": tag,
             "turner": turn}[_controller](*job)
@@ -253,9 +253,11 @@ def tag(numbers: np.ndarray, seed: int, seconds: float) -> Result:
     return Result(score + led, score, steps * TAGGER_STEP, end, "evade" if evades else "chase")
 
 
-def turn(file: pathlib.Path, seed: int, seconds: float) -> Result:
-    """An episode of the turner with the turns of that file."""
-    path, facts, end = turned(controllers.Turner.of_file(_library, file), seed, seconds)
+def turn(turns: Any, seed: int, seconds: float) -> Result:
+    """An episode of the turner with the turns of a file, or with the only one of these numbers."""
+    turner = (controllers.Turner.of_file(_library, turns) if isinstance(turns, pathlib.Path) else
+              controllers.Turner(_library, turns))
+    path, facts, end = turned(turner, seed, seconds)
     success = float(facts["solved_steps"][0] >= SUCCESS_STEPS)
     return Result(success, success, len(path) * TURNER_STEP, end, "falling")
 

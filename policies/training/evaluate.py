@@ -61,9 +61,17 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 def main() -> int:
     """Plays, prints and keeps."""
     args = options()
-    known = controllers.Library(args.library).parameters(args.controller)
+    library = controllers.Library(args.library)
+    known = library.parameters(args.controller)
     changed = {name: float(value) for name, value in (pair.split("=") for pair in args.set)}
     turner = args.controller == "turner"  # which has a file of turns
+    if turner and changed:
+        raise SystemExit("--set: the turner has turns, no parameters; change its file")
+    if turner:
+        try:
+            controllers.Turner.of_file(library, args.parameters)
+        except ValueError as error:
+            raise SystemExit(str(error)) from error
     numbers = (args.parameters if turner else
                controllers.read_numbers(args.parameters, known, changed))
     jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
