@@ -45,18 +45,18 @@ absl::Status Require(const std::string& team, const absl::Status& missing) {
 
 absl::Status RequireSubmission(const Transaction& reader, int64_t id) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(id));
-  return Require(submission.team, absl::NotFoundError(absl::StrCat("there is no submission ", id)));
+  ASSIGN_OR_RETURN(const std::string team, reader.submissions.TeamOf(id));
+  return Require(team, absl::NotFoundError(absl::StrCat("there is no submission ", id)));
 }
 
 absl::Status RequireEvaluation(const Transaction& reader, int64_t id) {
   if (CallerIsOrganiser()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Find(id));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(evaluation.submission));
+  ASSIGN_OR_RETURN(const std::string team, reader.evaluations.TeamOf(id));
   const absl::Status missing = absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
-  RETURN_IF_ERROR(Require(submission.team, missing));
-  return CallerSees(reader.Board().ComputeVisibility(evaluation.rejudge)) ? absl::OkStatus()
-                                                                          : missing;
+  RETURN_IF_ERROR(Require(team, missing));
+  const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
+  const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
+  return CallerSees(reader.Board().ComputeVisibility(rejudge)) ? absl::OkStatus() : missing;
 }
 
 bool CallerSees(const RejudgeVisibility& rejudge) {

@@ -56,8 +56,8 @@ Json EventToJson(const RejudgeEventRow& event) {
 
 // Today's name of a submission's team; null if it can't be read.
 Json TeamToJson(const Transaction& reader, int64_t submission) {
-  const absl::StatusOr<SubmissionRow> row = reader.submissions.Find(submission);
-  return row.ok() ? Json(row->team) : Json();
+  const absl::StatusOr<std::string> team = reader.submissions.TeamOf(submission);
+  return team.ok() ? Json(*team) : Json();
 }
 
 Json WithoutResultToJson(const Transaction& reader, const RejudgeProgress& progress) {

@@ -11,8 +11,12 @@ namespace myograde::server {
 namespace {
 
 constexpr StoredRows<AccessEventRow, 9> kEvents = {
-    "access_event",
-    "SELECT id, at, kind, who, role, action, subject, detail, count FROM access_event "};
+    .table = "access_event",
+    .select = "SELECT id, at, kind, who, role, action, subject, detail, count FROM access_event ",
+    .wrong = [](const AccessEventRow& event) {
+      if (event.kind != "denied" && event.kind != "act") return "its \"kind\" is none";
+      return event.count > 0 ? "" : "its \"count\" is 0";
+    }};
 
 constexpr int64_t kMsOfADay = 24 * 60 * 60 * 1000;
 

@@ -251,6 +251,13 @@ std::vector<std::string> Evaluations::ListGraders(const std::vector<int64_t>& ev
   return graders;
 }
 
+absl::StatusOr<std::string> Evaluations::TeamOf(int64_t id) const {
+  const int64_t submission =
+      FirstValue<int64_t>(db_, "SELECT submission FROM evaluation WHERE id = ?", id);
+  if (submission != 0) return Submissions(context_).TeamOf(submission);
+  return NoSuch("evaluation", id);
+}
+
 std::vector<EndedEvaluation> Evaluations::DoneSince(int64_t after_ms, int64_t limit) const {
   constexpr StoredRows<EndedEvaluation, 2> kEnded = {"evaluation", "SELECT id, finished_at FROM "};
   return kEnded

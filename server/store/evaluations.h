@@ -48,6 +48,7 @@ class Evaluations : StorePart {
   Listed<EvaluationRow> Unfinished() const;
   absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity,
                                                          int64_t id) const;
+  absl::StatusOr<std::string> TeamOf(int64_t id) const;
   // Evaluations that ended as done after `after_ms`: the last `limit` of them, oldest first.
   std::vector<EndedEvaluation> DoneSince(int64_t after_ms, int64_t limit) const;
   // When the last one ended, in ms since 1970; 0: none has.

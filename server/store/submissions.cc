@@ -243,6 +243,14 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   return accepted;
 }
 
+absl::StatusOr<std::string> Submissions::TeamOf(int64_t id) const {
+  const std::string name = FirstValue<std::string>(db_, R"(SELECT t.name FROM submission AS s
+      JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' WHERE s.id = ?)",
+                                                   id);
+  if (!name.empty()) return Teams(context_).NameOf(name);
+  return NoSuch("submission", id);
+}
+
 std::map<std::string, int64_t> Submissions::CountByState() const {
   Statement select(db_, R"(SELECT state, count(*)
       FROM evaluation WHERE kind = 'original' GROUP BY state)");

@@ -137,6 +137,9 @@ class Submissions : StorePart {
   // Artefacts that are held back (Submissions::WithHold), sorted: as of the grader that played them
   // last.
   std::vector<std::string> HeldBack() const;
+  // Whose it is: today's name of the team. NotFoundError if there is no such submission or
+  // evaluation, or if nobody can tell whose it is.
+  absl::StatusOr<std::string> TeamOf(int64_t id) const;
   // What Submissions::Once would return without asking to accept; nullopt: it would ask.
   absl::StatusOr<std::optional<Accepted>> FindRequest(const std::string& who,
                                                       const RequestKey& key) const;

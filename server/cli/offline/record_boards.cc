@@ -188,7 +188,11 @@ std::string FirstDifference(const std::string& found, const std::string& expecte
   const Json differences = Json::diff(*board, Json::parse(expected));
   if (differences.empty()) return "it is not in its canonical form";
   const Json& first = differences.front();
-  const Json::json_pointer place(first["path"].get<std::string>());
+  Json::json_pointer place(first["path"].get<std::string>());
+  // What a list lacks at its end has no number in a difference.
+  if (const Json& list = board->at(place.parent_pointer()); list.is_array() && place.back() == "-") {
+    place = place.parent_pointer() / list.size();
+  }
   const auto shown = [](const Json& value) { return value.dump().substr(0, 80); };
   return Sanitized(absl::StrCat(
       "its ", place.to_string(), " is ",
