@@ -19,6 +19,19 @@ inline constexpr HandPosture kCuppedHand = {-1.57, 0,   0,   0.3, 0.2, 0,   0,  
                                             0,     0.5, 0.5, 0.3, 0,   0.5, 0.5, 0.3,
                                             0,     0.5, 0.5, 0.3, 0,   0.5, 0.5};
 
+// Joints that move together: one, and those from `second` on by a share of its angle.
+struct JointGroup {
+  const char* name;
+  int first;
+  int second = 0, end = 0;
+  double share = 0;
+
+  void Move(double angle, HandPosture& posture) const {  // rad
+    posture[first] += angle;
+    for (int j = second; j < end; ++j) posture[j] += share * angle;
+  }
+};
+
 class Hand {
  public:
   explicit Hand(double control_step)  // s

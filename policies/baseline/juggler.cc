@@ -24,20 +24,16 @@ constexpr std::array<const char*, kHandAngles> kHandJointNames = {
     "ring_abduction",   "ring_middle",   "ring_tip",   "little_base",
     "little_abduction", "little_middle", "little_tip"};
 
-// Joints that a feature moves together: one, and those from `second` on half as far.
-struct Group {
-  const char* name;
-  int first, second, end;
-};
-constexpr std::array<Group, 9> kGroups = {{{"deviation", 1, 0, 0},
-                                           {"wrist", 2, 0, 0},
-                                           {"thumb_abduction", 3, 0, 0},
-                                           {"thumb_flexion", 4, 0, 0},
-                                           {"thumb_bend", 5, 6, 7},
-                                           {"index", 7, 9, 11},
-                                           {"middle", 11, 13, 15},
-                                           {"ring", 15, 17, 19},
-                                           {"little", 19, 21, 23}}};
+// What a feature moves.
+constexpr std::array<JointGroup, 9> kGroups = {{{"deviation", 1},
+                                                {"wrist", 2},
+                                                {"thumb_abduction", 3},
+                                                {"thumb_flexion", 4},
+                                                {"thumb_bend", 5, 6, 7, 0.5},
+                                                {"index", 7, 9, 11, 0.5},
+                                                {"middle", 11, 13, 15, 0.5},
+                                                {"ring", 15, 17, 19, 0.5},
+                                                {"little", 19, 21, 23, 0.5}}};
 
 // The double angle at which the balls lie, as they are alike; how far they have to be turned around
 // each other, also times that; how far their middle is from where it should be. Each is about 1 at
@@ -73,7 +69,7 @@ std::span<const ParameterInfo> JugglerParameters() {
     };
     for (size_t j = 0; j < kHandAngles; ++j) add(kHandJointNames[j], kCuppedHand[j], 0.15);
     for (const char* feature : kFeatures) {
-      for (const Group& group : kGroups) add(std::string(feature) + "_" + group.name, 0, 0.1);
+      for (const JointGroup& group : kGroups) add(std::string(feature) + "_" + group.name, 0, 0.1);
     }
     return made;
   }();
@@ -86,10 +82,8 @@ void Juggler::Act(std::span<const double, kJugglerObservation> observation,
   std::copy_n(numbers_.begin(), kHandAngles, target.begin());
   auto number = numbers_.begin() + kHandAngles;
   for (const double feature : FeaturesOf(observation)) {
-    for (const Group& group : kGroups) {
-      const double change = std::clamp(feature, -kMost, kMost) * *number++;
-      target[group.first] += change;
-      for (int j = group.second; j < group.end; ++j) target[j] += change / 2;
+    for (const JointGroup& group : kGroups) {
+      group.Move(std::clamp(feature, -kMost, kMost) * *number++, target);
     }
   }
   hand_.Follow(observation.first<kHandAngles>(),

@@ -16,29 +16,26 @@ constexpr int kSeenAngles = 22;  // observed: all but the last joint of the litt
 // How far from an outcome its promise falls by exp(-1/2).
 constexpr double kRotationWidth = 0.2, kPlaceWidth = 0.015;  // rad, m
 
-// Joints that move together: one, and the next by a share of its angle.
 struct TurnGroup {
-  const char* name;
-  int joint;
-  double next;
+  JointGroup joints;
   double deviation;  // rad, of the search's first postures
 };
-constexpr std::array<TurnGroup, 16> kTurnGroups = {{{"pronation", 0, 0, 0.3},
-                                                    {"deviation", 1, 0, 0.2},
-                                                    {"wrist", 2, 0, 0.4},
-                                                    {"thumb_abduction", 3, 0, 0.3},
-                                                    {"thumb_flexion", 4, 0, 0.3},
-                                                    {"thumb_bend", 5, 0.5, 0.4},
-                                                    {"index", 7, 0, 0.4},
-                                                    {"index_bend", 9, 0.7, 0.5},
-                                                    {"middle", 11, 0, 0.4},
-                                                    {"middle_bend", 13, 0.7, 0.5},
-                                                    {"ring", 15, 0, 0.4},
-                                                    {"ring_bend", 17, 0.7, 0.5},
-                                                    {"little", 19, 0, 0.4},
-                                                    {"little_bend", 21, 0.7, 0.5},
-                                                    {"index_abduction", 8, 0, 0.15},
-                                                    {"little_abduction", 20, 0, 0.15}}};
+constexpr std::array<TurnGroup, 16> kTurnGroups = {{{{"pronation", 0}, 0.3},
+                                                    {{"deviation", 1}, 0.2},
+                                                    {{"wrist", 2}, 0.4},
+                                                    {{"thumb_abduction", 3}, 0.3},
+                                                    {{"thumb_flexion", 4}, 0.3},
+                                                    {{"thumb_bend", 5, 6, 7, 0.5}, 0.4},
+                                                    {{"index", 7}, 0.4},
+                                                    {{"index_bend", 9, 10, 11, 0.7}, 0.5},
+                                                    {{"middle", 11}, 0.4},
+                                                    {{"middle_bend", 13, 14, 15, 0.7}, 0.5},
+                                                    {{"ring", 15}, 0.4},
+                                                    {{"ring_bend", 17, 18, 19, 0.7}, 0.5},
+                                                    {{"little", 19}, 0.4},
+                                                    {{"little_bend", 21, 22, 23, 0.7}, 0.5},
+                                                    {{"index_abduction", 8}, 0.15},
+                                                    {{"little_abduction", 20}, 0.15}}};
 
 double SquaredDistance(std::span<const double, 3> a, std::span<const double, 3> b) {
   double sum = 0;
@@ -67,7 +64,8 @@ std::span<const ParameterInfo> TurnParameters() {
                                        {"fourth_begins", 105, 12, 1, 149}};
     for (const char* posture : {"first", "second", "third", "fourth"}) {
       for (const TurnGroup& group : kTurnGroups) {
-        const std::string& name = names.emplace_back(std::string(posture) + "_" + group.name);
+        const std::string& name =
+            names.emplace_back(std::string(posture) + "_" + group.joints.name);
         made.push_back({name.c_str(), 0, group.deviation, -3, 3});
       }
     }
@@ -82,11 +80,7 @@ Turn MakeTurn(std::span<const double> numbers) {
   for (size_t i = 1; i < turn.begins.size(); ++i) turn.begins[i] = static_cast<int>(*number++);
   for (HandPosture& posture : turn.postures) {
     posture = kCuppedHand;
-    for (const TurnGroup& group : kTurnGroups) {
-      posture[group.joint] += *number;
-      if (group.next > 0) posture[group.joint + 1] += group.next * *number;
-      ++number;
-    }
+    for (const TurnGroup& group : kTurnGroups) group.joints.Move(*number++, posture);
   }
   return turn;
 }
