@@ -76,7 +76,7 @@ debian(server DIRECTORY ${CMAKE_BINARY_DIR}/docs DESTINATION ${share} OPTIONAL)
 debian(server DIRECTORY ${CMAKE_BINARY_DIR}/adapters DESTINATION ${share}
        PATTERN "*.stamp" EXCLUDE PATTERN __pycache__ EXCLUDE)
 foreach(policy scripted-elbow baseline-manipulation baseline-locomotion baseline-baoding
-        baseline-chasetag baseline-reorientation)
+        baseline-chasetag baseline-reorientation baseline-relocation)
   set(folder lib/myograde/policies/${policy})
   install(TARGETS policy_${policy} RUNTIME DESTINATION ${folder} COMPONENT server EXCLUDE_FROM_ALL)
   debian(server DIRECTORY ${CMAKE_BINARY_DIR}/policies/${policy}/ DESTINATION ${folder}

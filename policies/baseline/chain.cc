@@ -88,21 +88,23 @@ ChainInertia Chain::Inertia(const ChainAngles& angles) const {
 }
 
 ChainAngles Chain::Nearer(const ChainAngles& angles, const Pose& goal, double turn_weight,
-                          const ChainAngles& rest) const {
+                          const ChainAngles& rest, const ChainAngles& ease) const {
   const Frame frame = FrameOf(links_, grasp_, angles, kNothing);
   Jacobian slopes = SlopesAt(frame.turned, frame.pose.place);
   slopes.bottomRows<3>() *= turn_weight;
   Eigen::Matrix<double, 6, 1> missing;
   missing << Shortened(goal.place - frame.pose.place),
       turn_weight * Shortened(RotationVector(goal.turn * frame.pose.turn.conjugate()));
+  Jacobian used = slopes;
+  for (int i = 0; i < kChainAngles; ++i) used.col(i) *= ease[i];
   const Eigen::Matrix<double, 6, 6> damped =
-      slopes * slopes.transpose() + kDamping * kDamping * Eigen::Matrix<double, 6, 6>::Identity();
+      slopes * used.transpose() + kDamping * kDamping * Eigen::Matrix<double, 6, 6>::Identity();
   const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(damped);
   using Angles = Eigen::Matrix<double, kChainAngles, 1>;
   const Angles now = Eigen::Map<const Angles>(angles.data());
   const Angles home = kToRest * (Eigen::Map<const Angles>(rest.data()) - now);
   // What leads to the goal, and of the way to `rest` what the goal leaves free.
-  const Angles step = slopes.transpose() * solver.solve(missing - slopes * home) + home;
+  const Angles step = used.transpose() * solver.solve(missing - slopes * home) + home;
   ChainAngles next;
   for (int i = 0; i < kChainAngles; ++i) {
     next[i] = std::clamp(angles[i] + step[i], ranges_[i].low, ranges_[i].high);

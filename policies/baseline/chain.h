@@ -41,6 +41,8 @@ struct AngleRange {
   double low, high;  // rad
 };
 
+inline constexpr ChainAngles kAllEasy = {1, 1, 1, 1, 1, 1, 1};
+
 class Chain {
  public:
   // `grasp`: where the hand grasps, in the frame of the last link, in m.
@@ -55,9 +57,10 @@ class Chain {
 
   // One damped least-squares step (Nakamura and Hanafusa 1986) from `angles` towards `goal`,
   // within the ranges. A radian of orientation counts as `turn_weight` m; nothing holds the
-  // orientation at 0. `rest`, towards which what is left free goes.
+  // orientation at 0. `rest`, towards which what is left free goes. `ease`: how readily each angle
+  // is used.
   ChainAngles Nearer(const ChainAngles& angles, const Pose& goal, double turn_weight,
-                     const ChainAngles& rest) const;
+                     const ChainAngles& rest, const ChainAngles& ease = kAllEasy) const;
 
  private:
   std::vector<Link> links_;

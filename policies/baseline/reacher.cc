@@ -6,12 +6,6 @@
 namespace myograde::baseline {
 namespace {
 
-constexpr double kMostIntegral = 0.3;     // rad
-constexpr double kMostAcceleration = 60;  // rad/s^2, that is planned
-constexpr std::array<double, kChainAngles> kFriction = {1.05, 1.05, 1.05, 0.75,
-                                                        0.5,  0.25, 0.25};  // N m s/rad
-constexpr double kHandWeight = 20;        // what torques of the hand's joints matter more
-constexpr double kHandTurnWeight = 0.12;  // m/rad, of the muscle hand
 constexpr double kPalmTurnWeight = 0.05;  // m/rad, of the prosthesis
 constexpr int kSolverSteps = 4;
 constexpr double kSagRate = 1.5;      // 1/s, how fast the servos' sag is made good
@@ -25,57 +19,22 @@ constexpr double kStanding = 1.134;   // m, the middle of a standing box
 constexpr double kHalfDepth = 0.014;  // m, from the box's origin to its middle
 constexpr size_t kArmAngles = 1, kProsthesisAngles = 77, kBox = 129, kGoalPlace = 145,
                  kTouching = 148, kArmActivations = 153;
-// Where the independent joints stand among the observation's 38.
-constexpr size_t kElevationPlane = 10, kElevation = 11, kRotation = 13;
-// The postures whose orientations the plan's turns start from: the palm beside the box, and the
-// prosthesis' palm towards the body, its fingers to the right.
-constexpr ChainAngles kPalmBeside = {0.63, 0.72, -0.46, 0.77, 0.44, 0.19, 0.7};
+// The posture whose orientation the plan's turns of the prosthesis start from: its palm towards the
+// body, its fingers to the right.
 constexpr ChainAngles kPalmInFront = {0.85, -0.1, 1.05, 1.2, 0.85, -0.1, 0.4};
-
-size_t AngleOf(int joint) {
-  if (joint == 0) return kElevationPlane;
-  return joint == 1 ? kElevation : kRotation + static_cast<size_t>(joint) - 2;
-}
-
-// A way from 0 to 1 without jumps of its acceleration.
-double Smooth(double x) {
-  const double t = std::clamp(x, 0.0, 1.0);
-  return t * t * t * (10 - 15 * t + 6 * t * t);
-}
-
-double Mixed(double from, double to, double share) { return from + share * (to - from); }
-
-Eigen::Vector3d Vec(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
-
-Eigen::Quaterniond Turned(const std::array<double, 3>& turn, const Eigen::Quaterniond& nominal) {
-  const Eigen::Vector3d v = Vec(turn);
-  const double angle = v.norm();
-  if (angle < 1e-9) return nominal;
-  return Eigen::Quaterniond(Eigen::AngleAxisd(angle, v / angle)) * nominal;
-}
-
-Eigen::Quaterniond ArmTurn(const std::array<double, 3>& turn) {
-  static const Eigen::Quaterniond nominal = MuscleArm().Of(kPalmBeside).turn;
-  return Turned(turn, nominal);
-}
 
 Eigen::Quaterniond PalmTurn(const std::array<double, 3>& turn) {
   static const Eigen::Quaterniond nominal = ProstheticArm().Of(kPalmInFront).turn;
   return Turned(turn, nominal);
 }
 
-Pose Between(const Pose& from, const Pose& to, double share) {
-  return {from.place + share * (to.place - from.place), from.turn.slerp(share, to.turn)};
-}
-
 }  // namespace
 
 void Reacher::Reset() {
   first_ = true;
-  sum_.fill(0);
   sag_.fill(0);
   grip_ = take_ = 0;
-  allocator_.Reset();
+  follower_.Reset();
 }
 
 Reacher::Scene Reacher::SceneOf(std::span<const double, kReacherObservation> observation) {
@@ -88,7 +47,7 @@ Reacher::Scene Reacher::SceneOf(std::span<const double, kReacherObservation> obs
   scene.goal = {observation[kGoalPlace], observation[kGoalPlace + 1], kPillar};
   scene.on_goal = observation[kTouching + 3] > 0;
   for (int j = 0; j < kChainAngles; ++j) {
-    scene.arm[j] = observation[kArmAngles + AngleOf(j)];
+    scene.arm[j] = observation[kArmAngles + ModelJoint(j)];
     scene.prosthesis[j] = observation[kProsthesisAngles + j];
   }
   return scene;
@@ -184,9 +143,7 @@ void Reacher::Follow(const Scene& scene) {
 void Reacher::AimArm(const Scene& scene, double share) {
   Pose goal = Between(hand_from_, HandGoal(scene), share);
   if (phase_ == Phase::kBeside) goal.place += 4 * share * (1 - share) * Vec(plan_.around);
-  for (int i = 0; i < kSolverSteps; ++i) {
-    arm_ = MuscleArm().Nearer(arm_, goal, kHandTurnWeight, kPalmBeside);
-  }
+  arm_ = ArmTowards(arm_, goal);
   const bool closed = phase_ >= Phase::kClose && phase_ < Phase::kRelease;
   grip_ = Mixed(grip_from_, closed ? 1 : 0, share);
 }
@@ -224,50 +181,10 @@ void Reacher::AimProsthesis(const Scene& scene, double share) {
   take_ = Mixed(take_from_, taken ? 1 : 0, share);
 }
 
-ArmTorques Reacher::WantedTorques(const ArmState& state, ArmTorques& weight) {
-  ArmTorques torques = WeightTorques(state);
-  weight.fill(1);
-  ChainAngles angles{};
-  std::copy_n(state.angles.begin(), kChainAngles, angles.begin());
-  const ChainInertia inertia = MuscleArm().Inertia(angles);
-  Eigen::Matrix<double, kChainAngles, 1> acceleration;
-  for (int j = 0; j < kChainAngles; ++j) {
-    const double speed = first_ ? 0 : (arm_[j] - last_arm_[j]) / kArmControlStep;
-    acceleration[j] = first_ ? 0
-                             : std::clamp((speed - last_speed_[j]) / kArmControlStep,
-                                          -kMostAcceleration, kMostAcceleration);
-    last_arm_[j] = arm_[j];
-    last_speed_[j] = speed;
-    const double error = arm_[j] - angles[j];
-    sum_[j] = std::clamp(sum_[j] + plan_.integral * error * kArmControlStep, -kMostIntegral,
-                         kMostIntegral);
-    const double damping = 2 * plan_.damping * std::sqrt(plan_.stiffness[j] * inertia(j, j));
-    torques[j] += plan_.stiffness[j] * (error + sum_[j]) + damping * (speed - state.velocities[j]) +
-                  kFriction[j] * state.velocities[j];
-  }
-  const Eigen::Matrix<double, kChainAngles, 1> planned = inertia * acceleration;
-  for (int j = 0; j < kChainAngles; ++j) torques[j] += planned[j];
-  for (int j = kChainAngles; j < kArmJoints; ++j) {
-    const int k = j - kChainAngles;
-    const double target = Mixed(plan_.open[k], plan_.closed[k], grip_);
-    torques[j] = plan_.hand_stiffness * (target - state.angles[j]) -
-                 plan_.hand_damping * state.velocities[j];
-    weight[j] = kHandWeight;
-  }
-  return torques;
-}
-
 void Reacher::Act(std::span<const double, kReacherObservation> observation,
                   std::span<double, kReacherAction> action) {
-  ArmState state;
-  for (int j = 0; j < kArmJoints; ++j) {
-    state.angles[j] = observation[kArmAngles + AngleOf(j)];
-    // Differences of angles: the profiles give velocities in different units.
-    if (!first_) state.velocities[j] = (state.angles[j] - last_angles_[j]) / kArmControlStep;
-  }
-  for (size_t i = 0; i < kArmMuscles; ++i) state.activation[i] = observation[kArmActivations + i];
-  last_angles_ = state.angles;
-
+  ArmAngles angles;
+  for (int j = 0; j < kArmJoints; ++j) angles[j] = observation[kArmAngles + ModelJoint(j)];
   Scene scene = SceneOf(observation);
   if (first_) {
     arm_ = scene.arm;
@@ -278,9 +195,10 @@ void Reacher::Act(std::span<const double, kReacherObservation> observation,
   const double share = Smooth((scene.time - began_) / std::max(Length(), kArmControlStep));
   AimArm(scene, share);
   AimProsthesis(scene, share);
-  ArmTorques weight;
-  const ArmTorques torques = WantedTorques(state, weight);
-  allocator_.Allocate(state, torques, weight, action.first<kArmMuscles>());
+  HandAngles hand;
+  for (int j = 0; j < kHandJoints; ++j) hand[j] = Mixed(plan_.open[j], plan_.closed[j], grip_);
+  follower_.Follow(angles, observation.subspan<kArmActivations, kArmMuscles>(), arm_, hand,
+                   action.first<kArmMuscles>());
   for (int j = 0; j < kChainAngles; ++j) action[kArmMuscles + j] = prosthesis_[j] + sag_[j];
   for (int j = 0; j < kProsthesisHand; ++j) {
     action[kArmMuscles + kChainAngles + j] = Mixed(plan_.offered[j], plan_.taken[j], take_);

@@ -1,7 +1,6 @@
 // The controller of the manipulation track's baseline: the muscle arm takes the box from its
 // pillar and gives it to the prosthesis, which puts it down on the other one. Hands follow poses
-// relative to the box and to the goal (chain.h); the muscle arm's joints follow by springs, dampers
-// and integrals, whose torques its muscles share (arm_muscles.h).
+// relative to the box and to the goal, the muscle arm as arm_follower.h says.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -9,32 +8,20 @@
 #include <cstddef>
 #include <span>
 
-#include "policies/baseline/arm_muscles.h"
+#include "policies/baseline/arm_follower.h"
 #include "policies/baseline/chain.h"
 
 namespace myograde::baseline {
 
 inline constexpr size_t kReacherObservation = 222;
 inline constexpr size_t kReacherAction = 80;
-inline constexpr int kHandJoints = kArmJoints - kChainAngles;  // four of thumb and of each finger
-inline constexpr int kProsthesis = 17;                         // servos
+inline constexpr int kProsthesis = 17;  // servos
 inline constexpr int kProsthesisHand = kProsthesis - kChainAngles;
 
-using HandAngles = std::array<double, kHandJoints>;          // rad
 using ProsthesisHand = std::array<double, kProsthesisHand>;  // rad
 
-// A pose of a hand: in the world or beside something, as its user says.
-struct HandPlan {
-  double time = 0;                        // s, that the way there takes
-  std::array<double, 3> place{}, turn{};  // m; rotation vector in rad from the arm's nominal pose
-};
-
 struct ReacherPlan {
-  std::array<double, kChainAngles> stiffness{};  // N m/rad
-  double damping = 0;                            // 1: critical
-  double integral = 0;                           // 1/s, of the stiffness
-  double hand_stiffness = 0;                     // N m/rad
-  double hand_damping = 0;                       // N m s/rad
+  ArmGains gains;
   HandAngles open{}, closed{};
   HandPlan beside, at;             // the muscle hand, from the box's middle
   std::array<double, 3> around{};  // m, how far from the straight way to `beside` its middle is
@@ -53,7 +40,7 @@ struct ReacherPlan {
 
 class Reacher {
  public:
-  explicit Reacher(const ReacherPlan& plan) : plan_(plan), allocator_(kArmEffort) {}
+  explicit Reacher(const ReacherPlan& plan) : plan_(plan), follower_(plan.gains) {}
 
   void Reset();
   // Direct actions: excitations in [0, 1], the prosthesis' targets in rad.
@@ -61,8 +48,6 @@ class Reacher {
            std::span<double, kReacherAction> action);
 
  private:
-  static constexpr double kArmEffort = 0.05;  // squared N m for a fully active muscle
-
   // What is done one after the other. A box that is not lifted is gone for again.
   enum class Phase {
     kBeside,
@@ -94,19 +79,16 @@ class Reacher {
   Pose PalmGoal(const Scene& scene) const;
   void AimArm(const Scene& scene, double share);
   void AimProsthesis(const Scene& scene, double share);
-  ArmTorques WantedTorques(const ArmState& state, ArmTorques& weight);
 
   ReacherPlan plan_;
-  ArmAllocator allocator_;
+  ArmFollower follower_;
   Phase phase_ = Phase::kBeside;
   double began_ = 0;                         // s, when the phase did
   Eigen::Vector3d box_;                      // m, where it was before the hand came to it
   Pose hand_from_, palm_from_, given_from_;  // where the hands were then
   double grip_from_ = 0, grip_ = 0, take_from_ = 0, take_ = 0;  // 0: open, 1: closed
-  ChainAngles arm_{}, last_arm_{}, last_speed_{};               // targets in rad, rad/s
-  ChainAngles sum_{};                                           // rad
+  ChainAngles arm_{};                                           // targets in rad
   ChainAngles prosthesis_{}, sag_{};                            // targets and corrections in rad
-  std::array<double, kArmJoints> last_angles_{};
   bool first_ = true;
 };
 

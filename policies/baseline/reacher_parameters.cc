@@ -17,6 +17,7 @@ struct Range {
 
 constexpr std::array<const char*, kChainAngles> kJoints = {
     "elevation_plane", "elevation", "rotation", "elbow", "pronation", "deviation", "wrist"};
+constexpr int kElbow = 3;
 constexpr ChainAngles kStiffness = {200, 200, 50, 60, 12, 8, 8};  // N m/rad
 constexpr int kThumb = 4, kFinger = 4, kFingers = 4;  // joints, joints of each finger, fingers
 // The joints of the thumb, and those that all fingers share.
@@ -63,7 +64,7 @@ class Walk {
 
   ReacherPlan Plan() {
     ReacherPlan plan;
-    Gains(plan);
+    plan.gains = Gains();
     plan.open = Hand("open_", false);
     plan.closed = Hand("closed_", true);
     plan.beside = Way({"beside", 0.6, {-0.12, 0.02, 0.03}, 0.1});
@@ -99,8 +100,40 @@ class Walk {
     return plan;
   }
 
+  CarrierPlan Carry() {
+    CarrierPlan plan;
+    plan.gains.rate = next_("rate", 20, 2, 5, 60);
+    plan.gains.damping = next_("damping", 0.7, 0.1, 0.1, 3);
+    plan.gains.integral = next_("integral", 0.3, 0.3, 0, 20);
+    plan.gains.hand_stiffness = next_("hand_stiffness", 1.5, 0.3, 0, 20);
+    plan.gains.hand_damping = next_("hand_damping", 0.03, 0.006, 0, 1);
+    plan.rest = kPalmBeside;
+    for (int j = 0; j < kElbow; ++j) {
+      plan.rest[j] = next_(std::string("rest_") + kJoints[j], plan.rest[j], 0.15, -1.5, 2);
+    }
+    plan.ease = next_("ease", 0.3, 0.1, 0.02, 1);
+    plan.open = Hand("open_", false);
+    plan.closed = Hand("closed_", true);
+    plan.yaw = next_("yaw", 0.5, 0.1, -1, 2);
+    plan.beside = Way({"beside", 0.35, {-0.08, 0.02, 0.03}, 0.15});
+    plan.at = Way({"at", 0.15, {-0.015, 0, 0}, 0.1});
+    plan.close_time = Time("close", 0.15);
+    plan.over = Way({"over", 0.5, {0, 0, 0.25}, 0.2});
+    plan.turn_weight = next_("turn_weight", 0.06, 0.01, 0, 0.2);
+    plan.over_turn_weight = next_("over_turn_weight", 0.03, 0.01, 0, 0.12);
+    plan.rise = next_("rise", 0.7, 0.1, 0.2, 1);
+    plan.lag = next_("lag", 0.2, 0.1, 0, 0.8);
+    plan.correction = next_("correction", 4, 1, 0, 20);
+    plan.aim = next_("aim", 0.12, 0.02, 0.01, 0.4);
+    plan.let_go = next_("let_go", 0.1, 0.02, 0, 0.3);
+    plan.open_time = Time("open", 0.06);
+    plan.freed = Hand("freed_", false);
+    return plan;
+  }
+
  private:
-  void Gains(ReacherPlan& plan) {
+  ArmGains Gains() {
+    ArmGains plan;
     for (int j = 0; j < kChainAngles; ++j) {
       plan.stiffness[j] = next_(std::string("stiffness_") + kJoints[j], kStiffness[j],
                                 0.1 * kStiffness[j], 0.1 * kStiffness[j], 10 * kStiffness[j]);
@@ -109,6 +142,7 @@ class Walk {
     plan.integral = next_("integral", 1.5, 0.3, 0, 20);
     plan.hand_stiffness = next_("hand_stiffness", 1.5, 0.3, 0, 20);
     plan.hand_damping = next_("hand_damping", 0.03, 0.006, 0, 1);
+    return plan;
   }
 
   HandAngles Hand(const std::string& prefix, bool closed) {
@@ -153,31 +187,41 @@ struct Table {
   std::vector<ParameterInfo> infos;
 };
 
-const Table& Parameters() {
-  static const Table table = [] {
-    Table out;
-    const auto next = [&out](const std::string& name, double start, double deviation, double low,
-                             double high) {
-      out.names.push_back(name);
-      out.infos.push_back({out.names.back().c_str(), start, deviation, low, high});
-      return start;
-    };
-    Walk(next).Plan();
-    return out;
-  }();
-  return table;
+// What `walk` asks its argument for, a Next.
+template <typename Asking>
+Table TableOf(Asking walk) {
+  Table out;
+  walk([&out](const std::string& name, double start, double deviation, double low, double high) {
+    out.names.push_back(name);
+    out.infos.push_back({out.names.back().c_str(), start, deviation, low, high});
+    return start;
+  });
+  return out;
+}
+
+// Answers with `numbers`, one after the other.
+auto Given(std::span<const double> numbers) {
+  return [numbers, i = size_t{0}](const std::string&, double, double, double, double) mutable {
+    return numbers[i++];
+  };
 }
 
 }  // namespace
 
-std::span<const ParameterInfo> ReacherParameters() { return Parameters().infos; }
+std::span<const ParameterInfo> ReacherParameters() {
+  static const Table table = TableOf([](auto next) { Walk(next).Plan(); });
+  return table.infos;
+}
 
-ReacherPlan MakePlan(std::span<const double> numbers) {
-  size_t i = 0;
-  const auto next = [&](const std::string&, double, double, double, double) {
-    return numbers[i++];
-  };
-  return Walk(next).Plan();
+std::span<const ParameterInfo> CarrierParameters() {
+  static const Table table = TableOf([](auto next) { Walk(next).Carry(); });
+  return table.infos;
+}
+
+ReacherPlan MakePlan(std::span<const double> numbers) { return Walk(Given(numbers)).Plan(); }
+
+CarrierPlan MakeCarrierPlan(std::span<const double> numbers) {
+  return Walk(Given(numbers)).Carry();
 }
 
 ReacherPlan ReadReacherPlan(const std::string& path) {

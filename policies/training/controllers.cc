@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "policies/baseline/carrier.h"
 #include "policies/baseline/juggler.h"
 #include "policies/baseline/reacher.h"
 #include "policies/baseline/reacher_parameters.h"
@@ -14,8 +15,12 @@
 #include "policies/baseline/turner.h"
 #include "policies/baseline/walker.h"
 
+using myograde::baseline::Carrier;
+using myograde::baseline::CarrierParameters;
 using myograde::baseline::Juggler;
 using myograde::baseline::JugglerParameters;
+using myograde::baseline::kArmMuscles;
+using myograde::baseline::kCarrierObservation;
 using myograde::baseline::kHandActions;
 using myograde::baseline::kJugglerObservation;
 using myograde::baseline::kReacherAction;
@@ -26,6 +31,7 @@ using myograde::baseline::kWalkerObservation;
 using myograde::baseline::kWalkerParameters;
 using myograde::baseline::kWholeMuscles;
 using myograde::baseline::kWholeObservation;
+using myograde::baseline::MakeCarrierPlan;
 using myograde::baseline::MakePlan;
 using myograde::baseline::MakeTurn;
 using myograde::baseline::ObservedIn;
@@ -94,6 +100,7 @@ void walker_leg_modes(void* walker, double* out) {
 }
 
 CONTROLLER(reacher, Reacher, ReacherParameters(), MakePlan, kReacherObservation, kReacherAction)
+CONTROLLER(carrier, Carrier, CarrierParameters(), MakeCarrierPlan, kCarrierObservation, kArmMuscles)
 CONTROLLER(juggler, Juggler, JugglerParameters(), std::span, kJugglerObservation, kHandActions)
 CONTROLLER(tagger, Tagger, TaggerParameters(), std::span, kWholeObservation, kWholeMuscles)
 CONTROLLER(turner, Turner, TurnParameters(), OnlyTurn, kTurnerObservation, kHandActions)

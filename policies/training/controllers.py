@@ -145,6 +145,15 @@ class Reacher(Controller):
     action_size = 80
 
 
+class Carrier(Controller):
+    """The controller of the track relocation."""
+
+    name = "carrier"
+    track = "Relocation"
+    profile = "official"
+    action_size = 63
+
+
 class Juggler(Controller):
     """The controller of the track baoding."""
 
@@ -184,4 +193,4 @@ class Turner(Controller):
         return turner
 
 
-CONTROLLERS = {kind.name: kind for kind in (Walker, Reacher, Juggler, Tagger, Turner)}
+CONTROLLERS = {kind.name: kind for kind in (Walker, Reacher, Carrier, Juggler, Tagger, Turner)}

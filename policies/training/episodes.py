@@ -45,6 +45,14 @@ TURNER_STEP = 0.01      # s
 DIE = slice(45, 48)     # its place in the turner's observation, m
 DIE_ROTATION = slice(54, 57)  # Euler angles, rad
 SUCCESS_STEPS = 6       # with the official flag
+CARRIER_STEP = 0.01  # s
+CARRIER_S = 1.5      # s, that an episode takes
+OBJECT = slice(75, 78)  # m
+MISSING = slice(81, 84)  # m, from the object to the goal
+ON_TABLE = 0.95  # m, higher than the middle of an object that lies there
+IN_HAND = 0.13   # m, from the palm
+LATEST_S = 1.2   # s: later the object does not lie in the bin for long enough
+OVER_WALL = 0.24  # m, from the goal to where the object clears the bin's wall
 PR_SET_PDEATHSIG = 1
 
 
@@ -53,16 +61,17 @@ class Result:
     """What came of an episode."""
 
     score: float
-    distance: float  # m: how far the walker got, or the lifted box on its way to the goal; of a
-    # juggler, the share of solved steps; of a tagger, the official score; of a turner, its success
+    distance: float  # m: how far the walker got, or the lifted box on its way to the goal, or what
+    # the carrier's object missed the place over the bin by (1 at most); of a juggler, the share of
+    # solved steps; of a tagger, the official score; of a turner, its success
     time: float  # s
     end: str
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead; of a
     # tagger, its task
     tilt: str = ""  # where a walker leans at the end: forwards, backwards, left or right
     course: str = ""  # of the walker, one of COURSES
-    lifted: bool = False  # the box, more than LIFTED
-    success: bool = False  # of the box, as the profile scores it but for the peak force
+    lifted: bool = False  # the box or the object, more than LIFTED
+    success: bool = False  # as the profile scores it but for the peak force
     given: bool = False  # the prosthesis held the box alone for half a second
     both: bool = False  # each arm touched the box for BOTH_S, which a success in `paper` needs
 
@@ -132,8 +141,8 @@ def tilt_of(pelvis: np.ndarray) -> str:
 def play(job: tuple[Any, int, float]) -> Result:
     """One episode: parameters (of a turner also the path of its file), seed, and the most seconds that
     it may take."""
-    return {"walker": walk, "reacher": reach, "juggler": juggle, "tagger": tag,
-            "turner": turn}[_controller](*job)
+    return {"walker": walk, "reacher": reach, "carrier": carry,
+            "juggler": juggle, "tagger": tag, "turner": turn}[_controller](*job)
 
 
 def walk(numbers: np.ndarray, seed: int, seconds: float) -> Result:
@@ -203,6 +212,38 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
              - 3 * min(nearest, 0.4))
     return Result(score, progress, steps * REACHER_STEP, end, "beside",
                   lifted=bool(height > LIFTED), success=success, both=both, given=given > 50)
+
+
+def carry(numbers: np.ndarray, seed: int, seconds: float) -> Result:
+    """An episode of the carrier. The score leads it to the object, up with it, over the bin's wall
+    and to the goal."""
+    carrier = controllers.Carrier(_library, numbers)
+    observations, _ = _envs.reset(seed=[seed])
+    carrier.reset()
+    actions = np.zeros((1, carrier.action_size))
+    end, steps, score, height, way = "time", 0, 0.0, 0.0, 1.0
+    for steps in range(1, round(min(seconds, CARRIER_S) / CARRIER_STEP) + 1):
+        carrier.act(observations[0], actions[0])
+        observations, _, terminated, truncated, info = _envs.step(actions)
+        now = observations[0]
+        reach = float(info["facts"]["final_reach"][0])
+        held = reach < IN_HAND and now[OBJECT][2] > ON_TABLE
+        if held:
+            height = max(height, now[OBJECT][2] - ON_TABLE)
+        score -= 3 * min(reach, 0.2) if steps == 60 else 0
+        score += held if steps in (80, 95) else 0
+        if 0.6 <= steps * CARRIER_STEP <= LATEST_S:
+            missing = now[MISSING]  # over the bin's wall, sideways and up:
+            way = min(way, np.hypot(*missing[:2]) + max(0.0, missing[2] + OVER_WALL))
+        if terminated[0] or truncated[0]:
+            end = str(info["end"][0])
+            break
+    solved = int(info["facts"]["solved_steps"][0])
+    score += (10.0 * (solved >= SUCCESS_STEPS) + min(solved, SUCCESS_STEPS) / SUCCESS_STEPS
+              + 3 * np.exp(-way / 0.12)
+              + 8 * max(0.0, 0.3 - float(info["facts"]["smallest_position_error"][0])))
+    return Result(float(score), way, steps * CARRIER_STEP, end, "falling",
+                  lifted=bool(height > LIFTED), success=solved >= SUCCESS_STEPS)
 
 
 def juggle(numbers: np.ndarray, seed: int, seconds: float) -> Result:

@@ -85,11 +85,13 @@ def main() -> int:
         "profile": args.profile or controllers.CONTROLLERS[args.controller].profile,
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
         "ends": episodes.counts(r.end for r in results)}
-    if args.controller == "reacher":
-        for name, count in (("success", sum(r.success for r in results)),
-                            ("lifted", sum(r.lifted for r in results)),
-                            ("given", sum(r.given for r in results)),
-                            ("touched_by_both", sum(r.both for r in results))):
+    if args.controller in ("reacher", "carrier"):
+        counted = [("success", sum(r.success for r in results)),
+                   ("lifted", sum(r.lifted for r in results))]
+        if args.controller == "reacher":
+            counted += [("given", sum(r.given for r in results)),
+                        ("touched_by_both", sum(r.both for r in results))]
+        for name, count in counted:
             figure[name] = count
             figure[f"{name}_wilson95"] = [round(x, 3) for x in wilson(count, len(results))]
     elif args.controller == "walker":

@@ -182,6 +182,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Bundled{"scripted-locomotion", {"./scripted-locomotion"}},
                       Bundled{"baseline-locomotion", {"./baseline-locomotion"}},
                       Bundled{"baseline-baoding", {"./baseline-baoding"}},
+                      Bundled{"baseline-relocation", {"./baseline-relocation"}},
                       Bundled{"baseline-chasetag", {"./baseline-chasetag"}},
                       Bundled{"baseline-reorientation", {"./baseline-reorientation"}},
                       Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}),

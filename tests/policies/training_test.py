@@ -66,6 +66,7 @@ class Training(unittest.TestCase):
         for controller, file, profile in (("walker", "locomotion.json", "as-graded"),
                                           ("reacher", "manipulation.json", "paper"),
                                           ("juggler", "baoding.json", "official"),
+                                          ("carrier", "relocation.json", "official"),
                                           ("tagger", "chasetag.json", "official")):
             shipped = SOURCE / "policies/baseline/parameters" / file
             written = self.folder / file

@@ -113,6 +113,14 @@ TEST(Chain, StepsLeadToAPoseWithinReach) {
   EXPECT_LT(reached.turn.angularDistance(goal.turn), 0.02);
 }
 
+TEST(Chain, AnAngleThatIsNotUsedStays) {
+  const Pose goal = MuscleArm().Of({0.9, 0.6, 0.1, 1.2, 0.1, 0.2, 0.4});
+  const ChainAngles first = {0.5, 0.8, -0.4, 0.8, 0.3, 0.2, 0.5};
+  const ChainAngles next = MuscleArm().Nearer(first, goal, 0.12, first, {0, 1, 1, 1, 1, 1, 1});
+  EXPECT_EQ(next[0], first[0]);
+  EXPECT_NE(next[1], first[1]);
+}
+
 TEST(Chain, APoseOutOfReachLeavesAnglesWithinTheirRanges) {
   Pose far;
   far.place = {3, 3, 3};
