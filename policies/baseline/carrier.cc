@@ -70,14 +70,14 @@ void Carrier::Aim(const Eigen::Vector3d& hand) {
                       : Mixed(grip_from_, phase_ >= Phase::kClose ? 1 : 0, Smooth(t));
 }
 
-bool Carrier::Nears(const Scene& scene) const {
+bool Carrier::WillBeOverBin(const Scene& scene) const {
   const Eigen::Vector3d missing = scene.object + plan_.let_go * scene.speed - goal_;
   return missing.z() > kWall && missing.head<2>().norm() < plan_.aim;
 }
 
 void Carrier::Follow(const Scene& scene) {
   if (phase_ == Phase::kOver) {
-    if (opened_ == 0 && Nears(scene)) opened_ = steps_;
+    if (opened_ == 0 && WillBeOverBin(scene)) opened_ = steps_;
     return;
   }
   if (Elapsed() < Length()) return;

@@ -57,7 +57,7 @@ class Carrier {
   void Begin(Phase phase);
   void Follow(const Scene& scene);  // the next phase, when this one is done
   // Whether the object will be over the bin once the hand is open.
-  bool Nears(const Scene& scene) const;
+  bool WillBeOverBin(const Scene& scene) const;
   Pose Goal() const;                      // of the hand
   void Aim(const Eigen::Vector3d& hand);  // `hand`: m, where it is
 
