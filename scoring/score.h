@@ -93,4 +93,20 @@ inline absl::StatusOr<TrackScoring> FinishWithScoreBoard(
   return result;
 }
 
+// ScoredTrack::parse of a track whose facts count the steps with the official flag: as many as the
+// config's "solved_steps" are a success, with a score of 1. `own` gives its own metrics of facts.
+template <const ScoredTrack& (*track)(), typename Facts, auto own>
+absl::StatusOr<TrackScoring> ParseSolvedSteps(const nlohmann::json& scoring,
+                                              const std::string& where) {
+  ConfigReader reader(scoring, where);
+  const int64_t enough = reader.Integer("solved_steps", 1, 1'000'000);
+  const auto judge = [enough](const EpisodeFacts& episode) {
+    return JudgeByScore<Facts>(episode, [&](const Facts& facts) {
+      const bool solved = facts.solved_steps >= enough;
+      return ScoredEpisode{.score = solved ? 1.0 : 0.0, .success = solved, .own = own(facts)};
+    });
+  };
+  return FinishWithScoreBoard(reader, track(), judge, {ScoreMetric::kEffort});
+}
+
 }  // namespace myograde::scoring

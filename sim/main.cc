@@ -161,7 +161,7 @@ absl::Status WriteModelFile(const std::string& name, const char* file,
   const absl::StatusOr<ModelPtr> model = LoadModel(*track.model, cache_dir);
   if (!model.ok()) return model.status();
   const absl::StatusOr<std::string> content =
-      MakeModelFile(**model, name, ModelFileKey(*track.model), *track.view);
+      MakeModelFile(**model, name, ModelFileKey(*track.model), track.view);
   return content.ok() ? WriteFile(file, *content) : content.status();
 }
 

@@ -1,57 +1,27 @@
 #include "sim/tracks.h"
 
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/status_macros.h"
-#include "protocol/tracks/baoding/track.h"
-#include "protocol/tracks/chasetag/track.h"
-#include "protocol/tracks/elbow/track.h"
-#include "protocol/tracks/locomotion/track.h"
-#include "protocol/tracks/manipulation/track.h"
-#include "protocol/tracks/relocation/track.h"
-#include "protocol/tracks/reorientation/track.h"
-#include "sim/baoding/baoding.h"
-#include "sim/chasetag/chasetag.h"
-#include "sim/elbow/elbow.h"
-#include "sim/elbow/model.h"
-#include "sim/elbow/readings.h"
-#include "sim/elbow/telemetry.h"
-#include "sim/locomotion/locomotion.h"
-#include "sim/locomotion/model.h"
-#include "sim/locomotion/readings.h"
-#include "sim/locomotion/telemetry.h"
-#include "sim/manipulation/manipulation.h"
-#include "sim/manipulation/model.h"
-#include "sim/manipulation/readings.h"
-#include "sim/manipulation/telemetry.h"
+#include "sim/baoding/track.h"
+#include "sim/chasetag/track.h"
+#include "sim/elbow/track.h"
+#include "sim/locomotion/track.h"
+#include "sim/manipulation/track.h"
 #include "sim/model/model.h"
-#include "sim/relocation/relocation.h"
-#include "sim/reorientation/reorientation.h"
+#include "sim/relocation/track.h"
+#include "sim/reorientation/track.h"
 
 namespace myograde::sim {
 
 std::span<const SimulatedTrack> SimulatedTracks() {
   static const std::array tracks = {
-      SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), &ManipulationView(), MakeManipulation,
-                     ManipulationRewardTerms(), ManipulationReadings, WatchManipulation},
-      SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), &LocomotionView(), MakeLocomotion,
-                     LocomotionRewardTerms(), LocomotionReadings, WatchLocomotion},
-      SimulatedTrack{&ReorientationTrack(), &ReorientationModel(), &ReorientationView(),
-                     MakeReorientation, ReorientationRewardTerms(), ReorientationReadings,
-                     WatchReorientation},
-      SimulatedTrack{&BaodingTrack(), &BaodingModel(), &BaodingView(), MakeBaoding,
-                     BaodingRewardTerms(), BaodingReadings, WatchBaoding},
-      SimulatedTrack{&RelocationTrack(), &RelocationModel(), &RelocationView(), MakeRelocation,
-                     RelocationRewardTerms(), RelocationReadings, WatchRelocation},
-      SimulatedTrack{&ChaseTagTrack(), &ChaseTagModel(), &ChaseTagView(), MakeChaseTag,
-                     ChaseTagRewardTerms(), ChaseTagReadings, WatchChaseTag},
-      SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
-                     ElbowRewardTerms(), ElbowReadings, WatchElbow},
-  };
+      SimulatedManipulation(), SimulatedLocomotion(), SimulatedReorientation(), SimulatedBaoding(),
+      SimulatedRelocation(),   SimulatedChaseTag(),   SimulatedElbow()};
   return tracks;
 }
 

@@ -11,32 +11,21 @@ constexpr auto kMetrics = ScoreMetrics({
      .shown = Metric::Shown::kAlways, .spread = true},
 });
 
-absl::StatusOr<TrackScoring> Parse(const nlohmann::json& scoring, const std::string& where) {
-  ConfigReader reader(scoring, where);
-  const RelocationJudging judging = {.solved_steps = reader.Integer("solved_steps", 1, 1'000'000)};
-  const auto judge = [judging](const EpisodeFacts& facts) { return Judge(facts, judging); };
-  return FinishWithScoreBoard(reader, ScoredRelocation(), judge, {ScoreMetric::kEffort});
+std::vector<std::optional<double>> Own(const RelocationFacts& facts) {
+  return {facts.final_position_error, facts.final_reach};
 }
 
 }  // namespace
 }  // namespace relocation
 
-Verdict Judge(const EpisodeFacts& episode, const RelocationJudging& rules) {
-  return JudgeByScore<RelocationFacts>(episode, [&](const RelocationFacts& facts) {
-    const bool solved = facts.solved_steps >= rules.solved_steps;
-    return ScoredEpisode{.score = solved ? 1.0 : 0.0,
-                         .success = solved,
-                         .own = {facts.final_position_error, facts.final_reach}};
-  });
-}
-
 const ScoredTrack& ScoredRelocation() {
-  static const ScoredTrack track = {.name = RelocationFacts::kTrack,
-                                    .metrics = relocation::kMetrics,
-                                    .null_metrics = {},
-                                    .null_means = {},
-                                    .null_spreads = {},
-                                    .parse = relocation::Parse};
+  static const ScoredTrack track = {
+      .name = RelocationFacts::kTrack,
+      .metrics = relocation::kMetrics,
+      .null_metrics = {},
+      .null_means = {},
+      .null_spreads = {},
+      .parse = ParseSolvedSteps<ScoredRelocation, RelocationFacts, relocation::Own>};
   return track;
 }
 

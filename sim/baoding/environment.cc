@@ -3,27 +3,14 @@
 #include <cassert>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/status_macros.h"
-#include "sim/baoding/baoding.h"
 #include "sim/model/official_steps.h"
 
 namespace myograde::sim {
 
-absl::StatusOr<std::unique_ptr<Environment>> MakeBaoding(const TrackConfig& config,
-                                                         const std::string& cache_dir) {
-  auto rules = ParseBaodingRules(config.rules,
-                                 absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
-  if (!rules.ok()) return rules.status();
-  ASSIGN_OR_RETURN(auto model, LoadModel(BaodingModel(), cache_dir));
-  return BaodingEnvironment::Make(*rules, std::move(model));
-}
-
 absl::StatusOr<std::unique_ptr<BaodingEnvironment>> BaodingEnvironment::Make(
     const BaodingRules& rules, ModelPtr model) {
-  DataPtr data(mj_makeData(model.get()));
-  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  ASSIGN_OR_RETURN(DataPtr data, MakeData(*model));
   ASSIGN_OR_RETURN(const BallScene scene, FindBallScene(*model));
   return std::unique_ptr<BaodingEnvironment>(
       new BaodingEnvironment(rules, std::move(model), std::move(data), scene));
@@ -105,12 +92,6 @@ void BaodingEnvironment::Observe(std::span<double> out) const {
       SiteOf(*data_, scene_.sites[0]), velocity(0), SiteOf(*data_, scene_.sites[1]), velocity(1),
       SiteOf(*data_, scene_.target_sites[0]), SiteOf(*data_, scene_.target_sites[1]), now.errors[0],
       now.errors[1], VectorXd::Map(data_->act, kHandMuscleCount);
-}
-
-std::span<const RewardTerm> BaodingRewardTerms() {
-  static constexpr RewardTerm kTerms[] = {{"pos_dist_1", 5}, {"pos_dist_2", 5}, {"act_reg", 0},
-                                          {"sparse", 0},     {"solved", 0},     {"done", 0}};
-  return kTerms;
 }
 
 void BaodingEnvironment::RewardTerms(std::span<double> out) const {

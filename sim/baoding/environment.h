@@ -12,6 +12,10 @@ namespace myograde::sim {
 
 class BaodingEnvironment final : public HandEnvironment {
  public:
+  // The official reward, in the order of its dictionary.
+  static constexpr RewardTerm kRewardTerms[] = {{"pos_dist_1", 5}, {"pos_dist_2", 5},
+                                                {"act_reg", 0},    {"sparse", 0},
+                                                {"solved", 0},     {"done", 0}};
   static constexpr int kPhysicsSteps = 10;  // of 2.5 ms in a control step
 
   // InternalError: the model is not that of the hand and the balls.

@@ -1,7 +1,7 @@
 #include <string>
 
-#include "sim/baoding/baoding.h"
 #include "sim/baoding/pins.h"
+#include "sim/baoding/track.h"
 #include "sim/model/hand.h"
 
 namespace myograde::sim {

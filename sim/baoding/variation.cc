@@ -1,10 +1,11 @@
 #include "sim/baoding/variation.h"
 
+#include <absl/strings/str_cat.h>
+
 #include <cmath>
 #include <numbers>
 
-#include <absl/strings/str_cat.h>
-
+#include "protocol/base/status_macros.h"
 #include "sim/model/finder.h"
 #include "sim/model/official_steps.h"
 
@@ -48,9 +49,7 @@ absl::StatusOr<BallScene> FindBallScene(const mjModel& model) {
     scene.target_sites[i] = find.Find(mjOBJ_SITE, absl::StrCat("target", number, "_site").c_str());
     scene.target_bodies[i] = find.Find(mjOBJ_BODY, absl::StrCat("target", number).c_str());
   }
-  if (!find.missing().empty()) {
-    return absl::InternalError(absl::StrCat("the hand's model has no ", find.missing()));
-  }
+  RETURN_IF_ERROR(find.Check("baoding"));
   if (model.nq != 37 || model.nv != 35 || model.nu != 39 || model.na != 39 || model.nmocap != 2 ||
       mj_name2id(&model, mjOBJ_JOINT, "pro_sup") != 0) {
     return absl::InternalError("the hand's model does not have the expected joints and muscles");

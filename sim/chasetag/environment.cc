@@ -1,7 +1,6 @@
 #include "sim/chasetag/environment.h"
 
 #include <absl/strings/escaping.h>
-#include <absl/strings/str_cat.h>
 
 #include <algorithm>
 #include <cassert>
@@ -11,7 +10,6 @@
 #include <utility>
 
 #include "protocol/base/status_macros.h"
-#include "sim/chasetag/chasetag.h"
 #include "sim/model/finder.h"
 #include "sim/model/official_steps.h"
 
@@ -36,15 +34,6 @@ double ToHundredths(double seconds) { return std::nearbyint(seconds * 100) / 100
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Environment>> MakeChaseTag(const TrackConfig& config,
-                                                          const std::string& cache_dir) {
-  auto rules = ParseChaseTagRules(config.rules,
-                                  absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
-  if (!rules.ok()) return rules.status();
-  ASSIGN_OR_RETURN(auto model, LoadModel(ChaseTagModel(), cache_dir));
-  return ChaseTagEnvironment::Make(*rules, std::move(model));
-}
-
 absl::StatusOr<ChaseTagScene> FindChaseTagScene(const mjModel& model) {
   Finder finder(model);
   ChaseTagScene scene = {.root_body = finder.Find(mjOBJ_BODY, "root"),
@@ -57,9 +46,7 @@ absl::StatusOr<ChaseTagScene> FindChaseTagScene(const mjModel& model) {
                                    finder.Sensor("l_foot"), finder.Sensor("l_toes")},
                          .relief = {}};
   const int relief = finder.Find(mjOBJ_TEXT, "myo_relief");
-  if (!finder.missing().empty()) {
-    return absl::InternalError(absl::StrCat("the model of chase-tag lacks ", finder.missing()));
-  }
+  RETURN_IF_ERROR(finder.Check("chase-tag"));
   scene.relief = absl::HexStringToBytes(model.text_data + model.text_adr[relief]);
   if (model.nq != 35 || model.nv != 34 || model.nu != 80 || model.na != 80 || model.nkey != 4 ||
       model.nmocap != 1 || model.nhfield != 1 ||
@@ -75,8 +62,7 @@ absl::StatusOr<ChaseTagScene> FindChaseTagScene(const mjModel& model) {
 absl::StatusOr<std::unique_ptr<ChaseTagEnvironment>> ChaseTagEnvironment::Make(
     const ChaseTagRules& rules, ModelPtr model) {
   ASSIGN_OR_RETURN(auto scene, FindChaseTagScene(*model));
-  DataPtr data(mj_makeData(model.get()));
-  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  ASSIGN_OR_RETURN(DataPtr data, MakeData(*model));
   return std::unique_ptr<ChaseTagEnvironment>(
       new ChaseTagEnvironment(rules, std::move(model), std::move(data), scene));
 }
@@ -240,12 +226,6 @@ void ChaseTagEnvironment::ObserveExtra(std::span<double> out) const {
   OfficialHeightMap(field_.grid(), {Vector2d::Map(data_->qpos), data_->qpos + 3},
                     out.subspan(2, out.size() - 7));
   Eigen::Vector<double, 5>::Map(out.last(5).data()) << Opponent::PoseOf(*data_), opponent_.velocity();
-}
-
-std::span<const RewardTerm> ChaseTagRewardTerms() {
-  static constexpr RewardTerm kTerms[] = {{"act_reg", 0}, {"distance", -0.1}, {"lose", -1000},
-                                          {"sparse", 0},  {"solved", 0},      {"done", 0}};
-  return kTerms;
 }
 
 void ChaseTagEnvironment::RewardTerms(std::span<double> out) const {

@@ -26,6 +26,9 @@ absl::StatusOr<ChaseTagScene> FindChaseTagScene(const mjModel& model);
 
 class ChaseTagEnvironment final : public MuscleEnvironment {
  public:
+  // The official reward, in the order of its dictionary.
+  static constexpr RewardTerm kRewardTerms[] = {{"act_reg", 0}, {"distance", -0.1}, {"lose", -1000},
+                                                {"sparse", 0},  {"solved", 0},      {"done", 0}};
   static constexpr int kPhysicsSteps = 10;  // of 1 ms in a control step
   static constexpr int kMuscleCount = 80;
   // After the root's free joint.

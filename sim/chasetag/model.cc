@@ -1,5 +1,5 @@
-#include "sim/chasetag/chasetag.h"
 #include "sim/chasetag/pins.h"
+#include "sim/chasetag/track.h"
 
 namespace myograde::sim {
 namespace chasetag {

@@ -1,17 +1,13 @@
 #include "sim/elbow/environment.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include <Eigen/Core>
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/status_macros.h"
-#include "sim/elbow/elbow.h"
-#include "sim/elbow/model.h"
 #include "sim/model/official_steps.h"
 
 namespace myograde::sim {
@@ -21,15 +17,6 @@ ElbowFacts& OfElbow(EpisodeFacts& facts) { return std::get<ElbowFacts>(facts.tra
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Environment>> MakeElbow(const TrackConfig& config,
-                                                       const std::string& cache_dir) {
-  auto rules = ParseElbowRules(
-      config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
-  if (!rules.ok()) return rules.status();
-  ASSIGN_OR_RETURN(auto model, LoadModel(ElbowModel(), cache_dir));
-  return ElbowEnvironment::Make(*rules, std::move(model));
-}
-
 absl::StatusOr<std::unique_ptr<ElbowEnvironment>> ElbowEnvironment::Make(const ElbowRules& rules,
                                                                          ModelPtr model) {
   if (model->nq != 1 || model->nv != 1 || model->nu != kMuscleCount ||
@@ -37,8 +24,7 @@ absl::StatusOr<std::unique_ptr<ElbowEnvironment>> ElbowEnvironment::Make(const E
       mj_name2id(model.get(), mjOBJ_ACTUATOR, "TRIlong") != 0) {
     return absl::InternalError("the elbow model does not have the expected joint and muscles");
   }
-  DataPtr data(mj_makeData(model.get()));
-  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  ASSIGN_OR_RETURN(DataPtr data, MakeData(*model));
   return std::unique_ptr<ElbowEnvironment>(
       new ElbowEnvironment(rules, std::move(model), std::move(data)));
 }
@@ -120,13 +106,6 @@ void ElbowEnvironment::Observe(std::span<double> out) const {
 void ElbowEnvironment::ObserveExtra(std::span<double> out) const {
   assert(std::ssize(out) == 1);
   out[0] = data_->time;
-}
-
-std::span<const RewardTerm> ElbowRewardTerms() {
-  static constexpr RewardTerm kTerms[] = {{"pose", 1},    {"bonus", 4},  {"penalty", 50},
-                                          {"act_reg", 1}, {"sparse", 0}, {"solved", 0},
-                                          {"done", 0}};
-  return kTerms;
 }
 
 void ElbowEnvironment::RewardTerms(std::span<double> out) const {

@@ -14,6 +14,10 @@ namespace myograde::sim {
 
 class ElbowEnvironment final : public MuscleEnvironment {
  public:
+  // The official reward, in the order of its dictionary.
+  static constexpr RewardTerm kRewardTerms[] = {{"pose", 1},    {"bonus", 4},  {"penalty", 50},
+                                                {"act_reg", 1}, {"sparse", 0}, {"solved", 0},
+                                                {"done", 0}};
   static constexpr int kPhysicsSteps = 10;  // of 2 ms in a control step
   static constexpr int kMuscleCount = 6;
 

@@ -122,7 +122,7 @@ absl::Status Renders::Write(int out) {
 }
 
 absl::Status Renders::Draw(Stage& stage, const PictureText& text) {
-  return stage.renderer->Draw(stage.environment->data(), *track_->view, rgb_,
+  return stage.renderer->Draw(stage.environment->data(), track_->view, rgb_,
                               order_.overlay ? text : PictureText());
 }
 

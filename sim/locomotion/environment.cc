@@ -1,18 +1,16 @@
 #include "sim/locomotion/environment.h"
 
+#include <absl/strings/str_cat.h>
+
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include <Eigen/Geometry>
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/status_macros.h"
 #include "protocol/bridge/leg_sets_json.h"
 #include "sim/locomotion/height_map.h"
-#include "sim/locomotion/locomotion.h"
-#include "sim/locomotion/model.h"
 #include "sim/model/official_steps.h"
 #include "sim/model/state.h"
 
@@ -56,15 +54,6 @@ bool BrokenDown(const mjData& data) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& config,
-                                                            const std::string& cache_dir) {
-  auto rules = ParseLocomotionRules(config.rules, absl::StrCat(config.id, ": rules"));
-  if (!rules.ok()) return rules.status();
-  ASSIGN_OR_RETURN(auto model, LoadModel(LocomotionModel(), cache_dir));
-  ASSIGN_OR_RETURN(auto environment, LocomotionEnvironment::Make(*rules, std::move(model)));
-  return std::unique_ptr<Environment>(std::move(environment));
-}
-
 absl::StatusOr<std::unique_ptr<LocomotionEnvironment>> LocomotionEnvironment::Make(
     const LocomotionRules& rules, ModelPtr model) {
   ASSIGN_OR_RETURN(auto indices, FindLocomotionIndices(*model));
@@ -73,8 +62,7 @@ absl::StatusOr<std::unique_ptr<LocomotionEnvironment>> LocomotionEnvironment::Ma
         absl::StrCat("rules.field: ", rules.field.rows, " rows of ", rules.field.columns,
                      " columns are more than the model's ", model->nhfielddata, " heights"));
   }
-  DataPtr data(mj_makeData(model.get()));
-  if (data == nullptr) return absl::ResourceExhaustedError("no memory for the leg's simulation");
+  ASSIGN_OR_RETURN(DataPtr data, MakeData(*model));
   std::unique_ptr<LocomotionEnvironment> out(
       new LocomotionEnvironment(rules, std::move(model), std::move(data), indices));
   return out;
@@ -292,12 +280,6 @@ LocomotionTerms LocomotionEnvironment::TermsWith(const LimitTorques& torques) co
   out.solved = data_->qpos[1] < rules_.end.finish_y_m;
   out.lost = OffTrack() || Fallen();
   return out;
-}
-
-std::span<const RewardTerm> LocomotionRewardTerms() {
-  static constexpr RewardTerm kTerms[] = {
-      {"act_reg", 0}, {"pain", 0}, {"sparse", 1}, {"solved", 10}, {"done", 0}};
-  return kTerms;
 }
 
 void LocomotionEnvironment::RewardTerms(std::span<double> out) const {

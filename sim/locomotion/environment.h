@@ -38,6 +38,9 @@ struct LocomotionTerms {
 
 class LocomotionEnvironment final : public Environment {
  public:
+  // The official reward, in the order of its dictionary.
+  static constexpr RewardTerm kRewardTerms[] = {
+      {"act_reg", 0}, {"pain", 0}, {"sparse", 1}, {"solved", 10}, {"done", 0}};
   static constexpr int kObservationSize = 365;
   static constexpr int kOfficialObservationSize = 260;
   static constexpr int kActionSize = kLegMuscles + 1;

@@ -1,12 +1,13 @@
 #include "sim/locomotion/indices.h"
 
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
 #include <string>
 #include <vector>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/set_up.h"
+#include "protocol/base/status_macros.h"
 #include "sim/model/finder.h"
 
 namespace myograde::sim {
@@ -93,10 +94,7 @@ absl::StatusOr<LocomotionIndices> FindLocomotionIndices(const mjModel& model) {
   out.left_toes_touch = find.Sensor("l_toes");
   out.leg_load = find.Sensor("r_osl_load");
   out.socket_load = find.Sensor("r_socket_load");
-  if (!find.missing().empty()) {
-    return absl::InternalError(
-        absl::StrCat("the leg model has nothing named ", find.missing(), ": ", SetUpAdvice()));
-  }
+  RETURN_IF_ERROR(find.Check("locomotion"));
   return out;
 }
 

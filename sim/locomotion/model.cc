@@ -1,9 +1,8 @@
-#include "sim/locomotion/model.h"
-
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
 #include "sim/locomotion/pins.h"
+#include "sim/locomotion/track.h"
 
 namespace myograde::sim {
 namespace locomotion {
@@ -62,12 +61,6 @@ const ModelSource& LocomotionModel() {
                                      .buffers = {2000, 500, 5'000'000},
                                      .patch = locomotion::Patch};
   return source;
-}
-
-const CameraView& LocomotionView() {
-  static const CameraView view = {.body = "root", .look_at = {0, 0, -0.05}, .distance_m = 2.8,
-                                  .azimuth_deg = 30, .elevation_deg = -15};
-  return view;
 }
 
 }  // namespace myograde::sim

@@ -1,15 +1,14 @@
 #include "sim/manipulation/environment.h"
 
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/status_macros.h"
-#include "sim/manipulation/manipulation.h"
-#include "sim/manipulation/model.h"
+#include "sim/manipulation/track.h"
 #include "sim/model/official_steps.h"
 #include "sim/model/state.h"
 
@@ -29,7 +28,7 @@ bool AnyWarning(const mjData& data) {
 
 absl::StatusOr<std::unique_ptr<Environment>> MakeManipulation(const TrackConfig& config,
                                                               const std::string& cache_dir) {
-  const std::string where = absl::StrCat(config.id, ", profile ", config.profile, ": rules");
+  const std::string where = RulesPlace(config);
   auto rules = ParseManipulationRules(config.rules, where);
   if (!rules.ok()) return rules.status();
   if (rules->one_environment &&
@@ -45,8 +44,7 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeManipulation(const TrackConfig&
 absl::StatusOr<std::unique_ptr<ManipulationEnvironment>> ManipulationEnvironment::Make(
     const ManipulationRules& rules, ModelPtr model) {
   ASSIGN_OR_RETURN(auto scene, FindScene(*model));
-  DataPtr data(mj_makeData(model.get()));
-  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  ASSIGN_OR_RETURN(DataPtr data, MakeData(*model));
   return std::unique_ptr<ManipulationEnvironment>(
       new ManipulationEnvironment(rules, std::move(model), std::move(data), scene));
 }

@@ -20,6 +20,11 @@ namespace myograde::sim {
 
 class ManipulationEnvironment final : public Environment {
  public:
+  // The official reward, in the order of its dictionary.
+  static constexpr RewardTerm kRewardTerms[] = {
+      {"reach_dist", -0.1}, {"act", 0},         {"fin_open", 0},  {"fin_dis", -0.5},
+      {"lift_bonus", 0},    {"lift_height", 0}, {"pass_err", -1}, {"sparse", 0},
+      {"goal_dist", 0},     {"solved", 0},      {"done", 0}};
   static constexpr int kPhysicsSteps = 5;  // of 2 ms in a control step
 
   static absl::StatusOr<std::unique_ptr<ManipulationEnvironment>> Make(

@@ -1,9 +1,8 @@
-#include "sim/manipulation/model.h"
-
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/status_macros.h"
 #include "sim/manipulation/pins.h"
+#include "sim/manipulation/track.h"
 #include "sim/model/hand.h"
 
 namespace myograde::sim {
@@ -73,12 +72,6 @@ const ModelSource& ManipulationModel() {
                                      .buffers = {1000, 400, 3'000'000},
                                      .patch = manipulation::Patch};
   return source;
-}
-
-const CameraView& ManipulationView() {
-  static const CameraView view = {.look_at = {0, -0.2, 1.15}, .distance_m = 1.7, .azimuth_deg = 90,
-                                  .elevation_deg = -25};
-  return view;
 }
 
 }  // namespace myograde::sim

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/manipulation/manipulation.h"
+#include "sim/manipulation/track.h"
 #include "sim/model/official_steps.h"
 #include "sim/model/rotation.h"
 
@@ -35,14 +35,6 @@ OfficialView ComputeOfficialView(const mjData& data, const Scene& scene) {
   view.reach_error = view.palm - view.object;
   view.pass_error = view.prosthesis_palm - view.object;
   return view;
-}
-
-std::span<const RewardTerm> ManipulationRewardTerms() {
-  static constexpr RewardTerm kTerms[] = {
-      {"reach_dist", -0.1}, {"act", 0},         {"fin_open", 0},  {"fin_dis", -0.5},
-      {"lift_bonus", 0},    {"lift_height", 0}, {"pass_err", -1}, {"sparse", 0},
-      {"goal_dist", 0},     {"solved", 0},      {"done", 0}};
-  return kTerms;
 }
 
 OfficialReward ComputeOfficialReward(const mjModel& model, const mjData& data,

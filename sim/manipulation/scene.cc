@@ -1,7 +1,6 @@
 #include "sim/manipulation/scene.h"
 
-#include <absl/strings/str_cat.h>
-
+#include "protocol/base/status_macros.h"
 #include "sim/model/finder.h"
 
 namespace myograde::sim {
@@ -33,9 +32,7 @@ absl::StatusOr<Scene> FindScene(const mjModel& model) {
   scene.touch_sensor = 0;
   // The object's second geom is its box; the first is the picture of it.
   scene.object_box = model.body_geomadr[scene.object_body] + 1;
-  if (!find.missing().empty()) {
-    return absl::InternalError(absl::StrCat("the arm model has no ", find.missing()));
-  }
+  RETURN_IF_ERROR(find.Check("manipulation"));
   if (model.nu != kMuscles + kServos || model.na != kMuscles || model.nsensordata != 1 ||
       model.nq != kArmJoints + kProsthesisJoints + 7 || scene.object_qpos != model.nq - 7 ||
       model.body_geomnum[scene.object_body] != 2 ||

@@ -1,13 +1,17 @@
 // Looks up the parts of a model by name.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/strings/str_cat.h>
+#include <mujoco/mujoco.h>
+
 #include <string>
 
-#include <mujoco/mujoco.h>
+#include "protocol/base/set_up.h"
 
 namespace myograde::sim {
 
-// What the model lacks counts as number 0; the first such name is kept, to ask for at the end.
+// What the model lacks counts as number 0; the first such name is kept for Check.
 class Finder {
  public:
   explicit Finder(const mjModel& model) : model_(model) {}
@@ -22,7 +26,12 @@ class Finder {
   int Dof(const char* joint) { return model_.jnt_dofadr[Find(mjOBJ_JOINT, joint)]; }
   int Sensor(const char* name) { return model_.sensor_adr[Find(mjOBJ_SENSOR, name)]; }
 
-  const std::string& missing() const { return missing_; }  // "" if nothing is
+  // InternalError: the model of `what` lacks a part that was looked up.
+  absl::Status Check(const char* what) const {
+    if (missing_.empty()) return absl::OkStatus();
+    return absl::InternalError(
+        absl::StrCat("the model of ", what, " has no ", missing_, ": ", SetUpAdvice()));
+  }
 
  private:
   const mjModel& model_;

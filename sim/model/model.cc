@@ -137,6 +137,12 @@ absl::Status Store(std::string_view sealed, const fs::path& path) {
 
 }  // namespace
 
+absl::StatusOr<DataPtr> MakeData(const mjModel& model) {
+  DataPtr data(mj_makeData(&model));
+  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  return data;
+}
+
 absl::StatusOr<ModelPtr> LoadModel(const ModelSource& source, const std::string& cache_dir) {
   InstallCallbacks();
   const std::string package = PackageDir(cache_dir);

@@ -23,6 +23,9 @@ struct DataDeleter {
 using ModelPtr = std::unique_ptr<mjModel, ModelDeleter>;
 using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 
+// The state of a simulation. ResourceExhaustedError: there is no memory for it.
+absl::StatusOr<DataPtr> MakeData(const mjModel& model);
+
 // Loads a model from `cache_dir` (which holds the unpacked
 // package under myosuite-2.8.4/ and compiled models under models/). A compiled
 // model is used if its name's hash of pinned sources, patches and MuJoCo

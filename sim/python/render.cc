@@ -80,7 +80,7 @@ class EnvironmentRenderer {
               std::optional<double> azimuth, std::optional<double> elevation) {
     const auto height = static_cast<size_t>(renderer_->height());
     const auto width = static_cast<size_t>(renderer_->width());
-    CameraView view = *FindSimulatedTrack(*environment_.config().kind).view;
+    CameraView view = FindSimulatedTrack(*environment_.config().kind).view;
     if (body) view.body = *body;
     view.look_at = look_at.value_or(view.look_at);
     view.distance_m = distance.value_or(view.distance_m);

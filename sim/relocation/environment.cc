@@ -1,33 +1,20 @@
 #include "sim/relocation/environment.h"
 
-#include <absl/strings/str_cat.h>
-
 #include <algorithm>
 #include <cassert>
 #include <utility>
 
 #include "protocol/base/status_macros.h"
 #include "sim/model/official_steps.h"
-#include "sim/relocation/relocation.h"
 
 namespace myograde::sim {
 
 using Eigen::VectorXd;
 
-absl::StatusOr<std::unique_ptr<Environment>> MakeRelocation(const TrackConfig& config,
-                                                            const std::string& cache_dir) {
-  auto rules = ParseRelocationRules(
-      config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
-  if (!rules.ok()) return rules.status();
-  ASSIGN_OR_RETURN(auto model, LoadModel(RelocationModel(), cache_dir));
-  return RelocationEnvironment::Make(*rules, std::move(model));
-}
-
 absl::StatusOr<std::unique_ptr<RelocationEnvironment>> RelocationEnvironment::Make(
     const RelocationRules& rules, ModelPtr model) {
   ASSIGN_OR_RETURN(auto scene, FindRelocationScene(*model));
-  DataPtr data(mj_makeData(model.get()));
-  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  ASSIGN_OR_RETURN(DataPtr data, MakeData(*model));
   return std::unique_ptr<RelocationEnvironment>(
       new RelocationEnvironment(rules, std::move(model), std::move(data), scene));
 }
@@ -54,7 +41,13 @@ void RelocationEnvironment::Reset(uint64_t seed) {
     variation_ = DrawRelocationVariation(rules_, generator_);
     ApplyRelocationVariation(variation_, rules_, scene_, *model_, *data_);
     ResetToDefaults(*model_, *data_);
-    PlaceArm();
+    // At the second keyframe, each joint of the arm off by the same share of its range. The
+    // official code calls it noise, but draws none.
+    mju_copy(data_->qpos, model_->key_qpos + model_->nq, model_->nq);
+    for (int i = 0; i < kArmJointCount; ++i) {
+      const mjtNum* range = model_->jnt_range + 2 * i;
+      data_->qpos[i] += rules_.joint_offset * (range[1] - range[0]);
+    }
     BeginEpisode(RelocationFacts{});
     if (++draws_ == 1) ObserveState(first_observation_);
   } while (data_->ncon > 0 && draws_ < kMostDraws);
@@ -64,16 +57,6 @@ void RelocationEnvironment::Reset(uint64_t seed) {
                                  .final_rotation_error = now.turn,
                                  .final_reach = now.reach,
                                  .smallest_reach = now.reach};
-}
-
-// At the second keyframe, each joint of the arm off by the same share of its range. The official
-// code calls it noise, but draws none.
-void RelocationEnvironment::PlaceArm() {
-  mju_copy(data_->qpos, model_->key_qpos + model_->nq, model_->nq);
-  for (int i = 0; i < kArmJointCount; ++i) {
-    const mjtNum* range = model_->jnt_range + 2 * i;
-    data_->qpos[i] += rules_.joint_offset * (range[1] - range[0]);
-  }
 }
 
 void RelocationEnvironment::Measure(StepResult& result) {
@@ -128,12 +111,6 @@ Eigen::Vector<double, 18> RelocationEnvironment::ObjectAndGoal() const {
   out << SiteOf(*data_, scene_.object_site), SiteOf(*data_, scene_.goal_site), now.position_error,
       now.rotation, now.goal_rotation, now.rotation_error;
   return out;
-}
-
-std::span<const RewardTerm> RelocationRewardTerms() {
-  static constexpr RewardTerm kTerms[] = {{"pos_dist", 100}, {"rot_dist", 1}, {"act_reg", 0},
-                                          {"sparse", 0},     {"solved", 0},   {"done", 0}};
-  return kTerms;
 }
 
 void RelocationEnvironment::RewardTerms(std::span<double> out) const {

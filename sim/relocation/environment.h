@@ -14,6 +14,9 @@ namespace myograde::sim {
 class RelocationEnvironment final
     : public FlaggedEnvironment<std::size(RelocationDetails::kJoints)> {
  public:
+  // The official reward, in the order of its dictionary.
+  static constexpr RewardTerm kRewardTerms[] = {{"pos_dist", 100}, {"rot_dist", 1}, {"act_reg", 0},
+                                                {"sparse", 0},     {"solved", 0},   {"done", 0}};
   static constexpr int kPhysicsSteps = 5;  // of 2 ms in a control step
   static constexpr int kMuscleCount = 63;
   // The first of the model; the object's six follow.
@@ -48,7 +51,6 @@ class RelocationEnvironment final
  private:
   RelocationEnvironment(const RelocationRules& rules, ModelPtr model, DataPtr data,
                         const RelocationScene& scene);
-  void PlaceArm();
   void ObserveState(std::span<double> out) const;
   Eigen::Vector<double, 18> ObjectAndGoal() const;  // obj_pos to rot_err of the observation
   void Measure(StepResult& result) override;

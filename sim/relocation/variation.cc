@@ -1,9 +1,8 @@
 #include "sim/relocation/variation.h"
 
-#include <absl/strings/str_cat.h>
-
 #include <numbers>
 
+#include "protocol/base/status_macros.h"
 #include "sim/model/finder.h"
 #include "sim/model/official_steps.h"
 #include "sim/model/rotation.h"
@@ -23,9 +22,7 @@ absl::StatusOr<RelocationScene> FindRelocationScene(const mjModel& model) {
   scene.first_geom = model.body_geomadr[scene.object_body];
   scene.mass = model.body_mass[scene.object_body];
   scene.inertia = Vector3d::Map(model.body_inertia + 3 * scene.object_body);
-  if (!find.missing().empty()) {
-    return absl::InternalError(absl::StrCat("the model of relocation has no ", find.missing()));
-  }
+  RETURN_IF_ERROR(find.Check("relocation"));
   if (model.nq != 44 || model.nv != 44 || model.nu != 63 || model.na != 63 || model.nkey != 2 ||
       model.body_geomnum[scene.object_body] != RelocationVariation::kShapes ||
       mj_name2id(&model, mjOBJ_JOINT, "sternoclavicular_r2") != 0 ||

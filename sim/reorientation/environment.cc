@@ -4,26 +4,13 @@
 #include <cassert>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
-
 #include "protocol/base/status_macros.h"
 #include "sim/model/official_steps.h"
-#include "sim/reorientation/reorientation.h"
 
 namespace myograde::sim {
-absl::StatusOr<std::unique_ptr<Environment>> MakeReorientation(const TrackConfig& config,
-                                                               const std::string& cache_dir) {
-  auto rules = ParseReorientationRules(
-      config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
-  if (!rules.ok()) return rules.status();
-  ASSIGN_OR_RETURN(auto model, LoadModel(ReorientationModel(), cache_dir));
-  return ReorientationEnvironment::Make(*rules, std::move(model));
-}
-
 absl::StatusOr<std::unique_ptr<ReorientationEnvironment>> ReorientationEnvironment::Make(
     const ReorientationRules& rules, ModelPtr model) {
-  DataPtr data(mj_makeData(model.get()));
-  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  ASSIGN_OR_RETURN(DataPtr data, MakeData(*model));
   ASSIGN_OR_RETURN(auto scene, FindDieScene(*model, *data));
   return std::unique_ptr<ReorientationEnvironment>(new ReorientationEnvironment(
       rules, std::move(model), std::move(data), std::move(scene)));
@@ -90,13 +77,6 @@ void ReorientationEnvironment::ObserveExtra(std::span<double> out) const {
   assert(std::ssize(out) == 1 + kHandJointCount);
   out[0] = data_->time;
   std::copy_n(data_->qpos, kHandJointCount, out.begin() + 1);
-}
-
-std::span<const RewardTerm> ReorientationRewardTerms() {
-  static constexpr RewardTerm kTerms[] = {{"pos_dist", 100}, {"rot_dist", 1}, {"bonus", 0},
-                                          {"act_reg", 0},    {"penalty", 0},  {"sparse", 0},
-                                          {"solved", 0},     {"done", 0}};
-  return kTerms;
 }
 
 void ReorientationEnvironment::RewardTerms(std::span<double> out) const {

@@ -12,6 +12,10 @@ namespace myograde::sim {
 
 class ReorientationEnvironment final : public HandEnvironment {
  public:
+  // The official reward, in the order of its dictionary.
+  static constexpr RewardTerm kRewardTerms[] = {{"pos_dist", 100}, {"rot_dist", 1}, {"bonus", 0},
+                                                {"act_reg", 0},    {"penalty", 0},  {"sparse", 0},
+                                                {"solved", 0},     {"done", 0}};
   static constexpr int kPhysicsSteps = 5;  // of 2 ms in a control step
 
   // InternalError: the model is not that of the hand and the die.

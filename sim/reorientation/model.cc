@@ -1,11 +1,11 @@
-#include <string>
-
 #include <absl/strings/str_cat.h>
+
+#include <string>
 
 #include "protocol/base/status_macros.h"
 #include "sim/model/hand.h"
 #include "sim/reorientation/pins.h"
-#include "sim/reorientation/reorientation.h"
+#include "sim/reorientation/track.h"
 
 namespace myograde::sim {
 namespace reorientation {

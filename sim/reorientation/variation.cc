@@ -2,8 +2,7 @@
 
 #include <cmath>
 
-#include <absl/strings/str_cat.h>
-
+#include "protocol/base/status_macros.h"
 #include "sim/model/finder.h"
 #include "sim/model/official_steps.h"
 #include "sim/model/rotation.h"
@@ -59,9 +58,7 @@ absl::StatusOr<DieScene> FindDieScene(const mjModel& model, mjData& data) {
   scene.die_site = find.Find(mjOBJ_SITE, "object_o");
   scene.goal_site = find.Find(mjOBJ_SITE, "target_o");
   scene.first_geom = model.body_geomadr[scene.die_body];
-  if (!find.missing().empty()) {
-    return absl::InternalError(absl::StrCat("the hand's model has no ", find.missing()));
-  }
+  RETURN_IF_ERROR(find.Check("reorientation"));
   if (model.nq != 29 || model.nv != 29 || model.nu != 39 || model.na != 39 ||
       model.body_geomnum[scene.die_body] != kGeoms ||
       mj_name2id(&model, mjOBJ_JOINT, "pro_sup") != 0 ||

@@ -1,6 +1,8 @@
 // The models as loaded: sizes, patches, the cache and its errors.
 #include "sim/model/model.h"
 
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,13 +11,10 @@
 #include <filesystem>
 #include <fstream>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
-#include "sim/locomotion/model.h"
-#include "sim/manipulation/model.h"
+#include "sim/locomotion/track.h"
+#include "sim/manipulation/track.h"
 #include "sim/tracks.h"
 #include "tests/sim/golden.h"
 

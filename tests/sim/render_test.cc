@@ -87,16 +87,16 @@ size_t Colours(const Picture& rgb) {
 
 TEST_P(Pictures, ShowTheStateAndLeaveItAsItIs) {
   const std::vector<double> before(environment_->state().begin(), environment_->state().end());
-  const Picture first = Draw(*track_->view);
+  const Picture first = Draw(track_->view);
   Keep(first, "-first.ppm");
   EXPECT_GT(Colours(first), 500U);  // neither empty nor flat
-  EXPECT_EQ(first, Draw(*track_->view));
+  EXPECT_EQ(first, Draw(track_->view));
   EXPECT_EQ(before, std::vector<double>(environment_->state().begin(),
                                         environment_->state().end()));
 
   const std::vector<double> action(static_cast<size_t>(environment_->action_size()), 1.0);
   for (int step = 0; step < 20; ++step) environment_->Step(action);
-  const Picture later = Draw(*track_->view);
+  const Picture later = Draw(track_->view);
   Keep(later, "-later.ppm");
   EXPECT_NE(first, later);
 }
@@ -104,7 +104,7 @@ TEST_P(Pictures, ShowTheStateAndLeaveItAsItIs) {
 // What a camera sees moves down as the camera rises.
 TEST_P(Pictures, HaveTheirTopRowFirst) {
   constexpr int kMoved = 15;  // rows, at the place that is looked at
-  CameraView level = *track_->view;
+  CameraView level = track_->view;
   level.elevation_deg = 0;
   const Picture low = Draw(level);
   const double seen_m = 2 * level.distance_m * std::tan(22.5 * std::numbers::pi / 180);
@@ -123,16 +123,16 @@ TEST_P(Pictures, HaveTheirTopRowFirst) {
 
 // The environment changes sizes and terrain from episode to episode.
 TEST_P(Pictures, OfOtherEpisodesDiffer) {
-  const Picture first = Draw(*track_->view);
+  const Picture first = Draw(track_->view);
   environment_->Reset(8);
-  const Picture second = Draw(*track_->view);
+  const Picture second = Draw(track_->view);
   Keep(second, "-second.ppm");
   EXPECT_NE(first, second);
 }
 
 TEST_F(PicturesOfOneTrack, OfTheWrongSizeOrAnUnknownBodyAreRefused) {
   Picture small(5);
-  EXPECT_THAT(renderer_->Draw(environment_->data(), *track_->view, small).ToString(),
+  EXPECT_THAT(renderer_->Draw(environment_->data(), track_->view, small).ToString(),
               HasSubstr("160 by 120 pixels does not have 5 bytes"));
   Picture rgb(static_cast<size_t>(kWidth) * kHeight * 3);
   EXPECT_THAT(renderer_->Draw(environment_->data(), {.body = "tail"}, rgb).ToString(),
@@ -143,11 +143,11 @@ TEST_F(PicturesOfOneTrack, CanBeDrawnByTwoRenderersInTurn) {
   auto other = Renderer::Make(environment_->model(), 64, 48);
   ASSERT_TRUE(other.ok()) << other.status();
   Picture small(64 * 48 * 3);
-  const Picture first = Draw(*track_->view);
-  ASSERT_TRUE((*other)->Draw(environment_->data(), *track_->view, small).ok());
-  EXPECT_EQ(first, Draw(*track_->view));
+  const Picture first = Draw(track_->view);
+  ASSERT_TRUE((*other)->Draw(environment_->data(), track_->view, small).ok());
+  EXPECT_EQ(first, Draw(track_->view));
   other->reset();
-  EXPECT_EQ(first, Draw(*track_->view));
+  EXPECT_EQ(first, Draw(track_->view));
 }
 
 TEST_F(PicturesOfOneTrack, HaveSidesWithinLimits) {

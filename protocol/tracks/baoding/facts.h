@@ -5,17 +5,12 @@
 #include <cstdint>
 #include <string_view>
 
-#include "protocol/base/outcome.h"
+#include "protocol/tracks/dropped.h"
 
 namespace myograde {
 
-struct BaodingEnd {
-  static constexpr EpisodeEnd kDropped{"dropped"};  // a ball is below the hand
-};
-
-struct BaodingReason {
-  static constexpr FailureReason kDropped{"dropped"};
-};
+using BaodingEnd = DroppedEnd;  // a ball is below the hand
+using BaodingReason = DroppedReason;
 
 // Of the states at the end of control steps of 0.025 s.
 struct BaodingFacts {

@@ -32,18 +32,18 @@ VectorLayout Extra() {
   return v;
 }
 
-}  // namespace
-}  // namespace baoding
-
-const TrackLayout& BaodingLayout() {
-  static const TrackLayout layout = MuscleLayout(kHandMuscles, baoding::Observation(), baoding::Extra());
+const TrackLayout& Layout() {
+  static const TrackLayout layout = MuscleLayout(kHandMuscles, Observation(), Extra());
   return layout;
 }
+
+}  // namespace
+}  // namespace baoding
 
 const TrackKind& BaodingTrack() {
   static const TrackKind track = {.name = BaodingFacts::kTrack,
                                   .control_period_s = 0.025,
-                                  .layout = BaodingLayout,
+                                  .layout = baoding::Layout,
                                   .no_facts = BaodingFacts(),
                                   .max_steps = MaxStepsKey,
                                   .tables = nullptr,

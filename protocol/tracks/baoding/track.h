@@ -7,8 +7,4 @@ namespace myograde {
 
 const TrackKind& BaodingTrack();
 
-// The tables behind its layout (layout.cc): the official observation, part by part in official
-// order.
-const TrackLayout& BaodingLayout();
-
 }  // namespace myograde

@@ -60,19 +60,18 @@ VectorLayout Extra() {
   return v;
 }
 
-}  // namespace
-}  // namespace chasetag
-
-const TrackLayout& ChaseTagLayout() {
-  static const TrackLayout layout =
-      MuscleLayout(kLegsMuscles, chasetag::Observation(), chasetag::Extra());
+const TrackLayout& Layout() {
+  static const TrackLayout layout = MuscleLayout(kLegsMuscles, Observation(), Extra());
   return layout;
 }
+
+}  // namespace
+}  // namespace chasetag
 
 const TrackKind& ChaseTagTrack() {
   static const TrackKind track = {.name = ChaseTagFacts::kTrack,
                                   .control_period_s = 0.01,
-                                  .layout = ChaseTagLayout,
+                                  .layout = chasetag::Layout,
                                   .no_facts = ChaseTagFacts(),
                                   .max_steps = MaxStepsKey,
                                   .tables = nullptr,

@@ -5,17 +5,12 @@
 #include <cstdint>
 #include <string_view>
 
-#include "protocol/base/outcome.h"
+#include "protocol/tracks/dropped.h"
 
 namespace myograde {
 
-struct RelocationEnd {
-  static constexpr EpisodeEnd kDropped{"dropped"};  // the object is too far from the palm
-};
-
-struct RelocationReason {
-  static constexpr FailureReason kDropped{"dropped"};
-};
+using RelocationEnd = DroppedEnd;  // the object is too far from the palm
+using RelocationReason = DroppedReason;
 
 // The errors and the reach are the lengths of the official 'pos_err', 'rot_err' and 'reach_err' at
 // the end of a control step of 0.01 s.

@@ -54,19 +54,18 @@ VectorLayout Extra() {
   return v;
 }
 
-}  // namespace
-}  // namespace relocation
-
-const TrackLayout& RelocationLayout() {
-  static const TrackLayout layout =
-      MuscleLayout(kArmMuscles, relocation::Observation(), relocation::Extra());
+const TrackLayout& Layout() {
+  static const TrackLayout layout = MuscleLayout(kArmMuscles, Observation(), Extra());
   return layout;
 }
+
+}  // namespace
+}  // namespace relocation
 
 const TrackKind& RelocationTrack() {
   static const TrackKind track = {.name = RelocationFacts::kTrack,
                                   .control_period_s = 0.01,
-                                  .layout = RelocationLayout,
+                                  .layout = relocation::Layout,
                                   .no_facts = RelocationFacts(),
                                   .max_steps = MaxStepsKey,
                                   .tables = nullptr,

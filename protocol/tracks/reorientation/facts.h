@@ -5,17 +5,12 @@
 #include <cstdint>
 #include <string_view>
 
-#include "protocol/base/outcome.h"
+#include "protocol/tracks/dropped.h"
 
 namespace myograde {
 
-struct ReorientationEnd {
-  static constexpr EpisodeEnd kDropped{"dropped"};  // the die is too far from its place
-};
-
-struct ReorientationReason {
-  static constexpr FailureReason kDropped{"dropped"};
-};
+using ReorientationEnd = DroppedEnd;  // the die is too far from its place
+using ReorientationReason = DroppedReason;
 
 // The errors are the lengths of the official 'pos_err' and 'rot_err' at the end of a control step
 // of 0.01 s.

@@ -40,19 +40,18 @@ VectorLayout Extra() {
   return v;
 }
 
-}  // namespace
-}  // namespace reorientation
-
-const TrackLayout& ReorientationLayout() {
-  static const TrackLayout layout =
-      MuscleLayout(kHandMuscles, reorientation::Observation(), reorientation::Extra());
+const TrackLayout& Layout() {
+  static const TrackLayout layout = MuscleLayout(kHandMuscles, Observation(), Extra());
   return layout;
 }
+
+}  // namespace
+}  // namespace reorientation
 
 const TrackKind& ReorientationTrack() {
   static const TrackKind track = {.name = ReorientationFacts::kTrack,
                                   .control_period_s = 0.01,
-                                  .layout = ReorientationLayout,
+                                  .layout = reorientation::Layout,
                                   .no_facts = ReorientationFacts(),
                                   .max_steps = MaxStepsKey,
                                   .tables = nullptr,

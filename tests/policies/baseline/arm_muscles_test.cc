@@ -16,7 +16,7 @@
 
 #include "policies/baseline/reacher.h"
 #include "policies/baseline/reacher_parameters.h"
-#include "sim/manipulation/model.h"
+#include "sim/manipulation/track.h"
 #include "sim/model/model.h"
 #include "tests/sim/golden.h"
 

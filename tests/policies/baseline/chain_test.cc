@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/manipulation/model.h"
+#include "sim/manipulation/track.h"
 #include "sim/model/model.h"
 #include "tests/sim/golden.h"
 

@@ -17,7 +17,7 @@
 
 #include "policies/baseline/arm_muscles.h"
 #include "policies/baseline/length_terms.h"
-#include "sim/manipulation/model.h"
+#include "sim/manipulation/track.h"
 #include "sim/model/model.h"
 #include "tests/policies/baseline/muscle_fit.h"
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "policies/baseline/length_terms.h"
-#include "sim/locomotion/model.h"
+#include "sim/locomotion/track.h"
 #include "sim/model/model.h"
 #include "tests/policies/baseline/muscle_fit.h"
 

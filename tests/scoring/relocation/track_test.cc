@@ -7,9 +7,12 @@ namespace myograde::scoring {
 namespace relocation {
 namespace {
 
-using At = RelocationMetric;
+using At = ScoreMetric;
 
-constexpr RelocationJudging kRules = {};
+Verdict Judge(const EpisodeFacts& facts, int64_t solved_steps = 6) {
+  const nlohmann::json scoring = {{"solved_steps", solved_steps}, {"team", "best"}};
+  return ScoredRelocation().parse(scoring, "scoring")->judge(facts);
+}
 
 // 100 steps with the official flag in `solved_steps` of them.
 EpisodeFacts Played(EpisodeEnd end, int64_t solved_steps) {
@@ -27,7 +30,7 @@ EpisodeFacts Played(EpisodeEnd end, int64_t solved_steps) {
 TEST(RelocationJudge, MoreThanFiveStepsWithTheFlagAreASuccessHoweverItEnded) {
   for (const EpisodeEnd end : {EpisodeEnd(EpisodeEnd::kTime), EpisodeEnd(RelocationEnd::kDropped),
                                EpisodeEnd(EpisodeEnd::kGivenUp)}) {
-    const Verdict verdict = Judge(Played(end, 6), kRules);
+    const Verdict verdict = Judge(Played(end, 6));
     EXPECT_EQ(verdict.outcome, Outcome::kSuccess) << end.name();
     EXPECT_EQ(verdict.reason, FailureReason::kNone);
     EXPECT_EQ(verdict.metrics[At::kScore], 1);
@@ -40,13 +43,13 @@ TEST(RelocationJudge, AFailureHasTheReasonOfItsEndAndItsNumbers) {
       {RelocationEnd::kDropped, RelocationReason::kDropped},
       {EpisodeEnd::kGivenUp, FailureReason::kGivenUp}};
   for (const auto& [end, reason] : ends) {
-    const Verdict verdict = Judge(Played(end, 5), kRules);
+    const Verdict verdict = Judge(Played(end, 5));
     EXPECT_EQ(verdict.outcome, Outcome::kFailure) << end.name();
     EXPECT_EQ(verdict.reason, reason);
     EXPECT_EQ(verdict.steps, 100);
     EXPECT_EQ(verdict.metrics, (std::vector<std::optional<double>>{0, 0.05, 5, 1, 0.03, 0.2}));
   }
-  EXPECT_EQ(Judge(Played(ElbowEnd::kHeld, 6), kRules).outcome, Outcome::kGraderError);
+  EXPECT_EQ(Judge(Played(ElbowEnd::kHeld, 6)).outcome, Outcome::kGraderError);
 }
 
 }  // namespace

@@ -7,9 +7,12 @@ namespace myograde::scoring {
 namespace reorientation {
 namespace {
 
-using At = ReorientationMetric;
+using At = ScoreMetric;
 
-constexpr ReorientationJudging kRules = {};
+Verdict Judge(const EpisodeFacts& facts, int64_t solved_steps = 6) {
+  const nlohmann::json scoring = {{"solved_steps", solved_steps}, {"team", "best"}};
+  return ScoredReorientation().parse(scoring, "scoring")->judge(facts);
+}
 
 // 100 steps with the official flag in `solved_steps` of them.
 EpisodeFacts Played(EpisodeEnd end, int64_t solved_steps) {
@@ -28,7 +31,7 @@ TEST(ReorientationJudge, MoreThanFiveStepsWithTheFlagAreASuccessHoweverItEnded) 
   for (const EpisodeEnd end :
        {EpisodeEnd(EpisodeEnd::kTime), EpisodeEnd(ReorientationEnd::kDropped),
         EpisodeEnd(EpisodeEnd::kGivenUp)}) {
-    const Verdict verdict = Judge(Played(end, 6), kRules);
+    const Verdict verdict = Judge(Played(end, 6));
     EXPECT_EQ(verdict.outcome, Outcome::kSuccess) << end.name();
     EXPECT_EQ(verdict.reason, FailureReason::kNone);
     EXPECT_EQ(verdict.metrics[At::kScore], 1);
@@ -41,24 +44,24 @@ TEST(ReorientationJudge, AFailureHasTheReasonOfItsEndAndItsNumbers) {
       {ReorientationEnd::kDropped, ReorientationReason::kDropped},
       {EpisodeEnd::kGivenUp, FailureReason::kGivenUp}};
   for (const auto& [end, reason] : ends) {
-    const Verdict verdict = Judge(Played(end, 5), kRules);
+    const Verdict verdict = Judge(Played(end, 5));
     EXPECT_EQ(verdict.outcome, Outcome::kFailure) << end.name();
     EXPECT_EQ(verdict.reason, reason);
     EXPECT_EQ(verdict.steps, 100);
     EXPECT_EQ(verdict.metrics, (std::vector<std::optional<double>>{0, 0.05, 5, 1, 0.03, 2}));
   }
-  EXPECT_EQ(Judge(Played(EpisodeEnd::kTime, 5), ReorientationJudging{.solved_steps = 5}).outcome, Outcome::kSuccess);
+  EXPECT_EQ(Judge(Played(EpisodeEnd::kTime, 5), 5).outcome, Outcome::kSuccess);
 }
 
 TEST(ReorientationJudge, AFaultHasItsOwnOutcomeAndNoScore) {
   EpisodeFacts facts = Played(EpisodeEnd::kFault, 50);
   facts.fault.outcome = Outcome::kStepTimeout;
-  EXPECT_EQ(Judge(facts, kRules).outcome, Outcome::kStepTimeout);
-  EXPECT_EQ(Judge(facts, kRules).metrics[At::kScore], 0);
+  EXPECT_EQ(Judge(facts).outcome, Outcome::kStepTimeout);
+  EXPECT_EQ(Judge(facts).metrics[At::kScore], 0);
   EpisodeFacts unplayed;
   unplayed.fault.outcome = Outcome::kInitTimeout;
-  EXPECT_EQ(Judge(unplayed, kRules).outcome, Outcome::kInitTimeout);
-  EXPECT_EQ(Judge(unplayed, kRules).metrics[At::kEffort], std::nullopt);
+  EXPECT_EQ(Judge(unplayed).outcome, Outcome::kInitTimeout);
+  EXPECT_EQ(Judge(unplayed).metrics[At::kEffort], std::nullopt);
 }
 
 TEST(ReorientationJudge, FactsThatContradictThemselvesAreTheGradersError) {
@@ -68,7 +71,7 @@ TEST(ReorientationJudge, FactsThatContradictThemselvesAreTheGradersError) {
   played_fault.fault.outcome = Outcome::kSuccess;
   for (const EpisodeFacts& facts :
        {Played(ElbowEnd::kHeld, 6), of_another_track, played_fault}) {
-    EXPECT_EQ(Judge(facts, kRules).outcome, Outcome::kGraderError);
+    EXPECT_EQ(Judge(facts).outcome, Outcome::kGraderError);
   }
 }
 

@@ -309,7 +309,7 @@ TEST(BaodingFaults, BadNumbersAreUnstableOrResetTheOfficialSimulation) {
 }
 
 TEST(BaodingLayout, NamesWhatTheModelHasInItsOrder) {
-  const TrackLayout& layout = BaodingLayout();
+  const TrackLayout& layout = BaodingTrack().layout();
   const auto env = MakeBalls();
   ASSERT_EQ(layout.observation.size(), env->observation_size());
   ASSERT_EQ(layout.action.size(), env->action_size());

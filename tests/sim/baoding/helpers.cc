@@ -1,7 +1,7 @@
 #include "tests/sim/baoding/helpers.h"
 
 #include "protocol/tracks/baoding/track.h"
-#include "sim/baoding/baoding.h"
+#include "sim/baoding/track.h"
 #include "tests/sim/value_or_throw.h"
 
 namespace myograde::sim {

@@ -380,7 +380,7 @@ TEST(ChaseTagFaults, BadNumbersAreUnstableOrResetTheOfficialSimulation) {
 }
 
 TEST(ChaseTagLayout, NamesWhatTheModelHasInItsOrder) {
-  const TrackLayout& layout = ChaseTagLayout();
+  const TrackLayout& layout = ChaseTagTrack().layout();
   const auto env = MakeChase();
   ASSERT_EQ(layout.observation.size(), env->observation_size());
   ASSERT_EQ(layout.action.size(), env->action_size());

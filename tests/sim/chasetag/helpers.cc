@@ -1,7 +1,7 @@
 #include "tests/sim/chasetag/helpers.h"
 
 #include "protocol/tracks/chasetag/track.h"
-#include "sim/chasetag/chasetag.h"
+#include "sim/chasetag/track.h"
 #include "tests/sim/value_or_throw.h"
 
 namespace myograde::sim {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "sim/elbow/model.h"
+#include "sim/elbow/track.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/value_or_throw.h"
 

@@ -4,7 +4,7 @@
 #include <stdexcept>
 
 #include "protocol/lease/track_config.h"
-#include "sim/locomotion/model.h"
+#include "sim/locomotion/track.h"
 #include "tests/sim/golden.h"
 
 namespace myograde::sim {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "protocol/lease/track_config.h"
-#include "sim/manipulation/model.h"
+#include "sim/manipulation/track.h"
 #include "tests/sim/golden.h"
 
 namespace myograde::sim {

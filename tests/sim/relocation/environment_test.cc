@@ -259,7 +259,7 @@ TEST(RelocationFaults, BadNumbersAreUnstableOrResetTheOfficialSimulation) {
 }
 
 TEST(RelocationLayout, NamesWhatTheModelHasInItsOrder) {
-  const TrackLayout& layout = RelocationLayout();
+  const TrackLayout& layout = RelocationTrack().layout();
   const auto env = MakeObject();
   ASSERT_EQ(layout.observation.size(), env->observation_size());
   ASSERT_EQ(layout.action.size(), env->action_size());

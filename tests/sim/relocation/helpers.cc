@@ -1,7 +1,7 @@
 #include "tests/sim/relocation/helpers.h"
 
 #include "protocol/tracks/relocation/track.h"
-#include "sim/relocation/relocation.h"
+#include "sim/relocation/track.h"
 #include "tests/sim/value_or_throw.h"
 
 namespace myograde::sim {

@@ -270,7 +270,7 @@ TEST(ReorientationFaults, BadNumbersAreUnstableOrResetTheOfficialSimulation) {
 }
 
 TEST(ReorientationLayout, NamesWhatTheModelHasInItsOrder) {
-  const TrackLayout& layout = ReorientationLayout();
+  const TrackLayout& layout = ReorientationTrack().layout();
   const auto env = MakeDie();
   ASSERT_EQ(layout.observation.size(), env->observation_size());
   ASSERT_EQ(layout.action.size(), env->action_size());

@@ -1,7 +1,7 @@
 #include "tests/sim/reorientation/helpers.h"
 
 #include "protocol/tracks/reorientation/track.h"
-#include "sim/reorientation/reorientation.h"
+#include "sim/reorientation/track.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/value_or_throw.h"
 

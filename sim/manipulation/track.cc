@@ -1,7 +1,8 @@
-#include "sim/manipulation/telemetry.h"
+#include "sim/manipulation/track.h"
 
-#include <algorithm>
+#include <absl/strings/str_format.h>
 
+#include "protocol/tracks/manipulation/track.h"
 #include "sim/manipulation/environment.h"
 
 namespace myograde::sim {
@@ -17,26 +18,9 @@ constexpr Series kSeries[] = {
     {"effort", "Muscle effort (norm of the activations / 63)", ""},
 };
 
-class HandoverTelemetry final : public Telemetry {
+class HandoverTelemetry final : public TelemetryOf<ManipulationEnvironment, kSeries> {
  public:
-  explicit HandoverTelemetry(const ManipulationEnvironment& environment)
-      : environment_(environment) {}
-
-  std::span<const Series> series() const override { return kSeries; }
-
-  void Sample(std::span<double> out) const override {
-    const mjModel& model = static_cast<const Environment&>(environment_).model();
-    const mjData& data = static_cast<const Environment&>(environment_).data();
-    const Scene& scene = environment_.scene();
-    const OfficialView view = ComputeOfficialView(data, scene);
-    const OfficialReward reward =
-        ComputeOfficialReward(model, data, scene, view, environment_.reference());
-    const double values[] = {
-        ObjectPoint(data, scene, model.geom_pos + 3 * scene.object_box).z(), reward.goal_dist,
-        view.reach_error.norm(), view.pass_error.norm(), ObjectForce(model, data, scene),
-        reward.act};
-    std::copy(std::begin(values), std::end(values), out.begin());
-  }
+  using TelemetryOf::TelemetryOf;
 
   void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
     NoticeForce(time_s);
@@ -48,7 +32,8 @@ class HandoverTelemetry final : public Telemetry {
       released_ = false;
     }
     if (touch[kTouchProsthesis] && arm_touched_) {
-      if (!handed_over_) events.push_back({time_s, "handover", "The prosthesis touches the object"});
+      if (!handed_over_)
+        events.push_back({time_s, "handover", "The prosthesis touches the object"});
       handed_over_ = true;
       released_ = released_ || !touch[kTouchArm];
     }
@@ -72,6 +57,21 @@ class HandoverTelemetry final : public Telemetry {
   }
 
  private:
+  std::array<double, std::size(kSeries)> Values() const override {
+    const mjModel& model = this->model();
+    const mjData& data = this->data();
+    const Scene& scene = environment_.scene();
+    const OfficialView view = ComputeOfficialView(data, scene);
+    const OfficialReward reward =
+        ComputeOfficialReward(model, data, scene, view, environment_.reference());
+    return {ObjectPoint(data, scene, model.geom_pos + 3 * scene.object_box).z(),
+            reward.goal_dist,
+            view.reach_error.norm(),
+            view.pass_error.norm(),
+            ObjectForce(model, data, scene),
+            reward.act};
+  }
+
   // The facts have the peak over all physics steps.
   void NoticeForce(double time_s) {
     const double peak = std::get<ManipulationFacts>(environment_.facts().track).peak_force;
@@ -80,7 +80,6 @@ class HandoverTelemetry final : public Telemetry {
     peak_time_ = time_s;
   }
 
-  const ManipulationEnvironment& environment_;
   bool arm_touched_ = false;
   bool handed_over_ = false;
   bool released_ = false;  // the prosthesis has had the object since the arm's last touch
@@ -90,12 +89,28 @@ class HandoverTelemetry final : public Telemetry {
   double peak_time_ = 0;  // s
 };
 
+std::vector<Reading> Readings(const ManipulationFacts& facts, double steps) {
+  return {{"to the goal", absl::StrFormat("%.3f m", facts.final_goal_distance)},
+          {"highest lift", absl::StrFormat("%.3f m", facts.max_height)},
+          {"peak force", absl::StrFormat("%.1f N", facts.peak_force)},
+          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+}
+
 }  // namespace
 }  // namespace manipulation
 
-std::unique_ptr<Telemetry> WatchManipulation(const Environment& environment) {
-  return std::make_unique<manipulation::HandoverTelemetry>(
-      static_cast<const ManipulationEnvironment&>(environment));
+SimulatedTrack SimulatedManipulation() {
+  return {.kind = &ManipulationTrack(),
+          .model = &ManipulationModel(),
+          // From the front, over both pillars.
+          .view = {.look_at = {0, -0.2, 1.15},
+                   .distance_m = 1.7,
+                   .azimuth_deg = 90,
+                   .elevation_deg = -25},
+          .make = MakeManipulation,
+          .reward_terms = ManipulationEnvironment::kRewardTerms,
+          .readings = ReadingsOf<ManipulationFacts, manipulation::Readings>,
+          .telemetry = WatchBy<manipulation::HandoverTelemetry>};
 }
 
 }  // namespace myograde::sim
